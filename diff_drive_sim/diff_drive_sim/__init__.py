@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Differential drive controller: limits, wheel commands, odometry."""

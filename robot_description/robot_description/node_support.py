@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every node of this project needs: parameters from their definition, a clean way out."""
+
+from collections.abc import Callable, Sequence
+import dataclasses
+import signal
+import sys
+from types import FrameType, TracebackType
+from typing import Any, Protocol, Self, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange
+from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import SetParametersResult
+import rclpy
+from rclpy.executors import Executor
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from robot_description.parameters import describe_range
+from robot_description.parameters import InvalidParameter
+from robot_description.parameters import Parameters
+
+ParametersType = TypeVar('ParametersType', bound=Parameters)
+
+# How long one wait for messages may last [s]: bounds the time a stop signal goes unnoticed.
+SPIN_PERIOD = 0.05
+
+
+class ClosableNode(Protocol):
+    """A node that leaves its robot stopped: `close` publishes the last (zero) command."""
+
+    def close(self) -> None:
+        """Publish whatever must be the last word, while publishers still exist."""
+
+    def destroy_node(self) -> None:
+        """Release the node, as rclpy's."""
+
+
+def declare_parameters(
+    node: Node,
+    definition: type[ParametersType],
+    on_change: Callable[[ParametersType], None] | None = None,
+) -> ParametersType:
+    """
+    Declare a parameter set on a node and return its values.
+
+    With `on_change`, parameters that are not read-only can be set at run time: a legal change
+    calls it with the new set, an illegal one is rejected with the reason.
+
+    Raises:
+        InvalidParameter: when an override given at start is illegal.
+    """
+    values: dict[str, Any] = {}
+    for field in dataclasses.fields(definition):
+        try:
+            declared = node.declare_parameter(field.name, field.default, _descriptor(field))
+        except rclpy.exceptions.ParameterException as error:
+            raise InvalidParameter(f'{field.name}: {error}') from None
+        values[field.name] = declared.value
+    current = definition(**values)
+
+    def set_parameters(changes: Sequence[Parameter[Any]]) -> SetParametersResult:
+        nonlocal current
+        known = {field.name for field in dataclasses.fields(definition)}
+        wanted = {change.name: change.value for change in changes if change.name in known}
+        if not wanted:
+            return SetParametersResult(successful=True)
+        try:
+            changed = dataclasses.replace(current, **wanted)
+            if on_change is not None:
+                on_change(changed)
+        except (InvalidParameter, TypeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        current = changed
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(set_parameters)
+    return current
+
+
+def _descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
+    meta = field.metadata
+    description = meta['doc']
+    if isinstance(field.default, (int, float)) and not isinstance(field.default, bool):
+        description += f' ({describe_range(meta)})'
+    descriptor = ParameterDescriptor(
+        description=description,
+        read_only=meta['read_only'],
+        additional_constraints=', '.join(meta['choices']),
+    )
+    if isinstance(field.default, float) and None not in (meta['minimum'], meta['maximum']):
+        limits = FloatingPointRange(from_value=meta['minimum'], to_value=meta['maximum'])
+        descriptor.floating_point_range = [limits]
+    return descriptor
+
+
+class StopSignals:
+    """
+    Context in which SIGINT, SIGTERM and SIGHUP ask for a stop instead of killing the process.
+
+    `requested` turns True at the first signal and `number` keeps it; the loop that owns the robot
+    looks at it and leaves in order. A second SIGINT raises KeyboardInterrupt: the way out of a
+    shutdown that hangs.
+    """
+
+    WATCHED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+        self._previous: dict[signal.Signals, Any] = {}
+
+    @property
+    def requested(self) -> bool:
+        """Whether a stop has been asked for."""
+        return self.number is not None
+
+    @property
+    def exit_status(self) -> int:
+        """Status to exit with: 0 for Ctrl-C, the normal way to leave, else 128 + signal."""
+        return 0 if self.number in (None, signal.SIGINT) else 128 + self.number
+
+    def __enter__(self) -> Self:
+        """Install the handlers; SIGHUP stays ignored where the user started us with nohup."""
+        for number in self.WATCHED:
+            previous = signal.getsignal(number)
+            if number == signal.SIGHUP and previous == signal.SIG_IGN:
+                continue
+            self._previous[number] = signal.signal(number, self._handle)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Put back the handlers that were there."""
+        for number, previous in self._previous.items():
+            signal.signal(number, previous)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self.number == signal.SIGINT and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        self.number = number
+
+
+def init_ros(args: Sequence[str] | None = None) -> None:
+    """Initialise rclpy but leave the signals to us: its handlers end the context before a node could say its last word."""
+    rclpy.init(
+        args=list(args) if args is not None else None,
+        signal_handler_options=SignalHandlerOptions.NO,
+    )
+
+
+def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> int:
+    """
+    Run one node as a process until a signal or a shutdown; return the exit status.
+
+    A parameter that is wrong at start ends with one line on stderr and status 2.
+    """
+    with StopSignals() as stop:
+        init_ros(args)
+        node = None
+        try:
+            node = make_node()
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            spin(executor, lambda: stop.requested)
+        except InvalidParameter as error:
+            print(f'error: {error}', file=sys.stderr)
+            return 2
+        finally:
+            if node is not None:
+                node.close()
+                node.destroy_node()
+            rclpy.try_shutdown()
+        return stop.exit_status
+
+
+def spin(executor: Executor, stop: Callable[[], bool]) -> None:
+    """Handle messages until `stop` or until the context is shut down."""
+    while rclpy.ok() and not stop():
+        executor.spin_once(timeout_sec=SPIN_PERIOD)

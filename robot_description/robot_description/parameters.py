@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters as validated data: one frozen definition that code, nodes and documents share."""
+
+from collections.abc import Mapping
+import dataclasses
+import difflib
+import math
+from typing import Any, Self
+
+
+class InvalidParameter(ValueError):
+    """A parameter has a value that it cannot have; says the key, what came and what is wanted."""
+
+
+def parameter(
+    default: Any,
+    *,
+    doc: str,
+    unit: str = '',
+    above: float | None = None,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+    read_only: bool = False,
+) -> Any:
+    """
+    Return the dataclass field of one parameter.
+
+    `above` excludes its bound, `minimum` and `maximum` include theirs; `choices` lists the legal
+    strings. `read_only` parameters are fixed once a node has started.
+    """
+    return dataclasses.field(
+        default=default,
+        metadata={
+            'doc': doc,
+            'unit': unit,
+            'above': above,
+            'minimum': minimum,
+            'maximum': maximum,
+            'choices': choices,
+            'read_only': read_only,
+        },
+    )
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """
+    Base of a package's parameter sets; subclasses are frozen dataclasses of `parameter` fields.
+
+    Raises:
+        InvalidParameter: on construction, when a value is of the wrong type or out of range.
+    """
+
+    def __post_init__(self) -> None:
+        """Check every field against its definition; an int is accepted where a float is meant."""
+        for definition in dataclasses.fields(self):
+            value = _checked(definition, getattr(self, definition.name))
+            object.__setattr__(self, definition.name, value)
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Self:
+        """Build from e.g. a YAML mapping; an unknown key is an error that names its neighbour."""
+        known = [definition.name for definition in dataclasses.fields(cls)]
+        for key in values:
+            if key not in known:
+                near = difflib.get_close_matches(str(key), known, n=1)
+                hint = f', did you mean {near[0]!r}?' if near else f'; known: {", ".join(known)}'
+                raise InvalidParameter(f'unknown parameter {key!r}{hint}')
+        return cls(**values)
+
+
+def _checked(definition: 'dataclasses.Field[Any]', value: Any) -> Any:
+    kind = type(definition.default)
+    if kind is float and type(value) is int:
+        value = float(value)
+    if type(value) is not kind:
+        raise InvalidParameter(
+            f'{definition.name} must be a {kind.__name__}, got {type(value).__name__} {value!r}'
+        )
+    meta = definition.metadata
+    if meta.get('choices') and value not in meta['choices']:
+        wanted = ', '.join(meta['choices'])
+        raise InvalidParameter(f'{definition.name} must be one of {wanted}, got {value!r}')
+    if kind in (int, float) and not _in_range(value, meta):
+        raise InvalidParameter(
+            f'{definition.name} must be {describe_range(meta)}, got {value!r}'
+        )
+    return value
+
+
+def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
+    # Written so that NaN fails every bound.
+    return (
+        not math.isnan(value)
+        and (meta.get('above') is None or value > meta['above'])
+        and (meta.get('minimum') is None or value >= meta['minimum'])
+        and (meta.get('maximum') is None or value <= meta['maximum'])
+    )
+
+
+def describe_range(meta: Mapping[str, Any]) -> str:
+    """Return the legal range of a parameter in words, with its unit."""
+    parts = []
+    for key, sign in (('above', '>'), ('minimum', '>='), ('maximum', '<=')):
+        if meta.get(key) is not None:
+            parts.append(f'{sign} {meta[key]:g}')
+    text = ' and '.join(parts) or 'a number'
+    return f'{text} {meta["unit"]}' if meta.get('unit') else text

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Publishers of `/tf` and `/tf_static` that do without where the message does not exist."""
+
+from collections.abc import Sequence
+import importlib
+from typing import Any
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+
+
+def tf_message_type() -> type[Any] | None:
+    """Return tf2_msgs/TFMessage, or None where tf2_msgs is not installed (the wheels lack it)."""
+    try:
+        return importlib.import_module('tf2_msgs.msg').TFMessage  # type: ignore[no-any-return]
+    except ImportError:
+        return None
+
+
+class TfBroadcaster:
+    """Sends transforms on `/tf`, or latched on `/tf_static`; says once if it cannot."""
+
+    _reported = False
+
+    def __init__(self, node: Node, static: bool = False) -> None:
+        self._type = tf_message_type()
+        if self._type is None:
+            if not TfBroadcaster._reported:
+                TfBroadcaster._reported = True
+                node.get_logger().info('tf2_msgs is not installed: /tf is not published')
+            return
+        if static:
+            latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self._publisher = node.create_publisher(self._type, '/tf_static', latched)
+        else:
+            self._publisher = node.create_publisher(self._type, '/tf', QoSProfile(depth=100))
+
+    def send(self, transforms: Sequence[TransformStamped]) -> None:
+        """Publish the transforms in one message."""
+        if self._type is not None:
+            self._publisher.publish(self._type(transforms=list(transforms)))
