@@ -12,8 +12,11 @@ from rcl_interfaces.msg import FloatingPointRange
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
+from rclpy.executors import ConditionReachedException
 from rclpy.executors import Executor
+from rclpy.executors import ShutdownException
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import TimeoutException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -61,7 +64,7 @@ def declare_parameters(
         values[field.name] = declared.value
     current = definition(**values)
 
-    def set_parameters(changes: Sequence[Parameter[Any]]) -> SetParametersResult:
+    def set_parameters(changes: 'Sequence[Parameter]') -> SetParametersResult:
         nonlocal current
         known = {field.name for field in dataclasses.fields(definition)}
         wanted = {change.name: change.value for change in changes if change.name in known}
@@ -147,7 +150,11 @@ class StopSignals:
 
 
 def init_ros(args: Sequence[str] | None = None) -> None:
-    """Initialise rclpy but leave the signals to us: its handlers end the context before a node could say its last word."""
+    """
+    Initialise rclpy but leave the signals to us.
+
+    Its own handlers end the context before a node could publish its last, zero command.
+    """
     rclpy.init(
         args=list(args) if args is not None else None,
         signal_handler_options=SignalHandlerOptions.NO,
@@ -168,7 +175,7 @@ def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) ->
             executor = SingleThreadedExecutor()
             executor.add_node(node)
             spin(executor, lambda: stop.requested)
-        except InvalidParameter as error:
+        except ValueError as error:  # every error of this project that is the user's to mend
             print(f'error: {error}', file=sys.stderr)
             return 2
         finally:
@@ -177,6 +184,26 @@ def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) ->
                 node.destroy_node()
             rclpy.try_shutdown()
         return stop.exit_status
+
+
+class MessagePump(SingleThreadedExecutor):
+    """An executor for a loop that has other things to do: handles what is there and returns."""
+
+    # Handlers run in one go at most, so that a flood of messages cannot stop the caller's loop.
+    LIMIT = 100
+
+    def handle(self, timeout: float = 0.0) -> None:
+        """Run the handlers of all waiting messages; wait up to `timeout` [s] for the first."""
+        for _ in range(self.LIMIT):
+            try:
+                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=timeout)
+            except (TimeoutException, ShutdownException, ConditionReachedException):
+                return
+            handler()
+            error = handler.exception()
+            if error is not None:
+                raise error
+            timeout = 0.0
 
 
 def spin(executor: Executor, stop: Callable[[], bool]) -> None:

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters of the simulator node."""
+
+from dataclasses import dataclass
+
+from robot_description.parameters import parameter
+from robot_description.parameters import Parameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatorParameters(Parameters):
+    """What the simulator loads and how fast it runs and publishes."""
+
+    description: str = parameter(
+        'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
+    )
+    world: str = parameter('flat', doc='World: flat, room, or a model file', read_only=True)
+    seed: int = parameter(0, doc='Seed of everything random', minimum=0, read_only=True)
+    speed: float = parameter(
+        1.0, doc='Real-time factor aimed at; 0 is as fast as it goes', minimum=0.0
+    )
+    clock_rate: float = parameter(
+        100.0, doc='Rate of /clock', unit='Hz', above=0.0, maximum=1000.0, read_only=True
+    )
+    state_rate: float = parameter(
+        50.0,
+        doc='Rate of joint_states and ground_truth/odom',
+        unit='Hz',
+        above=0.0,
+        maximum=1000.0,
+        read_only=True,
+    )
+    command_timeout: float = parameter(
+        0.1, doc='Motors brake when joint_commands is silent for so long', unit='s', above=0.0
+    )

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is around the robot: floor, light, camera, walls."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from mujoco_sim.errors import SimulationError
+
+TIME_STEP = 0.001
+ROOM_SIZE = 6.0
+WALL_HEIGHT = 0.5
+
+
+def furnish(spec: mujoco.MjSpec, world: str) -> None:
+    """
+    Put a robot's specification into a world: `flat`, `room`, or an MJCF or URDF file.
+
+    Raises:
+        SimulationError: an unknown name, a file that is not there or not a model.
+    """
+    spec.option.timestep = TIME_STEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.visual.global_.offwidth = 1920
+    spec.visual.global_.offheight = 1080
+    spec.visual.headlight.ambient = np.full(3, 0.35)
+    spec.visual.headlight.diffuse = np.full(3, 0.45)
+    spec.visual.map.shadowclip = 2.0
+    spec.stat.extent = 2.0
+    spec.stat.center = np.zeros(3)
+    if world in WORLDS:
+        WORLDS[world](spec)
+    else:
+        _attach_file(spec, world)
+
+
+def _flat(spec: mujoco.MjSpec) -> None:
+    _add_sky(spec)
+    spec.add_texture(
+        name='floor',
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        mark=mujoco.mjtMark.mjMARK_EDGE,
+        rgb1=[0.26, 0.32, 0.38],
+        rgb2=[0.20, 0.25, 0.30],
+        markrgb=[0.45, 0.50, 0.55],
+        width=512,
+        height=512,
+    )
+    # One tile is half a metre: two tiles are what a metre looks like.
+    material = spec.add_material(name='floor', texrepeat=[1, 1], texuniform=True, reflectance=0.05)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = 'floor'
+    spec.worldbody.add_geom(
+        name='floor', type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], material='floor'
+    )
+
+
+def _room(spec: mujoco.MjSpec) -> None:
+    """Build four walls, ROOM_SIZE metres apart, around the origin."""
+    _flat(spec)
+    half = ROOM_SIZE / 2.0
+    thickness = 0.05
+    for name, x, y in (('east', 1, 0), ('west', -1, 0), ('north', 0, 1), ('south', 0, -1)):
+        spec.worldbody.add_geom(
+            name=f'{name}_wall',
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[x * (half + thickness), y * (half + thickness), WALL_HEIGHT / 2.0],
+            size=[
+                thickness if x else half + 2.0 * thickness,
+                thickness if y else half + 2.0 * thickness,
+                WALL_HEIGHT / 2.0,
+            ],
+            rgba=[0.75, 0.72, 0.66, 1.0],
+        )
+
+
+WORLDS: dict[str, Callable[[mujoco.MjSpec], None]] = {'flat': _flat, 'room': _room}
+
+
+def _add_sky(spec: mujoco.MjSpec) -> None:
+    spec.add_texture(
+        name='sky',
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.55, 0.68, 0.82],
+        rgb2=[0.90, 0.93, 0.96],
+        width=256,
+        height=1536,
+    )
+    light = spec.worldbody.add_light(
+        name='sun',
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=[0.0, 0.0, 4.0],
+        dir=[0.3, 0.4, -0.9],
+    )
+    light.diffuse = np.full(3, 0.6)
+    light.castshadow = True
+
+
+def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
+    path = Path(world)
+    if not path.is_file():
+        raise SimulationError(
+            f'--world {world}: no such file, and no world of that name; '
+            f'worlds: {", ".join(WORLDS)}, or an MJCF or URDF file'
+        )
+    try:
+        surroundings = mujoco.MjSpec.from_file(str(path))
+        spec.worldbody.add_frame().attach_body(surroundings.worldbody, 'world/', '')
+    except ValueError as error:
+        raise SimulationError(f'{world}: {" ".join(str(error).split())}') from None

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulator's face on ROS: clock, joint states, truth, joint commands, services."""
+
+import sys
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from robot_description.errors import DescriptionError
+from robot_description.node_support import declare_parameters
+from robot_description.node_support import init_ros
+from robot_description.node_support import MessagePump
+from robot_description.node_support import StopSignals
+from robot_description.parameters import InvalidParameter
+from robot_description.parameters import Parameters
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from mujoco_sim.conversions import from_joint_commands
+from mujoco_sim.conversions import to_diagnostics
+from mujoco_sim.conversions import to_ground_truth
+from mujoco_sim.conversions import to_joint_state
+from mujoco_sim.conversions import to_stamp
+from mujoco_sim.errors import SimulationError
+from mujoco_sim.loading import build_world
+from mujoco_sim.loading import load_robot
+from mujoco_sim.loading import LoadedRobot
+from mujoco_sim.parameters import SimulatorParameters
+from mujoco_sim.simulation import Simulation
+from mujoco_sim.statistics import TickStatistics
+from mujoco_sim.world import World
+
+# A real-time factor below this share of the speed asked for is worth a warning.
+SLOW = 0.9
+
+
+class SimulatorNode(Node):
+    """
+    Publishes a World, takes joint commands for it, offers reset, pause and step.
+
+    With `lock_step` a controller lives in the same process and is handed the state directly;
+    `joint_commands` is then not subscribed to.
+    """
+
+    def __init__(
+        self, robot: LoadedRobot | None = None, world: World | None = None, *, lock_step: bool = False
+    ) -> None:
+        """
+        Take a robot and its world, or load what the parameters name.
+
+        Raises:
+            InvalidParameter, DescriptionError, SimulationError: what is wrong, in one line.
+        """
+        super().__init__('simulator')
+        self.settings = declare_parameters(self, SimulatorParameters, self._on_change)
+        robot = robot or load_robot(self.settings.description)
+        world = world or build_world(robot, self.settings.world, self.settings.seed)
+        self.simulation = Simulation(world, self.settings.speed)
+        self._world = world
+        self._root = robot.robot.root
+        self._commanded_at = 0.0
+        self._brake_reported = False
+        self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
+        self._joint_states = self.create_publisher(JointState, 'joint_states', 10)
+        self._truth = self.create_publisher(Odometry, 'ground_truth/odom', 10)
+        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.create_service(SetBool, '~/pause', self._on_pause)
+        self.create_service(Trigger, '~/step', self._on_step)
+        schedule = self.simulation.schedule
+        if not lock_step:
+            self.create_subscription(
+                JointTrajectory, 'joint_commands', self._on_command, qos_profile_sensor_data
+            )
+            schedule.every(world.time_step, self._watch_commands)
+        schedule.every(1.0 / self.settings.clock_rate, self._publish_clock)
+
+    def schedule_states(self) -> None:
+        """Publish states from here on in the schedule: after the controllers that are before it."""
+        self.simulation.schedule.every(1.0 / self.settings.state_rate, self._publish_states)
+
+    def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
+        """Publish the real-time factor, how long the controller's ticks take, and its state."""
+        speed = self.simulation.pacer.speed
+        factor = self.simulation.pacer.real_time_factor
+        slow = not self.simulation.paused and factor < SLOW * speed
+        values = {'real_time_factor': f'{factor:.2f}', 'state': state}
+        if ticks is not None:
+            summary = ticks.summary(last=1000)
+            values['tick_p99_us'] = f'{summary.p99_us:.0f}'
+            values['overruns'] = str(summary.overruns)
+        values['rejected_commands'] = str(self._world.rejected_commands)
+        text = 'slower than asked for' if slow else state
+        stamp = to_stamp(self._world.time)
+        self._diagnostics.publish(to_diagnostics(self.get_name(), text, values, slow, stamp))
+
+    def close(self) -> None:
+        """Leave the motors braking."""
+        self._world.brake()
+
+    def _publish_clock(self) -> None:
+        self._clock_publisher.publish(Clock(clock=to_stamp(self._world.time)))
+
+    def _publish_states(self) -> None:
+        stamp = to_stamp(self._world.time)
+        names = self._world.joint_names
+        self._joint_states.publish(to_joint_state(names, self._world.joints(), stamp))
+        self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
+
+    def _on_command(self, message: JointTrajectory) -> None:
+        try:
+            command = from_joint_commands(message, self._world.motor_names)
+        except SimulationError as error:
+            self.get_logger().warning(str(error), throttle_duration_sec=5.0)
+            return
+        if self._world.apply(command):
+            self._commanded_at = self._world.time
+            self._brake_reported = False
+        else:
+            self.get_logger().warning(
+                'joint_commands is not finite: refused, motors brake', throttle_duration_sec=5.0
+            )
+
+    def _watch_commands(self) -> None:
+        silent = self._world.time - self._commanded_at
+        if silent > self.settings.command_timeout and not self._brake_reported:
+            self._brake_reported = True
+            self._world.brake()
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.simulation.reset()
+        response.success = True
+        response.message = f'robot back at its start, time goes on at {self._world.time:.3f} s'
+        return response
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self.simulation.paused = request.data
+        response.success = True
+        response.message = 'paused' if request.data else 'running'
+        return response
+
+    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self.simulation.paused:
+            response.message = 'not paused: call ~/pause with data: true first'
+            return response
+        self.simulation.advance(1)
+        response.success = True
+        response.message = f'time is {self._world.time:.3f} s'
+        return response
+
+    def _on_change(self, changed: Parameters) -> None:
+        assert isinstance(changed, SimulatorParameters)
+        self.settings = changed
+        self.simulation.pacer.speed = changed.speed
+        self.simulation.pacer.restart()
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the simulator as a process of its own; controllers talk to it over topics."""
+    with StopSignals() as stop:
+        init_ros(args)
+        node = None
+        try:
+            node = SimulatorNode()
+            node.schedule_states()
+            pump = MessagePump()
+            pump.add_node(node)
+            node.simulation.run(
+                stop=lambda: stop.requested or not rclpy.ok(),
+                poll=pump.handle,
+                each_second=lambda: node.publish_diagnostics('running'),
+            )
+        except (InvalidParameter, DescriptionError, SimulationError) as error:
+            print(f'error: {error}', file=sys.stderr)
+            return 2
+        finally:
+            if node is not None:
+                node.close()
+                node.destroy_node()
+            rclpy.try_shutdown()
+        return stop.exit_status
+
+
+if __name__ == '__main__':
+    sys.exit(main())

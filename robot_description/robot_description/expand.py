@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Xacro to URDF with our own `$(find)`, so that it works with and without a ROS installation."""
+
+from collections.abc import Iterator, Mapping, Sequence
+import contextlib
+from pathlib import Path
+from typing import Any
+import xml.parsers.expat
+
+import xacro
+from xacro import substitution_args
+
+from robot_description.errors import DescriptionError
+from robot_description.packages import share_directory
+
+
+def expand(
+    path: Path, arguments: Mapping[str, str] | None = None, search: Sequence[Path] = ()
+) -> str:
+    """
+    Return the URDF text of a xacro or URDF file.
+
+    `arguments` are xacro args; `search` are folders in which `$(find)` looks first.
+
+    Raises:
+        DescriptionError: one line with the file, and the line where xacro knows it.
+    """
+    if not path.is_file():
+        raise DescriptionError(f'{path}: no such file')
+    try:
+        with _own_find(search):
+            document = xacro.process_file(str(path), mappings=dict(arguments or {}))
+    except xml.parsers.expat.ExpatError as error:
+        raise DescriptionError(f'{path}: not well-formed XML: {error}') from None
+    except DescriptionError as error:
+        raise DescriptionError(f'{path}: {error}') from None
+    except Exception as error:  # xacro raises a dozen unrelated types
+        raise DescriptionError(f'{path}: {_one_line(error)}') from None
+    return str(document.toprettyxml(indent='  '))
+
+
+@contextlib.contextmanager
+def _own_find(search: Sequence[Path]) -> Iterator[None]:
+    """Answer `$(find pkg)` from our search path; xacro itself asks ament_index_python only."""
+
+    def find(package: str) -> str:
+        return str(share_directory(package, search))
+
+    module: Any = substitution_args
+    previous = module._eval_find
+    module._eval_find = module._eval_dict['find'] = find
+    try:
+        yield
+    finally:
+        module._eval_find = module._eval_dict['find'] = previous
+
+
+def _one_line(error: Exception) -> str:
+    text = ' '.join(str(error).split())
+    context = ' '.join(str(part) for part in getattr(error, 'suffix_parts', ()))
+    return f'{text} {context}'.strip() or type(error).__name__

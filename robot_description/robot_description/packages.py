@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where packages keep their shared files: the one place that knows which home we are in."""
+
+from collections.abc import Sequence
+import importlib.util
+import os
+from pathlib import Path
+import sys
+
+from robot_description.errors import PackageNotFound
+
+# Packages of this project: their shared files lie inside the import package, in every home.
+OWN_PACKAGES = (
+    'diff_drive_sim',
+    'mujoco_sim',
+    'quadruped_sim',
+    'robot_description',
+    'teleop_keyboard',
+    'wasd_bringup',
+)
+
+
+def share_directory(name: str, search: Sequence[Path] = ()) -> Path:
+    """
+    Return the folder that `$(find name)` and `package://name` mean.
+
+    `search` are folders given by the user: each is the package itself or holds it. Then come
+    our own packages, then the ament index of AMENT_PREFIX_PATH and of this Python's prefix.
+
+    Raises:
+        PackageNotFound: says where was looked.
+    """
+    for folder in search:
+        for candidate in (folder, folder / name):
+            if candidate.name == name and candidate.is_dir():
+                return candidate
+    if name in OWN_PACKAGES and (own := _import_folder(name)) is not None:
+        return own
+    prefixes = _ament_prefixes()
+    for prefix in prefixes:
+        if (prefix / 'share/ament_index/resource_index/packages' / name).is_file():
+            return prefix / 'share' / name
+    places = ', '.join(str(place) for place in (*search, *prefixes)) or 'nowhere'
+    raise PackageNotFound(f'package {name!r} not found; looked in {places}')
+
+
+def _import_folder(name: str) -> Path | None:
+    found = importlib.util.find_spec(name)
+    if found is None or not found.submodule_search_locations:
+        return None
+    return Path(found.submodule_search_locations[0])
+
+
+def _ament_prefixes() -> list[Path]:
+    listed = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(entry) for entry in dict.fromkeys([*listed, sys.prefix]) if entry]

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robots that come with the project, by name."""
+
+from pathlib import Path
+
+from robot_description.errors import DescriptionError
+from robot_description.packages import share_directory
+
+DESCRIPTIONS = {'mbot': 'urdf/mbot/mbot.urdf.xacro'}
+
+
+def description_path(name_or_path: str) -> Path:
+    """
+    Return the description of a built-in robot, or the path itself when it is a file.
+
+    Raises:
+        DescriptionError: when it is neither; lists the names.
+    """
+    if name_or_path in DESCRIPTIONS:
+        return share_directory('robot_description') / DESCRIPTIONS[name_or_path]
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    raise DescriptionError(
+        f'{name_or_path}: no such file, and no robot of that name; '
+        f'robots: {", ".join(sorted(DESCRIPTIONS))}'
+    )

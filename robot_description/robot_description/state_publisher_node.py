@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Publishes the robot's description and where its links are, as robot_state_publisher does."""
+
+from dataclasses import dataclass
+import sys
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from robot_description.conversions import to_transform
+from robot_description.expand import expand
+from robot_description.node_support import declare_parameters
+from robot_description.node_support import run_node
+from robot_description.parameters import parameter
+from robot_description.parameters import Parameters
+from robot_description.robots import description_path
+from robot_description.tf import TfBroadcaster
+from robot_description.urdf import parse_urdf
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatePublisherParameters(Parameters):
+    """What the state publisher publishes."""
+
+    description: str = parameter(
+        'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
+    )
+
+
+class StatePublisherNode(Node):
+    """
+    Latches `robot_description` and sends `/tf_static` once, `/tf` from `joint_states`.
+
+    In lock-step the simulation loop calls `publish` with the joints of that instant.
+    """
+
+    def __init__(self, urdf: str | None = None, *, lock_step: bool = False) -> None:
+        """
+        Take a URDF text, or expand the description that the parameter names.
+
+        Raises:
+            InvalidParameter, DescriptionError: what is wrong, in one line.
+        """
+        super().__init__('state_publisher')
+        self.settings = declare_parameters(self, StatePublisherParameters)
+        urdf = urdf or expand(description_path(self.settings.description))
+        self._robot = parse_urdf(urdf)
+        self._unknown: set[str] = set()
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._description = self.create_publisher(String, 'robot_description', latched)
+        self._description.publish(String(data=urdf))
+        self._static = TfBroadcaster(self, static=True)
+        self._moving = TfBroadcaster(self)
+        self._static.send(self._fixed_transforms(self.get_clock().now().to_msg()))
+        if not lock_step:
+            self.create_subscription(JointState, 'joint_states', self._on_joint_states, 10)
+
+    def publish(self, names: tuple[str, ...], positions: np.ndarray, stamp: Time) -> None:
+        """Send where the children of the named joints are at positions [rad] or [m]."""
+        transforms = []
+        for name, position in zip(names, positions, strict=True):
+            joint = self._robot.joints.get(name)
+            if joint is None:
+                self._report_unknown(name)
+                continue
+            transforms.append(
+                to_transform(joint.transform(float(position)), joint.parent, joint.child, stamp)
+            )
+        self._moving.send(transforms)
+
+    def close(self) -> None:
+        """Nothing to stop."""
+
+    def _on_joint_states(self, message: JointState) -> None:
+        self.publish(tuple(message.name), np.array(message.position), message.header.stamp)
+
+    def _fixed_transforms(self, stamp: Time) -> list[TransformStamped]:
+        return [
+            to_transform(joint.pose, joint.parent, joint.child, stamp)
+            for joint in self._robot.joints.values()
+            if joint.kind == 'fixed'
+        ]
+
+    def _report_unknown(self, name: str) -> None:
+        if name not in self._unknown:
+            self._unknown.add(name)
+            known = ', '.join(joint.name for joint in self._robot.movable_joints)
+            self.get_logger().warning(
+                f'joint {name!r} of joint_states is not in the description; it has {known}'
+            )
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the state publisher as a process of its own."""
+    return run_node(StatePublisherNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
