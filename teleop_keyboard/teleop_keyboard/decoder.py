@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bytes of a terminal to names of keys."""
+
+from typing import NamedTuple
+
+from teleop_keyboard.key_names import with_modifiers
+
+ESC = 0x1B
+# No key sends a longer sequence; whatever does is dropped instead of collected for ever [bytes].
+LONGEST_SEQUENCE = 64
+
+# Final letters shared by CSI (`ESC [ A`) and SS3 (`ESC O A`): xterm, VT220 and the Linux console.
+LETTER_KEYS = {
+    'A': 'UP',
+    'B': 'DOWN',
+    'C': 'RIGHT',
+    'D': 'LEFT',
+    'F': 'END',
+    'H': 'HOME',
+    'P': 'F1',
+    'Q': 'F2',
+    'R': 'F3',
+    'S': 'F4',
+}
+# `ESC [ NUMBER ~`
+NUMBER_KEYS = {
+    **{1: 'HOME', 2: 'INSERT', 3: 'DELETE', 4: 'END', 5: 'PGUP', 6: 'PGDN', 7: 'HOME', 8: 'END'},
+    **{11: 'F1', 12: 'F2', 13: 'F3', 14: 'F4', 15: 'F5', 17: 'F6', 18: 'F7', 19: 'F8', 20: 'F9'},
+    **{21: 'F10', 23: 'F11', 24: 'F12'},
+}
+# rxvt marks Shift by small letters after `ESC [` and Ctrl by small letters after `ESC O`.
+RXVT_KEYS = {'a': 'UP', 'b': 'DOWN', 'c': 'RIGHT', 'd': 'LEFT'}
+# The number pad in application mode, `ESC O p` and so on.
+PAD_KEYS = {
+    'M': 'ENTER',
+    'X': '=',
+    **dict(zip('jklmnopqrstuvwxy', '*+,-./0123456789', strict=True)),
+}
+# The Linux console's F1..F5, `ESC [ [ A`.
+CONSOLE_KEYS = dict(zip('ABCDE', ('F1', 'F2', 'F3', 'F4', 'F5'), strict=True))
+CONTROL_KEYS = {
+    **{0x08: 'BACKSPACE', 0x09: 'TAB', 0x0A: 'ENTER', 0x0D: 'ENTER', 0x7F: 'BACKSPACE'},
+    **{0x00: 'CTRL+SPACE', 0x1B: 'ESC'},
+}
+
+
+class _Piece(NamedTuple):
+    """One key or one unknown sequence at the start of the bytes; `length` 0: more must come."""
+
+    length: int
+    key: str | None = None
+
+
+_INCOMPLETE = _Piece(0)
+
+
+class KeyDecoder:
+    """
+    Turns what a terminal sends into keys, one name each, however the bytes are cut into reads.
+
+    It keeps the start of a sequence that has not ended yet. A lone ESC looks like such a start:
+    while `pending`, the caller waits up to 50 ms for more and then calls `flush`.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = b''
+        self.dropped = 0
+
+    @property
+    def pending(self) -> bool:
+        """Whether bytes wait for their continuation."""
+        return bool(self._buffer)
+
+    def feed(self, data: bytes) -> list[str]:
+        """Return the keys completed by `data`; unknown sequences only count in `dropped`."""
+        self._buffer += data
+        keys = []
+        while self._buffer:
+            piece = _first_piece(self._buffer)
+            if piece.length == 0 and len(self._buffer) > LONGEST_SEQUENCE:
+                piece = _Piece(len(self._buffer))
+            if piece.length == 0:
+                break
+            self._buffer = self._buffer[piece.length :]
+            if piece.key is None:
+                self.dropped += 1
+            else:
+                keys.append(piece.key)
+        return keys
+
+    def flush(self) -> list[str]:
+        """Return what the waiting bytes mean if nothing follows: ESC, ALT+[, ALT+O or nothing."""
+        waiting, self._buffer = self._buffer, b''
+        if not waiting:
+            return []
+        if waiting in (b'\x1b', b'\x1b[', b'\x1bO'):
+            return ['ESC' if len(waiting) == 1 else 'ALT+' + waiting[1:].decode()]
+        self.dropped += 1
+        return []
+
+
+def _first_piece(data: bytes) -> _Piece:
+    if data[0] != ESC:
+        return _character(data)
+    if len(data) == 1:
+        return _INCOMPLETE
+    if data[1] == ESC:
+        # Two presses of ESC, or ESC and then an arrow: the first must not get lost.
+        return _Piece(1, 'ESC')
+    if data[1:2] == b'[':
+        return _control_sequence(data)
+    if data[1:2] == b'O':
+        return _single_shift(data)
+    piece = _character(data[1:])
+    if piece.length == 0:
+        return _INCOMPLETE
+    return _Piece(1 + piece.length, None if piece.key is None else _with_alt(piece.key))
+
+
+def _with_alt(key: str) -> str:
+    if key.startswith('CTRL+'):
+        return 'CTRL+ALT+' + key.removeprefix('CTRL+')
+    return with_modifiers(key, alt=True)
+
+
+def _character(data: bytes) -> _Piece:
+    """Read one control or UTF-8 character."""
+    first = data[0]
+    if first in CONTROL_KEYS:
+        return _Piece(1, CONTROL_KEYS[first])
+    if first < 0x20:
+        return _Piece(1, 'CTRL+' + chr(first + 0x40))
+    length = _utf8_length(first)
+    for index in range(1, length):
+        if index == len(data):
+            return _INCOMPLETE
+        if data[index] & 0xC0 != 0x80:
+            return _Piece(index)
+    try:
+        text = data[:length].decode()
+    except UnicodeDecodeError:
+        return _Piece(length)
+    return _Piece(length, text if text.isprintable() else None)
+
+
+def _utf8_length(first: int) -> int:
+    if 0xC2 <= first < 0xE0:
+        return 2
+    if 0xE0 <= first < 0xF0:
+        return 3
+    return 4 if 0xF0 <= first < 0xF5 else 1
+
+
+def _control_sequence(data: bytes) -> _Piece:
+    """Read `ESC [ parameters final`."""
+    if data[2:3] == b'[':
+        if len(data) < 4:
+            return _INCOMPLETE
+        return _Piece(4, CONSOLE_KEYS.get(chr(data[3])))
+    for index in range(2, len(data)):
+        byte = data[index]
+        if 0x40 <= byte <= 0x7E:
+            return _Piece(index + 1, _csi_key(data[2:index].decode(), chr(byte)))
+        if not 0x20 <= byte < 0x40:
+            # Not a sequence after all; the byte that breaks it is a key of its own.
+            return _Piece(index)
+    return _INCOMPLETE
+
+
+def _csi_key(parameters: str, final: str) -> str | None:
+    # A kitty sub-parameter (`97:65`) refines the number before it.
+    fields = [field.split(':')[0] for field in parameters.split(';')]
+    if not all(field.isdigit() or not field for field in fields):
+        return None
+    numbers = [int(field) if field else 1 for field in fields]
+    modifiers = numbers[1] if len(numbers) > 1 else 1
+    if final == '~':
+        return _modified(NUMBER_KEYS.get(numbers[0]), modifiers)
+    if final == 'Z':
+        return 'SHIFT+TAB'
+    if final == 'u':
+        return _unicode_key(numbers[0], modifiers)
+    if final in RXVT_KEYS:
+        return with_modifiers(RXVT_KEYS[final], shift=True)
+    return _modified(LETTER_KEYS.get(final), modifiers)
+
+
+def _unicode_key(code: int, modifiers: int) -> str | None:
+    """Name the key of `ESC [ code ; modifiers u`."""
+    if code in CONTROL_KEYS and code != 0:
+        return _modified(CONTROL_KEYS[code], modifiers)
+    if code > 0x10FFFF or not chr(code).isprintable():
+        return None
+    if (modifiers - 1) & 0x6 == 0:
+        return chr(code).upper() if (modifiers - 1) & 0x1 else chr(code)
+    return _modified(chr(code), modifiers)
+
+
+def _single_shift(data: bytes) -> _Piece:
+    """Read `ESC O letter`; old terminals put the modifiers' digit before the letter."""
+    digits = 0
+    while data[2 + digits : 3 + digits].isdigit() and digits < 2:
+        digits += 1
+    if len(data) < 3 + digits:
+        return _INCOMPLETE
+    letter = chr(data[2 + digits])
+    if not letter.isalpha() or not letter.isascii():
+        # ALT+O, and then something else.
+        return _Piece(2, 'ALT+O')
+    length = 3 + digits
+    if letter in RXVT_KEYS:
+        return _Piece(length, with_modifiers(RXVT_KEYS[letter], ctrl=True))
+    modifiers = int(data[2 : 2 + digits]) if digits else 1
+    return _Piece(length, _modified(LETTER_KEYS.get(letter) or PAD_KEYS.get(letter), modifiers))
+
+
+def _modified(key: str | None, modifiers: int) -> str | None:
+    """Name a key with xterm's modifier number: 1 + (1 Shift, 2 Alt, 4 Ctrl; others ignored)."""
+    if key is None or not 1 <= modifiers <= 256:
+        return None
+    bits = modifiers - 1
+    return with_modifiers(key, ctrl=bool(bits & 4), alt=bool(bits & 2), shift=bool(bits & 1))

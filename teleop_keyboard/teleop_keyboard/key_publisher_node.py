@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node that publishes keys, and the executable `key_publisher`."""
+
+from collections.abc import Callable, Sequence
+import sys
+import time
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from robot_description.node_support import init_ros
+from robot_description.node_support import StopSignals
+from std_msgs.msg import String
+
+from teleop_keyboard.key_reader import KeyReader
+from teleop_keyboard.key_reader import open_key_reader
+from teleop_keyboard.terminal import NoTerminal
+
+# Messages kept for a receiver that is slow: a burst of typing must not lose a key.
+QUEUE_DEPTH = 100
+# How long one wait for keys lasts [s]; keys end it at once, signals are seen after it.
+POLL_PERIOD = 0.05
+# How often services (parameters) are answered [s]; each look costs more than a wait for keys.
+SERVICE_PERIOD = 0.25
+# A pipe is read after somebody listens, or after this time [s].
+SUBSCRIBER_TIMEOUT = 2.0
+# How long the last messages may take to leave the process [s].
+LAST_WORDS_TIMEOUT = 0.5
+
+
+class KeyPublisherNode(Node):
+    """
+    Publishes each key as one std_msgs/String on `keys`.
+
+    `receivers` are called with the same message first: nodes of the same process that must have
+    it in the same instant.
+    """
+
+    def __init__(self, *, namespace: str = '') -> None:
+        super().__init__('key_publisher', namespace=namespace)
+        self.receivers: list[Callable[[String], None]] = []
+        self._publisher = self.create_publisher(String, 'keys', QUEUE_DEPTH)
+
+    @property
+    def has_subscriber(self) -> bool:
+        """Whether anybody listens to `keys`."""
+        return self._publisher.get_subscription_count() > 0
+
+    def publish_key(self, key: str) -> None:
+        """Publish one key."""
+        message = String(data=key)
+        for receiver in self.receivers:
+            receiver(message)
+        self._publisher.publish(message)
+
+    def close(self) -> None:
+        """Give the last keys the time to leave the process."""
+        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS_TIMEOUT))
+
+
+def wait_for_subscriber(node: KeyPublisherNode, stop: StopSignals) -> None:
+    """Wait until somebody listens, so that keys from a pipe are not lost before; not for ever."""
+    deadline = time.monotonic() + SUBSCRIBER_TIMEOUT
+    while not (node.has_subscriber or stop.requested or time.monotonic() > deadline):
+        time.sleep(POLL_PERIOD)
+
+
+def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -> None:
+    """Publish keys as they come until a signal or until no more can come."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    if reader.terminal is None:
+        wait_for_subscriber(node, stop)
+    next_service = time.monotonic()
+    while rclpy.ok() and not (stop.requested or reader.closed):
+        for key in reader.poll(POLL_PERIOD):
+            node.publish_key(key)
+        if time.monotonic() >= next_service:
+            executor.spin_once(timeout_sec=0.0)
+            next_service = time.monotonic() + SERVICE_PERIOD
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `key_publisher`; return the exit status."""
+    try:
+        reader = open_key_reader()
+    except NoTerminal as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 2
+    with StopSignals() as stop, reader:
+        init_ros(args)
+        node = None
+        try:
+            node = KeyPublisherNode()
+            publish_keys(node, reader, stop)
+        finally:
+            if node is not None:
+                node.close()
+                node.destroy_node()
+            rclpy.try_shutdown()
+    return stop.exit_status
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keys from wherever this process can get them: its terminal, or a pipe."""
+
+import contextlib
+import os
+import select
+import stat
+import sys
+import time
+from types import TracebackType
+from typing import Protocol, Self
+
+from teleop_keyboard.decoder import KeyDecoder
+from teleop_keyboard.terminal import NoTerminal
+from teleop_keyboard.terminal import open_terminal
+from teleop_keyboard.terminal import READ_SIZE
+from teleop_keyboard.terminal import Terminal
+
+# How long the rest of an escape sequence may take, so after what time ESC is just ESC [s].
+SEQUENCE_TIMEOUT = 0.04
+
+
+class Source(Protocol):
+    """Something that bytes of keys come from."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing more will come."""
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+
+    def read(self) -> bytes:
+        """Return all that is there, without waiting."""
+
+
+class Pipe:
+    """Bytes of keys from a pipe, a socket or a file."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._closed = False
+        self.was_used = False
+
+    @property
+    def closed(self) -> bool:
+        """Whether the end of the pipe was read."""
+        return self._closed
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+        return self._descriptor
+
+    def read(self) -> bytes:
+        """Return what is there, at most one buffer; b'' with `closed` at the end."""
+        if self._closed or not select.select([self._descriptor], [], [], 0.0)[0]:
+            return b''
+        try:
+            data = os.read(self._descriptor, READ_SIZE)
+        except OSError:
+            data = b''
+        self._closed = not data
+        self.was_used = self.was_used or bool(data)
+        return data
+
+
+class KeyReader:
+    """
+    Context that reads keys from a terminal (raw while it lasts) and from a pipe, if given.
+
+    `closed` turns True when no more key can come: the terminal hung up, or the pipe ended after it
+    delivered something. A pipe that ends empty (what `ros2 launch` gives a node) leaves the
+    terminal in charge.
+    """
+
+    def __init__(self, terminal: Terminal | None, pipe: Pipe | None = None) -> None:
+        self.terminal = terminal
+        self.pipe = pipe
+        self._decoders: dict[Source, KeyDecoder] = {}
+        self._pending_since: dict[Source, float] = {}
+        for source in (terminal, pipe):
+            if source is not None:
+                self._decoders[source] = KeyDecoder()
+        self._stack = contextlib.ExitStack()
+
+    @property
+    def closed(self) -> bool:
+        """Whether no more key can come."""
+        if self._pending_since:
+            return False
+        if self.terminal is None:
+            return self.pipe is None or self.pipe.closed
+        ended = self.pipe is not None and self.pipe.closed and self.pipe.was_used
+        return self.terminal.closed or ended
+
+    @property
+    def dropped(self) -> int:
+        """Number of byte sequences that were no known key."""
+        return sum(decoder.dropped for decoder in self._decoders.values())
+
+    def __enter__(self) -> Self:
+        """Enter raw mode on the terminal."""
+        if self.terminal is not None:
+            self._stack.enter_context(self.terminal)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Give the terminal back."""
+        self._stack.close()
+
+    def poll(self, timeout: float) -> list[str]:
+        """Wait at most `timeout` [s] of wall time for keys and return them in order."""
+        sources = [source for source in self._decoders if not source.closed]
+        if self._pending_since:
+            age = time.monotonic() - min(self._pending_since.values())
+            timeout = min(timeout, max(SEQUENCE_TIMEOUT - age, 0.0))
+        ready = select.select(sources, [], [], timeout)[0]
+        keys = []
+        for source in ready:
+            keys += self._decoders[source].feed(source.read())
+            self._note_pending(source, restart=True)
+        for source in self._overdue():
+            keys += self._decoders[source].flush()
+            self._note_pending(source, restart=False)
+        return keys
+
+    def _note_pending(self, source: Source, *, restart: bool) -> None:
+        if not self._decoders[source].pending:
+            self._pending_since.pop(source, None)
+        elif restart:
+            self._pending_since[source] = time.monotonic()
+
+    def _overdue(self) -> list[Source]:
+        oldest = time.monotonic() - SEQUENCE_TIMEOUT
+        return [source for source, since in self._pending_since.items() if since <= oldest]
+
+
+def open_key_reader() -> KeyReader:
+    """
+    Return a reader of this process's terminal and, if standard input is a pipe, of that, too.
+
+    Raises:
+        NoTerminal: when there is neither.
+    """
+    pipe = Pipe(0) if _stdin_is_pipe() else None
+    try:
+        return KeyReader(open_terminal(), pipe)
+    except NoTerminal:
+        if pipe is None:
+            raise
+    return KeyReader(None, pipe)
+
+
+def _stdin_is_pipe() -> bool:
+    if sys.stdin is None:
+        return False
+    try:
+        mode = os.fstat(0).st_mode
+    except OSError:
+        return False
+    return stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) or stat.S_ISREG(mode)

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Scripted keys.
+
+Lines `t key [key ...]`: at `t` seconds of simulated time each key is pressed; `key*N` stands for
+a key that is held, N presses at a keyboard's repeat rate. `#` starts a comment.
+"""
+
+import math
+import re
+from typing import NamedTuple
+
+from teleop_keyboard.key_names import canonical_key
+
+# Repeats of a held key, as `key*N` writes them [Hz].
+REPEAT_RATE = 30.0
+# More presses of one key than this are a slip of the pen: 9 hours of holding it.
+MOST_PRESSES = 1_000_000
+
+# Characters that have a meaning in the format, by name.
+CHARACTER_NAMES = {'STAR': '*', 'HASH': '#'}
+
+
+class KeyPress(NamedTuple):
+    """A key and when it is pressed [s]."""
+
+    time: float
+    key: str
+
+
+class KeyScriptError(ValueError):
+    """A key script cannot be read; says file and line, what came and what is wanted."""
+
+
+def parse_key_script(text: str, name: str = 'key script') -> list[KeyPress]:
+    """
+    Return the presses of a script in the order of their times; equal times keep their order.
+
+    Raises:
+        KeyScriptError: `name:line: ...` for the first line that is wrong.
+    """
+    presses: list[KeyPress] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split('#', 1)[0].split()
+        if not words:
+            continue
+        try:
+            presses += _line_presses(words)
+        except ValueError as error:
+            raise KeyScriptError(f'{name}:{number}: {error}') from None
+    return sorted(presses, key=lambda press: press.time)
+
+
+def _line_presses(words: list[str]) -> list[KeyPress]:
+    try:
+        time = float(words[0])
+    except ValueError:
+        time = math.nan
+    if not (math.isfinite(time) and time >= 0.0):
+        raise ValueError(f'got time {words[0]!r}, wanted seconds >= 0')
+    if len(words) == 1:
+        raise ValueError(f'got no key at {time:g} s, wanted "t key [key ...]"')
+    presses = []
+    for word in words[1:]:
+        key, count = _key_and_count(word)
+        presses += [KeyPress(time + index / REPEAT_RATE, key) for index in range(count)]
+    return presses
+
+
+def _key_and_count(word: str) -> tuple[str, int]:
+    match = re.fullmatch(r'(.+?)\*(.*)', word)
+    text, count_text = (match[1], match[2]) if match else (word, '1')
+    if text == '*':
+        raise ValueError(f"got {word!r}, wanted STAR for the key '*'")
+    if not re.fullmatch(r'[0-9]{1,9}', count_text) or not 1 <= int(count_text) <= MOST_PRESSES:
+        raise ValueError(f'got {word!r}, wanted key*N with N from 1 to {MOST_PRESSES}')
+    return CHARACTER_NAMES.get(text) or canonical_key(text), int(count_text)

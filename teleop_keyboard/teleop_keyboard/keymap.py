@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each key means: keymaps and the presets they are read from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import difflib
+from importlib import resources
+from pathlib import Path
+from typing import NamedTuple
+
+from robot_description.parameters import InvalidParameter
+
+MODES = ('hold', 'latch')
+OTHER_KEYS = ('stop', 'ignore')
+IDLE_POLICIES = ('silent', 'repeat')
+
+
+class KeymapError(InvalidParameter):
+    """A keymap cannot be used; says file, line, key, what came and what is wanted."""
+
+
+class Direction(NamedTuple):
+    """Shares of the full speed and turn, in [-1, 1]: forward, to the left, counter-clockwise."""
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+
+class SpeedFactor(NamedTuple):
+    """What a speed key multiplies speed and turn by."""
+
+    linear: float
+    angular: float
+
+
+class Limits(NamedTuple):
+    """The smallest and the largest value that may be set."""
+
+    low: float
+    high: float
+
+    def clamp(self, value: float) -> float:
+        """Return the legal value nearest to `value`."""
+        return min(max(value, self.low), self.high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Keymap:
+    """
+    A table of keys and the defaults that go with it.
+
+    In mode `hold` a motion key counts while it is down, in mode `latch` until the next one.
+    `other_keys` says whether a key that means nothing stops the robot (on the ramp).
+    With `first_character_only` just the first character of a message counts.
+    `idle` is `silent` (one zero, then nothing, while the robot stands) or `repeat`.
+    """
+
+    name: str
+    motion: Mapping[str, Direction]
+    speed_keys: Mapping[str, SpeedFactor]
+    stop_keys: frozenset[str]
+    help_lines: tuple[str, ...]
+    mode: str
+    other_keys: str
+    first_character_only: bool
+    idle: str
+    rate: float  # [Hz]
+    speed: float  # [m/s]
+    turn: float  # [rad/s]
+    speed_limits: Limits  # [m/s]
+    turn_limits: Limits  # [rad/s]
+    linear_accel: float  # [m/s^2]
+    angular_accel: float  # [rad/s^2]
+
+
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the built-in presets."""
+    entries = resources.files('teleop_keyboard').joinpath('presets').iterdir()
+    return tuple(
+        sorted(Path(entry.name).stem for entry in entries if entry.name.endswith('.yaml'))
+    )
+
+
+def load_preset(name_or_path: str) -> Keymap:
+    """
+    Return a built-in preset by name, or the keymap in a YAML file by path.
+
+    Raises:
+        KeymapError: when there is no such preset or file, or when it is not valid.
+    """
+    # Here, because the reader builds the classes above.
+    from teleop_keyboard.keymap_reader import read_keymap
+
+    names = preset_names()
+    if name_or_path in names:
+        file = resources.files('teleop_keyboard').joinpath('presets', f'{name_or_path}.yaml')
+        return read_keymap(file.read_text(encoding='utf-8'), f'{name_or_path}.yaml', name_or_path)
+    path = Path(name_or_path).expanduser()
+    if '/' not in name_or_path and path.suffix not in ('.yaml', '.yml'):
+        near = difflib.get_close_matches(name_or_path, names, n=1)
+        hint = f', did you mean {near[0]}?' if near else ''
+        known = ', '.join(names)
+        raise KeymapError(
+            f'unknown preset {name_or_path!r}{hint} (known: {known}, or the path of a .yaml file)'
+        )
+    try:
+        text = path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else 'not UTF-8 text'
+        raise KeymapError(f'{name_or_path}: cannot read the keymap: {reason}') from None
+    return read_keymap(text, name_or_path, path.stem)

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+YAML text to a validated keymap.
+
+It works on YAML nodes and not on loaded values: nodes know their lines, and a key such as `1` or
+`~` stays the character that it is.
+"""
+
+from collections.abc import Callable
+import difflib
+import math
+from types import MappingProxyType
+from typing import Any, NoReturn, TypeVar
+
+import yaml
+
+from teleop_keyboard.key_names import canonical_key
+from teleop_keyboard.keymap import Direction
+from teleop_keyboard.keymap import IDLE_POLICIES
+from teleop_keyboard.keymap import Keymap
+from teleop_keyboard.keymap import KeymapError
+from teleop_keyboard.keymap import Limits
+from teleop_keyboard.keymap import MODES
+from teleop_keyboard.keymap import OTHER_KEYS
+from teleop_keyboard.keymap import SpeedFactor
+
+Value = TypeVar('Value')
+
+REQUIRED = ('motion', 'speed', 'turn', 'linear_accel', 'angular_accel')
+OPTIONAL = (
+    *('help', 'mode', 'other_keys', 'first_character_only', 'idle', 'rate'),
+    *('speed_limits', 'turn_limits', 'speed_keys', 'stop'),
+)
+
+
+def read_keymap(text: str, file_name: str, name: str) -> Keymap:
+    """
+    Return the keymap written in YAML `text`.
+
+    Raises:
+        KeymapError: names `file_name`, the line, the key, what came and what is wanted.
+    """
+    try:
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        line = f':{mark.line + 1}' if mark is not None else ''
+        problem = getattr(error, 'problem', None) or 'not YAML'
+        raise KeymapError(f'{file_name}{line}: {problem}') from None
+    if not isinstance(root, yaml.MappingNode):
+        raise KeymapError(f'{file_name}:1: a keymap must be a YAML mapping')
+    return _KeymapReader(file_name, root).keymap(name)
+
+
+class _KeymapReader:
+    """Reads the fields of one keymap; every complaint leads to the place in the file."""
+
+    def __init__(self, file_name: str, root: yaml.MappingNode) -> None:
+        self._file_name = file_name
+        self._root = root
+        self._fields = self._mapping(root, 'the keymap')
+        for field, node in self._fields.items():
+            if field not in (*REQUIRED, *OPTIONAL):
+                near = difflib.get_close_matches(field, (*REQUIRED, *OPTIONAL), n=1)
+                hint = f', did you mean {near[0]}?' if near else ''
+                self._fail(node, field, f'unknown field{hint}')
+        for field in REQUIRED:
+            if field not in self._fields:
+                self._fail(root, field, 'is missing')
+
+    def keymap(self, name: str) -> Keymap:
+        """Return the keymap; fields that may be left out get their defaults."""
+        motion = self._table('motion', self._direction)
+        speed_keys = self._table('speed_keys', self._speed_factor)
+        stop_keys = self._stop_keys()
+        self._check_unique({'motion': motion, 'speed_keys': speed_keys, 'stop': stop_keys})
+        speed_limits = self._limits('speed_limits')
+        turn_limits = self._limits('turn_limits')
+        return Keymap(
+            name=name,
+            motion=MappingProxyType(motion),
+            speed_keys=MappingProxyType(speed_keys),
+            stop_keys=frozenset(stop_keys),
+            help_lines=tuple(self._text('help', '').rstrip().splitlines()),
+            mode=self._choice('mode', MODES),
+            other_keys=self._choice('other_keys', OTHER_KEYS),
+            first_character_only=self._choice('first_character_only', ('false', 'true')) == 'true',
+            idle=self._choice('idle', IDLE_POLICIES),
+            rate=self._positive('rate', 50.0),
+            speed=self._within('speed', speed_limits),
+            turn=self._within('turn', turn_limits),
+            speed_limits=speed_limits,
+            turn_limits=turn_limits,
+            linear_accel=self._positive('linear_accel', None),
+            angular_accel=self._positive('angular_accel', None),
+        )
+
+    def _fail(self, node: yaml.Node, key: str, problem: str) -> NoReturn:
+        line = node.start_mark.line + 1
+        raise KeymapError(f'{self._file_name}:{line}: {key}: {problem}')
+
+    def _mapping(self, node: yaml.Node, where: str) -> dict[str, yaml.Node]:
+        if not isinstance(node, yaml.MappingNode):
+            self._fail(node, where, 'must be a mapping')
+        found: dict[str, yaml.Node] = {}
+        for key, value in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                self._fail(key, where, 'a key must be text')
+            if key.value in found:
+                self._fail(key, key.value, 'stands here for the second time')
+            found[key.value] = value
+        return found
+
+    def _table(self, field: str, convert: Callable[[yaml.Node, str], Value]) -> dict[str, Value]:
+        if field not in self._fields:
+            return {}
+        table: dict[str, Value] = {}
+        for text, node in self._mapping(self._fields[field], field).items():
+            key = self._key(node, text)
+            if key in table:
+                self._fail(node, text, 'is bound for the second time')
+            table[key] = convert(node, text)
+        return table
+
+    def _key(self, node: yaml.Node, text: str) -> str:
+        try:
+            return canonical_key(text)
+        except ValueError as error:
+            self._fail(node, repr(text), str(error))
+
+    def _direction(self, node: yaml.Node, key: str) -> Direction:
+        values = self._numbers(node, key, 3, '[forward, left, counter-clockwise]')
+        if any(abs(value) > 1.0 for value in values):
+            self._fail(node, key, f'each share must be within -1 and 1, got {values}')
+        return Direction(*values)
+
+    def _speed_factor(self, node: yaml.Node, key: str) -> SpeedFactor:
+        values = self._numbers(node, key, 2, '[factor of speed, factor of turn]')
+        if not all(value > 0.0 for value in values):
+            self._fail(node, key, f'both factors must be > 0, got {values}')
+        return SpeedFactor(*values)
+
+    def _limits(self, field: str) -> Limits:
+        if field not in self._fields:
+            return Limits(0.0, math.inf)
+        node = self._fields[field]
+        low, high = self._numbers(node, field, 2, '[smallest, largest]')
+        if not 0.0 <= low <= high:
+            self._fail(node, field, f'must be 0 <= smallest <= largest, got [{low:g}, {high:g}]')
+        return Limits(low, high)
+
+    def _stop_keys(self) -> list[str]:
+        node = self._fields.get('stop')
+        if node is None:
+            return []
+        if not isinstance(node, yaml.SequenceNode):
+            self._fail(node, 'stop', 'must be a list of keys')
+        return [self._key(item, self._scalar(item, 'stop')) for item in node.value]
+
+    def _check_unique(self, tables: dict[str, Any]) -> None:
+        owners: dict[str, str] = {}
+        for field, keys in tables.items():
+            for key in keys:
+                if key in owners:
+                    problem = f'key {key!r} is bound under {owners[key]}, too'
+                    self._fail(self._fields[field], field, problem)
+                owners[key] = field
+
+    def _numbers(self, node: yaml.Node, key: str, count: int, wanted: str) -> list[float]:
+        if not isinstance(node, yaml.SequenceNode) or len(node.value) != count:
+            self._fail(node, key, f'must be a list of {count} numbers {wanted}')
+        return [self._number(item, key) for item in node.value]
+
+    def _number(self, node: yaml.Node, key: str) -> float:
+        text = self._scalar(node, key)
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            self._fail(node, key, f'must be a number, got {text!r}')
+        return value
+
+    def _positive(self, field: str, default: float | None) -> float:
+        if field not in self._fields and default is not None:
+            return default
+        node = self._fields[field]
+        value = self._number(node, field)
+        if not value > 0.0:
+            self._fail(node, field, f'must be > 0, got {value:g}')
+        return value
+
+    def _within(self, field: str, limits: Limits) -> float:
+        node = self._fields[field]
+        value = self._number(node, field)
+        if not limits.low <= value <= limits.high:
+            wanted = f'{limits.low:g} .. {limits.high:g}'
+            self._fail(node, field, f'must be within {field}_limits {wanted}, got {value:g}')
+        return value
+
+    def _text(self, field: str, default: str) -> str:
+        if field not in self._fields:
+            return default
+        return self._scalar(self._fields[field], field)
+
+    def _choice(self, field: str, choices: tuple[str, ...]) -> str:
+        text = self._text(field, choices[0])
+        if text not in choices:
+            wanted = ' or '.join(choices)
+            self._fail(self._fields[field], field, f'must be {wanted}, got {text!r}')
+        return text
+
+    def _scalar(self, node: yaml.Node, key: str) -> str:
+        if not isinstance(node, yaml.ScalarNode):
+            self._fail(node, key, 'must be one value')
+        return str(node.value)

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keys to a ramped velocity command, on the time that it is told."""
+
+import math
+
+from robot_description.parameters import InvalidParameter
+
+from teleop_keyboard.hold import KeyHold
+from teleop_keyboard.keymap import Direction
+from teleop_keyboard.keymap import Keymap
+from teleop_keyboard.keymap import Limits
+from teleop_keyboard.ramp import ramped_twist
+from teleop_keyboard.ramp import STANDSTILL
+from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.teleop_parameters import AS_PRESET
+from teleop_keyboard.teleop_parameters import SPEED_NAMES
+from teleop_keyboard.teleop_parameters import TeleopParameters
+from teleop_keyboard.teleop_parameters import TURN_NAMES
+
+NOWHERE = Direction()
+
+
+class KeysToTwist:
+    """
+    The meaning of a sequence of keys as a velocity command.
+
+    It keeps which keys are held or latched, the speeds that the speed keys have set, and the
+    velocity commanded now. `press` tells a key, `step` lets time pass and returns the command that
+    is to be published then, or None. Nothing here looks at a clock.
+
+    Raises:
+        InvalidParameter: when `parameters` do not fit each other or the keymap's limits.
+    """
+
+    def __init__(self, keymap: Keymap, parameters: TeleopParameters | None = None) -> None:
+        self._keymap = keymap
+        self._parameters = TeleopParameters()
+        self._speed = keymap.speed
+        self._turn = keymap.turn
+        self._hold = KeyHold()
+        self._latched = NOWHERE
+        self._last_key = ''
+        self._velocity = STANDSTILL
+        self._is_silent = False
+        self._since_publish = 0.0
+        self.set_parameters(parameters or TeleopParameters())
+        self.reset()
+
+    @property
+    def keymap(self) -> Keymap:
+        """The table in force."""
+        return self._keymap
+
+    @property
+    def speed(self) -> float:
+        """Full speed as set by parameters and speed keys [m/s]."""
+        return self._speed
+
+    @property
+    def turn(self) -> float:
+        """Full turn rate as set by parameters and speed keys [rad/s]."""
+        return self._turn
+
+    @property
+    def rate(self) -> float:
+        """How often a moving robot gets a command [Hz]."""
+        return self._parameters.rate or self._keymap.rate
+
+    @property
+    def last_key(self) -> str:
+        """The last key that was pressed, '' before the first."""
+        return self._last_key
+
+    @property
+    def target(self) -> Twist3:
+        """The velocity that the ramp moves toward."""
+        direction = self._latched
+        if self._keymap.mode == 'hold':
+            held = self._hold.held
+            direction = self._keymap.motion[held[-1]] if held else NOWHERE
+        return Twist3(
+            direction.x * self._speed, direction.y * self._speed, direction.yaw * self._turn
+        )
+
+    @property
+    def velocity(self) -> Twist3:
+        """The velocity commanded now."""
+        return self._velocity
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the command is not, or will not stay, zero."""
+        return self._velocity != STANDSTILL or self.target != STANDSTILL
+
+    def set_parameters(self, parameters: TeleopParameters) -> None:
+        """
+        Apply changed parameters; a full speed that did not change keeps what the keys made of it.
+
+        Raises:
+            InvalidParameter: when two names of one quantity disagree, or a limit is exceeded;
+                nothing is changed then.
+        """
+        keymap = self._keymap
+        speed = self._changed(parameters, SPEED_NAMES, keymap.speed, keymap.speed_limits)
+        turn = self._changed(parameters, TURN_NAMES, keymap.turn, keymap.turn_limits)
+        self._speed = self._speed if speed is None else speed
+        self._turn = self._turn if turn is None else turn
+        self._parameters = parameters
+
+    def press(self, key: str) -> None:
+        """Take one key message; speed keys and unknown keys never start a motion."""
+        if not key:
+            return
+        keymap = self._keymap
+        if keymap.first_character_only:
+            key = key[0]
+        self._last_key = key
+        if key in keymap.stop_keys:
+            self.stop()
+        elif key in keymap.motion:
+            self._move(key)
+        elif key in keymap.speed_keys:
+            factor = keymap.speed_keys[key]
+            self._speed = keymap.speed_limits.clamp(self._speed * factor.linear)
+            self._turn = keymap.turn_limits.clamp(self._turn * factor.angular)
+        elif keymap.other_keys == 'stop':
+            self._forget_motion()
+
+    def stop(self) -> None:
+        """Stop without a ramp; the next `step` returns a zero, whatever the idle policy."""
+        self._forget_motion()
+        self._velocity = STANDSTILL
+        self._is_silent = False
+        self._since_publish = math.inf
+
+    def reset(self) -> None:
+        """Return to the state at the start: standing, full speeds as parameters say."""
+        self._forget_motion()
+        self._last_key = ''
+        self._velocity = STANDSTILL
+        self._speed = self._first_set(SPEED_NAMES) or self._keymap.speed
+        self._turn = self._first_set(TURN_NAMES) or self._keymap.turn
+        self._is_silent = self._idle == 'silent'
+        self._since_publish = math.inf
+
+    def step(self, dt: float) -> Twist3 | None:
+        """
+        Let `dt` [s] pass and return the command to publish at its end, None if there is none.
+
+        A `dt` that is not a positive number lets no time pass.
+        """
+        dt = dt if math.isfinite(dt) and dt > 0.0 else 0.0
+        self._hold.step(dt)
+        self._velocity = ramped_twist(
+            self._velocity,
+            self.target,
+            self._parameters.linear_accel or self._keymap.linear_accel,
+            self._parameters.angular_accel or self._keymap.angular_accel,
+            dt,
+        )
+        return self._velocity if self._is_due(dt) else None
+
+    @property
+    def _idle(self) -> str:
+        idle = self._parameters.idle
+        return self._keymap.idle if idle == AS_PRESET else idle
+
+    def _move(self, key: str) -> None:
+        if self._keymap.mode == 'latch':
+            self._latched = self._keymap.motion[key]
+            return
+        if self._hold.held != (key,):
+            self._hold.clear()
+        self._hold.press(key)
+
+    def _forget_motion(self) -> None:
+        self._hold.clear()
+        self._latched = NOWHERE
+
+    def _is_due(self, dt: float) -> bool:
+        """Tell whether a command is to be published now, `dt` after the step before."""
+        self._since_publish += dt
+        if self._idle == 'silent':
+            if self._is_silent:
+                if self._velocity == STANDSTILL:
+                    return False
+                self._is_silent = False
+                self._since_publish = math.inf
+            elif not self.is_moving:
+                # The one zero that ends a motion, at once.
+                self._is_silent = True
+                self._since_publish = math.inf
+        period = 1.0 / self.rate
+        # The step that is nearest to the due time: steps need not divide the period.
+        if self._since_publish + 0.5 * dt < period - 1e-9:
+            return False
+        late = self._since_publish - period
+        self._since_publish = late if late < period else 0.0
+        return True
+
+    def _changed(
+        self, new: TeleopParameters, names: tuple[str, ...], default: float, limits: Limits
+    ) -> float | None:
+        """Return the value that a change gives one quantity, None if it is not concerned."""
+        old = self._parameters
+        changed = [name for name in names if getattr(new, name) != getattr(old, name)]
+        if not changed:
+            return None
+        given = {name: getattr(new, name) for name in changed if getattr(new, name) > 0.0}
+        if len(set(given.values())) > 1:
+            text = ' and '.join(f'{name}={value:g}' for name, value in given.items())
+            raise InvalidParameter(f'{text} name the same quantity, set one of them')
+        # Set to 0 means back to the preset, or to another name that is still set.
+        still = next((getattr(new, name) for name in names if getattr(new, name) > 0.0), default)
+        value: float = next(iter(given.values()), still)
+        if not limits.low <= value <= limits.high:
+            raise InvalidParameter(
+                f'{changed[0]} must be within {limits.low:g} .. {limits.high:g} '
+                f'(preset {self._keymap.name}), got {value:g}'
+            )
+        return value
+
+    def _first_set(self, names: tuple[str, ...]) -> float:
+        """Return the value of the first name of a quantity that is set, else 0."""
+        values = (getattr(self._parameters, name) for name in names)
+        return next((value for value in values if value > 0.0), 0.0)

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node that turns keys into velocity commands, and the executable `keys_to_twist`."""
+
+from collections.abc import Callable, Sequence
+import sys
+from typing import Any
+
+from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from robot_description.inlet import Inlet
+from robot_description.node_support import declare_parameters
+from robot_description.node_support import run_node
+from std_msgs.msg import String
+
+from teleop_keyboard.conversions import to_twist
+from teleop_keyboard.conversions import to_twist_stamped
+from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keys_to_twist import KeysToTwist
+from teleop_keyboard.ramp import STANDSTILL
+from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.teleop_parameters import TeleopParameters
+
+KEYS_DEPTH = 100
+TWIST_DEPTH = 10
+# A longer pause than this was no driving time: the process slept, or the clock jumped [s].
+LONGEST_STEP = 0.2
+# The zero that ends it all is sent this often, and may take this long to leave [s].
+LAST_ZEROS = 3
+LAST_WORDS_TIMEOUT = 0.3
+
+
+class KeysToTwistNode(Node):
+    """
+    Listens to `keys` and publishes `cmd_vel`, by a preset and its ramps.
+
+    Alone it steps itself with a timer on its own clock (simulated time, if so set). With
+    `lock_step` somebody else calls `step` and hands keys over by `keys.put`. `receivers` are
+    called with each message first: controllers of the same process.
+
+    Raises:
+        InvalidParameter: when a parameter or the preset is not valid.
+    """
+
+    def __init__(
+        self,
+        *,
+        lock_step: bool = False,
+        namespace: str = '',
+        parameter_overrides: list[Parameter[Any]] | None = None,
+    ) -> None:
+        super().__init__(
+            'keys_to_twist', namespace=namespace, parameter_overrides=parameter_overrides or []
+        )
+        self._parameters = declare_parameters(self, TeleopParameters, self._on_parameters)
+        self.logic = KeysToTwist(load_preset(self._parameters.preset), self._parameters)
+        self.receivers: list[Callable[[Any], None]] = []
+        message_type = TwistStamped if self._parameters.stamped else Twist
+        self._publisher = self.create_publisher(message_type, 'cmd_vel', TWIST_DEPTH)
+        self._lock_step = lock_step
+        self._last_time = self.get_clock().now()
+        self._timer = None if lock_step else self._make_timer()
+        self.keys = Inlet(self, String, 'keys', self._on_key, KEYS_DEPTH)
+
+    def step(self, dt: float) -> None:
+        """Let `dt` [s] pass and publish what is due."""
+        velocity = self.logic.step(dt)
+        if velocity is not None:
+            self._send(velocity)
+
+    def close(self) -> None:
+        """Leave the robot stopped: publish zeros and see them off."""
+        self.logic.stop()
+        for _ in range(LAST_ZEROS):
+            self._send(STANDSTILL)
+        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS_TIMEOUT))
+
+    def stop(self) -> None:
+        """Stop without a ramp, now."""
+        self.logic.stop()
+        self.step(0.0)
+
+    def _on_key(self, message: String) -> None:
+        if self._lock_step:
+            self.logic.press(message.data)
+            return
+        # Alone, time passes up to the very moment of the press: gaps between keys are measured.
+        self._on_timer()
+        self.logic.press(message.data)
+        self.step(0.0)
+
+    def _on_timer(self) -> None:
+        now = self.get_clock().now()
+        dt = (now - self._last_time).nanoseconds * 1e-9
+        self._last_time = now
+        self.step(min(max(dt, 0.0), LONGEST_STEP))
+
+    def _on_parameters(self, parameters: TeleopParameters) -> None:
+        rate = self.logic.rate
+        self.logic.set_parameters(parameters)
+        self._parameters = parameters
+        if self._timer is not None and self.logic.rate != rate:
+            self.destroy_timer(self._timer)
+            self._timer = self._make_timer()
+
+    def _make_timer(self) -> Any:
+        return self.create_timer(1.0 / self.logic.rate, self._on_timer)
+
+    def _send(self, velocity: Twist3) -> None:
+        message: Any = to_twist(velocity)
+        if self._parameters.stamped:
+            stamp = self.get_clock().now().to_msg()
+            message = to_twist_stamped(velocity, stamp, self._parameters.frame_id)
+        for receiver in self.receivers:
+            receiver(message)
+        self._publisher.publish(message)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `keys_to_twist`; return the exit status."""
+    return run_node(KeysToTwistNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

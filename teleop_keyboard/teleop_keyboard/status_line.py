@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One line of a terminal that is rewritten in place."""
+
+import shutil
+from typing import TextIO
+
+from teleop_keyboard.keys_to_twist import KeysToTwist
+
+# The line is rewritten at most this often: readable, and cheap over a slow connection [s].
+REFRESH_PERIOD = 0.1
+
+
+class StatusLine:
+    """
+    A line at the cursor that always shows the last text; nothing where the output is no terminal.
+
+    It is written in one piece and only when it changed, so it does not flicker; a text that is
+    wider than the window is cut, so it stays one line.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._is_terminal = stream.isatty()
+        self._shown = ''
+        self._shown_at = -REFRESH_PERIOD
+
+    def show(self, text: str, now: float) -> None:
+        """Show a text, unless the last one is younger than the refresh period; `now` in [s]."""
+        if not self._is_terminal or now - self._shown_at < REFRESH_PERIOD:
+            return
+        text = text[: shutil.get_terminal_size().columns - 1]
+        if text != self._shown:
+            self._stream.write(f'\r{text}\x1b[K')
+            self._stream.flush()
+        self._shown = text
+        self._shown_at = now
+
+    def close(self) -> None:
+        """Leave the last text behind and go to the next line."""
+        if self._shown:
+            self._stream.write('\n')
+            self._stream.flush()
+            self._shown = ''
+
+
+def describe(logic: KeysToTwist) -> str:
+    """Return the status of a teleoperation in words of fixed width."""
+    target, velocity = logic.target, logic.velocity
+    key = {'': '-', ' ': 'SPACE'}.get(logic.last_key, logic.last_key)
+    return (
+        f'key {key:<6} speed {logic.speed:.2f} m/s  turn {logic.turn:.2f} rad/s  '
+        f'target {target.vx:+.2f} {target.wz:+.2f}  now {velocity.vx:+.2f} {velocity.wz:+.2f}'
+    )

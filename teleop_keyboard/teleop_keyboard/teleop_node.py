@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The executable `teleop`: keys and velocity commands in one process on one terminal."""
+
+from collections.abc import Sequence
+import sys
+import time
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from robot_description.node_support import init_ros
+from robot_description.node_support import StopSignals
+from robot_description.parameters import InvalidParameter
+
+from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from teleop_keyboard.key_publisher_node import wait_for_subscriber
+from teleop_keyboard.key_reader import KeyReader
+from teleop_keyboard.key_reader import open_key_reader
+from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from teleop_keyboard.status_line import describe
+from teleop_keyboard.status_line import StatusLine
+from teleop_keyboard.terminal import NoTerminal
+
+# How long one wait for keys lasts [s]: bounds how late a timer of the nodes fires.
+POLL_PERIOD = 0.01
+# Callbacks handled between two waits for keys: timer, clock, a service.
+CALLBACKS_PER_POLL = 3
+
+
+class Teleop:
+    """
+    Both nodes of a teleoperation, fed from one reader of keys.
+
+    Keys reach the velocity commands directly and in the same instant; they are published, too.
+    """
+
+    def __init__(self, reader: KeyReader) -> None:
+        self._reader = reader
+        self._executor = SingleThreadedExecutor()
+        self.twist = KeysToTwistNode()
+        self.keys = KeyPublisherNode()
+        self.keys.receivers.append(self.twist.keys.put)
+        self._executor.add_node(self.keys)
+        self._executor.add_node(self.twist)
+        if reader.terminal is not None:
+            # A suspended process cannot stop the robot any more.
+            reader.terminal.before_suspend.append(self.twist.close)
+
+    def run(self, stop: StopSignals, status: StatusLine) -> None:
+        """Handle keys and messages until a signal or until no more key can come."""
+        if self._reader.terminal is None:
+            wait_for_subscriber(self.keys, stop)
+        while rclpy.ok() and not (stop.requested or self._reader.closed):
+            for key in self._reader.poll(POLL_PERIOD):
+                self.keys.publish_key(key)
+            for _ in range(CALLBACKS_PER_POLL):
+                self._executor.spin_once(timeout_sec=0.0)
+            status.show(describe(self.twist.logic), time.monotonic())
+
+    def close(self) -> None:
+        """Leave the robot stopped and release the nodes."""
+        try:
+            self.twist.close()
+            self.keys.close()
+        finally:
+            self._executor.shutdown(timeout_sec=0.0)
+            self.twist.destroy_node()
+            self.keys.destroy_node()
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `teleop`; return the exit status."""
+    try:
+        reader = open_key_reader()
+    except NoTerminal as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 2
+    status = StatusLine(sys.stdout)
+    with StopSignals() as stop, reader:
+        init_ros(args)
+        teleop = None
+        try:
+            teleop = Teleop(reader)
+            print('\n'.join(teleop.twist.logic.keymap.help_lines), end='\n\n', flush=True)
+            teleop.run(stop, status)
+        except InvalidParameter as error:
+            print(f'error: {error}', file=sys.stderr)
+            return 2
+        finally:
+            if teleop is not None:
+                teleop.close()
+            rclpy.try_shutdown()
+            status.close()
+    return stop.exit_status
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A terminal in raw mode that is always given back as it was."""
+
+import atexit
+from collections.abc import Callable
+import contextlib
+import os
+import select
+import signal
+import sys
+import termios
+import threading
+from types import FrameType
+from types import TracebackType
+from typing import Any, Self
+
+# Signals whose default action would end the process with the terminal still raw.
+FATAL_SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+
+# Indices into the list of termios.tcgetattr.
+INPUT_FLAGS = 0
+LOCAL_FLAGS = 3
+CONTROL_CHARACTERS = 6
+
+# One read takes everything that a terminal holds [bytes].
+READ_SIZE = 65536
+
+
+class NoTerminal(RuntimeError):
+    """There is no terminal to read keys from; says in one line what to do."""
+
+
+class Terminal:
+    """
+    Context in which a terminal hands over each key as it is pressed, unechoed.
+
+    Raw mode is entered once, without a flush, so no key is lost; signals (Ctrl-C, Ctrl-Z) and
+    output processing stay on. The exact attributes found are put back when the context ends, when
+    a deadly signal comes that nobody else handles, when the process is suspended, and at exit.
+    `before_suspend` callables run before Ctrl-Z stops the process, `after_resume` after `fg`.
+    """
+
+    def __init__(self, descriptor: int, *, owns_descriptor: bool = False) -> None:
+        self._descriptor = descriptor
+        self._owns_descriptor = owns_descriptor
+        self._saved: list[Any] | None = None
+        self._previous_handlers: dict[signal.Signals, Any] = {}
+        self._closed = False
+        self.before_suspend: list[Callable[[], None]] = []
+        self.after_resume: list[Callable[[], None]] = []
+
+    @property
+    def closed(self) -> bool:
+        """Whether the terminal hung up: nothing more will come."""
+        return self._closed
+
+    def fileno(self) -> int:
+        """Return the descriptor to wait on."""
+        return self._descriptor
+
+    def read(self) -> bytes:
+        """Return everything that was typed since the last read, without waiting."""
+        if self._closed or not select.select([self._descriptor], [], [], 0.0)[0]:
+            return b''
+        try:
+            data = os.read(self._descriptor, READ_SIZE)
+        except OSError:
+            # EIO: the other side of a pseudo-terminal is gone.
+            data = b''
+        self._closed = not data
+        return data
+
+    def __enter__(self) -> Self:
+        """Enter raw mode and watch the signals that would leave it behind."""
+        self._saved = termios.tcgetattr(self._descriptor)
+        atexit.register(self.restore)
+        if threading.current_thread() is threading.main_thread():
+            self._install_handlers()
+        self._enter_raw_mode()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Put back the attributes and the signal handlers that were there."""
+        self.restore()
+        atexit.unregister(self.restore)
+        self._remove_handlers()
+        self._saved = None
+        if self._owns_descriptor:
+            with contextlib.suppress(OSError):
+                os.close(self._descriptor)
+
+    def restore(self) -> None:
+        """Put back the attributes found at the start; harmless when called twice."""
+        if self._saved is None:
+            return
+        # A terminal that is gone has no attributes to keep.
+        with contextlib.suppress(termios.error, OSError):
+            termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._saved)
+
+    def _enter_raw_mode(self) -> None:
+        if self._saved is None:
+            return
+        attributes = [*self._saved[:CONTROL_CHARACTERS], list(self._saved[CONTROL_CHARACTERS])]
+        # IXON and IEXTEN would swallow Ctrl-S, Ctrl-Q and Ctrl-V; ICRNL would hide what ENTER is.
+        attributes[INPUT_FLAGS] &= ~(termios.IXON | termios.ICRNL | termios.INLCR | termios.IGNCR)
+        attributes[LOCAL_FLAGS] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
+        attributes[CONTROL_CHARACTERS][termios.VMIN] = 1
+        attributes[CONTROL_CHARACTERS][termios.VTIME] = 0
+        with contextlib.suppress(termios.error, OSError):
+            termios.tcsetattr(self._descriptor, termios.TCSANOW, attributes)
+
+    def _install_handlers(self) -> None:
+        wanted: dict[signal.Signals, Any] = {
+            signal.SIGTSTP: self._suspend,
+            signal.SIGCONT: self._resume,
+        }
+        for deadly in FATAL_SIGNALS:
+            if signal.getsignal(deadly) == signal.SIG_DFL:
+                wanted[deadly] = self._die
+        for number, handler in wanted.items():
+            self._previous_handlers[number] = signal.signal(number, handler)
+
+    def _remove_handlers(self) -> None:
+        ours = (self._suspend, self._resume, self._die)
+        for number, previous in self._previous_handlers.items():
+            if signal.getsignal(number) in ours:
+                signal.signal(number, previous)
+        self._previous_handlers.clear()
+
+    def _die(self, number: int, frame: FrameType | None) -> None:
+        self.restore()
+        signal.signal(number, signal.SIG_DFL)
+        signal.pthread_kill(threading.get_ident(), number)
+
+    def _suspend(self, number: int, frame: FrameType | None) -> None:
+        for callback in self.before_suspend:
+            callback()
+        self.restore()
+        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+        # To this thread: a signal to the process could be taken by another one, later.
+        signal.pthread_kill(threading.get_ident(), signal.SIGTSTP)
+        # The process stops here and goes on after SIGCONT; without a shell it does not stop.
+        signal.signal(signal.SIGTSTP, self._suspend)
+        self._resume(number, frame)
+
+    def _resume(self, number: int, frame: FrameType | None) -> None:
+        # After `bg` the terminal belongs to the shell; `fg` sends a second SIGCONT.
+        if _is_foreground(self._descriptor):
+            self._enter_raw_mode()
+            for callback in self.after_resume:
+                callback()
+
+
+def open_terminal() -> Terminal:
+    """
+    Return the terminal of this process: standard input, or else the controlling terminal.
+
+    Raises:
+        NoTerminal: when there is none, or when it belongs to another job of the shell.
+    """
+    if sys.stdin is not None and os.isatty(0):
+        return Terminal(0)
+    try:
+        descriptor = os.open('/dev/tty', os.O_RDWR | os.O_NOCTTY | os.O_CLOEXEC)
+    except OSError:
+        raise NoTerminal(
+            'no terminal to read keys from; run it in a terminal or pipe keys into it'
+        ) from None
+    if not _is_foreground(descriptor):
+        os.close(descriptor)
+        raise NoTerminal('the terminal belongs to another job; run it in the foreground')
+    return Terminal(descriptor, owns_descriptor=True)
+
+
+def _is_foreground(descriptor: int) -> bool:
+    """Whether changing this terminal would not stop us with SIGTTOU."""
+    try:
+        return os.tcgetpgrp(descriptor) == os.getpgrp()
+    except OSError:
+        # Not our controlling terminal: no job control between us.
+        return os.isatty(descriptor)
