@@ -92,6 +92,11 @@ class KeysToTwist:
         """Whether the command is not, or will not stay, zero."""
         return self._velocity != STANDSTILL or self.target != STANDSTILL
 
+    @property
+    def is_silent(self) -> bool:
+        """Whether nothing will be published until a key is pressed."""
+        return self._is_silent and not self.is_moving
+
     def set_parameters(self, parameters: TeleopParameters) -> None:
         """
         Apply changed parameters; a full speed that did not change keeps what the keys made of it.
@@ -180,16 +185,17 @@ class KeysToTwist:
     def _is_due(self, dt: float) -> bool:
         """Tell whether a command is to be published now, `dt` after the step before."""
         self._since_publish += dt
-        if self._idle == 'silent':
-            if self._is_silent:
-                if self._velocity == STANDSTILL:
-                    return False
-                self._is_silent = False
-                self._since_publish = math.inf
-            elif not self.is_moving:
-                # The one zero that ends a motion, at once.
-                self._is_silent = True
-                self._since_publish = math.inf
+        if self._idle == 'repeat':
+            self._is_silent = False
+        elif self._is_silent:
+            if self._velocity == STANDSTILL:
+                return False
+            self._is_silent = False
+            self._since_publish = math.inf
+        elif not self.is_moving:
+            # The one zero that ends a motion, at once.
+            self._is_silent = True
+            self._since_publish = math.inf
         period = 1.0 / self.rate
         # The step that is nearest to the due time: steps need not divide the period.
         if self._since_publish + 0.5 * dt < period - 1e-9:

@@ -49,7 +49,7 @@ class KeysToTwistNode(Node):
         *,
         lock_step: bool = False,
         namespace: str = '',
-        parameter_overrides: list[Parameter[Any]] | None = None,
+        parameter_overrides: list[Parameter] | None = None,
     ) -> None:
         super().__init__(
             'keys_to_twist', namespace=namespace, parameter_overrides=parameter_overrides or []

@@ -20,10 +20,12 @@ from teleop_keyboard.status_line import describe
 from teleop_keyboard.status_line import StatusLine
 from teleop_keyboard.terminal import NoTerminal
 
-# How long one wait for keys lasts [s]: bounds how late a timer of the nodes fires.
+# How long one wait for keys lasts [s]: bounds how late a timer of the nodes fires ...
 POLL_PERIOD = 0.01
-# Callbacks handled between two waits for keys: timer, clock, a service.
-CALLBACKS_PER_POLL = 3
+# ... and while nothing is to be published until the next key, which ends the wait.
+SILENT_POLL_PERIOD = 0.05
+# Callbacks handled between two waits for keys: a timer and a message.
+CALLBACKS_PER_POLL = 2
 
 
 class Teleop:
@@ -50,7 +52,8 @@ class Teleop:
         if self._reader.terminal is None:
             wait_for_subscriber(self.keys, stop)
         while rclpy.ok() and not (stop.requested or self._reader.closed):
-            for key in self._reader.poll(POLL_PERIOD):
+            period = SILENT_POLL_PERIOD if self.twist.logic.is_silent else POLL_PERIOD
+            for key in self._reader.poll(period):
                 self.keys.publish_key(key)
             for _ in range(CALLBACKS_PER_POLL):
                 self._executor.spin_once(timeout_sec=0.0)
