@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of this package."""
 
+from robot_description.errors import UserError
 
-class DiffDriveError(ValueError):
+
+class DiffDriveError(UserError):
     """The diff-drive controller cannot do what was asked; the text is one line."""

@@ -3,17 +3,18 @@
 
 import sys
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
-from robot_description.errors import DescriptionError
+from robot_description.errors import UserError
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import init_ros
 from robot_description.node_support import MessagePump
 from robot_description.node_support import StopSignals
-from robot_description.parameters import InvalidParameter
 from robot_description.parameters import Parameters
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -48,7 +49,12 @@ class SimulatorNode(Node):
     """
 
     def __init__(
-        self, robot: LoadedRobot | None = None, world: World | None = None, *, lock_step: bool = False
+        self,
+        robot: LoadedRobot | None = None,
+        world: World | None = None,
+        *,
+        lock_step: bool = False,
+        parameter_overrides: list[Parameter] | None = None,
     ) -> None:
         """
         Take a robot and its world, or load what the parameters name.
@@ -56,7 +62,7 @@ class SimulatorNode(Node):
         Raises:
             InvalidParameter, DescriptionError, SimulationError: what is wrong, in one line.
         """
-        super().__init__('simulator')
+        super().__init__('simulator', parameter_overrides=parameter_overrides or [])
         self.settings = declare_parameters(self, SimulatorParameters, self._on_change)
         robot = robot or load_robot(self.settings.description)
         world = world or build_world(robot, self.settings.world, self.settings.seed)
@@ -72,17 +78,17 @@ class SimulatorNode(Node):
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
-        schedule = self.simulation.schedule
         if not lock_step:
             self.create_subscription(
                 JointTrajectory, 'joint_commands', self._on_command, qos_profile_sensor_data
             )
-            schedule.every(world.time_step, self._watch_commands)
-        schedule.every(1.0 / self.settings.clock_rate, self._publish_clock)
+            self.simulation.schedule.every(world.time_step, self._watch_commands)
 
-    def schedule_states(self) -> None:
-        """Publish states from here on in the schedule: after the controllers that are before it."""
-        self.simulation.schedule.every(1.0 / self.settings.state_rate, self._publish_states)
+    def schedule_publishing(self) -> None:
+        """Publish clock and states at this place of the schedule: after what is there before."""
+        schedule = self.simulation.schedule
+        schedule.every(1.0 / self.settings.clock_rate, self._publish_clock)
+        schedule.every(1.0 / self.settings.state_rate, self._publish_states)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long the controller's ticks take, and its state."""
@@ -96,18 +102,23 @@ class SimulatorNode(Node):
             values['overruns'] = str(summary.overruns)
         values['rejected_commands'] = str(self._world.rejected_commands)
         text = 'slower than asked for' if slow else state
-        stamp = to_stamp(self._world.time)
+        stamp = self.stamp
         self._diagnostics.publish(to_diagnostics(self.get_name(), text, values, slow, stamp))
+
+    @property
+    def stamp(self) -> Time:
+        """Simulated time as a stamp."""
+        return to_stamp(self._world.time)
 
     def close(self) -> None:
         """Leave the motors braking."""
         self._world.brake()
 
     def _publish_clock(self) -> None:
-        self._clock_publisher.publish(Clock(clock=to_stamp(self._world.time)))
+        self._clock_publisher.publish(Clock(clock=self.stamp))
 
     def _publish_states(self) -> None:
-        stamp = to_stamp(self._world.time)
+        stamp = self.stamp
         names = self._world.joint_names
         self._joint_states.publish(to_joint_state(names, self._world.joints(), stamp))
         self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
@@ -167,7 +178,7 @@ def main(args: list[str] | None = None) -> int:
         node = None
         try:
             node = SimulatorNode()
-            node.schedule_states()
+            node.schedule_publishing()
             pump = MessagePump()
             pump.add_node(node)
             node.simulation.run(
@@ -175,7 +186,7 @@ def main(args: list[str] | None = None) -> int:
                 poll=pump.handle,
                 each_second=lambda: node.publish_diagnostics('running'),
             )
-        except (InvalidParameter, DescriptionError, SimulationError) as error:
+        except UserError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2
         finally:

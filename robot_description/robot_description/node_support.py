@@ -21,6 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from robot_description.errors import UserError
 from robot_description.parameters import describe_range
 from robot_description.parameters import InvalidParameter
 from robot_description.parameters import Parameters
@@ -165,7 +166,7 @@ def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) ->
     """
     Run one node as a process until a signal or a shutdown; return the exit status.
 
-    A parameter that is wrong at start ends with one line on stderr and status 2.
+    What is wrong with the parameters at start ends with one line on stderr and status 2.
     """
     with StopSignals() as stop:
         init_ros(args)
@@ -175,7 +176,7 @@ def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) ->
             executor = SingleThreadedExecutor()
             executor.add_node(node)
             spin(executor, lambda: stop.requested)
-        except ValueError as error:  # every error of this project that is the user's to mend
+        except UserError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2
         finally:

@@ -7,8 +7,10 @@ import difflib
 import math
 from typing import Any, Self
 
+from robot_description.errors import UserError
 
-class InvalidParameter(ValueError):
+
+class InvalidParameter(UserError):
     """A parameter has a value that it cannot have; says the key, what came and what is wanted."""
 
 

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The `wasd` command."""
+
+import argparse
+from collections.abc import Sequence
+import sys
+from typing import NoReturn
+
+from robot_description.errors import UserError
+
+from wasd_bringup.options import add_run_options
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with status 2."""
+        print(f'error: {message} (see: {self.prog} --help)', file=sys.stderr)
+        raise SystemExit(2)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = _Parser(
+        prog='wasd', description='Drive simulated robots from the keyboard.', allow_abbrev=False
+    )
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    mbot = commands.add_parser('mbot', help='drive the wheeled robot', allow_abbrev=False)
+    add_run_options(mbot, robot='mbot', preset='mbot')
+    demo = commands.add_parser(
+        'demo', help='a scripted tour; writes pictures and a table', allow_abbrev=False
+    )
+    demo.add_argument(
+        '--output', default='wasd_demo', metavar='DIR', help='where to (default: wasd_demo)'
+    )
+    commands.add_parser(
+        'test', help='run the test-suite; further arguments go to pytest', add_help=False
+    )
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; return the exit status."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    # Heavy imports wait until it is known what is wanted: errors and --help come at once.
+    try:
+        if words[:1] == ['test']:
+            from wasd_bringup.test_command import test_command
+
+            return test_command(words[1:])
+        arguments = make_parser().parse_args(words)
+        if arguments.command == 'demo':
+            from wasd_bringup.demo import demo_command
+
+            return demo_command(arguments.output)
+        from wasd_bringup.run_command import run_command
+
+        return run_command(arguments)
+    except UserError as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors of this package."""
+
+from robot_description.errors import UserError
+
+
+class UsageError(UserError):
+    """The command line or a file it names is wrong; the text is one line: what, got, wanted."""

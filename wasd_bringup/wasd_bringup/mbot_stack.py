@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""mbot's nodes in one process: keys, velocity commands, drive controller, in lock-step."""
+
+from collections.abc import Callable
+import time
+
+from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
+from diff_drive_sim.geometry import find_wheels
+from geometry_msgs.msg import Twist
+from mujoco_sim.loading import LoadedRobot
+from mujoco_sim.schedule import Schedule
+from mujoco_sim.statistics import TickStatistics
+from mujoco_sim.viewer import CameraView
+from mujoco_sim.world import JointCommand
+from mujoco_sim.world import World
+import numpy as np
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+
+from wasd_bringup.errors import UsageError
+from wasd_bringup.report import Sample
+
+
+class MbotStack:
+    """
+    What drives mbot: `press` takes keys, `drive` takes velocities; `schedule` has them stepped.
+
+    Raises:
+        UsageError: the robot's wheels have no motors.
+    """
+
+    estimator = 'wheels'
+    camera = CameraView(distance=1.6, azimuth=130.0, elevation=-25.0)
+
+    def __init__(self, loaded: LoadedRobot, world: World, preset: str) -> None:
+        geometry = find_wheels(loaded.robot)
+        wheels = (geometry.left_joint, geometry.right_joint)
+        missing = [name for name in wheels if name not in world.motor_names]
+        if missing:
+            raise UsageError(
+                f'{loaded.robot.name}: no motor on {", ".join(missing)}: '
+                'give the joint a <limit effort="..."/>'
+            )
+        self._world = world
+        self._motors = [world.motor_names.index(name) for name in wheels]
+        self._joints = [world.joint_names.index(name) for name in wheels]
+        self._wheel_bodies = [world.model.jnt_bodyid[world.model.joint(n).id] for n in wheels]
+        self._teleop = KeysToTwistNode(
+            lock_step=True, parameter_overrides=[Parameter('preset', value=preset)]
+        )
+        self._driver = DiffDriveControllerNode(geometry, lock_step=True)
+        self._teleop.receivers.append(self._driver.cmd_vel.put)
+        self._twists = self._teleop.create_publisher(Twist, 'cmd_vel', 10)
+        self.nodes: list[Node] = [self._driver, self._teleop]
+        self.press: Callable[[String], None] = self._teleop.keys.put
+        self.ticks = TickStatistics(self.period)
+
+    @property
+    def period(self) -> float:
+        """The controller's period [s]."""
+        return 1.0 / self._driver.settings.update_rate
+
+    @property
+    def help_lines(self) -> tuple[str, ...]:
+        """The keys, for the terminal and the page."""
+        return tuple(self._teleop.logic.keymap.help_lines)
+
+    @property
+    def state(self) -> str:
+        """The drive controller's state."""
+        return self._driver.controller.state
+
+    def schedule(self, schedule: Schedule) -> None:
+        """Have the nodes stepped on simulated time: ramps, then wheels, then odometry."""
+        period = 1.0 / self._teleop.logic.rate
+        schedule.every(period, lambda: self._teleop.step(period))
+        schedule.every(self.period, self._control)
+        schedule.every(1.0 / self._driver.settings.publish_rate, self._driver.publish_odometry)
+
+    def drive(self, velocity: tuple[float, float, float]) -> None:
+        """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
+        message = Twist()
+        message.linear.x, message.linear.y, message.angular.z = velocity
+        self._driver.cmd_vel.put(message)
+        self._twists.publish(message)
+
+    def reset(self) -> None:
+        """Forget the past: commands, ramps, odometry."""
+        self._teleop.logic.reset()
+        self._driver.controller.reset()
+
+    def sample(self) -> Sample:
+        """Return this instant for the report."""
+        controller = self._driver.controller
+        pose = controller.odometry_state
+        touching = self._world.contact_forces(self._wheel_bodies) > 0.0
+        return Sample(
+            controller.state,
+            (controller.target.linear, 0.0, controller.target.angular),
+            (pose.x, pose.y, pose.yaw),
+            touching.astype(int).tolist(),
+        )
+
+    def status(self) -> str:
+        """Return one line for the terminal and the page."""
+        logic, controller = self._teleop.logic, self._driver.controller
+        return (
+            f'{controller.state:9} speed {logic.speed:.2f} m/s  turn {logic.turn:.2f} rad/s  '
+            f'now {controller.velocity.linear:+.2f} m/s {controller.velocity.angular:+.2f} rad/s'
+        )
+
+    def close(self) -> None:
+        """Stop the robot: the last cmd_vel is zero."""
+        self._teleop.close()
+        self._driver.close()
+
+    def _control(self) -> None:
+        started = time.perf_counter()
+        left, right = self._world.joints().position[self._joints]
+        wheels = self._driver.control(float(left), float(right), self.period)
+        parts = []
+        for part in wheels:
+            column = np.zeros(len(self._world.motor_names))
+            column[self._motors] = part
+            parts.append(column)
+        self._world.apply(JointCommand(*parts))
+        self.ticks.add(time.perf_counter() - started)

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happened in a run: 50 samples a second of command, truth and odometry, written as JSON."""
+
+from collections.abc import Sequence
+import json
+import math
+import os
+from pathlib import Path
+import tempfile
+from typing import Any, NamedTuple
+
+from mujoco_sim.statistics import TickSummary
+from mujoco_sim.world import FALL_TILT
+from mujoco_sim.world import World
+
+SCHEMA = 1
+SAMPLE_PERIOD = 0.02
+
+
+class Sample(NamedTuple):
+    """What a robot's controller says of one instant."""
+
+    state: str
+    command: tuple[float, float, float]  # the command in force: vx, vy [m/s], wz [rad/s]
+    odometry: tuple[float, float, float]  # x, y [m], yaw [rad]
+    contacts: Sequence[int]  # 1 where a foot or wheel touches
+
+
+class Recorder:
+    """
+    Collects samples and counts falls; `sample` is called every SAMPLE_PERIOD of simulated time.
+
+    A fall is a tilt over 60 degrees; it ends when the robot is upright again.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self.falls = 0
+        self.fell_at: float | None = None
+        self._fallen = False
+        self.samples: dict[str, list[Any]] = {
+            key: []
+            for key in (
+                't',
+                'state',
+                'command',
+                'position',
+                'rpy',
+                'velocity',
+                'odom',
+                'contacts',
+                'torque_max',
+            )
+        }
+
+    def sample(self, now: Sample) -> None:
+        """Add the sample of this instant."""
+        base = self._world.base()
+        self._watch_for_falls(base.tilt)
+        x, y, yaw = now.odometry
+        row = {
+            't': round(self._world.time, 9),
+            'state': now.state,
+            'command': list(now.command),
+            'position': base.position.tolist(),
+            'rpy': base.rpy.tolist(),
+            'velocity': base.planar_velocity.tolist(),
+            'odom': [x, y, wrap(yaw)],
+            'contacts': list(now.contacts),
+            'torque_max': float(abs(self._world.joints().effort).max(initial=0.0)),
+        }
+        for key, value in row.items():
+            self.samples[key].append(value)
+
+    def _watch_for_falls(self, tilt: float) -> None:
+        if tilt > FALL_TILT and not self._fallen:
+            self.falls += 1
+            if self.fell_at is None:
+                self.fell_at = self._world.time
+        self._fallen = tilt > FALL_TILT
+
+
+def build_report(
+    recorder: Recorder, run: dict[str, Any], sim_time: float, wall_time: float, ticks: TickSummary
+) -> dict[str, Any]:
+    """Return the report of a run; `run` is what was asked for: robot, world, seed, estimator."""
+    return {
+        'schema': SCHEMA,
+        **run,
+        'sim_time': round(sim_time, 9),
+        'wall_time': round(wall_time, 3),
+        'real_time_factor': round(sim_time / wall_time, 3) if wall_time > 0.0 else 0.0,
+        'tick': ticks._asdict(),
+        'falls': recorder.falls,
+        'fell_at': recorder.fell_at,
+        'samples': recorder.samples,
+    }
+
+
+def write_report(report: dict[str, Any], path: Path) -> None:
+    """Write a report whole or not at all."""
+    handle, name = tempfile.mkstemp(dir=path.absolute().parent, prefix=f'.{path.name}.')
+    try:
+        with os.fdopen(handle, 'w', encoding='utf-8') as file:
+            json.dump(report, file)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        os.unlink(name)
+        raise
+
+
+def wrap(angle: float) -> float:
+    """Return an angle [rad] between -pi and pi."""
+    return math.remainder(angle, 2.0 * math.pi)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`wasd mbot`: one robot, driven from the terminal, the page, a pipe or a script."""
+
+import argparse
+import contextlib
+import math
+import sys
+
+import rclpy
+from robot_description.node_support import init_ros
+from robot_description.node_support import StopSignals
+from teleop_keyboard.key_reader import KeyReader
+from teleop_keyboard.key_reader import open_key_reader
+from teleop_keyboard.terminal import NoTerminal
+
+from wasd_bringup.errors import UsageError
+from wasd_bringup.options import read_options
+from wasd_bringup.options import RunOptions
+from wasd_bringup.session import Session
+
+
+def run_command(arguments: argparse.Namespace) -> int:
+    """
+    Run a robot as the options say; return the exit status.
+
+    Raises:
+        UserError: what is wrong with the options or the files they name.
+    """
+    options = read_options(arguments)
+    reader = _open_keys(options)
+    viewer = options.viewer or ('web' if _is_interactive(reader) else 'none')
+    if viewer == 'native':
+        raise UsageError('--viewer native: not built yet; use --viewer web')
+    if reader is None and viewer == 'none' and options.duration == math.inf:
+        raise UsageError(
+            'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
+            '--viewer web, or pipe keys into standard input'
+        )
+    with StopSignals() as stop, reader or contextlib.nullcontext():
+        init_ros([])
+        session = None
+        try:
+            session = Session(options, reader)
+            url = session.open_view() if viewer == 'web' else None
+            if _is_interactive(reader) or url is not None:
+                _greet(session, url)
+            session.run(stop)
+        finally:
+            if session is not None:
+                session.close()
+            rclpy.try_shutdown()
+    print(_summary(session, options))
+    return stop.exit_status
+
+
+def _open_keys(options: RunOptions) -> KeyReader | None:
+    """Return where keys come from; None when scripts drive or when there is nothing to read."""
+    if options.scripted:
+        return None
+    try:
+        return open_key_reader()
+    except NoTerminal:
+        return None
+
+
+def _is_interactive(reader: KeyReader | None) -> bool:
+    return reader is not None and reader.terminal is not None and sys.stdout.isatty()
+
+
+def _greet(session: Session, url: str | None) -> None:
+    if url is not None:
+        print(f'viewer: {url}')
+    print('\n'.join(session.stack.help_lines), flush=True)
+
+
+def _summary(session: Session, options: RunOptions) -> str:
+    report = session.report()
+    x, y, _ = session.world.base().position
+    text = (
+        f'{report["sim_time"]:.1f} s simulated in {report["wall_time"]:.1f} s '
+        f'(x{report["real_time_factor"]:.1f}); {options.robot} at {x:.3f} {y:.3f} m'
+    )
+    return f'{text}; report in {options.report}' if options.report else text
+
+

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One run from start to end: robot, world, nodes in lock-step, keys, viewer, report."""
+
+import math
+import sys
+import time
+from typing import Any
+
+from mujoco_sim.loading import build_world
+from mujoco_sim.loading import load_robot
+from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.viewer import WebView
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.time_source import TimeSource
+from robot_description.node_support import MessagePump
+from robot_description.state_publisher_node import StatePublisherNode
+from rosgraph_msgs.msg import Clock
+from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from teleop_keyboard.key_reader import KeyReader
+from teleop_keyboard.status_line import StatusLine
+
+from wasd_bringup.mbot_stack import MbotStack
+from wasd_bringup.options import AFTERGLOW
+from wasd_bringup.options import RunOptions
+from wasd_bringup.report import build_report
+from wasd_bringup.report import Recorder
+from wasd_bringup.report import SAMPLE_PERIOD
+from wasd_bringup.report import write_report
+from wasd_bringup.scripts import Player
+from wasd_bringup.scripts import TWIST_RATE
+from wasd_bringup.scripts import TwistPlayer
+
+# The page gets so many pictures a second of wall time.
+FRAME_PERIOD = 1.0 / 60.0
+# Messages and services are looked after so often [s of wall time].
+MESSAGE_PERIOD = 0.02
+
+
+class Session:
+    """
+    All nodes of one robot in this process, and the loop that steps them.
+
+    rclpy must be initialised. `run` returns when the duration is over or when `stop` says so;
+    `close` leaves the robot stopped, the report written and the nodes gone, in any case.
+    """
+
+    def __init__(self, options: RunOptions, reader: KeyReader | None = None) -> None:
+        """
+        Load the robot and build everything.
+
+        Raises:
+            UserError: what is wrong with what was asked for, in one line.
+        """
+        self._options = options
+        self._reader = reader
+        self._view: WebView | None = None
+        self._nodes: list[Node] = []
+        self._wall_time = 0.0
+        self._ended_at = math.inf
+        self._status = StatusLine(sys.stdout)
+        self._next_frame = self._next_messages = 0.0
+        loaded = load_robot(options.description, options.package_path)
+        self.world = build_world(loaded, options.world, options.seed)
+        self.simulator = SimulatorNode(
+            loaded, self.world, lock_step=True, parameter_overrides=_overrides(options)
+        )
+        self._nodes.append(self.simulator)
+        self.simulation = self.simulator.simulation
+        self.stack = MbotStack(loaded, self.world, options.preset)
+        self._state_publisher = StatePublisherNode(loaded.urdf, lock_step=True)
+        self._keys = KeyPublisherNode()
+        self._keys.receivers.append(self.stack.press)
+        self._nodes += [*self.stack.nodes, self._state_publisher, self._keys]
+        self._pump = MessagePump()
+        self._time_source = TimeSource()
+        self._time_source.ros_time_is_active = True
+        for node in self._nodes:
+            self._pump.add_node(node)
+            self._time_source.attach_clock(node.get_clock())
+        self._recorder = Recorder(self.world)
+        self._schedule()
+        self.simulation.on_reset.append(self.stack.reset)
+
+    def open_view(self) -> str:
+        """Start the browser viewer; return where it is."""
+        self._view = WebView(
+            self.world, self.stack.camera, self._panel, port=self._options.port
+        )
+        return self._view.url
+
+    def run(self, stop: Any) -> None:
+        """Simulate until the duration is over, the keys have ended, or `stop` is requested."""
+        started = time.monotonic()
+        try:
+            self.simulation.run(
+                stop=lambda: stop.requested or self._keys_ended(),
+                poll=self._poll,
+                each_second=self._each_second,
+                duration=self._options.duration,
+            )
+        finally:
+            self._wall_time += time.monotonic() - started
+
+    def report(self) -> dict[str, Any]:
+        """Return the report of the run so far."""
+        options = self._options
+        asked = {
+            'robot': options.robot,
+            'world': options.world,
+            'seed': options.seed,
+            'estimator': self.stack.estimator,
+        }
+        return build_report(
+            self._recorder, asked, self.world.time, self._wall_time, self.stack.ticks.summary()
+        )
+
+    def close(self) -> None:
+        """Stop the robot, write the report, release everything."""
+        try:
+            self.stack.close()
+            self._status.close()
+            if self._options.report is not None:
+                write_report(self.report(), self._options.report)
+        finally:
+            if self._view is not None:
+                self._view.close()
+            self._pump.shutdown(timeout_sec=0.0)
+            for node in self._nodes:
+                node.destroy_node()
+
+    def _schedule(self) -> None:
+        """Fix the order of one instant: time, scripts, controllers, publishers, report."""
+        options, schedule = self._options, self.simulation.schedule
+        self._key_player = Player(options.keys or ())
+        self._push_player = Player(options.pushes)
+        twists = TwistPlayer(options.twists or (), self.stack.drive)
+        schedule.every(self.stack.period, self._begin_instant)
+        schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
+        self.stack.schedule(schedule)
+        self.simulator.schedule_publishing()
+        schedule.every(1.0 / self.simulator.settings.state_rate, self._publish_transforms)
+        schedule.every(SAMPLE_PERIOD, lambda: self._recorder.sample(self.stack.sample()))
+
+    def _begin_instant(self) -> None:
+        now = self.world.time
+        self._time_source.clock_callback(Clock(clock=self.simulator.stamp))
+        for push in self._push_player.due(now):
+            self.world.push(push.force, push.duration)
+        for press in self._key_player.due(now):
+            self._keys.publish_key(press.key)
+
+    def _publish_transforms(self) -> None:
+        joints = self.world.joints()
+        stamp = self.simulator.stamp
+        self._state_publisher.publish(self.world.joint_names, joints.position, stamp)
+
+    def _poll(self, timeout: float) -> None:
+        """Look after everything that lives on wall time: keys, messages, the page, the status."""
+        if self._reader is not None and not self._reader.closed:
+            for key in self._reader.poll(timeout):
+                self._keys.publish_key(key)
+            timeout = 0.0
+        now = time.monotonic()
+        if timeout > 0.0 or now >= self._next_messages:
+            self._pump.handle(timeout)
+            now = time.monotonic()
+            self._next_messages = now + MESSAGE_PERIOD
+        if self._view is not None and now >= self._next_frame:
+            self._next_frame = now + FRAME_PERIOD
+            self._view.sync()
+            for key in self._view.keys():
+                self._keys.publish_key(key)
+        self._status.show(self._status_text(), now)
+
+    def _each_second(self) -> None:
+        self.simulator.publish_diagnostics(self.stack.state, self.stack.ticks)
+
+    def _keys_ended(self) -> bool:
+        """Whether the pipe that gave the keys has ended and the robot has had time to stop."""
+        if self._reader is None or self._options.duration != math.inf:
+            return False
+        if self._reader.closed and self._ended_at == math.inf:
+            self._ended_at = self.world.time
+        return self.world.time > self._ended_at + AFTERGLOW
+
+    def _status_text(self) -> str:
+        factor = self.simulation.pacer.real_time_factor
+        paused = '  paused' if self.simulation.paused else ''
+        return f'{self.stack.status()}  {self.world.time:7.1f} s  x{factor:.2f}{paused}'
+
+    def _panel(self) -> list[str]:
+        click = 'Click here, then press keys:'
+        return [self._status_text(), '', click, *self.stack.help_lines]
+
+
+def _overrides(options: RunOptions) -> list[Parameter]:
+    return [
+        Parameter('description', value=options.description),
+        Parameter('world', value=options.world),
+        Parameter('seed', value=options.seed),
+        Parameter('speed', value=options.speed),
+    ]
