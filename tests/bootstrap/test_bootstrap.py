@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `./wasd` does before the command runs; the real installation is what `.ci/run` does."""
+
+import os
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+
+import pytest
+
+SHELLS = [shell for shell in ('sh', 'dash', 'bash', 'busybox') if shutil.which(shell)]
+OLD = 'sys.version_info = (3, 9, 2)\n'
+WITHOUT_VENV = "sys.modules['ensurepip'] = None\n"
+BROKEN = 'sys.exit(127)\n'
+
+
+@pytest.mark.parametrize('shell', SHELLS)
+def test_every_shell_here_can_read_the_script(shell, checkout):
+    command = [shell, 'sh'] if shell == 'busybox' else [shell]
+    subprocess.run([*command, '-n', str(checkout.script)], check=True)
+
+
+def test_the_first_start_installs_and_then_runs_the_command_with_all_arguments(checkout):
+    result = checkout.run('mbot', '--play', 'a file', '')
+    assert result.returncode == 0, result.stderr
+    # Standard output is the command's alone: reports and tables can be piped.
+    assert result.stdout.splitlines()[:4] == [
+        'argument: mbot',
+        'argument: --play',
+        'argument: a file',
+        'argument: ',
+    ]
+    assert 'argument:' not in result.stderr
+    assert 'wasd: making ' in result.stderr
+    assert 'Collecting something' in result.stderr
+    assert f'-e {checkout.folder}[ros,test]' in checkout.calls('-m pip')[0]
+
+
+def test_the_running_command_keeps_no_later_start_from_installing(checkout):
+    (checkout.fake / 'command').write_text("""#!/bin/sh
+if (: >&9) 2>/dev/null; then echo locked; else echo free; fi
+""")
+    assert checkout.run().stdout == 'free\n'
+
+
+def test_help_is_the_command_s_own(checkout):
+    assert 'argument: --help' in checkout.run('--help').stdout
+
+
+def test_a_later_start_says_nothing_and_starts_no_other_python(checkout):
+    checkout.run()
+    checkout.calls()
+    result = checkout.run()
+    assert (result.returncode, result.stderr, checkout.calls()) == (0, '', [])
+
+
+@pytest.mark.parametrize('changed', ['pyproject.toml', 'package/package.xml'])
+def test_a_changed_project_is_installed_again_into_the_same_environment(changed, checkout):
+    checkout.run()
+    checkout.calls()
+    with open(checkout.folder / changed, 'a') as file:
+        file.write('# new\n')
+    assert 'the project has changed' in checkout.run().stderr
+    asked = checkout.calls()
+    assert [call for call in asked if '-m pip install' in call]
+    assert not [call for call in asked if '-m venv' in call]
+    assert checkout.run().stderr == ''
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL])
+def test_an_interrupted_install_is_made_anew_by_the_next_start(number, checkout):
+    first = checkout.stop_while_installing(number)
+    assert first.returncode == (130 if number == signal.SIGINT else -number)
+    assert first.stdout == ''
+    (checkout.venv / 'half a package').touch()
+    second = checkout.run('go')
+    assert (second.returncode, second.stdout.splitlines()[0]) == (0, 'argument: go')
+    assert not (checkout.venv / 'half a package').exists()
+
+
+def test_an_interrupted_reinstall_is_made_anew_too(checkout):
+    checkout.run()
+    (checkout.fake / 'pip-started').unlink()
+    (checkout.folder / 'pyproject.toml').write_text('[new]\n')
+    checkout.stop_while_installing(signal.SIGKILL)
+    checkout.calls()
+    assert checkout.run().returncode == 0
+    assert checkout.calls('-m venv')
+
+
+def test_of_two_first_starts_one_installs_and_the_other_waits_for_it(checkout):
+    (checkout.fake / 'slow').touch()
+    first = checkout.start('first')
+    checkout.wait_for(checkout.fake / 'pip-started')
+    second = checkout.start('second')
+    assert 'waiting' in second.stderr.readline()
+    (checkout.fake / 'slow').unlink()
+    for process, name in ((first, 'first'), (second, 'second')):
+        result = checkout.finish(process)
+        assert (result.returncode, result.stdout.splitlines()[0]) == (0, f'argument: {name}')
+    assert len(checkout.calls('-m pip')) == 1
+
+
+def test_a_moved_checkout_gets_a_new_environment(checkout):
+    checkout.run()
+    checkout.calls()
+    moved = checkout.folder.rename(checkout.folder.parent / 'moved')
+    result = checkout.run(script=str(moved / 'wasd'))
+    assert result.returncode == 0
+    assert f'prefix={moved}/.venv ' in result.stdout
+    assert checkout.calls('-m venv')
+
+
+def test_an_environment_whose_python_is_gone_is_made_anew(checkout):
+    checkout.run()
+    (checkout.tools / 'python3').unlink()
+    checkout.add_python('python3.12')
+    assert checkout.run().returncode == 0
+    assert (checkout.venv / 'bin/python').readlink().name == 'python3.12'
+
+
+@pytest.mark.parametrize(
+    ('looks', 'reason'),
+    [
+        (None, 'python3 is not there'),
+        (OLD, 'python3 is 3.9'),
+        (WITHOUT_VENV, 'python3 has no venv'),
+        (BROKEN, 'python3 does not start'),
+    ],
+)
+def test_without_a_fit_python_one_line_says_what_was_found_and_what_helps(looks, reason, checkout):
+    (checkout.tools / 'python3').unlink()
+    if looks is not None:
+        checkout.add_python('python3', looks)
+    result = checkout.run()
+    assert (result.returncode, result.stdout) == (1, '')
+    (line,) = result.stderr.splitlines()
+    assert reason in line
+    assert 'apt install python3 python3-venv' in line
+    assert not checkout.venv.exists()
+
+
+def test_an_unfit_python_is_passed_over_for_a_fit_one(checkout):
+    checkout.add_python('python3', OLD)
+    checkout.add_python('python3.13', BROKEN)
+    checkout.add_python('python3.12')
+    assert checkout.run().returncode == 0
+    assert checkout.calls('-m venv')[0].startswith('python3.12 ')
+
+
+def test_a_python_asked_for_by_name_is_taken_or_nothing_is(checkout):
+    checkout.add_python('python3.11')
+    assert checkout.run(WASD_PYTHON='python3.11').returncode == 0
+    assert checkout.calls('-m venv')[0].startswith('python3.11 ')
+    shutil.rmtree(checkout.venv)
+    result = checkout.run(WASD_PYTHON='/no such/python')
+    assert result.returncode == 1
+    assert '/no such/python is not there' in result.stderr
+
+
+def test_a_machine_without_wheels_is_told_so(checkout):
+    checkout.add_tool('uname', '#!/bin/sh\necho Linux aarch64\n')
+    result = checkout.run()
+    assert (result.returncode, len(result.stderr.splitlines())) == (1, 1)
+    assert 'this is Linux aarch64: install ROS 2 Jazzy' in result.stderr
+
+
+def test_another_ros_is_refused_by_its_name(checkout):
+    result = checkout.run(ROS_DISTRO='humble')
+    assert (result.returncode, len(result.stderr.splitlines())) == (1, 1)
+    assert "ROS 'humble' is sourced" in result.stderr
+
+
+def test_a_sourced_jazzy_brings_its_own_rclpy(checkout):
+    checkout.add_tool('uname', '#!/bin/sh\necho Linux aarch64\n')
+    (checkout.fake / 'rclpy').touch()
+    ros = {'ROS_DISTRO': 'jazzy', 'PYTHONPATH': '/ros/python', 'AMENT_PREFIX_PATH': '/ros'}
+    result = checkout.run(**ros)
+    assert result.returncode == 0, result.stderr
+    assert 'path=/ros/python' in result.stdout
+    assert f'prefix={checkout.folder}/.venv.jazzy:/ros' in result.stdout
+    asked = checkout.calls()
+    assert any('-m venv --system-site-packages' in call for call in asked)
+    # The messages of Jazzy were compiled against numpy 1.
+    assert any(call.endswith(f'-e {checkout.folder}[test] numpy<2') for call in asked)
+
+
+def test_a_jazzy_without_rclpy_is_told_what_to_install(checkout):
+    result = checkout.run(ROS_DISTRO='jazzy')
+    assert (result.returncode, len(result.stderr.splitlines())) == (1, 1)
+    assert 'python3 cannot import rclpy' in result.stderr
+    assert 'apt install ros-jazzy-rclpy' in result.stderr
+
+
+@pytest.mark.parametrize(
+    ('log', 'package'),
+    [
+        (
+            'Collecting a\n  ERROR: No matching distribution found for mujoco==4.0.0\n',
+            'mujoco==4.0.0',
+        ),
+        ('Collecting a==1 (from x)\nCollecting b>=2 (from x)\nTimed out.\n', 'b>=2'),
+        ('', 'the project'),
+    ],
+)
+def test_a_failing_pip_is_reported_by_the_package_it_failed_at(log, package, checkout):
+    (checkout.fake / 'pip-error').write_text(log)
+    result = checkout.run()
+    assert (result.returncode, result.stdout) == (1, '')
+    last = result.stderr.splitlines()[-1]
+    assert f'could not install {package}:' in last
+    assert f"'{checkout.venv}/install.log'" in last
+    (checkout.fake / 'pip-error').unlink()
+    assert checkout.run().returncode == 0
+
+
+def test_a_read_only_checkout_is_told_how_to_go_on(checkout):
+    elsewhere = checkout.folder.parent / 'else where'
+    refused = checkout.run_read_only()
+    assert (refused.returncode, len(refused.stderr.splitlines())) == (1, 1)
+    assert f"cannot write to '{checkout.venv}'" in refused.stderr
+    assert 'WASD_VENV=DIR' in refused.stderr
+    result = checkout.run_read_only(WASD_VENV=str(elsewhere))
+    assert (result.returncode, f'prefix={elsewhere} ' in result.stdout) == (0, True)
+
+
+def test_a_checkout_that_became_read_only_runs_until_it_changes(checkout):
+    checkout.run()
+    assert checkout.run_read_only().returncode == 0
+    (checkout.folder / 'pyproject.toml').write_text('[new]\n')
+    refused = checkout.run_read_only()
+    assert (refused.returncode, len(refused.stderr.splitlines())) == (1, 1)
+    assert 'cannot write to' in refused.stderr
+
+
+def test_a_folder_that_somebody_else_filled_is_left_alone(checkout):
+    checkout.venv.mkdir()
+    (checkout.venv / 'precious').touch()
+    result = checkout.run()
+    assert (result.returncode, len(result.stderr.splitlines())) == (1, 1)
+    assert 'was not made by this script' in result.stderr
+    assert os.listdir(checkout.venv) == ['precious']
+
+
+def test_a_path_that_cannot_be_an_environment_is_refused(checkout):
+    result = checkout.run(WASD_VENV='a:b')
+    assert (result.returncode, len(result.stderr.splitlines())) == (1, 1)
+    assert "contains ':'" in result.stderr
+
+
+def test_a_relative_environment_is_found_again_from_anywhere(checkout):
+    assert checkout.run(WASD_VENV='my venv').returncode == 0
+    absolute = str(checkout.folder.parent / 'my venv')
+    assert checkout.run(WASD_VENV=absolute).stderr == ''
+    link = checkout.folder.parent / 'link'
+    link.symlink_to(absolute)
+    assert checkout.run(WASD_VENV=str(link)).stderr == ''
+
+
+def test_a_start_through_links_or_the_path_finds_the_checkout(checkout):
+    link = checkout.folder.parent / 'a link'
+    link.symlink_to(Path('check out') / 'wasd')
+    (checkout.tools / 'wasd').symlink_to(link)
+    assert checkout.run(script=str(link)).returncode == 0
+    result = subprocess.run(
+        ['sh', '-c', 'wasd --help'], env=checkout.environment(), capture_output=True, text=True
+    )
+    assert (result.returncode, result.stderr) == (0, '')
+
+
+def test_what_conda_or_another_environment_has_set_does_not_get_in(checkout):
+    result = checkout.run(
+        CONDA_PREFIX='/conda',
+        PYTHONHOME='/conda',
+        PYTHONPATH='/conda/lib',
+        _ROS_WHEELS_BOOTSTRAP_COMPLETE='1',
+        LD_LIBRARY_PATH='/other/lib',
+    )
+    assert 'home= path= guard=\n' in result.stdout
+    assert f'libraries= prefix={checkout.venv} usersite=1\n' in result.stdout
+
+
+def test_libraries_that_the_user_asked_for_stay(checkout):
+    assert 'libraries=/my/lib ' in checkout.run(LD_LIBRARY_PATH='/my/lib').stdout
