@@ -48,6 +48,7 @@ class DiffDriveControllerNode(Node):
 
         Raises:
             InvalidParameter, DescriptionError, DiffDriveError: what is wrong, in one line.
+
         """
         super().__init__('diff_drive_controller')
         self.settings = declare_parameters(self, DiffDriveParameters, self._on_change)

@@ -35,6 +35,7 @@ def find_wheels(robot: Robot) -> DiffDriveGeometry:
 
     Raises:
         DiffDriveError: there are not two of them, or their radii or positions disagree.
+
     """
     wheels = {}
     for joint in robot.movable_joints:

@@ -12,7 +12,9 @@ class DiffDriveParameters(Parameters):
     """Limits, time-out, rates and frames; wheel geometry comes from the robot's URDF."""
 
     cmd_vel_timeout: float = parameter(
-        0.5, doc='The robot stops when cmd_vel is silent for so long; 0 is never', unit='s',
+        0.5,
+        doc='The robot stops when cmd_vel is silent for so long; 0 is never',
+        unit='s',
         minimum=0.0,
     )
     linear_velocity: float = parameter(
@@ -26,8 +28,11 @@ class DiffDriveParameters(Parameters):
         6.0, doc='Largest change of yaw rate', unit='rad/s^2', above=0.0
     )
     wheel_damping: float = parameter(
-        0.5, doc='Gain of the wheel speed loop: torque per speed error', unit='N m s/rad',
-        above=0.0, read_only=True,
+        0.3,
+        doc='Gain of the wheel speed loop: torque per speed error',
+        unit='N m s/rad',
+        above=0.0,
+        read_only=True,
     )
     update_rate: float = parameter(
         200.0, doc='Rate of the controller in lock-step', unit='Hz', above=0.0, read_only=True

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from mujoco_sim.scene import furnish
-from mujoco_sim.world import World
 from robot_description.expand import expand
 from robot_description.mujoco_model import to_mujoco
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
 from robot_description.urdf import Robot
+
+from mujoco_sim.scene import furnish
+from mujoco_sim.world import World
 
 
 class LoadedRobot(NamedTuple):
@@ -27,6 +28,7 @@ def load_robot(name_or_path: str, search: Sequence[Path] = ()) -> LoadedRobot:
 
     Raises:
         DescriptionError: what is wrong with it, in one line.
+
     """
     urdf = expand(description_path(name_or_path), search=search)
     return LoadedRobot(urdf, parse_urdf(urdf))
@@ -39,6 +41,7 @@ def build_world(loaded: LoadedRobot, world: str = 'flat', seed: int = 0) -> Worl
     Raises:
         DescriptionError: MuJoCo cannot read the robot.
         SimulationError: there is no such world, or the two do not compile.
+
     """
     spec = to_mujoco(loaded.urdf, loaded.robot)
     furnish(spec, world)

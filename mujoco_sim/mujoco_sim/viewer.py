@@ -126,6 +126,7 @@ class WebView:
 
         Raises:
             SimulationError: the port is taken, or the viewer did not start.
+
         """
         self._world = world
         self._page = _Page(camera, world.root, lines)

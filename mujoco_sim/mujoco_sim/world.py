@@ -86,6 +86,7 @@ class World:
 
         Raises:
             SimulationError: what the compiler says, in one line.
+
         """
         try:
             self.model = spec.compile()

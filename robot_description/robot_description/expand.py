@@ -24,6 +24,7 @@ def expand(
 
     Raises:
         DescriptionError: one line with the file, and the line where xacro knows it.
+
     """
     if not path.is_file():
         raise DescriptionError(f'{path}: no such file')

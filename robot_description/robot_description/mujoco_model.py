@@ -25,6 +25,7 @@ def to_mujoco(urdf: str, robot: Robot) -> mujoco.MjSpec:
 
     Raises:
         DescriptionError: what MuJoCo says about the URDF, in one line.
+
     """
     spec = _parse(urdf)
     root = spec.body(robot.root)
@@ -68,9 +69,7 @@ def _set_contacts(spec: mujoco.MjSpec, robot: Robot) -> None:
                 _round_off(geom, shape)
 
 
-def _colliding(
-    spec: mujoco.MjSpec, robot: Robot, link: str
-) -> list[tuple[Shape, mujoco.MjsGeom]]:
+def _colliding(spec: mujoco.MjSpec, robot: Robot, link: str) -> list[tuple[Shape, mujoco.MjsGeom]]:
     body = spec.body(link)
     if body is None:  # welded into its parent
         return []

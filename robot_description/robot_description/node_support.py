@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 import dataclasses
 import signal
 import sys
-from types import FrameType, TracebackType
+from types import FrameType
+from types import TracebackType
 from typing import Any, Protocol, Self, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange
@@ -55,6 +56,7 @@ def declare_parameters(
 
     Raises:
         InvalidParameter: when an override given at start is illegal.
+
     """
     values: dict[str, Any] = {}
     for field in dataclasses.fields(definition):

@@ -29,6 +29,7 @@ def share_directory(name: str, search: Sequence[Path] = ()) -> Path:
 
     Raises:
         PackageNotFound: says where was looked.
+
     """
     for folder in search:
         for candidate in (folder, folder / name):

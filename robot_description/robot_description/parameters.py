@@ -52,6 +52,7 @@ class Parameters:
 
     Raises:
         InvalidParameter: on construction, when a value is of the wrong type or out of range.
+
     """
 
     def __post_init__(self) -> None:
@@ -85,9 +86,7 @@ def _checked(definition: 'dataclasses.Field[Any]', value: Any) -> Any:
         wanted = ', '.join(meta['choices'])
         raise InvalidParameter(f'{definition.name} must be one of {wanted}, got {value!r}')
     if kind in (int, float) and not _in_range(value, meta):
-        raise InvalidParameter(
-            f'{definition.name} must be {describe_range(meta)}, got {value!r}'
-        )
+        raise InvalidParameter(f'{definition.name} must be {describe_range(meta)}, got {value!r}')
     return value
 
 

@@ -46,6 +46,7 @@ class StatePublisherNode(Node):
 
         Raises:
             InvalidParameter, DescriptionError: what is wrong, in one line.
+
         """
         super().__init__('state_publisher')
         self.settings = declare_parameters(self, StatePublisherParameters)

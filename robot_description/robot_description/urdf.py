@@ -21,9 +21,7 @@ class Pose:
 
     def __matmul__(self, other: 'Pose') -> 'Pose':
         """Compose: `T_a_b @ T_b_c` is `T_a_c`."""
-        return Pose(
-            self.position + self.rotation @ other.position, self.rotation @ other.rotation
-        )
+        return Pose(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
 
 
 IDENTITY = Pose(np.zeros(3), np.eye(3))
@@ -123,6 +121,7 @@ def parse_urdf(text: str) -> Robot:
     Raises:
         DescriptionError: not XML, no links, a joint to a link that does not exist, or a tree with
             no or several roots.
+
     """
     try:
         tree = ElementTree.fromstring(text)
@@ -190,9 +189,7 @@ def _name_of(joint: ElementTree.Element, end: str) -> str:
 
 def _origin(tag: ElementTree.Element) -> Pose:
     origin = tag.find('origin')
-    return Pose(
-        _numbers(origin, 'xyz', '0 0 0'), rpy_matrix(*_numbers(origin, 'rpy', '0 0 0'))
-    )
+    return Pose(_numbers(origin, 'xyz', '0 0 0'), rpy_matrix(*_numbers(origin, 'rpy', '0 0 0')))
 
 
 def _numbers(tag: ElementTree.Element | None, attribute: str, default: str) -> np.ndarray:

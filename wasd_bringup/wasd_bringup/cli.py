@@ -51,6 +51,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             return test_command(words[1:])
         arguments = make_parser().parse_args(words)
         if arguments.command == 'demo':
+            from mujoco_sim.renderer_choice import choose_renderer
+
+            choose_renderer()  # before mujoco is imported
             from wasd_bringup.demo import demo_command
 
             return demo_command(arguments.output)

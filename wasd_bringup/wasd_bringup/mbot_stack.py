@@ -29,6 +29,7 @@ class MbotStack:
 
     Raises:
         UsageError: the robot's wheels have no motors.
+
     """
 
     estimator = 'wheels'

@@ -25,6 +25,7 @@ def run_command(arguments: argparse.Namespace) -> int:
 
     Raises:
         UserError: what is wrong with the options or the files they name.
+
     """
     options = read_options(arguments)
     reader = _open_keys(options)
@@ -81,5 +82,3 @@ def _summary(session: Session, options: RunOptions) -> str:
         f'(x{report["real_time_factor"]:.1f}); {options.robot} at {x:.3f} {y:.3f} m'
     )
     return f'{text}; report in {options.report}' if options.report else text
-
-

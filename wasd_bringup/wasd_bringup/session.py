@@ -51,6 +51,7 @@ class Session:
 
         Raises:
             UserError: what is wrong with what was asked for, in one line.
+
         """
         self._options = options
         self._reader = reader
@@ -84,9 +85,7 @@ class Session:
 
     def open_view(self) -> str:
         """Start the browser viewer; return where it is."""
-        self._view = WebView(
-            self.world, self.stack.camera, self._panel, port=self._options.port
-        )
+        self._view = WebView(self.world, self.stack.camera, self._panel, port=self._options.port)
         return self._view.url
 
     def run(self, stop: Any) -> None:

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`wasd demo`: a scripted, headless tour; writes pictures and a table."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mujoco_sim.pictures import take_picture
+from mujoco_sim.pictures import Trace
+from mujoco_sim.pictures import Viewpoint
+from mujoco_sim.renderer_choice import choose_renderer
+from mujoco_sim.renderer_choice import NO_RENDERER
+import numpy as np
+import rclpy
+from robot_description.node_support import init_ros
+from robot_description.node_support import StopSignals
+from teleop_keyboard.key_script import parse_key_script
+
+from wasd_bringup.errors import UsageError
+from wasd_bringup.options import RunOptions
+from wasd_bringup.scripts import parse_twist_script
+from wasd_bringup.session import Session
+
+WHITE = (1.0, 1.0, 1.0, 1.0)
+ORANGE = (1.0, 0.45, 0.0, 1.0)
+SQUARE = '\n'.join(
+    f'{7.0 * side} 0.25 0 0\n{7.0 * side + 4.0} 0 0 0\n'
+    f'{7.0 * side + 4.5} 0 0 {math.pi / 4.0}\n{7.0 * side + 6.5} 0 0 0'
+    for side in range(4)
+)
+
+
+class Stop(NamedTuple):
+    """One stop of the tour: a script of keys or of velocities, and what to look at."""
+
+    name: str
+    title: str
+    keys: str | None = None
+    twist: str | None = None
+    viewpoint: Viewpoint | None = None
+
+
+TOUR = (
+    Stop(
+        'mbot_keys',
+        'keys: hold i, then u, then let go',
+        keys='0.5 i*60\n2.5 u*75',
+        viewpoint=Viewpoint((0.4, 0.2, 0.05), 1.5, 70.0, -28.0),
+    ),
+    Stop('mbot_straight', 'cmd_vel: 2 m straight', twist='0 0.5 0 0\n4 0 0 0'),
+    Stop('mbot_spin', 'cmd_vel: 360 degrees on the spot', twist=f'0 0 0 1\n{2 * math.pi} 0 0 0'),
+    Stop(
+        'mbot_square',
+        'cmd_vel: a square of 1 m',
+        twist=SQUARE,
+        viewpoint=Viewpoint((0.5, 0.5, 0.0), 2.4, 90.0, -70.0),
+    ),
+)
+
+
+class Result(NamedTuple):
+    """A row of the table; odometry against truth at the end of the run."""
+
+    run: str
+    seconds: float
+    real_time_factor: float
+    path: float  # [m]
+    position_error_mm: float
+    yaw_error_deg: float
+
+
+def demo_command(output: str) -> int:
+    """
+    Run the tour and write its pictures, `table.txt` and `demo.json` to a folder.
+
+    Raises:
+        UsageError: the folder cannot be made.
+
+    """
+    folder = Path(output)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f'--output {output}: {error.strerror}') from None
+    pictures = choose_renderer()
+    if not pictures:
+        print(f'no pictures: {NO_RENDERER}')
+    results = []
+    with StopSignals() as signals:
+        init_ros([])
+        try:
+            for stop in TOUR:
+                print(f'{stop.title} ...', flush=True)
+                results.append(_visit(stop, folder, pictures, signals))
+                if signals.requested:
+                    return signals.exit_status or 130
+        finally:
+            rclpy.try_shutdown()
+    table = format_table(results)
+    (folder / 'table.txt').write_text(table, encoding='utf-8')
+    rows = [result._asdict() for result in results]
+    (folder / 'demo.json').write_text(json.dumps(rows, indent=2) + '\n', encoding='utf-8')
+    print(f'\n{table}\nin {folder}: {", ".join(sorted(path.name for path in folder.iterdir()))}')
+    return 0
+
+
+def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Result:
+    options = RunOptions(
+        robot='mbot',
+        description='mbot',
+        preset='mbot',
+        keys=tuple(parse_key_script(stop.keys, stop.name)) if stop.keys else None,
+        twists=tuple(parse_twist_script(stop.twist, stop.name)) if stop.twist else None,
+        duration=_end(stop),
+        speed=0.0,
+    )
+    session = Session(options)
+    try:
+        session.run(signals)
+        report = session.report()
+        if pictures and stop.viewpoint is not None:
+            path = folder / f'{stop.name}.png'
+            take_picture(session.world, stop.viewpoint, path, _traces(report['samples']))
+    finally:
+        session.close()
+    return summarise(stop.title, report)
+
+
+def _end(stop: Stop) -> float:
+    """Return when the robot has come to rest after the last line of the script [s]."""
+    lines = (stop.keys or stop.twist or '').split('\n')
+    held = 2.5 if stop.keys else 0.0
+    return round(float(lines[-1].split()[0]) + held + 1.5, 3)
+
+
+def _traces(samples: dict[str, Any]) -> tuple[Trace, Trace]:
+    """Draw odometry white and, just above it, the true path orange, thinner in time."""
+    odometry = np.array([[x, y, 0.002] for x, y, _ in samples['odom'][::5]])
+    truth = np.array([[x, y, 0.006] for x, y, _ in samples['position'][::15]])
+    return Trace(odometry, WHITE), Trace(truth, ORANGE)
+
+
+def summarise(title: str, report: dict[str, Any]) -> Result:
+    """Return the row of a run's report."""
+    samples = report['samples']
+    truth = np.array(samples['position'])[:, :2]
+    odometry = np.array(samples['odom'])
+    yaw_error = math.remainder(samples['rpy'][-1][2] - odometry[-1, 2], 2.0 * math.pi)
+    return Result(
+        run=title,
+        seconds=report['sim_time'],
+        real_time_factor=report['real_time_factor'],
+        path=round(float(np.linalg.norm(np.diff(truth, axis=0), axis=1).sum()), 4),
+        position_error_mm=round(1e3 * float(np.linalg.norm(truth[-1] - odometry[-1, :2])), 3),
+        yaw_error_deg=round(math.degrees(abs(yaw_error)), 4),
+    )
+
+
+def format_table(results: list[Result]) -> str:
+    """Return the results as text."""
+    width = max(len(result.run) for result in results)
+    lines = [
+        f'{"run":{width}}  sim time  real-time factor    path  odom error  yaw error',
+        f'{"-" * width}  --------  ----------------  ------  ----------  ---------',
+    ]
+    lines += [
+        f'{result.run:{width}}  {result.seconds:6.1f} s  {result.real_time_factor:16.1f}  '
+        f'{result.path:4.2f} m  {result.position_error_mm:7.2f} mm  {result.yaw_error_deg:5.3f} deg'
+        for result in results
+    ]
+    return '\n'.join(lines) + '\n'
