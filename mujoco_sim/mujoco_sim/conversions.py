@@ -85,7 +85,6 @@ def from_joint_commands(message: JointTrajectory, names: Sequence[str]) -> Joint
 
     Raises:
         SimulationError: an unknown joint, a missing gain point, or lists of different lengths.
-
     """
     if len(message.points) != 2:
         raise SimulationError(

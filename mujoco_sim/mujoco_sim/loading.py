@@ -28,7 +28,6 @@ def load_robot(name_or_path: str, search: Sequence[Path] = ()) -> LoadedRobot:
 
     Raises:
         DescriptionError: what is wrong with it, in one line.
-
     """
     urdf = expand(description_path(name_or_path), search=search)
     return LoadedRobot(urdf, parse_urdf(urdf))
@@ -41,7 +40,6 @@ def build_world(loaded: LoadedRobot, world: str = 'flat', seed: int = 0) -> Worl
     Raises:
         DescriptionError: MuJoCo cannot read the robot.
         SimulationError: there is no such world, or the two do not compile.
-
     """
     spec = to_mujoco(loaded.urdf, loaded.robot)
     furnish(spec, world)

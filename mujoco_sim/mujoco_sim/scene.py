@@ -20,7 +20,6 @@ def furnish(spec: mujoco.MjSpec, world: str) -> None:
 
     Raises:
         SimulationError: an unknown name, a file that is not there or not a model.
-
     """
     spec.option.timestep = TIME_STEP
     # Not implicit: that adds motor damping after the contacts are solved, and wheels then slip

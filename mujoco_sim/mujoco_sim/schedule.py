@@ -25,7 +25,6 @@ class Schedule:
 
         Raises:
             SimulationError: the period is not a whole number of physics steps.
-
         """
         steps = round(period / self._time_step)
         if steps < 1 or not math.isclose(steps * self._time_step, period, rel_tol=1e-9):

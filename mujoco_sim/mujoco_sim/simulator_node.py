@@ -61,7 +61,6 @@ class SimulatorNode(Node):
 
         Raises:
             InvalidParameter, DescriptionError, SimulationError: what is wrong, in one line.
-
         """
         super().__init__('simulator', parameter_overrides=parameter_overrides or [])
         self.settings = declare_parameters(self, SimulatorParameters, self._on_change)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The browser viewer: MuJoCo Studio's page on this machine only, with keys that reach the robot."""
+"""The browser viewer: MuJoCo Studio's page, for this machine only, with keys to drive."""
 
 from collections.abc import Callable, Sequence
 import logging
@@ -109,7 +109,7 @@ class WebView:
     """
     A running page for one world.
 
-    `sync` sends the state of now; `keys` returns what was pressed on the page since the last call.
+    `sync` sends the state of now, `pressed_keys` brings what was pressed on the page.
     """
 
     def __init__(
@@ -126,7 +126,6 @@ class WebView:
 
         Raises:
             SimulationError: the port is taken, or the viewer did not start.
-
         """
         self._world = world
         self._page = _Page(camera, world.root, lines)
@@ -156,7 +155,7 @@ class WebView:
         if self._handle.is_running():
             self._handle.sync(self._handle.model, self._world.data)
 
-    def keys(self) -> list[str]:
+    def pressed_keys(self) -> list[str]:
         """Return the keys pressed on the page since the last call."""
         pressed = []
         while not self._page.keys.empty():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The physics: a robot in a MuJoCo model, stepped, read and commanded; knows no ROS and no clock."""
+"""The physics: a robot in a MuJoCo model that is stepped, read and commanded."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -60,7 +60,7 @@ class BaseState(NamedTuple):
 
     @property
     def planar_velocity(self) -> np.ndarray:
-        """Forward, leftward velocity [m/s] in the yaw-aligned base frame and yaw rate [rad/s], (3,)."""
+        """Velocity forward and to the left [m/s], yaw-aligned, and yaw rate [rad/s], shape (3,)."""
         roll, pitch, yaw = self.rpy
         vx, vy, _ = self.linear_velocity
         cos, sin = np.cos(yaw), np.sin(yaw)
@@ -86,7 +86,6 @@ class World:
 
         Raises:
             SimulationError: what the compiler says, in one line.
-
         """
         try:
             self.model = spec.compile()
@@ -184,7 +183,7 @@ class World:
         self.data.ctrl[:] = 0.0
 
     def push(self, force: Sequence[float], duration: float) -> None:
-        """Apply a world-frame force [N], shape (3,), to the root's centre of mass for a while [s]."""
+        """Apply a world-frame force [N], shape (3,), at the root's centre of mass for a time [s]."""
         self.data.xfrc_applied[self.root, :3] = force
         self._push_until = self.tick + max(1, round(duration / self.time_step))
 

@@ -25,7 +25,6 @@ def to_mujoco(urdf: str, robot: Robot) -> mujoco.MjSpec:
 
     Raises:
         DescriptionError: what MuJoCo says about the URDF, in one line.
-
     """
     spec = _parse(urdf)
     root = spec.body(robot.root)
@@ -58,7 +57,7 @@ def _sort_geoms(spec: mujoco.MjSpec) -> None:
 
 
 def _set_contacts(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Give every link that names a friction its contact: one point for a wheel, stiff, its own mu."""
+    """Give links that name a friction their contact: its own mu, stiff, one point for a wheel."""
     for name, friction in robot.friction.items():
         for shape, geom in _colliding(spec, robot, name):
             geom.priority = 1  # this friction counts, whatever lies on the floor
@@ -86,7 +85,11 @@ def _is_wheel(robot: Robot, link: str, cylinder: Shape) -> bool:
 
 
 def _round_off(geom: mujoco.MjsGeom, cylinder: Shape) -> None:
-    """Replace a cylinder by the ellipsoid inside: a flat tread touches in two points and fights turns."""
+    """
+    Replace a cylinder by the ellipsoid inside it.
+
+    A flat tread touches in two points, which fight every turn.
+    """
     radius, length = cylinder.size
     geom.type = mujoco.mjtGeom.mjGEOM_ELLIPSOID
     geom.size = np.array([radius, radius, length / 2.0])

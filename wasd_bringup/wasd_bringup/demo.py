@@ -76,7 +76,6 @@ def demo_command(output: str) -> int:
 
     Raises:
         UsageError: the folder cannot be made.
-
     """
     folder = Path(output)
     try:
@@ -165,8 +164,8 @@ def format_table(results: list[Result]) -> str:
         f'{"-" * width}  --------  ----------------  ------  ----------  ---------',
     ]
     lines += [
-        f'{result.run:{width}}  {result.seconds:6.1f} s  {result.real_time_factor:16.1f}  '
-        f'{result.path:4.2f} m  {result.position_error_mm:7.2f} mm  {result.yaw_error_deg:5.3f} deg'
-        for result in results
+        f'{row.run:{width}}  {row.seconds:6.1f} s  {row.real_time_factor:16.1f}  '
+        f'{row.path:4.2f} m  {row.position_error_mm:7.2f} mm  {row.yaw_error_deg:5.3f} deg'
+        for row in results
     ]
     return '\n'.join(lines) + '\n'

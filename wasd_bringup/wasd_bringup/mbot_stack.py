@@ -29,7 +29,6 @@ class MbotStack:
 
     Raises:
         UsageError: the robot's wheels have no motors.
-
     """
 
     estimator = 'wheels'

@@ -99,7 +99,6 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
 
     Raises:
         UsageError, KeyScriptError: what is wrong, in one line.
-
     """
     if arguments.seed < 0:
         raise UsageError(f'--seed: got {arguments.seed}, wanted >= 0')
@@ -114,9 +113,8 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
     if arguments.duration is not None:
         duration = _number(arguments.duration, '--duration')
     elif keys is not None or twists is not None:
-        duration = AFTERGLOW + max(
-            (event.time for event in [*(keys or ()), *(twists or ())]), default=0.0
-        )
+        times = [press.time for press in keys or ()] + [twist.time for twist in twists or ()]
+        duration = AFTERGLOW + max(times, default=0.0)
     return RunOptions(
         robot=arguments.robot,
         description=arguments.description,

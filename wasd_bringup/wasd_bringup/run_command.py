@@ -25,13 +25,10 @@ def run_command(arguments: argparse.Namespace) -> int:
 
     Raises:
         UserError: what is wrong with the options or the files they name.
-
     """
     options = read_options(arguments)
     reader = _open_keys(options)
     viewer = options.viewer or ('web' if _is_interactive(reader) else 'none')
-    if viewer == 'native':
-        raise UsageError('--viewer native: not built yet; use --viewer web')
     if reader is None and viewer == 'none' and options.duration == math.inf:
         raise UsageError(
             'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
@@ -42,9 +39,9 @@ def run_command(arguments: argparse.Namespace) -> int:
         session = None
         try:
             session = Session(options, reader)
-            url = session.open_view() if viewer == 'web' else None
-            if _is_interactive(reader) or url is not None:
-                _greet(session, url)
+            where = session.open_view(viewer)
+            if _is_interactive(reader) or viewer != 'none':
+                _greet(session, where)
             session.run(stop)
         finally:
             if session is not None:
@@ -68,9 +65,9 @@ def _is_interactive(reader: KeyReader | None) -> bool:
     return reader is not None and reader.terminal is not None and sys.stdout.isatty()
 
 
-def _greet(session: Session, url: str | None) -> None:
-    if url is not None:
-        print(f'viewer: {url}')
+def _greet(session: Session, where: str) -> None:
+    if where:
+        print(f'viewer: {where}')
     print('\n'.join(session.stack.help_lines), flush=True)
 
 

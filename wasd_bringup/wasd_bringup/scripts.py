@@ -47,7 +47,6 @@ def parse_twist_script(text: str, name: str) -> list[ScriptedTwist]:
 
     Raises:
         UsageError: `name:line: ...` for the first line that is wrong.
-
     """
     commands: list[ScriptedTwist] = []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -82,7 +81,6 @@ def parse_push(text: str) -> ScriptedPush:
 
     Raises:
         UsageError: it is not five finite numbers with t and seconds >= 0.
-
     """
     try:
         time, fx, fy, fz, duration = text.split()

@@ -4,7 +4,7 @@
 import math
 import sys
 import time
-from typing import Any
+from typing import Any, Protocol
 
 from mujoco_sim.loading import build_world
 from mujoco_sim.loading import load_robot
@@ -37,6 +37,19 @@ FRAME_PERIOD = 1.0 / 60.0
 MESSAGE_PERIOD = 0.02
 
 
+class View(Protocol):
+    """What a session needs of a viewer."""
+
+    def sync(self) -> None:
+        """Show the state of now."""
+
+    def pressed_keys(self) -> list[str]:
+        """Return the keys pressed in the viewer since the last call."""
+
+    def close(self) -> None:
+        """End it."""
+
+
 class Session:
     """
     All nodes of one robot in this process, and the loop that steps them.
@@ -51,11 +64,10 @@ class Session:
 
         Raises:
             UserError: what is wrong with what was asked for, in one line.
-
         """
         self._options = options
         self._reader = reader
-        self._view: WebView | None = None
+        self._view: View | None = None
         self._nodes: list[Node] = []
         self._wall_time = 0.0
         self._ended_at = math.inf
@@ -83,10 +95,24 @@ class Session:
         self._schedule()
         self.simulation.on_reset.append(self.stack.reset)
 
-    def open_view(self) -> str:
-        """Start the browser viewer; return where it is."""
-        self._view = WebView(self.world, self.stack.camera, self._panel, port=self._options.port)
-        return self._view.url
+    def open_view(self, kind: str) -> str:
+        """
+        Start a viewer, `web`, `native` or `none`; return where it is.
+
+        Raises:
+            SimulationError: the port is taken, or there is no display.
+        """
+        if kind == 'web':
+            web = WebView(self.world, self.stack.camera, self._panel, port=self._options.port)
+            self._view = web
+            return web.url
+        if kind == 'native':
+            # Here, because it loads a window system.
+            from mujoco_sim.native_viewer import NativeView
+
+            self._view = NativeView(self.world, self.stack.camera)
+            return 'a window on this display'
+        return ''
 
     def run(self, stop: Any) -> None:
         """Simulate until the duration is over, the keys have ended, or `stop` is requested."""
@@ -168,7 +194,7 @@ class Session:
         if self._view is not None and now >= self._next_frame:
             self._next_frame = now + FRAME_PERIOD
             self._view.sync()
-            for key in self._view.keys():
+            for key in self._view.pressed_keys():
                 self._keys.publish_key(key)
         self._status.show(self._status_text(), now)
 

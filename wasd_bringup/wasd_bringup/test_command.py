@@ -16,7 +16,6 @@ def test_command(arguments: Sequence[str]) -> int:
 
     Raises:
         UsageError: this is not installed from a clone.
-
     """
     root = Path(__file__).resolve().parents[2]
     if not (root / 'tests').is_dir():

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A window on this machine's display, with the interface of the browser viewer."""
+
+import os
+import queue
+from typing import Any
+
+import mujoco
+import mujoco.viewer
+
+from mujoco_sim.errors import SimulationError
+from mujoco_sim.viewer import CameraView
+from mujoco_sim.world import World
+
+# GLFW's codes of keys that are no characters.
+_NAMED_KEYS = {256: 'ESC', 262: 'RIGHT', 263: 'LEFT', 264: 'DOWN', 265: 'UP'}
+
+
+class NativeView:
+    """
+    MuJoCo's own window for one world.
+
+    The window keeps some keys for itself and reports presses, not repeats: for driving, keep the
+    terminal or use the browser viewer.
+    """
+
+    def __init__(self, world: World, camera: CameraView) -> None:
+        """
+        Open the window.
+
+        Raises:
+            SimulationError: there is no display.
+        """
+        if not (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
+            raise SimulationError('--viewer native: no display here (use --viewer web)')
+        self._keys: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._window: Any = mujoco.viewer.launch_passive(
+            world.model, world.data, key_callback=self._on_key, show_left_ui=False
+        )
+        with self._window.lock():
+            view = self._window.cam
+            view.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+            view.trackbodyid = world.root
+            view.distance = camera.distance
+            view.azimuth = camera.azimuth
+            view.elevation = camera.elevation
+
+    def sync(self) -> None:
+        """Show the state of now."""
+        if self._window.is_running():
+            self._window.sync()
+
+    def pressed_keys(self) -> list[str]:
+        """Return the keys pressed in the window since the last call."""
+        pressed = []
+        while not self._keys.empty():
+            pressed.append(self._keys.get())
+        return pressed
+
+    def close(self) -> None:
+        """Close the window."""
+        self._window.close()
+
+    def _on_key(self, code: int) -> None:
+        name = _NAMED_KEYS.get(code) or (chr(code).lower() if 32 <= code < 127 else None)
+        if name is not None:
+            self._keys.put(name)
