@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import dataclasses
 import signal
 import sys
+import time
 from types import FrameType
 from types import TracebackType
 from typing import Any, Protocol, Self, TypeVar
@@ -56,7 +57,6 @@ def declare_parameters(
 
     Raises:
         InvalidParameter: when an override given at start is illegal.
-
     """
     values: dict[str, Any] = {}
     for field in dataclasses.fields(definition):
@@ -107,14 +107,17 @@ class StopSignals:
     Context in which SIGINT, SIGTERM and SIGHUP ask for a stop instead of killing the process.
 
     `requested` turns True at the first signal and `number` keeps it; the loop that owns the robot
-    looks at it and leaves in order. A second SIGINT raises KeyboardInterrupt: the way out of a
-    shutdown that hangs.
+    looks at it and leaves in order. Another SIGINT some seconds later raises KeyboardInterrupt:
+    the way out of a shutdown that hangs. Sooner it means nothing: a held Ctrl-C repeats.
     """
 
     WATCHED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    # How long an orderly shutdown may take before Ctrl-C cuts it short [s].
+    PATIENCE = 3.0
 
     def __init__(self) -> None:
         self.number: int | None = None
+        self._requested_at = 0.0
         self._previous: dict[signal.Signals, Any] = {}
 
     @property
@@ -147,7 +150,10 @@ class StopSignals:
             signal.signal(number, previous)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        if self.number == signal.SIGINT and number == signal.SIGINT:
+        now = time.monotonic()
+        if self.number is None:
+            self._requested_at = now
+        elif number == signal.SIGINT and now - self._requested_at > self.PATIENCE:
             raise KeyboardInterrupt
         self.number = number
 

@@ -2,6 +2,7 @@
 """The node that publishes keys, and the executable `key_publisher`."""
 
 from collections.abc import Callable, Sequence
+import signal
 import sys
 import time
 
@@ -59,10 +60,10 @@ class KeyPublisherNode(Node):
         self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS_TIMEOUT))
 
 
-def wait_for_subscriber(node: KeyPublisherNode, stop: StopSignals) -> None:
+def wait_for_subscriber(has_subscriber: Callable[[], bool], stop: StopSignals) -> None:
     """Wait until somebody listens, so that keys from a pipe are not lost before; not for ever."""
     deadline = time.monotonic() + SUBSCRIBER_TIMEOUT
-    while not (node.has_subscriber or stop.requested or time.monotonic() > deadline):
+    while not (has_subscriber() or stop.requested or time.monotonic() > deadline):
         time.sleep(POLL_PERIOD)
 
 
@@ -71,7 +72,7 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     if reader.terminal is None:
-        wait_for_subscriber(node, stop)
+        wait_for_subscriber(lambda: node.has_subscriber, stop)
     next_service = time.monotonic()
     while rclpy.ok() and not (stop.requested or reader.closed):
         for key in reader.poll(POLL_PERIOD):
@@ -99,6 +100,13 @@ def main(args: Sequence[str] | None = None) -> int:
                 node.close()
                 node.destroy_node()
             rclpy.try_shutdown()
+    return last_status(stop)
+
+
+def last_status(stop: StopSignals) -> int:
+    """Return the exit status of a process; a Ctrl-C still held down no longer interrupts it."""
+    if stop.number == signal.SIGINT:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
     return stop.exit_status
 
 

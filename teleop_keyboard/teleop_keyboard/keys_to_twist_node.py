@@ -54,15 +54,20 @@ class KeysToTwistNode(Node):
         super().__init__(
             'keys_to_twist', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
-        self._parameters = declare_parameters(self, TeleopParameters, self._on_parameters)
-        self.logic = KeysToTwist(load_preset(self._parameters.preset), self._parameters)
+        self._settings = declare_parameters(self, TeleopParameters, self._on_parameters)
+        self.logic = KeysToTwist(load_preset(self._settings.preset), self._settings)
         self.receivers: list[Callable[[Any], None]] = []
-        message_type = TwistStamped if self._parameters.stamped else Twist
+        message_type = TwistStamped if self._settings.stamped else Twist
         self._publisher = self.create_publisher(message_type, 'cmd_vel', TWIST_DEPTH)
         self._lock_step = lock_step
         self._last_time = self.get_clock().now()
         self._timer = None if lock_step else self._make_timer()
         self.keys = Inlet(self, String, 'keys', self._on_key, KEYS_DEPTH)
+
+    @property
+    def has_subscriber(self) -> bool:
+        """Whether anybody listens to `cmd_vel`."""
+        return self._publisher.get_subscription_count() > 0
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass and publish what is due."""
@@ -100,7 +105,7 @@ class KeysToTwistNode(Node):
     def _on_parameters(self, parameters: TeleopParameters) -> None:
         rate = self.logic.rate
         self.logic.set_parameters(parameters)
-        self._parameters = parameters
+        self._settings = parameters
         if self._timer is not None and self.logic.rate != rate:
             self.destroy_timer(self._timer)
             self._timer = self._make_timer()
@@ -110,9 +115,9 @@ class KeysToTwistNode(Node):
 
     def _send(self, velocity: Twist3) -> None:
         message: Any = to_twist(velocity)
-        if self._parameters.stamped:
+        if self._settings.stamped:
             stamp = self.get_clock().now().to_msg()
-            message = to_twist_stamped(velocity, stamp, self._parameters.frame_id)
+            message = to_twist_stamped(velocity, stamp, self._settings.frame_id)
         for receiver in self.receivers:
             receiver(message)
         self._publisher.publish(message)

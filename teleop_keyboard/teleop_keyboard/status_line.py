@@ -48,6 +48,6 @@ def describe(logic: KeysToTwist) -> str:
     target, velocity = logic.target, logic.velocity
     key = {'': '-', ' ': 'SPACE'}.get(logic.last_key, logic.last_key)
     return (
-        f'key {key:<6} speed {logic.speed:.2f} m/s  turn {logic.turn:.2f} rad/s  '
+        f'{key[:9]:<9} full {logic.speed:.2f} m/s {logic.turn:.2f} rad/s  '
         f'target {target.vx:+.2f} {target.wz:+.2f}  now {velocity.vx:+.2f} {velocity.wz:+.2f}'
     )

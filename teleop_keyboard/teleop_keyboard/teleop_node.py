@@ -12,6 +12,7 @@ from robot_description.node_support import StopSignals
 from robot_description.parameters import InvalidParameter
 
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from teleop_keyboard.key_publisher_node import last_status
 from teleop_keyboard.key_publisher_node import wait_for_subscriber
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
@@ -50,14 +51,23 @@ class Teleop:
     def run(self, stop: StopSignals, status: StatusLine) -> None:
         """Handle keys and messages until a signal or until no more key can come."""
         if self._reader.terminal is None:
-            wait_for_subscriber(self.keys, stop)
-        while rclpy.ok() and not (stop.requested or self._reader.closed):
+            wait_for_subscriber(lambda: self.twist.has_subscriber, stop)
+        while rclpy.ok() and not (stop.requested or self._is_finished):
             period = SILENT_POLL_PERIOD if self.twist.logic.is_silent else POLL_PERIOD
             for key in self._reader.poll(period):
                 self.keys.publish_key(key)
             for _ in range(CALLBACKS_PER_POLL):
                 self._executor.spin_once(timeout_sec=0.0)
             status.show(describe(self.twist.logic), time.monotonic())
+
+    @property
+    def _is_finished(self) -> bool:
+        """Whether no key can come any more and those from a pipe have had their effect."""
+        if not self._reader.closed:
+            return False
+        logic = self.twist.logic
+        is_moving = logic.is_moving and logic.keymap.mode == 'hold'
+        return self._reader.terminal is not None or not is_moving
 
     def close(self) -> None:
         """Leave the robot stopped and release the nodes."""
@@ -88,12 +98,15 @@ def main(args: Sequence[str] | None = None) -> int:
         except InvalidParameter as error:
             print(f'error: {error}', file=sys.stderr)
             return 2
+        except KeyboardInterrupt:
+            # Ctrl-C again, because leaving took too long: nothing to explain.
+            pass
         finally:
             if teleop is not None:
                 teleop.close()
             rclpy.try_shutdown()
             status.close()
-    return stop.exit_status
+    return last_status(stop)
 
 
 if __name__ == '__main__':

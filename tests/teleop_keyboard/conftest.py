@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Processes on pseudo-terminals, and a node that listens to them, on a ROS domain of their own."""
+
+import os
+import pty
+import random
+import select
+import subprocess
+import sys
+import termios
+import threading
+import time
+
+from geometry_msgs.msg import Twist
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import String
+
+# Makes the pseudo-terminal on standard input the controlling terminal, as a shell's terminal is:
+# then Ctrl-C, typed, is a signal.
+TAKE_TERMINAL = (
+    'import fcntl, os, sys, termios; os.setsid(); fcntl.ioctl(0, termios.TIOCSCTTY, 0);'
+    'os.execv(sys.executable, [sys.executable, *sys.argv[1:]])'
+)
+
+# How long a process may take to start or to end on a busy machine [s].
+PATIENCE = 20.0
+
+
+def wait_until(condition, timeout=PATIENCE):
+    """Wait until a condition holds; fail after `timeout` [s]."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, 'waited in vain'
+        time.sleep(0.01)
+
+
+class PtyProcess:
+    """A Python process whose terminal is a pseudo-terminal that the test types on."""
+
+    def __init__(self, *arguments, environment=None):
+        self.master, self.slave = pty.openpty()
+        self.before = termios.tcgetattr(self.slave)
+        self.output = b''
+        self.process = subprocess.Popen(
+            [sys.executable, '-c', TAKE_TERMINAL, *arguments],
+            stdin=self.slave,
+            stdout=self.slave,
+            stderr=self.slave,
+            env={**os.environ, **(environment or {})},
+        )
+        # Somebody must read the screen, or the process waits for room to write.
+        self._closing = threading.Event()
+        self._reader = threading.Thread(target=self._collect, daemon=True)
+        self._reader.start()
+
+    def _collect(self):
+        while not self._closing.is_set():
+            if select.select([self.master], [], [], 0.05)[0]:
+                self.output += os.read(self.master, 65536)
+
+    @property
+    def attributes(self):
+        """Attributes of the terminal now."""
+        return termios.tcgetattr(self.slave)
+
+    @property
+    def is_raw(self):
+        """Whether keys come one at a time, unechoed."""
+        return not self.attributes[3] & (termios.ICANON | termios.ECHO)
+
+    def type(self, data):
+        """Type bytes, all at once."""
+        os.write(self.master, data)
+
+    def wait(self):
+        """Wait for the end of the process and return its status."""
+        return self.process.wait(PATIENCE)
+
+    def close(self):
+        """End the process if it still runs."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        # Descriptors are numbers that the next test gets again: nobody may read them then.
+        self._closing.set()
+        self._reader.join()
+        os.close(self.master)
+        os.close(self.slave)
+
+
+@pytest.fixture
+def pty_process():
+    """Return a function that starts a Python process on a pseudo-terminal."""
+    processes = []
+
+    def start(*arguments, environment=None):
+        processes.append(PtyProcess(*arguments, environment=environment))
+        return processes[-1]
+
+    yield start
+    for process in processes:
+        process.close()
+
+
+@pytest.fixture
+def ros_domain(monkeypatch):
+    """Return the number of a ROS domain that nobody else uses; children inherit it."""
+    domain = random.SystemRandom().randint(1, 100)
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    return domain
+
+
+@pytest.fixture
+def context(ros_domain):
+    """Return a ROS context in the domain of the test."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=ros_domain)
+    yield context
+    rclpy.try_shutdown(context=context)
+
+
+class Listener:
+    """A node that collects what comes on `keys` and `cmd_vel`, in a thread of its own."""
+
+    def __init__(self, context):
+        self.keys = []
+        self.twists = []
+        self.node = rclpy.create_node('listener', context=context)
+        self.node.create_subscription(String, 'keys', lambda m: self.keys.append(m.data), 1000)
+        self.node.create_subscription(Twist, 'cmd_vel', self.twists.append, 1000)
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._executor.spin, daemon=True)
+        self._thread.start()
+
+    def probe(self, process, key='P'):
+        """Type a key until it arrives, so that both sides have found each other; forget it."""
+
+        def arrives():
+            process.type(key.encode())
+            time.sleep(0.1)
+            return bool(self.keys)
+
+        wait_until(lambda: process.is_raw)
+        wait_until(arrives)
+        self.settle()
+        assert set(self.keys) == {key}
+        self.keys.clear()
+        self.twists.clear()
+
+    def settle(self, quiet=0.4):
+        """Wait until nothing has come for a while [s]."""
+        count = -1
+        while count != len(self.keys) + len(self.twists):
+            count = len(self.keys) + len(self.twists)
+            time.sleep(quiet)
+
+    def close(self):
+        """Stop listening."""
+        self._executor.shutdown()
+        self._thread.join(5.0)
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def listener(context):
+    """Return a node of this process that listens to the processes under test."""
+    listener = Listener(context)
+    yield listener
+    listener.close()

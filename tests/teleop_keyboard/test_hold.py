@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+import pytest
+from teleop_keyboard.hold import KeyHold
+
+STEP = 0.002
+
+
+def time_held(hold, presses, end, key='i'):
+    """Return when `key` counted as held, as (first, last) instants [s] without a gap, or None."""
+    waiting = list(presses)
+    spans = []
+    for index in range(round(end / STEP)):
+        now = index * STEP
+        while waiting and waiting[0] <= now + 1e-9:
+            hold.press(key)
+            waiting.pop(0)
+        if key in hold.held:
+            if not spans or spans[-1][1] < now - 1.5 * STEP:
+                spans.append([now, now])
+            spans[-1][1] = now
+        hold.step(STEP)
+    return spans
+
+
+def test_a_tap_counts_until_a_keyboard_would_have_repeated():
+    ((start, end),) = time_held(KeyHold(), [0.1], 2.0)
+    assert start == pytest.approx(0.1, abs=STEP)
+    assert end - start == pytest.approx(0.6, abs=2 * STEP)
+
+
+@pytest.mark.parametrize('delay', [0.2, 0.25, 0.5, 0.55])
+@pytest.mark.parametrize('gap', [1 / 30, 1 / 50, 1 / 15])
+def test_a_held_key_is_held_without_a_gap_and_released_soon(delay, gap):
+    presses = [0.0] + [delay + index * gap for index in range(40)]
+    ((start, end),) = time_held(KeyHold(), presses, presses[-1] + 1.0)
+    assert start == 0.0
+    assert end - presses[-1] == pytest.approx(max(0.12, 2.5 * gap), abs=3 * STEP)
+
+
+def test_release_is_seen_within_150_ms_at_30_hz():
+    presses = [0.0] + [0.5 + index / 30 for index in range(30)]
+    ((_, end),) = time_held(KeyHold(), presses, 3.0)
+    assert end - presses[-1] <= 0.15
+
+
+def test_a_slow_keyboard_is_given_more_time_but_not_more_than_a_first_press():
+    ((_, end),) = time_held(KeyHold(), [0.0, 0.5, 0.9, 1.3, 1.7], 4.0)
+    assert end - 1.7 == pytest.approx(0.6, abs=3 * STEP)
+
+
+def test_one_late_delivery_does_not_release_a_key():
+    presses = [0.0] + [0.5 + index / 30 for index in range(20)]
+    late = presses[-1] + 0.1
+    spans = time_held(KeyHold(), [*presses, late, late + 1 / 30], 3.0)
+    assert len(spans) == 1
+
+
+def test_a_burst_in_one_instant_is_held_like_a_repeating_key():
+    hold = KeyHold()
+    for _ in range(50):
+        hold.press('i')
+    hold.step(0.1)
+    assert hold.held == ('i',)
+    hold.step(0.1)
+    assert hold.held == ()
+
+
+def test_keys_are_held_in_the_order_of_their_first_press():
+    hold = KeyHold()
+    for key in 'wdw':
+        hold.press(key)
+    assert hold.held == ('w', 'd')
+    hold.release('w')
+    assert hold.held == ('d',)
+    hold.clear()
+    assert hold.held == ()
+
+
+def test_a_long_step_releases_and_no_time_releases_nothing():
+    hold = KeyHold()
+    hold.press('i')
+    hold.step(0.0)
+    assert hold.held == ('i',)
+    hold.step(100.0)
+    assert hold.held == ()

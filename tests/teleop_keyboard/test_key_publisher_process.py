@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`key_publisher` as a process on a real pseudo-terminal, with real rclpy on both sides."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+MODULE = ('-m', 'teleop_keyboard.key_publisher_node')
+ALPHABET = 'abcdefghijklmnopqrstuvwxyz'
+
+RAISE_ON_X = """
+import sys
+from teleop_keyboard import key_publisher_node as module
+publish = module.KeyPublisherNode.publish_key
+def publish_or_raise(self, key):
+    if key == 'X':
+        raise ValueError('as the test wishes')
+    publish(self, key)
+module.KeyPublisherNode.publish_key = publish_or_raise
+sys.exit(module.main())
+"""
+
+
+def processor_time(pid):
+    """Return the processor time that a process has used with all its threads [s]."""
+    with open(f'/proc/{pid}/stat') as file:
+        fields = file.read().rsplit(')', 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def test_keys_arrive_complete_and_in_order_and_idle_costs_nothing(pty_process, listener):
+    process = pty_process(*MODULE)
+    listener.probe(process)
+
+    repeats = (ALPHABET * 4)[:90]
+    for key in repeats:
+        process.type(key.encode())
+        time.sleep(1 / 30)
+    listener.settle()
+    assert ''.join(listener.keys) == repeats
+
+    listener.keys.clear()
+    burst = (ALPHABET * 2)[:50]
+    process.type(burst.encode())
+    listener.settle()
+    assert ''.join(listener.keys) == burst
+
+    listener.keys.clear()
+    triples = (ALPHABET * 2)[:30]
+    for index in range(0, 30, 3):
+        for key in triples[index : index + 3]:
+            process.type(key.encode())
+            time.sleep(0.005)
+        time.sleep(0.1)
+    listener.settle()
+    assert ''.join(listener.keys) == triples
+
+    listener.keys.clear()
+    process.type(b'\x1b[A\x1bOB\x1b[C\x1b[D' * 5 + b'\xc3\xa9\x1b[1;2A\x1b')
+    listener.settle()
+    assert listener.keys == ['UP', 'DOWN', 'RIGHT', 'LEFT'] * 5 + ['é', 'SHIFT+UP', 'ESC']
+
+    before, start = processor_time(process.process.pid), time.monotonic()
+    time.sleep(3.0)
+    used = processor_time(process.process.pid) - before
+    assert used / (time.monotonic() - start) < 0.02
+
+
+@pytest.mark.parametrize(
+    ('name', 'status'), [('Ctrl-C', 0), ('SIGINT', 0), ('SIGTERM', 143), ('SIGHUP', 129)]
+)
+def test_every_signal_leaves_the_terminal_as_it_was(pty_process, listener, name, status):
+    process = pty_process(*MODULE)
+    listener.probe(process)
+    if name == 'Ctrl-C':
+        process.type(b'\x03')
+    else:
+        process.process.send_signal(getattr(signal, name))
+    assert process.wait() == status
+    assert process.attributes == process.before
+    assert b'Traceback' not in process.output
+
+
+def test_an_exception_leaves_the_terminal_as_it_was(pty_process, listener):
+    process = pty_process('-c', RAISE_ON_X)
+    listener.probe(process)
+    process.type(b'X')
+    assert process.wait() == 1
+    assert process.attributes == process.before
+    assert b'as the test wishes' in process.output
+
+
+def run_without_terminal(**arguments):
+    return subprocess.run(
+        [sys.executable, *MODULE],
+        capture_output=True,
+        start_new_session=True,
+        timeout=20.0,
+        **arguments,
+    )
+
+
+def test_keys_are_read_from_a_pipe_until_it_ends(listener):
+    result = run_without_terminal(input='ij\x1b[Aé'.encode())
+    assert result.returncode == 0
+    listener.settle()
+    assert listener.keys == ['i', 'j', 'UP', 'é']
+
+
+@pytest.mark.parametrize('closed', [False, True], ids=['/dev/null', 'closed'])
+@pytest.mark.parametrize('module', ['key_publisher_node', 'teleop_node'])
+def test_without_a_terminal_it_says_so_in_one_line(ros_domain, module, closed):
+    redirection = '<&-' if closed else '</dev/null'
+    result = subprocess.run(
+        ['sh', '-c', f'exec "$0" -m teleop_keyboard.{module} {redirection}', sys.executable],
+        capture_output=True,
+        text=True,
+        start_new_session=True,
+        timeout=20.0,
+    )
+    assert result.returncode == 2
+    assert result.stdout == ''
+    (line,) = result.stderr.splitlines()
+    assert line.startswith('error: no terminal')

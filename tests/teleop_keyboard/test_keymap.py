@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+import pytest
+from robot_description.parameters import InvalidParameter
+from teleop_keyboard.keymap import KeymapError
+from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap import preset_names
+from teleop_keyboard.keymap_reader import read_keymap
+
+GOOD = """\
+motion:
+  i: [1, 0, 0]
+  '1': [0, 0, 1]
+speed: 0.2
+turn: 1.0
+linear_accel: 0.6
+angular_accel: 3.0
+"""
+
+# mbot_teleop's tables, key -> (x, th) and key -> (factor of speed, factor of turn).
+MBOT_MOTION = {
+    'i': (1, 0),
+    'o': (1, -1),
+    'j': (0, 1),
+    'l': (0, -1),
+    'u': (1, 1),
+    ',': (-1, 0),
+    '.': (-1, 1),
+    'm': (-1, -1),
+}
+MBOT_SPEED = {
+    'q': (1.1, 1.1),
+    'z': (0.9, 0.9),
+    'w': (1.1, 1),
+    'x': (0.9, 1),
+    'e': (1, 1.1),
+    'c': (1, 0.9),
+}
+# keys_to_twist_with_ramps' table, key -> [angular, linear].
+RAMPS_MOTION = {'w': (0, 1), 'x': (0, -1), 'a': (1, 0), 'd': (-1, 0), 's': (0, 0)}
+
+
+def test_mbot_is_the_table_of_mbot_teleop():
+    keymap = load_preset('mbot')
+    assert {key: (way.x, way.yaw) for key, way in keymap.motion.items()} == MBOT_MOTION
+    assert all(way.y == 0 for way in keymap.motion.values())
+    assert dict(keymap.speed_keys) == MBOT_SPEED
+    assert keymap.stop_keys == {' ', 'k'}
+    assert (keymap.speed, keymap.turn) == (0.2, 1.0)
+    # 0.02 m/s and 0.1 rad/s a loop, 30 loops a second.
+    assert keymap.linear_accel == pytest.approx(0.02 * 30)
+    assert keymap.angular_accel == pytest.approx(0.1 * 30)
+    assert (keymap.mode, keymap.other_keys, keymap.idle) == ('hold', 'stop', 'silent')
+
+
+def test_ramps_is_the_table_of_keys_to_twist_with_ramps():
+    keymap = load_preset('ramps')
+    assert {key: (way.yaw, way.x) for key, way in keymap.motion.items()} == RAMPS_MOTION
+    assert not keymap.speed_keys
+    assert not keymap.stop_keys
+    assert (keymap.speed, keymap.turn) == (0.5, 0.5)
+    assert (keymap.linear_accel, keymap.angular_accel, keymap.rate) == (1.0, 1.0, 20.0)
+    assert keymap.first_character_only
+    assert (keymap.mode, keymap.other_keys, keymap.idle) == ('latch', 'ignore', 'repeat')
+
+
+@pytest.mark.parametrize('name', preset_names())
+def test_every_preset_explains_its_keys(name):
+    keymap = load_preset(name)
+    text = '\n'.join(keymap.help_lines)
+    for key in [*keymap.motion, *keymap.speed_keys]:
+        assert key in text
+    assert all(len(line) < 80 for line in keymap.help_lines)
+
+
+def test_a_digit_stays_the_key_that_it_is():
+    assert set(read_keymap(GOOD, 'mine.yaml', 'mine').motion) == {'i', '1'}
+
+
+def test_a_file_is_found_by_its_path(tmp_path):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(GOOD)
+    assert load_preset(str(path)).name == 'mine'
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'line', 'message'),
+    [
+        ('speed: 0.2', 'speeed: 0.2', 4, 'speeed: unknown field, did you mean speed?'),
+        ('speed: 0.2\n', '', 1, 'speed: is missing'),
+        ('speed: 0.2', 'speed: fast', 4, "speed: must be a number, got 'fast'"),
+        ('speed: 0.2', 'speed: .nan', 4, "speed: must be a number, got '.nan'"),
+        ('linear_accel: 0.6', 'linear_accel: 0', 6, 'linear_accel: must be > 0, got 0'),
+        ('i: [1, 0, 0]', 'i: [1, 0]', 2, 'i: must be a list of 3 numbers'),
+        ('i: [1, 0, 0]', 'i: [2, 0, 0]', 2, 'i: each share must be within -1 and 1'),
+        ('i: [1, 0, 0]', 'i: [x, 0, 0]', 2, "i: must be a number, got 'x'"),
+        ('i: [1, 0, 0]', 'UPP: [1, 0, 0]', 2, "'UPP': unknown key 'UPP', did you mean UP?"),
+        ("'1': [0, 0, 1]", 'i: [0, 0, 1]', 3, 'i: stands here for the second time'),
+        ("'1': [0, 0, 1]", '{a: b}: [0, 0, 1]', 3, 'motion: a key must be text'),
+        ('turn: 1.0', 'turn: 1.0\nstop: [i]', 6, "stop: key 'i' is bound under motion, too"),
+        ('turn: 1.0', 'turn: 1.0\nstop: k', 6, 'stop: must be a list of keys'),
+        ('turn: 1.0', 'turn: 1.0\nmode: hodl', 6, "mode: must be hold or latch, got 'hodl'"),
+        ('turn: 1.0', 'turn: 1.0\nspeed_limits: [0.5, 1]', 4, 'speed: must be within speed_limi'),
+        ('turn: 1.0', 'turn: 1.0\nspeed_keys: {q: [0, 1]}', 6, 'q: both factors must be > 0'),
+        ('turn: 1.0', 'turn: [1.0', 6, "expected ',' or ']'"),
+    ],
+)
+def test_an_error_names_file_line_and_key(old, new, line, message):
+    assert old in GOOD
+    with pytest.raises(KeymapError) as caught:
+        read_keymap(GOOD.replace(old, new), 'mine.yaml', 'mine')
+    assert str(caught.value).startswith(f'mine.yaml:{line}: ')
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize('text', ['', '- a', 'word', '\t'])
+def test_text_that_is_no_mapping_is_an_error(text):
+    with pytest.raises(KeymapError, match='mine.yaml'):
+        read_keymap(text, 'mine.yaml', 'mine')
+
+
+def test_an_unknown_preset_lists_the_known_ones():
+    with pytest.raises(KeymapError, match=r"'mbto', did you mean mbot\? \(known: .*ramps"):
+        load_preset('mbto')
+
+
+def test_a_missing_file_is_one_line_that_names_it(tmp_path):
+    with pytest.raises(InvalidParameter, match='none.yaml: cannot read the keymap: No such file'):
+        load_preset(str(tmp_path / 'none.yaml'))

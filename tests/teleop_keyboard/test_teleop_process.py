@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`teleop` as a process on a real pseudo-terminal: what the robot is told, to the last word."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from teleop_keyboard.conversions import from_twist
+from teleop_keyboard.ramp import STANDSTILL
+
+pytestmark = pytest.mark.slow
+
+MODULE = ('-m', 'teleop_keyboard.teleop_node')
+
+RAISE_ON_X = """
+import sys
+from teleop_keyboard import teleop_node as module
+publish = module.KeyPublisherNode.publish_key
+def publish_or_raise(self, key):
+    if key == 'X':
+        raise ValueError('as the test wishes')
+    publish(self, key)
+module.KeyPublisherNode.publish_key = publish_or_raise
+sys.exit(module.main())
+"""
+
+
+def hold(process, key, seconds):
+    for _ in range(round(seconds * 30)):
+        process.type(key)
+        time.sleep(1 / 30)
+
+
+def velocities(listener):
+    return [from_twist(message) for message in listener.twists]
+
+
+def test_a_held_key_drives_and_a_released_one_stops_with_one_zero(pty_process, listener):
+    process = pty_process(*MODULE)
+    listener.probe(process)
+    hold(process, b'i', 1.0)
+    released = time.monotonic()
+    while not velocities(listener) or velocities(listener)[-1] != STANDSTILL:
+        assert time.monotonic() - released < 1.3
+        time.sleep(0.01)
+    listener.settle()
+    speeds = [velocity.vx for velocity in velocities(listener)]
+    assert max(speeds) == 0.2
+    assert velocities(listener).count(STANDSTILL) == 1
+    assert velocities(listener)[-1] == STANDSTILL
+    # The ramp up has no step back: nothing is handled twice or late.
+    top = speeds.index(0.2)
+    assert speeds[:top] == sorted(speeds[:top])
+    assert listener.keys == ['i'] * 30
+    assert b'space key, k : force stop' in process.output
+
+
+@pytest.mark.parametrize(
+    ('way_out', 'status'),
+    [('Ctrl-C', 0), ('SIGTERM', 143), ('SIGHUP', 129), ('exception', 1)],
+)
+def test_every_way_out_stops_the_robot_and_restores_the_terminal(
+    pty_process, listener, way_out, status
+):
+    arguments = ('-c', RAISE_ON_X) if way_out == 'exception' else MODULE
+    process = pty_process(*arguments)
+    listener.probe(process)
+    hold(process, b'u', 0.7)
+    assert velocities(listener)[-1].vx > 0.1
+    if way_out == 'Ctrl-C':
+        process.type(b'\x03')
+    elif way_out == 'exception':
+        process.type(b'X')
+    else:
+        process.process.send_signal(getattr(signal, way_out))
+    assert process.wait() == status
+    listener.settle()
+    assert velocities(listener)[-1] == STANDSTILL
+    assert process.attributes == process.before
+    assert (b'Traceback' in process.output) == (way_out == 'exception')
+
+
+def test_a_held_ctrl_c_ends_it_no_less_cleanly(pty_process, listener):
+    process = pty_process(*MODULE)
+    listener.probe(process)
+    hold(process, b'i', 0.5)
+    while process.process.poll() is None:
+        process.type(b'\x03')
+        time.sleep(0.03)
+    listener.settle()
+    assert velocities(listener)[-1] == STANDSTILL
+    assert process.attributes == process.before
+    assert b'Traceback' not in process.output
+
+
+def test_keys_from_a_pipe_have_their_effect_before_the_end(listener):
+    result = subprocess.run(
+        [sys.executable, *MODULE],
+        input=b'iii',
+        capture_output=True,
+        start_new_session=True,
+        timeout=20.0,
+    )
+    assert result.returncode == 0
+    assert result.stderr == b''
+    listener.settle()
+    assert max(velocity.vx for velocity in velocities(listener)) > 0.05
+    assert velocities(listener)[-1] == STANDSTILL
+
+
+def test_a_wrong_parameter_is_one_line(ros_domain, pty_process):
+    process = pty_process(*MODULE, '--ros-args', '-p', 'preset:=mbto')
+    assert process.wait() == 2
+    time.sleep(0.2)
+    (line,) = process.output.decode().splitlines()
+    assert line.startswith("error: unknown preset 'mbto', did you mean mbot?")
+    assert process.attributes == process.before
