@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rules that hold the packages together: layers, names, versions, sizes, the wheel."""
+
+import ast
+from collections.abc import Iterator
+import configparser
+from fnmatch import fnmatch
+import importlib.metadata
+import importlib.util
+from pathlib import Path
+import subprocess
+import sys
+import tomllib
+from xml.etree import ElementTree
+import zipfile
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PROJECT = tomllib.loads((ROOT / 'pyproject.toml').read_text())
+
+# What each package may import: arrows point down only, and the keyboard knows no simulation.
+BELOW = {
+    'robot_description': set(),
+    'mujoco_sim': {'robot_description'},
+    'teleop_keyboard': {'robot_description'},
+    'diff_drive_sim': {'mujoco_sim', 'robot_description'},
+    'quadruped_sim': {'mujoco_sim', 'robot_description'},
+    'wasd_bringup': {
+        'diff_drive_sim', 'mujoco_sim', 'quadruped_sim', 'robot_description', 'teleop_keyboard'
+    },
+}  # fmt: skip
+EXECUTABLES = {
+    'teleop_keyboard': {'key_publisher', 'keys_to_twist', 'teleop', 'twist_mux'},
+    'robot_description': {'describe', 'state_publisher'},
+    'mujoco_sim': {'simulator'},
+    'diff_drive_sim': {'diff_drive_controller'},
+    'quadruped_sim': {'leg_controller'},
+    'wasd_bringup': {'wasd'},
+}
+# Import name -> rosdep key where they differ; None: on the Python package index only.
+ROSDEP_KEYS = {
+    'PIL': 'python3-pil',
+    'mujoco': None,
+    'numpy': 'python3-numpy',
+    'yaml': 'python3-yaml',
+}
+ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
+LONGEST_MODULE = 300
+
+PACKAGES = sorted(path.parent.name for path in ROOT.glob('*/package.xml'))
+
+
+def modules(package: str) -> dict[str, Path]:
+    """Return the modules of a package, by dotted name."""
+    folder = ROOT / package
+    return {
+        '.'.join(path.relative_to(folder).with_suffix('').parts): path
+        for path in (folder / package).rglob('*.py')
+    }
+
+
+def imports(path: Path) -> Iterator[str]:
+    """Yield the dotted names that a module imports anywhere in it, also by `import_module`."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f'{path}: imports are absolute here'
+            yield from (f'{node.module}.{alias.name}' for alias in node.names)
+        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith('import_module'):
+            yield from (a.value for a in node.args if isinstance(a, ast.Constant))
+
+
+def roots(package: str) -> set[str]:
+    """Return the top-level names from outside the standard library that a package imports."""
+    found = {
+        name.partition('.')[0] for path in modules(package).values() for name in imports(path)
+    }
+    return found - set(sys.stdlib_module_names) - {package}
+
+
+def ros_modules() -> set[str]:
+    """Return the modules that may know ROS: those that pyproject.toml exempts from mypy."""
+    (exempt,) = (o for o in PROJECT['tool']['mypy']['overrides'] if o.get('ignore_errors'))
+    return set(exempt['module'])
+
+
+def manifest(package: str) -> ElementTree.Element:
+    """Return the root of a package's package.xml."""
+    return ElementTree.parse(ROOT / package / 'package.xml').getroot()
+
+
+def is_ros(name: str) -> bool:
+    """Return whether a dotted name belongs to ROS: its client library, messages, services."""
+    root = name.partition('.')[0]
+    return root == 'rclpy' or root.endswith(ROS_SUFFIXES)
+
+
+def leads_to_ros(name: str) -> bool:
+    """Return whether an import reaches ROS, itself or through one of our modules that know it."""
+    paths = modules(name.partition('.')[0])
+    module = name if name in paths else name.rpartition('.')[0]
+    ours = imports(paths[module]) if module in ros_modules() & set(paths) else ()
+    return is_ros(name) or any(is_ros(below) for below in ours)
+
+
+def test_the_packages_are_those_of_the_design():
+    assert set(PACKAGES) <= set(BELOW)
+    assert set(PACKAGES) >= set(BELOW) - {'quadruped_sim'}
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_logic_imports_no_ros(package):
+    offences = [
+        f'{module} imports {name}'
+        for module, path in modules(package).items()
+        if module not in ros_modules()
+        for name in imports(path)
+        if leads_to_ros(name)
+    ]
+    assert not offences
+
+
+def test_every_module_that_may_know_ros_exists():
+    known = {name for package in PACKAGES for name in modules(package)}
+    assert ros_modules() <= known
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_no_package_imports_one_above_or_beside_it(package):
+    assert roots(package) & set(BELOW) <= BELOW[package]
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_the_manifest_names_what_is_imported_and_nothing_above(package):
+    declared = {element.text for element in manifest(package).iter('exec_depend')}
+    needed = {ROSDEP_KEYS.get(root, root) for root in roots(package)} - {None}
+    assert needed <= declared
+    assert declared & set(BELOW) <= BELOW[package]
+
+
+def test_all_packages_have_one_version_and_the_installed_one():
+    versions = {package: manifest(package).findtext('version') for package in PACKAGES}
+    assert len(set(versions.values())) == 1, versions
+    try:
+        installed = importlib.metadata.version('wasd')
+    except importlib.metadata.PackageNotFoundError:
+        pytest.skip('the project is on the path but not installed')
+    assert installed == versions['wasd_bringup']
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_the_manifest_names_its_folder_and_licence(package):
+    assert manifest(package).findtext('name') == package
+    assert manifest(package).findtext('license') == PROJECT['project']['license']
+    assert (ROOT / package / 'resource' / package).is_file()
+
+
+def colcon_setup(package: str) -> dict[str, object]:
+    """Return the literal arguments of the `setup` call in a package's setup.py."""
+    (call,) = (
+        node
+        for node in ast.walk(ast.parse((ROOT / package / 'setup.py').read_text()))
+        if isinstance(node, ast.Call) and ast.unparse(node.func) == 'setup'
+    )
+    found = {}
+    for keyword in call.keywords:
+        if keyword.arg == 'entry_points':
+            found[keyword.arg] = ast.literal_eval(keyword.value)
+        elif keyword.arg == 'package_data':
+            found[keyword.arg] = ast.literal_eval(keyword.value.values[0])
+    return found
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_both_homes_have_the_same_executables_as_the_design(package):
+    scripts = {
+        name: target
+        for name, target in PROJECT['project']['scripts'].items()
+        if target.startswith(package + '.')
+    }
+    lines = colcon_setup(package)['entry_points']['console_scripts']
+    assert dict(line.split(' = ') for line in lines) == scripts
+    assert set(scripts) <= EXECUTABLES[package]
+
+
+@pytest.mark.parametrize('target', PROJECT['project']['scripts'].values())
+def test_every_executable_leads_to_a_function(target):
+    module, function = target.split(':')
+    tree = ast.parse(modules(module.partition('.')[0])[module].read_text())
+    assert function in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+def data_files(package: str) -> set[str]:
+    """Return the files of an import package that are not Python, relative to it."""
+    folder = ROOT / package / package
+    return {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob('*')
+        if path.is_file() and path.suffix not in {'.py', '.pyc'}
+    }
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_colcon_installs_every_data_file(package):
+    patterns = colcon_setup(package)['package_data']
+    folder = ROOT / package / package
+    covered = {p.relative_to(folder).as_posix() for g in patterns for p in folder.glob(g)}
+    assert data_files(package) - covered == set()
+
+
+def python_files() -> list[Path]:
+    """Return every Python file of the repository, tests included."""
+    folders = [*PACKAGES, 'tests', 'benchmarks']
+    return [path for folder in folders for path in (ROOT / folder).rglob('*.py')]
+
+
+def test_every_python_file_says_its_licence_and_stays_short():
+    spdx = '# SPDX-License-Identifier: Apache-2.0'
+    texts = {path.relative_to(ROOT): path.read_text().splitlines() for path in python_files()}
+    assert [str(path) for path, lines in texts.items() if spdx not in lines[:2]] == []
+    assert [str(path) for path, lines in texts.items() if len(lines) > LONGEST_MODULE] == []
+    assert len((ROOT / 'wasd').read_text().splitlines()) < 200
+
+
+@pytest.fixture(scope='module')
+def wheel(tmp_path_factory) -> Iterator[zipfile.ZipFile]:
+    """The wheel, built from the checkout."""
+    if importlib.util.find_spec('hatchling') is None:
+        pytest.skip('hatchling is not installed')
+    folder = tmp_path_factory.mktemp('wheel')
+    command = [sys.executable, '-m', 'hatchling', 'build', '-t', 'wheel', '-d', str(folder)]
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    (path,) = folder.glob('*.whl')
+    with zipfile.ZipFile(path) as opened:
+        yield opened
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_the_wheel_holds_every_file_of_a_package(package, wheel):
+    wanted = {path.relative_to(ROOT / package).as_posix() for path in modules(package).values()}
+    wanted |= {f'{package}/{name}' for name in data_files(package)}
+    assert f'{package}/py.typed' in wanted
+    held = {name for name in wheel.namelist() if name.startswith(package + '/')}
+    assert held == wanted
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_the_wheel_makes_its_environment_an_ament_prefix(package, wheel):
+    shared = {name.partition('.data/data/')[2] for name in wheel.namelist()}
+    assert f'share/{package}/package.xml' in shared
+    assert f'share/ament_index/resource_index/packages/{package}' in shared
+    descriptions = {name for name in data_files(package) if fnmatch(name, 'urdf/*')}
+    assert {f'share/{package}/{name}' for name in descriptions} <= shared
+
+
+def test_the_wheel_holds_the_executables_and_nothing_foreign(wheel):
+    (listed,) = (name for name in wheel.namelist() if name.endswith('entry_points.txt'))
+    parser = configparser.ConfigParser()
+    parser.read_string(wheel.read(listed).decode())
+    assert dict(parser['console_scripts']) == PROJECT['project']['scripts']
+    tops = {name.partition('/')[0] for name in wheel.namelist()}
+    assert {top for top in tops if not top.startswith('wasd-')} == set(PACKAGES)
