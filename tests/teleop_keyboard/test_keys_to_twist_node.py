@@ -133,6 +133,7 @@ def test_a_key_that_was_handed_over_is_not_handled_again_when_it_comes_back(ros)
     keys.destroy_node()
 
 
+@pytest.mark.slow
 def test_alone_it_follows_its_own_clock(ros):
     node = KeysToTwistNode()
     received = []

@@ -130,15 +130,18 @@ def test_a_terminal_that_hangs_up_is_closed(terminal_pair):
 
 def test_a_lone_escape_is_a_key_after_at_most_50_ms(terminal_pair):
     master, slave = terminal_pair
+    waits = []
     with KeyReader(Terminal(slave)) as reader:
-        os.write(master, b'\x1b')
-        start = time.monotonic()
-        keys = []
-        while not keys:
-            keys = reader.poll(1.0)
-        assert keys == ['ESC']
-        # 50 ms, and some for a busy machine.
-        assert time.monotonic() - start < 0.1
+        for _ in range(5):
+            os.write(master, b'\x1b')
+            start = time.monotonic()
+            keys = []
+            while not keys:
+                keys = reader.poll(1.0)
+            assert keys == ['ESC']
+            waits.append(time.monotonic() - start)
+    # The best of five: a busy machine adds to a wait, but never takes from it.
+    assert min(waits) <= 0.05
 
 
 def test_a_sequence_in_two_reads_is_one_key(terminal_pair):
