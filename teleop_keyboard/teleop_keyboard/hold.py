@@ -10,6 +10,8 @@ FIRST_REPEAT_TIMEOUT = 0.6
 GAPS_TO_RELEASE = 2.5
 # ... but not sooner than this: one late delivery must not stop the robot [s].
 SHORTEST_TIMEOUT = 0.12
+# No keyboard repeats faster: presses closer than this came as one burst, e.g. from a pipe [s].
+SHORTEST_GAP = 0.01
 # The last gaps that are looked at; the longest counts, so jitter does not release a key.
 GAPS_KEPT = 3
 
@@ -31,6 +33,8 @@ class _Key:
         return min(wanted, FIRST_REPEAT_TIMEOUT)
 
     def repeat(self) -> None:
+        if self.age < SHORTEST_GAP:
+            return
         self.presses += 1
         if self.presses == 3:
             # The gap before was the keyboard's delay before the first repeat, not its rate.

@@ -10,6 +10,8 @@ import math
 import re
 from typing import NamedTuple
 
+from robot_description.errors import UserError
+
 from teleop_keyboard.key_names import canonical_key
 
 # Repeats of a held key, as `key*N` writes them [Hz].
@@ -28,7 +30,7 @@ class KeyPress(NamedTuple):
     key: str
 
 
-class KeyScriptError(ValueError):
+class KeyScriptError(UserError):
     """A key script cannot be read; says file and line, what came and what is wanted."""
 
 

@@ -30,17 +30,23 @@ class StatusLine:
             return
         text = text[: shutil.get_terminal_size().columns - 1]
         if text != self._shown:
-            self._stream.write(f'\r{text}\x1b[K')
-            self._stream.flush()
+            self._write(f'\r{text}\x1b[K')
         self._shown = text
         self._shown_at = now
 
     def close(self) -> None:
         """Leave the last text behind and go to the next line."""
         if self._shown:
-            self._stream.write('\n')
-            self._stream.flush()
+            self._write('\n')
             self._shown = ''
+
+    def _write(self, text: str) -> None:
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except OSError:
+            # The terminal has gone; a robot is not to be left running for that.
+            self._is_terminal = False
 
 
 def describe(logic: KeysToTwist) -> str:

@@ -14,6 +14,8 @@ from types import FrameType
 from types import TracebackType
 from typing import Any, Self
 
+from robot_description.errors import UserError
+
 # Signals whose default action would end the process with the terminal still raw.
 FATAL_SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
@@ -26,7 +28,7 @@ CONTROL_CHARACTERS = 6
 READ_SIZE = 65536
 
 
-class NoTerminal(RuntimeError):
+class NoTerminal(UserError):
     """There is no terminal to read keys from; says in one line what to do."""
 
 

@@ -47,7 +47,8 @@ def run_command(arguments: argparse.Namespace) -> int:
             if session is not None:
                 session.close()
             rclpy.try_shutdown()
-    print(_summary(session, options))
+    with contextlib.suppress(OSError):  # the terminal may have gone
+        print(_summary(session, options), flush=True)
     return stop.exit_status
 
 
