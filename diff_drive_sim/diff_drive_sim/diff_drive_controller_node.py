@@ -48,13 +48,11 @@ class DiffDriveControllerNode(Node):
 
         Raises:
             InvalidParameter, DescriptionError, DiffDriveError: what is wrong, in one line.
-
         """
         super().__init__('diff_drive_controller')
         self.settings = declare_parameters(self, DiffDriveParameters, self._on_change)
         if geometry is None:
-            name = self.declare_parameter('description', 'mbot').value
-            geometry = find_wheels(load_robot(name).robot)
+            geometry = find_wheels(load_robot(self.settings.description).robot)
         self.controller = DiffDriveController(geometry, self.settings)
         self.cmd_vel: Inlet[Any]
         if self.settings.stamped:
@@ -105,9 +103,10 @@ class DiffDriveControllerNode(Node):
                 message.position[message.name.index(name)]
                 for name in (geometry.left_joint, geometry.right_joint)
             ]
-        except ValueError:
+        except (ValueError, IndexError):
             self.get_logger().warning(
-                f'joint_states lacks {geometry.left_joint} or {geometry.right_joint}', once=True
+                f'joint_states lacks {geometry.left_joint} or {geometry.right_joint}: ignored',
+                once=True,
             )
             return
         stamp = message.header.stamp

@@ -2,65 +2,87 @@
 """Wheels of a differential drive: found in the URDF, and what their speeds mean."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
+import numpy as np
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
 
 from diff_drive_sim.errors import DiffDriveError
 
+# Lengths in a description that differ by less than this [m] are meant to be equal.
+TOLERANCE = 1e-9
+
 
 @dataclass(frozen=True)
 class DiffDriveGeometry:
-    """Joint names of the two wheels, their radius and the distance between them [m]."""
+    """
+    Joint names of the two wheels, their radius and the distance between them [m].
+
+    A direction is -1 for a joint whose axis points to the right: it turns backward to go forward.
+    """
 
     left_joint: str
     right_joint: str
     wheel_radius: float
     wheel_separation: float
+    left_direction: int = 1
+    right_direction: int = 1
 
     def wheel_speeds(self, linear: float, angular: float) -> tuple[float, float]:
         """Return left and right wheel speed [rad/s] of a twist [m/s], [rad/s]."""
         half = 0.5 * self.wheel_separation * angular
-        return (linear - half) / self.wheel_radius, (linear + half) / self.wheel_radius
+        left = self.left_direction * (linear - half) / self.wheel_radius
+        right = self.right_direction * (linear + half) / self.wheel_radius
+        return left, right
 
     def displacement(self, left: float, right: float) -> tuple[float, float]:
         """Return the path of the midpoint [m] and the turn [rad] of two wheel angles [rad]."""
-        forward = 0.5 * (left + right) * self.wheel_radius
-        return forward, (right - left) * self.wheel_radius / self.wheel_separation
+        left_path = self.left_direction * left * self.wheel_radius
+        right_path = self.right_direction * right * self.wheel_radius
+        return 0.5 * (left_path + right_path), (right_path - left_path) / self.wheel_separation
+
+
+class _Wheel(NamedTuple):
+    """A wheel as found: joint, position in the root [m], radius [m], sign of its axis along y."""
+
+    joint: str
+    position: np.ndarray
+    radius: float
+    direction: int
 
 
 def find_wheels(robot: Robot) -> DiffDriveGeometry:
     """
-    Return the two coaxial wheels of a robot: cylinders that turn about y, one on each side.
+    Return the two wheels on one axle: cylinders that turn about y. Left is the one at larger y.
 
     Raises:
         DiffDriveError: there are not two of them, or their radii or positions disagree.
-
     """
-    wheels = {}
-    for joint in robot.movable_joints:
-        radius = _wheel_radius(robot, joint)
-        if radius is not None:
-            wheels[joint.name] = (robot.pose_of(joint.child).position, radius)
+    wheels = [wheel for wheel in (_wheel(robot, joint) for joint in robot.movable_joints) if wheel]
     if len(wheels) != 2:
-        found = ', '.join(wheels) or 'none'
+        found = ', '.join(wheel.joint for wheel in wheels) or 'none'
         raise DiffDriveError(
             f'{robot.name!r} needs 2 driven wheels (cylinders on continuous joints about y), '
             f'found {len(wheels)}: {found}'
         )
-    (right, (p_right, r_right)), (left, (p_left, r_left)) = sorted(
-        wheels.items(), key=lambda item: float(item[1][0][1])
+    right, left = sorted(wheels, key=lambda wheel: float(wheel.position[1]))
+    if abs(left.radius - right.radius) > TOLERANCE:
+        raise DiffDriveError(
+            f'wheel radii differ: {left.joint} {left.radius} m, {right.joint} {right.radius} m'
+        )
+    x, separation, z = (left.position - right.position).tolist()
+    if abs(x) > TOLERANCE or abs(z) > TOLERANCE or separation <= TOLERANCE:
+        raise DiffDriveError(f'{left.joint} and {right.joint} are not on one axle along y')
+    return DiffDriveGeometry(
+        left.joint, right.joint, left.radius, separation, left.direction, right.direction
     )
-    if abs(r_left - r_right) > 1e-9:
-        raise DiffDriveError(f'wheel radii differ: {left} {r_left} m, {right} {r_right} m')
-    if abs(p_left[0] - p_right[0]) > 1e-9 or abs(p_left[2] - p_right[2]) > 1e-9:
-        raise DiffDriveError(f'{left} and {right} are not on one axle')
-    return DiffDriveGeometry(left, right, r_left, float(p_left[1] - p_right[1]))
 
 
-def _wheel_radius(robot: Robot, joint: Joint) -> float | None:
-    axis = robot.pose_of(joint.child).rotation @ joint.axis
-    if joint.kind != 'continuous' or abs(axis[1]) < 1.0 - 1e-6:
-        return None
+def _wheel(robot: Robot, joint: Joint) -> _Wheel | None:
+    pose = robot.pose_of(joint.child)
+    axis = pose.rotation @ joint.axis
     cylinders = [s for s in robot.links[joint.child].collisions if s.kind == 'cylinder']
-    return cylinders[0].size[0] if cylinders else None
+    if joint.kind != 'continuous' or abs(axis[1]) < 1.0 - 1e-6 or not cylinders:
+        return None
+    return _Wheel(joint.name, pose.position, cylinders[0].size[0], 1 if axis[1] > 0.0 else -1)

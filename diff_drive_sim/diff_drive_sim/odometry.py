@@ -8,7 +8,7 @@ from diff_drive_sim.geometry import DiffDriveGeometry
 
 
 class OdometryState(NamedTuple):
-    """Pose in the odom frame [m], [rad]; yaw is continuous. Twist in the base frame [m/s], [rad/s]."""
+    """Pose in the odom frame [m], [rad], twist in the base frame [m/s], [rad/s]."""
 
     x: float = 0.0
     y: float = 0.0
@@ -33,30 +33,34 @@ class WheelOdometry:
         """Put the robot at the origin of the odom frame."""
         self.state = OdometryState()
         self._angles: tuple[float, float] | None = None
+        self._elapsed = 0.0  # [s] since those angles
 
     def step(self, left: float, right: float, dt: float) -> OdometryState:
         """
-        Take in wheel angles [rad] `dt` [s] after the last ones.
+        Take in wheel angles [rad] `dt` [s] after the last ones; angles not finite change nothing.
 
         The midpoint moves on a circle of radius forward / turn: its chord is
         forward sin(turn/2) / (turn/2) along the mean heading, which is exact for constant speeds.
         """
+        self._elapsed += dt
         if not (math.isfinite(left) and math.isfinite(right)):
             return self.state
         if self._angles is not None:
             forward, turn = self._geometry.displacement(
                 left - self._angles[0], right - self._angles[1]
             )
+            elapsed = self._elapsed
             heading = self.state.yaw + 0.5 * turn
             chord = forward * _sinc(0.5 * turn)
             self.state = OdometryState(
                 x=self.state.x + chord * math.cos(heading),
                 y=self.state.y + chord * math.sin(heading),
                 yaw=self.state.yaw + turn,
-                linear=forward / dt if dt > 0.0 else self.state.linear,
-                angular=turn / dt if dt > 0.0 else self.state.angular,
+                linear=forward / elapsed if elapsed > 0.0 else self.state.linear,
+                angular=turn / elapsed if elapsed > 0.0 else self.state.angular,
             )
         self._angles = (left, right)
+        self._elapsed = 0.0
         return self.state
 
 

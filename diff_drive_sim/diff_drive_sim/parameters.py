@@ -9,8 +9,14 @@ from robot_description.parameters import Parameters
 
 @dataclass(frozen=True, kw_only=True)
 class DiffDriveParameters(Parameters):
-    """Limits, time-out, rates and frames; wheel geometry comes from the robot's URDF."""
+    """Limits, time-out, rates and frames; wheel geometry comes from the robot's description."""
 
+    description: str = parameter(
+        'mbot',
+        doc='Robot whose wheels are driven: a built-in name, or a xacro or URDF file; '
+        'not used when the controller is composed with a simulator',
+        read_only=True,
+    )
     cmd_vel_timeout: float = parameter(
         0.5,
         doc='The robot stops when cmd_vel is silent for so long; 0 is never',

@@ -3,6 +3,8 @@
 
 # A host that lags more than this [s] is not asked to catch up: the robot just runs slower.
 MAXIMUM_LAG = 0.1
+# The factor is measured over no less than this [s]: shorter, a single physics step would show.
+MINIMUM_INTERVAL = 0.5
 
 
 class Pacer:
@@ -25,6 +27,8 @@ class Pacer:
 
     def allowed(self, wall: float, simulated: float) -> float:
         """Return the simulated time [s] that should have been reached at a wall time."""
+        if self._mark is None:
+            self._mark = (wall, simulated)
         if self.speed == 0.0:
             return float('inf')
         if self._anchor is None:
@@ -43,8 +47,12 @@ class Pacer:
         return max(0.0, due - wall)
 
     def measure(self, wall: float, simulated: float) -> float:
-        """Return the real-time factor since the last call, and keep it."""
-        if self._mark is not None and wall > self._mark[0]:
+        """
+        Return the real-time factor since the last measurement or restart, and keep it.
+
+        Within MINIMUM_INTERVAL of that it is still the factor measured last, at first 0.
+        """
+        if self._mark is not None and wall - self._mark[0] >= MINIMUM_INTERVAL:
             self.real_time_factor = (simulated - self._mark[1]) / (wall - self._mark[0])
-        self._mark = (wall, simulated)
+            self._mark = (wall, simulated)
         return self.real_time_factor

@@ -30,7 +30,7 @@ class Schedule:
         if steps < 1 or not math.isclose(steps * self._time_step, period, rel_tol=1e-9):
             raise SimulationError(
                 f'a period must be a multiple of the physics step {self._time_step} s, '
-                f'got {period} s'
+                f'got {period:g} s ({1.0 / period:g} Hz)'
             )
         self._tasks.append((steps, task))
 

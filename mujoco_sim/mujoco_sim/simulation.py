@@ -59,7 +59,8 @@ class Simulation:
         stride = self.schedule.stride
         stride_time = stride * self.world.time_step
         end = round(duration / self.world.time_step) if duration != float('inf') else None
-        next_second = polled = time.monotonic()
+        polled = time.monotonic()
+        next_second = polled + 1.0
         while not stop() and (end is None or self.world.tick < end):
             wall = time.monotonic()
             if wall >= next_second:

@@ -70,7 +70,7 @@ class SimulatorNode(Node):
         self._world = world
         self._root = robot.robot.root
         self._commanded_at = 0.0
-        self._brake_reported = False
+        self._is_braking = True
         self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
         self._joint_states = self.create_publisher(JointState, 'joint_states', 10)
         self._truth = self.create_publisher(Odometry, 'ground_truth/odom', 10)
@@ -131,7 +131,7 @@ class SimulatorNode(Node):
             return
         if self._world.apply(command):
             self._commanded_at = self._world.time
-            self._brake_reported = False
+            self._is_braking = False
         else:
             self.get_logger().warning(
                 'joint_commands is not finite: refused, motors brake', throttle_duration_sec=5.0
@@ -139,9 +139,13 @@ class SimulatorNode(Node):
 
     def _watch_commands(self) -> None:
         silent = self._world.time - self._commanded_at
-        if silent > self.settings.command_timeout and not self._brake_reported:
-            self._brake_reported = True
+        if silent > self.settings.command_timeout and not self._is_braking:
+            self._is_braking = True
             self._world.brake()
+            self.get_logger().warning(
+                f'joint_commands silent for {self.settings.command_timeout} s: motors brake',
+                throttle_duration_sec=5.0,
+            )
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.simulation.reset()

@@ -60,7 +60,7 @@ class BaseState(NamedTuple):
 
     @property
     def planar_velocity(self) -> np.ndarray:
-        """Velocity forward and to the left [m/s], yaw-aligned, and yaw rate [rad/s], shape (3,)."""
+        """Velocity forward and leftward [m/s], yaw-aligned, and yaw rate [rad/s], shape (3,)."""
         roll, pitch, yaw = self.rpy
         vx, vy, _ = self.linear_velocity
         cos, sin = np.cos(yaw), np.sin(yaw)
@@ -76,8 +76,8 @@ class World:
     """
     One robot in one compiled model.
 
-    Keeps MuJoCo's state, the command in force and the push in force. One `step` advances all of
-    it by whole physics steps; the same seed and the same calls give the same bits.
+    Keeps MuJoCo's state, the command in force, the push in force and `tick`, the number of physics
+    steps so far. The same seed and the same calls give the same bits.
     """
 
     def __init__(self, spec: mujoco.MjSpec, root: str, seed: int = 0) -> None:
@@ -94,6 +94,7 @@ class World:
         self.data = mujoco.MjData(self.model)
         self.root = self.model.body(root).id
         self.seed = seed
+        self.tick = 0
         self.rejected_commands = 0
         joints = [self.model.joint(i) for i in range(self.model.njnt)]
         hinges = [joint for joint in joints if joint.type[0] != mujoco.mjtJoint.mjJNT_FREE]
@@ -115,8 +116,6 @@ class World:
     def time(self) -> float:
         """Simulated time since construction [s]; `reset` does not turn it back."""
         return self.tick * self.time_step
-
-    tick = 0
 
     def reset(self) -> None:
         """Put the robot back to where it began, at rest, random numbers included; time goes on."""
@@ -183,7 +182,7 @@ class World:
         self.data.ctrl[:] = 0.0
 
     def push(self, force: Sequence[float], duration: float) -> None:
-        """Apply a world-frame force [N], shape (3,), at the root's centre of mass for a time [s]."""
+        """Apply a world-frame force [N], shape (3,), at the root's centre of mass, so long [s]."""
         self.data.xfrc_applied[self.root, :3] = force
         self._push_until = self.tick + max(1, round(duration / self.time_step))
 

@@ -23,20 +23,15 @@ def expand(
     `arguments` are xacro args; `search` are folders in which `$(find)` looks first.
 
     Raises:
-        DescriptionError: one line with the file, and the line where xacro knows it.
-
+        DescriptionError: one line with the file, and the included file where it went wrong.
     """
     if not path.is_file():
         raise DescriptionError(f'{path}: no such file')
     try:
         with _own_find(search):
             document = xacro.process_file(str(path), mappings=dict(arguments or {}))
-    except xml.parsers.expat.ExpatError as error:
-        raise DescriptionError(f'{path}: not well-formed XML: {error}') from None
-    except DescriptionError as error:
-        raise DescriptionError(f'{path}: {error}') from None
     except Exception as error:  # xacro raises a dozen unrelated types
-        raise DescriptionError(f'{path}: {_one_line(error)}') from None
+        raise DescriptionError(f'{path}: {_included(path)}{_reason(error)}') from None
     return str(document.toprettyxml(indent='  '))
 
 
@@ -56,7 +51,17 @@ def _own_find(search: Sequence[Path]) -> Iterator[None]:
         module._eval_find = module._eval_dict['find'] = previous
 
 
-def _one_line(error: Exception) -> str:
-    text = ' '.join(str(error).split())
-    context = ' '.join(str(part) for part in getattr(error, 'suffix_parts', ()))
-    return f'{text} {context}'.strip() or type(error).__name__
+def _included(path: Path) -> str:
+    """Return the file that xacro was reading, unless it is `path` itself."""
+    deepest = (xacro.filestack or [None])[-1]
+    return f'in {deepest}: ' if deepest and Path(deepest) != path else ''
+
+
+def _reason(error: BaseException) -> str:
+    """Return what went wrong in one line, without the layers that xacro wraps around it."""
+    cause = getattr(error, 'exc', None)
+    if isinstance(cause, DescriptionError):
+        return _reason(cause)
+    text = ' '.join(str(error).split()) or type(error).__name__
+    is_syntax = isinstance(error, xml.parsers.expat.ExpatError)
+    return f'not well-formed XML: {text}' if is_syntax else text

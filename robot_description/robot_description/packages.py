@@ -29,9 +29,8 @@ def share_directory(name: str, search: Sequence[Path] = ()) -> Path:
 
     Raises:
         PackageNotFound: says where was looked.
-
     """
-    for folder in search:
+    for folder in map(Path.resolve, search):
         for candidate in (folder, folder / name):
             if candidate.name == name and candidate.is_dir():
                 return candidate

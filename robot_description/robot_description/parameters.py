@@ -52,7 +52,6 @@ class Parameters:
 
     Raises:
         InvalidParameter: on construction, when a value is of the wrong type or out of range.
-
     """
 
     def __post_init__(self) -> None:
@@ -85,16 +84,16 @@ def _checked(definition: 'dataclasses.Field[Any]', value: Any) -> Any:
     if meta.get('choices') and value not in meta['choices']:
         wanted = ', '.join(meta['choices'])
         raise InvalidParameter(f'{definition.name} must be one of {wanted}, got {value!r}')
-    if kind in (int, float) and not _in_range(value, meta):
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InvalidParameter(f'{definition.name} must be a finite number, got {value!r}')
+    if isinstance(value, (int, float)) and not _in_range(value, meta):
         raise InvalidParameter(f'{definition.name} must be {describe_range(meta)}, got {value!r}')
     return value
 
 
 def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
-    # Written so that NaN fails every bound.
     return (
-        not math.isnan(value)
-        and (meta.get('above') is None or value > meta['above'])
+        (meta.get('above') is None or value > meta['above'])
         and (meta.get('minimum') is None or value >= meta['minimum'])
         and (meta.get('maximum') is None or value <= meta['maximum'])
     )

@@ -15,7 +15,6 @@ def description_path(name_or_path: str) -> Path:
 
     Raises:
         DescriptionError: when it is neither; lists the names.
-
     """
     if name_or_path in DESCRIPTIONS:
         return share_directory('robot_description') / DESCRIPTIONS[name_or_path]

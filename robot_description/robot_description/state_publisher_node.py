@@ -46,7 +46,6 @@ class StatePublisherNode(Node):
 
         Raises:
             InvalidParameter, DescriptionError: what is wrong, in one line.
-
         """
         super().__init__('state_publisher')
         self.settings = declare_parameters(self, StatePublisherParameters)
@@ -79,6 +78,13 @@ class StatePublisherNode(Node):
         """Nothing to stop."""
 
     def _on_joint_states(self, message: JointState) -> None:
+        if len(message.position) != len(message.name):
+            self.get_logger().warning(
+                f'joint_states has {len(message.name)} names but {len(message.position)} '
+                'positions: ignored',
+                throttle_duration_sec=5.0,
+            )
+            return
         self.publish(tuple(message.name), np.array(message.position), message.header.stamp)
 
     def _fixed_transforms(self, stamp: Time) -> list[TransformStamped]:

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 import math
+from typing import TypeVar
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -10,6 +11,13 @@ import numpy as np
 from robot_description.errors import DescriptionError
 
 MOVABLE = ('revolute', 'continuous', 'prismatic')
+# Attributes that give a primitive's size, in URDF's order, and how many numbers they are.
+SIZES = {
+    'box': (('size',), 3),
+    'cylinder': (('radius', 'length'), 2),
+    'sphere': (('radius',), 1),
+    'mesh': ((), 0),
+}
 
 
 @dataclass(frozen=True)
@@ -29,7 +37,7 @@ IDENTITY = Pose(np.zeros(3), np.eye(3))
 
 @dataclass(frozen=True)
 class Shape:
-    """One collision primitive: kind, size in URDF's order [m], pose in its link."""
+    """One collision shape: kind, size in URDF's order [m] (none for a mesh), pose in its link."""
 
     kind: str
     size: tuple[float, ...]
@@ -65,6 +73,9 @@ class Joint:
         if self.kind == 'prismatic':
             return self.pose @ Pose(self.axis * position, np.eye(3))
         return self.pose
+
+
+Named = TypeVar('Named', Link, Joint)
 
 
 @dataclass(frozen=True)
@@ -104,14 +115,16 @@ def axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:
     """Return the rotation by `angle` [rad] about a unit axis (Rodrigues), shape (3, 3)."""
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation = np.eye(3) + math.sin(angle) * skew + (1.0 - math.cos(angle)) * skew @ skew
-    return np.asarray(rotation)
+    rotation: np.ndarray = np.eye(3) + math.sin(angle) * skew
+    rotation += (1.0 - math.cos(angle)) * skew @ skew
+    return rotation
 
 
 def rpy_matrix(roll: float, pitch: float, yaw: float) -> np.ndarray:
     """Return URDF's fixed-axis rotation Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
     x, y, z = np.eye(3)
-    return axis_angle(z, yaw) @ axis_angle(y, pitch) @ axis_angle(x, roll)
+    rotation: np.ndarray = axis_angle(z, yaw) @ axis_angle(y, pitch) @ axis_angle(x, roll)
+    return rotation
 
 
 def parse_urdf(text: str) -> Robot:
@@ -119,66 +132,93 @@ def parse_urdf(text: str) -> Robot:
     Parse URDF text.
 
     Raises:
-        DescriptionError: not XML, no links, a joint to a link that does not exist, or a tree with
-            no or several roots.
-
+        DescriptionError: not XML, no links, a name or a child used twice, a joint to a link that
+            does not exist, no or several roots, a loop, or something that is not a number.
     """
     try:
         tree = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise DescriptionError(f'not well-formed XML: {error}') from None
-    links = {link.name: link for link in map(_link, tree.findall('link'))}
-    joints = {joint.name: joint for joint in map(_joint, tree.findall('joint'))}
+    links = _by_name([_link(tag) for tag in tree.findall('link')])
+    joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
+    friction = {
+        str(tag.get('reference')): float(_parse(str(tag.findtext('mu1')), 1, 'mu1')[0])
+        for tag in tree.findall('gazebo')
+        if tag.get('reference') and tag.findtext('mu1')
+    }
+    return Robot(tree.get('name', ''), _find_root(links, joints), links, joints, friction)
+
+
+def _by_name(elements: list[Named]) -> dict[str, Named]:
+    by_name: dict[str, Named] = {}
+    for element in elements:
+        if element.name in by_name:
+            kind = type(element).__name__.lower()
+            raise DescriptionError(f'{kind} {element.name!r} is defined twice')
+        by_name[element.name] = element
+    return by_name
+
+
+def _find_root(links: dict[str, Link], joints: dict[str, Joint]) -> str:
+    """Return the root of the tree, having checked that it is one."""
     if not links:
         raise DescriptionError('the description has no links (is a macro call missing "xacro:"?)')
+    parents: dict[str, str] = {}
     for joint in joints.values():
         for end in (joint.parent, joint.child):
             if end not in links:
                 raise DescriptionError(f'joint {joint.name!r} names link {end!r}, not defined')
-    roots = sorted(set(links) - {joint.child for joint in joints.values()})
+        if joint.child in parents:
+            raise DescriptionError(f'link {joint.child!r} is the child of two joints')
+        parents[joint.child] = joint.parent
+    roots = sorted(set(links) - set(parents))
     if len(roots) != 1:
         raise DescriptionError(f'the links need one root, found {len(roots)}: {", ".join(roots)}')
-    friction = {
-        str(tag.get('reference')): float(str(tag.findtext('mu1')))
-        for tag in tree.findall('gazebo')
-        if tag.get('reference') and tag.findtext('mu1')
-    }
-    return Robot(tree.get('name', ''), roots[0], links, joints, friction)
+    reached = set(roots)
+    while found := {link for link in parents if parents[link] in reached} - reached:
+        reached |= found
+    if loop := sorted(set(links) - reached):
+        raise DescriptionError(f'joints run in a circle through {", ".join(loop)}')
+    return roots[0]
 
 
 def _link(tag: ElementTree.Element) -> Link:
-    mass = tag.find('inertial/mass')
-    shapes = (_shape(collision) for collision in tag.findall('collision'))
+    name = tag.get('name', '')
+    where = f'link {name!r}'
+    shapes = (_shape(collision, where) for collision in tag.findall('collision'))
     return Link(
-        name=tag.get('name', ''),
-        mass=float(mass.get('value', '0')) if mass is not None else 0.0,
+        name=name,
+        mass=float(_numbers(tag.find('inertial/mass'), 'value', '0', where)[0]),
         collisions=tuple(shape for shape in shapes if shape is not None),
     )
 
 
-def _shape(tag: ElementTree.Element) -> Shape | None:
-    names = {'box': ('size',), 'cylinder': ('radius', 'length'), 'sphere': ('radius',)}
-    for kind, attributes in names.items():
+def _shape(tag: ElementTree.Element, where: str) -> Shape | None:
+    for kind, (attributes, count) in SIZES.items():
         geometry = tag.find(f'geometry/{kind}')
         if geometry is not None:
-            numbers = ' '.join(geometry.get(attribute, '') for attribute in attributes).split()
-            return Shape(kind, tuple(map(float, numbers)), _origin(tag))
+            text = ' '.join(geometry.get(attribute, '') for attribute in attributes)
+            size = _parse(text, count, f'{where}: {kind}')
+            return Shape(kind, tuple(size.tolist()), _origin(tag, where))
     return None
 
 
 def _joint(tag: ElementTree.Element) -> Joint:
-    axis = _numbers(tag.find('axis'), 'xyz', '1 0 0')
+    name = tag.get('name', '')
+    where = f'joint {name!r}'
+    axis = _numbers(tag.find('axis'), 'xyz', '1 0 0', where)
+    if not axis.any():
+        raise DescriptionError(f'{where}: its axis is zero')
     limit = tag.find('limit')
-    limits = limit.attrib if limit is not None else {}
     return Joint(
-        name=tag.get('name', ''),
+        name=name,
         kind=tag.get('type', 'fixed'),
         parent=_name_of(tag, 'parent'),
         child=_name_of(tag, 'child'),
-        pose=_origin(tag),
+        pose=_origin(tag, where),
         axis=axis / np.linalg.norm(axis),
-        effort=float(limits.get('effort', 0.0)),
-        velocity=float(limits.get('velocity', 0.0)),
+        effort=float(_numbers(limit, 'effort', '0', where)[0]),
+        velocity=float(_numbers(limit, 'velocity', '0', where)[0]),
     )
 
 
@@ -187,11 +227,26 @@ def _name_of(joint: ElementTree.Element, end: str) -> str:
     return tag.get('link', '') if tag is not None else ''
 
 
-def _origin(tag: ElementTree.Element) -> Pose:
+def _origin(tag: ElementTree.Element, where: str) -> Pose:
     origin = tag.find('origin')
-    return Pose(_numbers(origin, 'xyz', '0 0 0'), rpy_matrix(*_numbers(origin, 'rpy', '0 0 0')))
+    roll, pitch, yaw = _numbers(origin, 'rpy', '0 0 0', where)
+    return Pose(_numbers(origin, 'xyz', '0 0 0', where), rpy_matrix(roll, pitch, yaw))
 
 
-def _numbers(tag: ElementTree.Element | None, attribute: str, default: str) -> np.ndarray:
+def _numbers(
+    tag: ElementTree.Element | None, attribute: str, default: str, where: str
+) -> np.ndarray:
+    """Return an attribute's numbers, as many as its default has."""
     text = tag.get(attribute, default) if tag is not None else default
-    return np.array([float(number) for number in text.split()])
+    return _parse(text, len(default.split()), f'{where}: {attribute}')
+
+
+def _parse(text: str, count: int, where: str) -> np.ndarray:
+    try:
+        numbers = np.array([float(number) for number in text.split()])
+    except ValueError:
+        numbers = np.array([math.nan])
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        wanted = 'a number' if count == 1 else f'{count} numbers'
+        raise DescriptionError(f'{where} needs {wanted}, got {text!r}')
+    return numbers

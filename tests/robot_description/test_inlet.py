@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+from geometry_msgs.msg import Twist
+import pytest
+from rclpy.node import Node
+from robot_description.inlet import Inlet
+
+from robot_description import inlet as inlet_module
+
+
+def twist(speed):
+    message = Twist()
+    message.linear.x = speed
+    return message
+
+
+class Receiver(Node):
+    """A node that publishes for everybody and hands the same messages to its own inlet."""
+
+    def __init__(self):
+        super().__init__('receiver')
+        self.received = []
+        self.publisher = self.create_publisher(Twist, 'cmd_vel', 100)
+        self.inlet = Inlet(
+            self, Twist, 'cmd_vel', lambda m: self.received.append(m.linear.x), depth=100
+        )
+
+    def send(self, speed):
+        self.inlet.put(twist(speed))
+        self.publisher.publish(twist(speed))
+
+
+@pytest.fixture
+def receiver(spawn):
+    return spawn(Receiver())
+
+
+@pytest.fixture
+def outside(spawn, receiver, spin_until):
+    """Return a publisher that is not the receiver's own; the two have found each other."""
+    node = spawn(Node('outside'))
+    publisher = node.create_publisher(Twist, 'cmd_vel', 100)
+    spin_until(spawn.pump, lambda: publisher.get_subscription_count() > 0)
+    return publisher
+
+
+def test_a_message_put_in_arrives_at_once(receiver):
+    receiver.inlet.put(twist(0.5))
+    assert receiver.received == [0.5]
+
+
+def test_a_message_from_outside_is_delivered(receiver, outside, spawn, spin_until):
+    outside.publish(twist(0.7))
+    spin_until(spawn.pump, lambda: receiver.received == [0.7])
+
+
+def test_the_echo_of_a_message_put_in_is_dropped(receiver, outside, spawn, spin_until):
+    for index in range(20):
+        receiver.send(0.1 * index)
+    outside.publish(twist(9.0))
+    spin_until(spawn.pump, lambda: 9.0 in receiver.received)
+    for _ in range(5):
+        spawn.pump.handle(0.02)
+    assert sorted(receiver.received) == pytest.approx([0.1 * index for index in range(20)] + [9.0])
+
+
+def test_equal_messages_put_in_twice_are_two(receiver, outside, spawn, spin_until):
+    receiver.send(0.5)
+    receiver.send(0.5)
+    outside.publish(twist(9.0))
+    spin_until(spawn.pump, lambda: 9.0 in receiver.received)
+    for _ in range(5):
+        spawn.pump.handle(0.02)
+    assert sorted(receiver.received) == [0.5, 0.5, 9.0]
+
+
+def test_after_the_echo_an_equal_message_from_outside_counts(receiver, outside, spawn, spin_until):
+    receiver.send(0.5)
+    spin_until(spawn.pump, lambda: not receiver.inlet._pending)
+    assert receiver.received == [0.5]
+    outside.publish(twist(0.5))
+    spin_until(spawn.pump, lambda: receiver.received == [0.5, 0.5])
+
+
+def test_an_echo_that_never_came_is_not_waited_for(
+    receiver, outside, spawn, spin_until, monkeypatch
+):
+    monkeypatch.setattr(inlet_module, 'ECHO_LIFETIME', 0.05)
+    receiver.inlet.put(twist(0.5))  # not published, so no echo
+    spawn.pump.handle(0.1)
+    outside.publish(twist(0.5))
+    spin_until(spawn.pump, lambda: receiver.received == [0.5, 0.5])
+
+
+def test_a_lost_echo_does_not_hold_up_the_next(receiver, outside, spawn, spin_until):
+    receiver.inlet.put(twist(0.1))  # lost: only the next one comes back
+    receiver.send(0.2)
+    spin_until(spawn.pump, lambda: not receiver.inlet._pending)
+    assert receiver.received == [0.1, 0.2]

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+import importlib.util
+
+from builtin_interfaces.msg import Time
+import numpy as np
+import pytest
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from robot_description.expand import expand
+from robot_description.robots import description_path
+from robot_description.state_publisher_node import main
+from robot_description.state_publisher_node import StatePublisherNode
+from robot_description.tf import TfBroadcaster
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+HAS_TF = importlib.util.find_spec('tf2_msgs') is not None
+WHEEL = 'left_wheel_joint'
+
+
+@pytest.fixture
+def sent(monkeypatch):
+    """Collect what would go on /tf and /tf_static, whether or not the message type exists."""
+    transforms = []
+    monkeypatch.setattr(TfBroadcaster, 'send', lambda self, these: transforms.append(list(these)))
+    return transforms
+
+
+def test_the_description_reaches_who_comes_late(spawn, spin_until):
+    spawn(StatePublisherNode())
+    for _ in range(5):
+        spawn.pump.handle(0.02)
+    late, received = spawn(Node('late')), []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    late.create_subscription(String, 'robot_description', received.append, latched)
+    spin_until(spawn.pump, lambda: received)
+    assert received[0].data == expand(description_path('mbot'))
+
+
+def test_fixed_joints_are_sent_once_at_start(sent, spawn):
+    spawn(StatePublisherNode(lock_step=True))
+    ((fixed,),) = sent
+    assert (fixed.header.frame_id, fixed.child_frame_id) == ('base_footprint', 'base_link')
+    assert fixed.transform.translation.z == pytest.approx(0.11)
+
+
+def test_a_joint_turns_its_child_about_its_axis(sent, spawn):
+    node = spawn(StatePublisherNode(lock_step=True))
+    stamp = Time(sec=7)
+    node.publish((WHEEL,), np.array([np.pi / 2]), stamp)
+    (wheel,) = sent[-1]
+    assert wheel.header.stamp == stamp
+    assert (wheel.header.frame_id, wheel.child_frame_id) == ('base_link', 'left_wheel_link')
+    assert wheel.transform.translation.y == 0.19
+    assert wheel.transform.rotation.y == pytest.approx(np.sqrt(0.5))
+
+
+def test_joint_states_move_the_links(sent, spawn, spin_until):
+    spawn(StatePublisherNode())
+    robot = spawn(Node('robot'))
+    publisher = robot.create_publisher(JointState, 'joint_states', 10)
+    spin_until(spawn.pump, lambda: publisher.get_subscription_count() > 0)
+    publisher.publish(JointState(name=[WHEEL], position=[0.5]))
+    spin_until(spawn.pump, lambda: len(sent) == 2)
+    assert [transform.child_frame_id for transform in sent[-1]] == ['left_wheel_link']
+
+
+def test_joint_states_without_positions_do_no_harm(sent, spawn, spin_until):
+    spawn(StatePublisherNode())
+    robot = spawn(Node('robot'))
+    publisher = robot.create_publisher(JointState, 'joint_states', 10)
+    spin_until(spawn.pump, lambda: publisher.get_subscription_count() > 0)
+    publisher.publish(JointState(name=[WHEEL], velocity=[0.5]))
+    publisher.publish(JointState(name=[WHEEL], position=[0.5]))
+    spin_until(spawn.pump, lambda: len(sent) == 2)
+
+
+def test_an_unknown_joint_is_reported_once_and_the_others_move(sent, spawn, capfd):
+    node = spawn(StatePublisherNode(lock_step=True))
+    for _ in range(3):
+        node.publish(('base_l_wheel_joint', WHEEL), np.zeros(2), Time())
+        assert [transform.child_frame_id for transform in sent[-1]] == ['left_wheel_link']
+    said = capfd.readouterr().err
+    assert said.count("joint 'base_l_wheel_joint' of joint_states is not in the description") == 1
+    assert 'it has left_wheel_joint, right_wheel_joint' in said
+
+
+@pytest.mark.skipif(HAS_TF, reason='tf2_msgs is installed here')
+def test_without_tf2_msgs_it_says_so_once_and_goes_on(spawn, capfd, monkeypatch):
+    monkeypatch.setattr(TfBroadcaster, '_reported', False)
+    node = spawn(StatePublisherNode(lock_step=True))
+    node.publish((WHEEL,), np.zeros(1), Time())
+    assert capfd.readouterr().err.count('tf2_msgs is not installed: /tf is not published') == 1
+
+
+def test_a_description_that_is_not_there_ends_with_one_line(isolated_ros, capsys):
+    assert main(['--ros-args', '-p', 'description:=dog']) == 2
+    said = capsys.readouterr().err
+    assert said.startswith('error: dog: no such file')
+    assert said.count('\n') == 1

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+import numpy as np
+import pytest
+from robot_description.errors import DescriptionError
+from robot_description.urdf import axis_angle
+from robot_description.urdf import IDENTITY
+from robot_description.urdf import parse_urdf
+from robot_description.urdf import rpy_matrix
+
+RNG = np.random.default_rng(1)
+ANGLES = RNG.uniform(-math.pi, math.pi, size=(8, 3)).tolist()
+
+
+def joint(parent, child, kind='fixed', inner=''):
+    return (
+        f'<joint name="{parent}_{child}" type="{kind}">'
+        f'<parent link="{parent}"/><child link="{child}"/>{inner}</joint>'
+    )
+
+
+def robot(*links, rest=''):
+    return f'<robot name="r">{"".join(f"<link name={name!r}/>" for name in links)}{rest}</robot>'
+
+
+@pytest.mark.parametrize('rpy', ANGLES)
+def test_rpy_turns_about_fixed_axes_x_first(rpy):
+    x, y, z = np.eye(3)
+    roll, pitch, yaw = rpy
+    rotation = rpy_matrix(roll, pitch, yaw)
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)
+    # The three angles read back, as every text-book has them.
+    assert math.atan2(rotation[2, 1], rotation[2, 2]) == pytest.approx(
+        roll if abs(pitch) < math.pi / 2 else roll - math.copysign(math.pi, roll)
+    )
+    np.testing.assert_allclose(rpy_matrix(roll, 0, 0), axis_angle(x, roll), atol=1e-15)
+    np.testing.assert_allclose(rpy_matrix(0, 0, yaw) @ x, [math.cos(yaw), math.sin(yaw), 0])
+
+
+@pytest.mark.parametrize('angle', [-2.0, 0.0, 0.5, math.pi])
+def test_a_turn_keeps_its_axis_and_adds_up(angle):
+    axis = np.array([2.0, -1.0, 2.0]) / 3.0
+    np.testing.assert_allclose(axis_angle(axis, angle) @ axis, axis, atol=1e-15)
+    np.testing.assert_allclose(
+        axis_angle(axis, angle) @ axis_angle(axis, 0.3), axis_angle(axis, angle + 0.3), atol=1e-14
+    )
+
+
+def test_a_link_is_where_the_joints_above_put_it():
+    text = robot(
+        'a', 'b', 'c',
+        rest=joint('a', 'b', inner='<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/>')
+        + joint('b', 'c', inner='<origin xyz="0 2 0"/>'),
+    )  # fmt: skip
+    pose = parse_urdf(text).pose_of('c')
+    np.testing.assert_allclose(pose.position, [-1.0, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(pose.rotation @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
+
+
+def test_a_turning_joint_turns_and_a_sliding_joint_slides():
+    text = robot(
+        'a', 'b', 'c',
+        rest=joint('a', 'b', 'revolute', '<axis xyz="0 0 2"/>')
+        + joint('b', 'c', 'prismatic', '<axis xyz="0 3 4"/>'),
+    )  # fmt: skip
+    joints = parse_urdf(text).joints
+    turned = joints['a_b'].transform(math.pi / 2)
+    np.testing.assert_allclose(turned.rotation @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(joints['b_c'].transform(5.0).position, [0.0, 3.0, 4.0])
+
+
+def test_composing_with_nothing_changes_nothing():
+    pose = parse_urdf(
+        robot('a', 'b', rest=joint('a', 'b', inner='<origin xyz="1 2 3" rpy=".1 .2 .3"/>'))
+    ).pose_of('b')
+    for composed in (pose @ IDENTITY, IDENTITY @ pose):
+        np.testing.assert_array_equal(composed.position, pose.position)
+        np.testing.assert_array_equal(composed.rotation, pose.rotation)
+
+
+def test_what_a_joint_leaves_out_has_urdfs_default():
+    found = parse_urdf(robot('a', 'b', rest=joint('a', 'b', 'continuous'))).joints['a_b']
+    assert (found.effort, found.velocity) == (0.0, 0.0)
+    np.testing.assert_array_equal(found.axis, [1.0, 0.0, 0.0])
+    np.testing.assert_array_equal(found.pose.rotation, np.eye(3))
+
+
+def test_every_collision_shape_is_kept_in_order():
+    text = (
+        '<robot name="r"><link name="a">'
+        '<collision><geometry><mesh filename="a.stl"/></geometry></collision>'
+        '<collision><geometry><cylinder radius="1" length="2"/></geometry></collision>'
+        '<collision><geometry><box size="1 2 3"/></geometry></collision>'
+        '<collision><geometry><sphere radius="4"/></geometry></collision>'
+        '</link></robot>'
+    )
+    shapes = [(shape.kind, shape.size) for shape in parse_urdf(text).links['a'].collisions]
+    assert shapes == [
+        ('mesh', ()),
+        ('cylinder', (1.0, 2.0)),
+        ('box', (1.0, 2.0, 3.0)),
+        ('sphere', (4.0,)),
+    ]
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        ('<robot', 'not well-formed XML'),
+        ('<robot name="r"><mbot_base/></robot>', 'no links .*missing "xacro:"'),
+        (robot('a', rest=joint('a', 'b')), "joint 'a_b' names link 'b', not defined"),
+        (robot('a', 'b', 'c', rest=joint('a', 'b')), 'one root, found 2: a, c'),
+        (robot('a', 'b', rest=joint('a', 'b') + joint('b', 'a')), 'one root, found 0'),
+        (
+            robot('a', 'b', 'c', rest=joint('b', 'c') + joint('c', 'b')),
+            'joints run in a circle through b, c',
+        ),
+        (
+            robot('a', 'b', 'c', rest=joint('a', 'c') + joint('b', 'c')),
+            "link 'c' is the child of two joints",
+        ),
+        (robot('a', 'a'), "link 'a' is defined twice"),
+        (robot('a', 'b', rest=2 * joint('a', 'b')), "joint 'a_b' is defined twice"),
+        (
+            robot('a', 'b', rest=joint('a', 'b', inner='<origin xyz="0 0"/>')),
+            "joint 'a_b': xyz needs 3 numbers, got '0 0'",
+        ),
+        (
+            robot('a', 'b', rest=joint('a', 'b', inner='<origin rpy="0 0 x"/>')),
+            "joint 'a_b': rpy needs 3 numbers, got '0 0 x'",
+        ),
+        (
+            robot('a', 'b', rest=joint('a', 'b', inner='<axis xyz="0 0 0"/>')),
+            "joint 'a_b': its axis is zero",
+        ),
+        (
+            robot('a', 'b', rest=joint('a', 'b', inner='<limit effort="nan"/>')),
+            "joint 'a_b': effort needs a number, got 'nan'",
+        ),
+        (
+            '<robot><link name="a"><inertial><mass value="1kg"/></inertial></link></robot>',
+            "link 'a': value needs a number, got '1kg'",
+        ),
+        (
+            '<robot><link name="a"><collision><geometry><sphere/></geometry></collision>'
+            '</link></robot>',
+            "link 'a': sphere needs a number, got ''",
+        ),
+        (robot('a', rest='<gazebo reference="a"><mu1>low</mu1></gazebo>'), "mu1 .*'low'"),
+    ],
+)  # fmt: skip
+def test_a_broken_description_is_one_line_that_says_where(text, message):
+    with pytest.raises(DescriptionError, match=message) as caught:
+        parse_urdf(text)
+    assert '\n' not in str(caught.value)
