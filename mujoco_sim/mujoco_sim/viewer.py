@@ -38,12 +38,26 @@ _KEYS |= {getattr(imgui.Key, letter): letter.lower() for letter in 'ABCDEFGHIJKL
 _KEYS |= {getattr(imgui.Key, f'N{digit}'): str(digit) for digit in range(10)}
 
 
+_OVERLAY = (
+    imgui.WindowFlags.NoDecoration.value
+    | imgui.WindowFlags.AlwaysAutoResize.value
+    | imgui.WindowFlags.NoInputs.value
+)
+
+
 class CameraView(NamedTuple):
     """A camera that follows a body: distance [m], angles [degrees] as MuJoCo has them."""
 
     distance: float
     azimuth: float
     elevation: float
+
+
+class Panel(NamedTuple):
+    """Text on the page: `status` is asked for every frame, `help` unfolds on a click."""
+
+    status: Callable[[], Sequence[str]]
+    help: Sequence[str]
 
 
 class _LocalWebViewer(web_viewer.WebViewer):
@@ -61,14 +75,14 @@ class _LocalWebViewer(web_viewer.WebViewer):
 class _Page(plugin.ViewerPlugin):
     """What the page adds to the scene: the camera, a panel of text, keys."""
 
-    def __init__(self, camera: CameraView, body: int, lines: Callable[[], Sequence[str]]) -> None:
+    def __init__(self, camera: CameraView, body: int, panel: Panel) -> None:
         self.started = threading.Event()
         self.keys: queue.SimpleQueue[str] = queue.SimpleQueue()
         self.port = 0
         self._due: dict[str, float] = {}
         self._camera = camera
         self._body = body
-        self._lines = lines
+        self._panel = panel
 
     @messages.handler
     def on_init(self, event: plugin.ViewerInitEvent) -> None:
@@ -89,11 +103,8 @@ class _Page(plugin.ViewerPlugin):
     @messages.handler
     def on_gui(self, event: messages.BuildGuiEvent) -> None:
         """Draw the panel and collect the keys pressed on the page."""
-        imgui.SetNextWindowPos(imgui.Vec2(12.0, 12.0), imgui.Cond.FirstUseEver)
-        imgui.Begin('wasd', flags=imgui.WindowFlags.AlwaysAutoResize)
-        for line in self._lines():
-            imgui.Text(line)
-        imgui.End()
+        self._draw_status()
+        self._draw_help()
         shift = imgui.IsKeyDown(imgui.Key.LeftShift) or imgui.IsKeyDown(imgui.Key.RightShift)
         now = time.monotonic()
         for key, name in _KEYS.items():
@@ -103,6 +114,25 @@ class _Page(plugin.ViewerPlugin):
                 # A key that is down repeats from the start, as a keyboard's does after a while.
                 self._due[name] = now + REPEAT_PERIOD
                 self.keys.put(name.upper() if shift else name)
+
+    def _draw_status(self) -> None:
+        imgui.SetNextWindowPos(imgui.Vec2(12.0, 12.0), imgui.Cond.Always)
+        imgui.SetNextWindowBgAlpha(0.6)
+        imgui.Begin('status', flags=_OVERLAY)
+        for line in self._panel.status():
+            imgui.Text(line)
+        imgui.End()
+
+    def _draw_help(self) -> None:
+        """Keep the keys folded until the user wants them: the robot is to be seen."""
+        below = 30.0 + imgui.GetTextLineHeightWithSpacing() * (len(self._panel.status()) + 0.5)
+        imgui.SetNextWindowPos(imgui.Vec2(12.0, below), imgui.Cond.FirstUseEver)
+        imgui.SetNextWindowCollapsed(True, imgui.Cond.FirstUseEver)
+        imgui.SetNextWindowBgAlpha(0.8)
+        imgui.Begin('keys (double-click)', flags=imgui.WindowFlags.AlwaysAutoResize)
+        for line in self._panel.help:
+            imgui.Text(line)
+        imgui.End()
 
 
 class WebView:
@@ -116,19 +146,17 @@ class WebView:
         self,
         world: World,
         camera: CameraView,
-        lines: Callable[[], Sequence[str]],
+        panel: Panel,
         port: int = 0,
     ) -> None:
         """
         Start serving on 127.0.0.1; port 0 takes the first free one from 8080 on.
 
-        `lines` returns the text of the page's panel.
-
         Raises:
             SimulationError: the port is taken, or the viewer did not start.
         """
         self._world = world
-        self._page = _Page(camera, world.root, lines)
+        self._page = _Page(camera, world.root, panel)
         config = viewer_protocol.ViewerConfig(title='wasd', gfx='web', http_port=port)
         web_viewer._print_url_banner = lambda host, port: None  # we say where it is ourselves
 

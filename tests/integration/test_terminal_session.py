@@ -171,9 +171,9 @@ def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says(
 def test_it_shows_the_keys_and_a_status_line(start: Callable[..., Session]) -> None:
     session = start()
     session.wait_for('Control mbot!')
-    session.wait_for('speed 0.20 m/s')
+    session.wait_for('full 0.20 m/s')
     session.type('q')
-    session.wait_for('speed 0.22 m/s')
+    session.wait_for('full 0.22 m/s')
 
 
 @pytest.mark.parametrize(

@@ -103,13 +103,15 @@ class MbotStack:
             touching.astype(int).tolist(),
         )
 
-    def status(self) -> str:
-        """Return one line for the terminal and the page."""
+    def status(self) -> list[str]:
+        """Return what a driver wants to see, in a few words each."""
         logic, controller = self._teleop.logic, self._driver.controller
-        return (
-            f'{controller.state:9} speed {logic.speed:.2f} m/s  turn {logic.turn:.2f} rad/s  '
-            f'now {controller.velocity.linear:+.2f} m/s {controller.velocity.angular:+.2f} rad/s'
-        )
+        linear, angular = controller.velocity
+        return [
+            f'{controller.state:9}',
+            f'now {linear:+.2f} m/s {angular:+.2f} rad/s',
+            f'full {logic.speed:.2f} m/s {logic.turn:.2f} rad/s',
+        ]
 
     def close(self) -> None:
         """Stop the robot: the last cmd_vel is zero."""

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from mujoco_sim.loading import build_world
 from mujoco_sim.loading import load_robot
 from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.viewer import Panel
 from mujoco_sim.viewer import WebView
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -103,7 +104,8 @@ class Session:
             SimulationError: the port is taken, or there is no display.
         """
         if kind == 'web':
-            web = WebView(self.world, self.stack.camera, self._panel, port=self._options.port)
+            panel = Panel(self._status_words, ['Click the scene first.', *self.stack.help_lines])
+            web = WebView(self.world, self.stack.camera, panel, port=self._options.port)
             self._view = web
             return web.url
         if kind == 'native':
@@ -196,7 +198,7 @@ class Session:
             self._view.sync()
             for key in self._view.pressed_keys():
                 self._keys.publish_key(key)
-        self._status.show(self._status_text(), now)
+        self._status.show('  '.join(self._status_words()), now)
 
     def _each_second(self) -> None:
         self.simulator.publish_diagnostics(self.stack.state, self.stack.ticks)
@@ -209,14 +211,10 @@ class Session:
             self._ended_at = self.world.time
         return self.world.time > self._ended_at + AFTERGLOW
 
-    def _status_text(self) -> str:
+    def _status_words(self) -> list[str]:
         factor = self.simulation.pacer.real_time_factor
-        paused = '  paused' if self.simulation.paused else ''
-        return f'{self.stack.status()}  {self.world.time:7.1f} s  x{factor:.2f}{paused}'
-
-    def _panel(self) -> list[str]:
-        click = 'Click here, then press keys:'
-        return [self._status_text(), '', click, *self.stack.help_lines]
+        pace = 'paused' if self.simulation.paused else f'{factor:.2f} x real time'
+        return [*self.stack.status(), f'{self.world.time:.1f} s, {pace}']
 
 
 def _overrides(options: RunOptions) -> list[Parameter]:
