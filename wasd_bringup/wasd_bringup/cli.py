@@ -37,6 +37,7 @@ def make_parser() -> argparse.ArgumentParser:
     commands.add_parser(
         'test', help='run the test-suite; further arguments go to pytest', add_help=False
     )
+    commands.add_parser('bench', help='run the benchmark: a table and JSON', add_help=False)
     return parser
 
 
@@ -45,10 +46,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     # Heavy imports wait until it is known what is wanted: errors and --help come at once.
     try:
-        if words[:1] == ['test']:
-            from wasd_bringup.test_command import test_command
+        if words[:1] in (['test'], ['bench']):
+            from wasd_bringup.clone_commands import run_benchmark
+            from wasd_bringup.clone_commands import run_tests
 
-            return test_command(words[1:])
+            return (run_tests if words[0] == 'test' else run_benchmark)(words[1:])
         arguments = make_parser().parse_args(words)
         if arguments.command == 'demo':
             from mujoco_sim.renderer_choice import choose_renderer

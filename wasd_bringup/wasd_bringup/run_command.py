@@ -4,6 +4,7 @@
 import argparse
 import contextlib
 import math
+import os
 import sys
 
 import rclpy
@@ -35,6 +36,8 @@ def run_command(arguments: argparse.Namespace) -> int:
             '--viewer web, or pipe keys into standard input'
         )
     with StopSignals() as stop, reader or contextlib.nullcontext():
+        # A classroom shares a network: nobody is to drive the neighbour's robot by accident.
+        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         init_ros([])
         session = None
         try:
