@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: a ROS domain of one's own, rclpy in this process, waiting for something."""
+"""What all tests share: a ROS domain of their own, rclpy in this process, waiting."""
 
 from collections.abc import Callable, Iterator
 import os
@@ -46,48 +46,61 @@ def ros(isolated_ros: int) -> Iterator[None]:
 
 @pytest.fixture
 def spin_until() -> Callable[..., None]:
-    """Return `wait(pump, condition, timeout)`, see `_spin_until`."""
+    """Return `spin_until(pump, condition, timeout=PATIENCE, step=None)`."""
     return _spin_until
 
 
 def _spin_until(
-    pump: Any, condition: Callable[[], Any], timeout: float = PATIENCE, step: Any = None
+    pump: Any,
+    condition: Callable[[], Any],
+    timeout: float = PATIENCE,
+    step: Callable[[], None] | None = None,
 ) -> None:
     """
-    Handle messages until a condition holds; fail after `timeout` [s].
+    Handle messages until a condition holds; fail after `timeout` [s] of wall time.
 
-    `pump` is a MessagePump, any other executor, or a callable that waits for messages up to the
-    seconds it is given. `step` is called in between, e.g. to let a simulation run.
+    `pump` is a MessagePump or any other executor. `step` is called in between, e.g. to let a
+    simulation run.
     """
-    handle = getattr(pump, 'handle', None) or getattr(pump, 'spin_once', None) or pump
+    handle = getattr(pump, 'handle', None) or pump.spin_once
     deadline = time.monotonic() + timeout
     while not condition():
-        assert time.monotonic() < deadline, f'nothing came in {timeout} s'
+        assert time.monotonic() < deadline, f'waited {timeout} s in vain'
         if step is not None:
             step()
-        handle(0.0 if step is not None else 0.02)
+        handle(0.02 if step is None else 0.0)
+
+
+class Spawner:
+    """Puts nodes on one `pump` and destroys them in the end."""
+
+    def __init__(self) -> None:
+        from robot_description.node_support import MessagePump
+
+        self.pump = MessagePump()
+        self._nodes: list[Any] = []
+
+    def __call__(self, node: Any) -> Any:
+        """Take charge of a node and return it."""
+        self._nodes.append(node)
+        self.pump.add_node(node)
+        return node
+
+    def close(self) -> None:
+        """Destroy the nodes."""
+        self.pump.shutdown(timeout_sec=0.0)
+        for node in self._nodes:
+            node.destroy_node()
 
 
 @pytest.fixture
-def spawn(ros: None) -> Iterator[Callable[[Any], Any]]:
-    """Return a function that puts nodes on one pump, `spawn.pump`; they are destroyed afterwards."""
-    from robot_description.node_support import MessagePump
-
-    pump = MessagePump()
-    nodes: list[Any] = []
-
-    def add(node: Any) -> Any:
-        nodes.append(node)
-        pump.add_node(node)
-        return node
-
-    add.pump = pump  # type: ignore[attr-defined]
-    yield add
-    pump.shutdown(timeout_sec=0.0)
-    for node in nodes:
-        node.destroy_node()
+def spawn(ros: None) -> Iterator[Spawner]:
+    """Return a function that puts a node on `spawn.pump` and destroys it after the test."""
+    spawner = Spawner()
+    yield spawner
+    spawner.close()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep nodes quiet about colours: captured output is compared as text."""
+    """Have nodes log without colours: tests compare what they say."""
     os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '0')

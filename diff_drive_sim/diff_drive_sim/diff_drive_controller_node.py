@@ -62,9 +62,8 @@ class DiffDriveControllerNode(Node):
         self._odometry = self.create_publisher(Odometry, 'odom', 10)
         self._tf = TfBroadcaster(self)
         if not lock_step:
-            self._joint_commands = self.create_publisher(
-                JointTrajectory, 'joint_commands', qos_profile_sensor_data
-            )
+            # Reliable: whoever listens is served, also who asks for no more than best effort.
+            self._joint_commands = self.create_publisher(JointTrajectory, 'joint_commands', 10)
             self._last_state: Any = None
             self._published_at: Any = None
             self.create_subscription(

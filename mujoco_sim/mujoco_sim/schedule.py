@@ -28,9 +28,10 @@ class Schedule:
         """
         steps = round(period / self._time_step)
         if steps < 1 or not math.isclose(steps * self._time_step, period, rel_tol=1e-9):
+            rate = f' ({1.0 / period:g} Hz)' if period > 0.0 else ''
             raise SimulationError(
                 f'a period must be a multiple of the physics step {self._time_step} s, '
-                f'got {period:g} s ({1.0 / period:g} Hz)'
+                f'got {period:g} s{rate}'
             )
         self._tasks.append((steps, task))
 

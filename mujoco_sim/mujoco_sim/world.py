@@ -60,16 +60,16 @@ class BaseState(NamedTuple):
 
     @property
     def planar_velocity(self) -> np.ndarray:
-        """Velocity forward and leftward [m/s], yaw-aligned, and yaw rate [rad/s], shape (3,)."""
+        """Velocity ahead and to the left [m/s] by yaw, and turn about world z [rad/s], (3,)."""
         roll, pitch, yaw = self.rpy
         vx, vy, _ = self.linear_velocity
         cos, sin = np.cos(yaw), np.sin(yaw)
-        # World-frame yaw rate: third row of Ry(pitch) Rx(roll) on the body rate.
+        # The third row of Rz(yaw) Ry(pitch) Rx(roll), which yaw does not change.
         third_row = np.array(
             [-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)]
         )
-        yaw_rate = third_row @ self.angular_velocity
-        return np.array([cos * vx + sin * vy, cos * vy - sin * vx, yaw_rate])
+        turn = third_row @ self.angular_velocity
+        return np.array([cos * vx + sin * vy, cos * vy - sin * vx, turn])
 
 
 class World:

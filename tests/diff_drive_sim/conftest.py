@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: Apache-2.0
+"""mbot's wheels."""
+
+from diff_drive_sim.geometry import DiffDriveGeometry
+import pytest
+
+
+@pytest.fixture(scope='session')
+def geometry() -> DiffDriveGeometry:
+    """Return the geometry of mbot: track 0.38 m, radius 0.06 m."""
+    return DiffDriveGeometry('left_wheel_joint', 'right_wheel_joint', 0.06, 0.38)

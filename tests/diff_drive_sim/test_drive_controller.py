@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+from diff_drive_sim.controller import DiffDriveController
+from diff_drive_sim.controller import Velocity
+from diff_drive_sim.odometry import OdometryState
+from diff_drive_sim.parameters import DiffDriveParameters
+import pytest
+
+DT = 0.005
+LIMITS = DiffDriveParameters(
+    linear_velocity=0.8,
+    angular_velocity=3.0,
+    linear_acceleration=0.5,
+    angular_acceleration=2.0,
+    cmd_vel_timeout=0.5,
+)
+
+
+@pytest.fixture
+def controller(geometry):
+    return DiffDriveController(geometry, LIMITS)
+
+
+def run(controller, duration, dt=DT):
+    """Step for a duration [s] and return the velocities on the way."""
+    velocities = []
+    for _ in range(round(duration / dt)):
+        controller.step(0.0, 0.0, dt)
+        velocities.append(controller.velocity)
+    return velocities
+
+
+def test_without_a_command_it_stands_still(controller):
+    assert controller.step(0.0, 0.0, DT) == (0.0, 0.0)
+    assert controller.state == 'stopped'
+
+
+@pytest.mark.parametrize(('linear', 'angular'), [(0.3, 0.0), (0.0, 1.0), (0.2, -0.7)])
+def test_wheel_speeds_add_up_to_the_command(controller, geometry, linear, angular):
+    controller.command(linear, angular)
+    run(controller, 0.45)
+    controller.command(linear, angular)
+    run(controller, 0.45)
+    left, right = controller.step(0.0, 0.0, DT)
+    forward, turn = geometry.displacement(left, right)
+    assert (forward, turn) == pytest.approx((linear, angular), abs=1e-12)
+    assert controller.velocity == pytest.approx((linear, angular))
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize('dt', [0.001, 0.005, 0.02])
+def test_speed_grows_with_the_acceleration_limit_at_any_rate(controller, sign, dt):
+    controller.command(sign * 0.8, sign * 3.0)
+    run(controller, 0.4, dt)
+    assert controller.velocity.linear == pytest.approx(sign * 0.5 * 0.4)
+    assert controller.velocity.angular == pytest.approx(sign * 2.0 * 0.4)
+
+
+def test_speed_goes_to_the_target_and_not_beyond(controller):
+    controller.command(0.1, -0.2)
+    velocities = run(controller, 0.45)
+    assert max(velocity.linear for velocity in velocities) == pytest.approx(0.1)
+    assert velocities[-1] == pytest.approx((0.1, -0.2))
+
+
+def test_speed_changes_by_no_more_than_the_limit_even_through_zero(controller):
+    controller.command(0.2, 0.0)
+    run(controller, 0.45)
+    controller.command(-0.2, 0.0)
+    speeds = [velocity.linear for velocity in run(controller, 0.45)]
+    steps = [abs(b - a) for a, b in zip(speeds, speeds[1:], strict=False)]
+    assert max(steps) <= 0.5 * DT + 1e-12
+    assert speeds[0] == pytest.approx(0.2 - 0.5 * DT)
+
+
+@pytest.mark.parametrize(('linear', 'angular'), [(9.0, 9.0), (-9.0, -9.0)])
+def test_a_command_beyond_the_limits_is_clipped(controller, linear, angular):
+    assert controller.command(linear, angular)
+    assert controller.target == (math.copysign(0.8, linear), math.copysign(3.0, angular))
+
+
+def test_after_the_time_out_it_brakes_with_the_limit_and_stops(controller):
+    controller.command(0.2, 0.0)
+    velocities = run(controller, 0.5)
+    assert velocities[-1].linear == pytest.approx(0.2)
+    velocities = run(controller, 0.2 / 0.5 + 2 * DT)  # the ramp, and a cycle at each end
+    assert velocities[-1] == Velocity(0.0, 0.0)
+    slope = (velocities[11].linear - velocities[1].linear) / (10 * DT)
+    assert slope == pytest.approx(-0.5)
+
+
+def test_the_state_tells_driving_from_timed_out_and_stopped(controller):
+    states = []
+    controller.command(0.2, 0.0)
+    for _ in range(round(1.0 / DT)):
+        controller.step(0.0, 0.0, DT)
+        if not states or states[-1] != controller.state:
+            states.append(controller.state)
+    assert states == ['driving', 'timed out', 'stopped']
+
+
+def test_commands_in_time_keep_it_going(controller):
+    for _ in range(10):
+        controller.command(0.2, 0.0)
+        velocities = run(controller, 0.45)
+    assert velocities[-1].linear == pytest.approx(0.2)
+
+
+def test_a_time_out_of_zero_is_none(geometry):
+    controller = DiffDriveController(geometry, DiffDriveParameters(cmd_vel_timeout=0.0))
+    controller.command(0.2, 0.0)
+    assert run(controller, 60.0, dt=0.1)[-1].linear == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize('axis', [0, 1])
+def test_a_command_that_is_not_finite_is_refused_and_the_last_one_stays(controller, bad, axis):
+    controller.command(0.2, 0.1)
+    assert not controller.command(*((bad, 0.0) if axis == 0 else (0.0, bad)))
+    assert controller.refused_commands == 1
+    assert controller.target == (0.2, 0.1)
+
+
+def test_refused_commands_do_not_keep_it_going(controller):
+    controller.command(0.2, 0.0)
+    for _ in range(round(1.2 / DT)):
+        controller.command(math.nan, 0.0)
+        controller.step(0.0, 0.0, DT)
+    assert controller.velocity == Velocity()
+
+
+def test_a_step_of_no_time_changes_nothing(controller):
+    controller.command(0.2, 0.0)
+    assert controller.step(0.0, 0.0, 0.0) == (0.0, 0.0)
+
+
+def test_a_reset_forgets_command_speed_and_place(controller):
+    controller.command(0.2, 0.1)
+    for index in range(50):
+        controller.step(0.1 * index, 0.1 * index, DT)
+    assert controller.odometry_state.x > 0.1
+    controller.reset()
+    assert (controller.target, controller.velocity) == (Velocity(), Velocity())
+    assert controller.odometry_state == OdometryState()
+    assert controller.step(99.0, 99.0, DT) == (0.0, 0.0)
+    assert controller.odometry_state == OdometryState()

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+from diff_drive_sim.errors import DiffDriveError
+from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.geometry import find_wheels
+from mujoco_sim.loading import load_robot
+import pytest
+from robot_description.urdf import parse_urdf
+
+
+def wheel(name, y, x=0.0, radius=0.06, axis='0 1 0', rpy='0 0 0', kind='continuous'):
+    return (
+        f'<link name="{name}"><collision><geometry><cylinder radius="{radius}" length="0.02"/>'
+        f'</geometry></collision></link><joint name="{name}_joint" type="{kind}">'
+        f'<origin xyz="{x} {y} 0" rpy="{rpy}"/><parent link="base"/><child link="{name}"/>'
+        f'<axis xyz="{axis}"/></joint>'
+    )
+
+
+def robot(*wheels):
+    return parse_urdf(f'<robot name="cart"><link name="base"/>{"".join(wheels)}</robot>')
+
+
+def test_mbot_has_a_track_of_38_cm_and_wheels_of_6_cm():
+    geometry = find_wheels(load_robot('mbot').robot)
+    assert (geometry.left_joint, geometry.right_joint) == ('left_wheel_joint', 'right_wheel_joint')
+    assert geometry.wheel_separation == pytest.approx(0.38, abs=1e-12)
+    assert geometry.wheel_radius == 0.06
+    assert (geometry.left_direction, geometry.right_direction) == (1, 1)
+
+
+def test_left_is_the_wheel_on_the_left_whatever_its_name():
+    geometry = find_wheels(robot(wheel('left', -0.2), wheel('right', 0.2)))
+    assert (geometry.left_joint, geometry.right_joint) == ('right_joint', 'left_joint')
+
+
+def test_a_wheel_whose_axis_points_right_turns_backward_to_go_forward():
+    geometry = find_wheels(robot(wheel('l', 0.2), wheel('r', -0.2, axis='0 -1 0')))
+    left, right = geometry.wheel_speeds(0.3, 0.0)
+    assert (left, right) == pytest.approx((5.0, -5.0))
+    assert geometry.displacement(left, right) == pytest.approx((0.3, 0.0))
+
+
+def test_a_wheel_may_be_turned_into_place_by_its_joint():
+    # The usual form of exporters: the axis is z, the joint's frame is rolled.
+    quarter = '-1.5707963267948966 0 0'
+    wheels = (wheel(name, y, axis='0 0 1', rpy=quarter) for name, y in (('l', 0.2), ('r', -0.2)))
+    geometry = find_wheels(robot(*wheels))
+    assert (geometry.left_direction, geometry.right_direction) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ('wheels', 'message'),
+    [
+        ((), "'cart' needs 2 driven wheels .*found 0: none"),
+        ((wheel('l', 0.2),), 'found 1: l_joint'),
+        ((wheel('l', 0.2), wheel('r', -0.2), wheel('x', 0.1)), 'found 3: l_joint, r_joint, x'),
+        ((wheel('l', 0.2), wheel('r', -0.2, kind='fixed')), 'found 1: l_joint'),
+        ((wheel('l', 0.2), wheel('r', -0.2, axis='1 0 0')), 'found 1: l_joint'),
+        (
+            (wheel('l', 0.2), wheel('r', -0.2, radius=0.05)),
+            'wheel radii differ: l_joint 0.06 m, r_joint 0.05 m',
+        ),
+        ((wheel('l', 0.2), wheel('r', -0.2, x=0.1)), 'l_joint and r_joint are not on one axle'),
+        ((wheel('l', 0.2), wheel('r', 0.2)), 'not on one axle'),
+    ],
+)
+def test_wheels_that_do_not_make_a_differential_drive_are_named(wheels, message):
+    with pytest.raises(DiffDriveError, match=message):
+        find_wheels(robot(*wheels))
+
+
+@pytest.mark.parametrize('directions', [(1, 1), (-1, 1), (-1, -1)])
+@pytest.mark.parametrize(('linear', 'angular'), [(0.5, 0.0), (0.0, 2.0), (-0.3, 1.1)])
+def test_displacement_undoes_wheel_speeds(directions, linear, angular):
+    geometry = DiffDriveGeometry('l', 'r', 0.06, 0.38, *directions)
+    speeds = geometry.wheel_speeds(linear, angular)
+    assert geometry.displacement(*speeds) == pytest.approx((linear, angular), abs=1e-15)
+
+
+def test_a_left_turn_lets_the_right_wheel_go_faster(geometry):
+    left, right = geometry.wheel_speeds(0.0, 1.0)
+    # 1 rad/s on half the track, on the radius.
+    assert (left, right) == pytest.approx((-0.19 / 0.06, 0.19 / 0.06))

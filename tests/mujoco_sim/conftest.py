@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Small worlds whose motion is known in closed form."""
+
+import mujoco
+from mujoco_sim.loading import build_world
+from mujoco_sim.loading import load_robot
+from mujoco_sim.loading import LoadedRobot
+from mujoco_sim.world import World
+import pytest
+from robot_description.mujoco_model import to_mujoco
+from robot_description.urdf import parse_urdf
+
+BALL = """
+<robot name="ball"><link name="ball"><inertial><mass value="2"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link></robot>
+"""
+
+
+@pytest.fixture(scope='session')
+def loaded() -> LoadedRobot:
+    """Return mbot's description."""
+    return load_robot('mbot')
+
+
+@pytest.fixture
+def world(loaded: LoadedRobot) -> World:
+    """Return mbot on a flat floor."""
+    return build_world(loaded)
+
+
+@pytest.fixture
+def ball() -> World:
+    """Return a ball of 2 kg that floats without gravity."""
+    spec = to_mujoco(BALL, parse_urdf(BALL))
+    spec.option.timestep = 0.001
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    return World(spec, 'ball')

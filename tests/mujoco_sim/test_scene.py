@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+import mujoco
+from mujoco_sim.errors import SimulationError
+from mujoco_sim.loading import build_world
+from mujoco_sim.scene import ROOM_SIZE
+from mujoco_sim.scene import WALL_HEIGHT
+from mujoco_sim.world import JointCommand
+import numpy as np
+import pytest
+
+MJCF = (
+    '<mujoco><worldbody><geom name="ground" type="plane" size="9 9 1"/>'
+    '<geom name="crate" type="box" size=".1 .2 .3" pos="2 0 .3"/></worldbody></mujoco>'
+)
+
+
+@pytest.mark.parametrize('name', ['flat', 'room'])
+def test_the_floor_is_at_zero_and_physics_steps_by_a_millisecond(loaded, name):
+    model = build_world(loaded, name).model
+    floor = model.geom('floor')
+    assert floor.type[0] == mujoco.mjtGeom.mjGEOM_PLANE
+    np.testing.assert_array_equal(floor.pos, np.zeros(3))
+    assert model.opt.timestep == 0.001
+
+
+def test_a_room_has_a_wall_on_each_side(loaded):
+    world = build_world(loaded, 'room')
+    hit = np.zeros(1, dtype=np.int32)
+    for direction, wall in (
+        ((1, 0, 0), 'east_wall'),
+        ((-1, 0, 0), 'west_wall'),
+        ((0, 1, 0), 'north_wall'),
+        ((0, -1, 0), 'south_wall'),
+    ):
+        distance = mujoco.mj_ray(
+            world.model,
+            world.data,
+            np.array([0.0, 0.0, 0.5 * WALL_HEIGHT + 0.1]),
+            np.array(direction, dtype=float),
+            None,
+            1,
+            world.root,
+            hit,
+        )
+        assert world.model.geom(hit[0]).name == wall
+        assert distance == pytest.approx(ROOM_SIZE / 2.0)
+
+
+def test_a_wall_stops_the_robot(loaded):
+    world = build_world(loaded, 'room')
+    world.data.qpos[0] = ROOM_SIZE / 2.0 - 0.3
+    zeros = np.zeros(2)
+    world.apply(JointCommand(zeros, np.full(2, 10.0), zeros, zeros, np.full(2, 0.3)))
+    world.step(1500)
+    # The drum's radius is 0.2 m.
+    assert world.base().position[0] < ROOM_SIZE / 2.0 - 0.19
+
+
+def test_a_model_file_is_put_around_the_robot(loaded, tmp_path):
+    path = tmp_path / 'hall.xml'
+    path.write_text(MJCF)
+    world = build_world(loaded, str(path))
+    np.testing.assert_allclose(world.model.geom('world/crate').pos, [2.0, 0.0, 0.3])
+    world.step(300)
+    np.testing.assert_allclose(world.base().position, np.zeros(3), atol=5e-5)
+
+
+def test_an_unknown_world_lists_the_known_ones(loaded):
+    with pytest.raises(SimulationError, match='moon: no such file, .*worlds: flat, room'):
+        build_world(loaded, 'moon')
+
+
+def test_a_file_that_is_no_model_is_one_line(loaded, tmp_path):
+    path = tmp_path / 'hall.xml'
+    path.write_text('<mujoco><nonsense/></mujoco>')
+    with pytest.raises(SimulationError, match=f'^{path}: ') as caught:
+        build_world(loaded, str(path))
+    assert '\n' not in str(caught.value)

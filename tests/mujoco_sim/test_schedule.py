@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+from mujoco_sim.errors import SimulationError
+from mujoco_sim.schedule import Schedule
+import pytest
+
+
+@pytest.fixture
+def schedule():
+    return Schedule(0.001)
+
+
+def test_tasks_of_one_instant_run_in_the_order_in_which_they_were_added(schedule):
+    ran = []
+    for name, period in (('slow', 0.02), ('fast', 0.005), ('also slow', 0.02)):
+        schedule.every(period, lambda name=name: ran.append(name))
+    schedule.run_due(0)
+    assert ran == ['slow', 'fast', 'also slow']
+
+
+@pytest.mark.parametrize(('period', 'steps'), [(0.001, 1), (0.005, 5), (0.02, 20), (1 / 50, 20)])
+def test_a_task_runs_every_so_many_steps(schedule, period, steps):
+    ran = []
+    for step in range(101):
+        schedule = Schedule(0.001)
+        schedule.every(period, lambda step=step: ran.append(step))
+        schedule.run_due(step)
+    assert ran == list(range(0, 101, steps))
+
+
+@pytest.mark.parametrize(
+    ('periods', 'stride'),
+    [((), 1), ((0.02,), 20), ((0.005, 0.02), 5), ((0.006, 0.004), 2), ((0.005, 0.001), 1)],
+)
+def test_the_stride_leads_from_one_instant_to_the_next(schedule, periods, stride):
+    for period in periods:
+        schedule.every(period, lambda: None)
+    assert schedule.stride == stride == (math.gcd(*(round(1000 * p) for p in periods)) or 1)
+
+
+@pytest.mark.parametrize('period', [1 / 60, 0.0005, 0.0, 0.0015, -0.001])
+def test_a_period_between_physics_steps_is_refused(schedule, period):
+    with pytest.raises(SimulationError, match='multiple of the physics step 0.001 s, got'):
+        schedule.every(period, lambda: None)

@@ -1,0 +1,311 @@
+# SPDX-License-Identifier: Apache-2.0
+import os
+import signal
+import threading
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticStatus
+from mujoco_sim.conversions import to_joint_commands
+from mujoco_sim.loading import build_world
+from mujoco_sim.simulator_node import main
+from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.statistics import TickStatistics
+from mujoco_sim.world import JointCommand
+from nav_msgs.msg import Odometry
+import numpy as np
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from robot_description.errors import UserError
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+WHEELS = ('left_wheel_joint', 'right_wheel_joint')
+
+
+def seconds(stamp):
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def rolling(speed):
+    """Return the message that lets both wheels turn at a speed [rad/s]."""
+    zeros = np.zeros(2)
+    command = JointCommand(zeros, np.full(2, speed), zeros, zeros, np.full(2, 0.3))
+    return to_joint_commands(WHEELS, command, Time())
+
+
+class Peer(Node):
+    """Another node: collects what the simulator says, commands it, calls its services."""
+
+    def __init__(self):
+        super().__init__('peer')
+        self.clock, self.states, self.truth, self.diagnostics = [], [], [], []
+        self.create_subscription(Clock, '/clock', self.clock.append, 1000)
+        self.create_subscription(JointState, 'joint_states', self.states.append, 1000)
+        self.create_subscription(Odometry, 'ground_truth/odom', self.truth.append, 1000)
+        self.create_subscription(DiagnosticArray, 'diagnostics', self.diagnostics.append, 1000)
+        self.commands = self.create_publisher(JointTrajectory, 'joint_commands', 10)
+
+
+@pytest.fixture
+def simulator(spawn, loaded, world):
+    node = spawn(SimulatorNode(loaded, world))
+    node.schedule_publishing()
+    return node
+
+
+@pytest.fixture
+def peer(spawn, simulator, spin_until):
+    peer = spawn(Peer())
+    spin_until(spawn.pump, lambda: peer.commands.get_subscription_count() > 0)
+    return peer
+
+
+@pytest.fixture
+def run(spawn, simulator):
+    """Return a function that simulates for so many steps and handles messages meanwhile."""
+
+    def run(steps):
+        for _ in range(steps // 10):
+            simulator.simulation.advance(10)
+            spawn.pump.handle(0.001)
+
+    return run
+
+
+@pytest.fixture
+def call(spawn, peer, spin_until):
+    """Return a function that calls a service of the simulator and returns the response."""
+
+    def call(name, request):
+        kind = SetBool if isinstance(request, SetBool.Request) else Trigger
+        client = peer.create_client(kind, f'simulator/{name}')
+        spin_until(spawn.pump, client.service_is_ready)
+        answer = client.call_async(request)
+        spin_until(spawn.pump, answer.done)
+        return answer.result()
+
+    return call
+
+
+def command(peer, simulator, spawn, spin_until, message):
+    """Publish joint commands and wait until the simulator follows them."""
+    peer.commands.publish(message)
+    spin_until(spawn.pump, lambda: simulator._world.data.ctrl.any())
+
+
+def test_joint_states_name_every_joint_with_position_velocity_effort(peer, run, spawn, spin_until):
+    run(40)
+    spin_until(spawn.pump, lambda: len(peer.states) == 2)
+    state = peer.states[1]
+    assert list(state.name) == [*WHEELS, 'front_caster_joint', 'back_caster_joint']
+    assert len(state.position) == len(state.velocity) == len(state.effort) == 4
+    assert seconds(state.header.stamp) == pytest.approx(0.02)
+
+
+def test_the_clock_runs_at_its_rate_and_never_backward(peer, run, simulator, spawn, spin_until):
+    run(200)
+    simulator.simulation.reset()
+    run(300)
+    spin_until(spawn.pump, lambda: len(peer.clock) == 50)
+    times = [seconds(message.clock) for message in peer.clock]
+    np.testing.assert_allclose(times, 0.01 * np.arange(50), atol=1e-12)
+
+
+def test_the_truth_is_the_pose_of_the_footprint_in_odom(peer, run, spawn, spin_until, world):
+    half = 0.5 * np.pi / 3.0
+    world.data.qpos[:2] = [1.0, 2.0]
+    world.data.qpos[3:7] = [np.cos(half), 0.0, 0.0, np.sin(half)]
+    world.data.qvel[:2] = 0.1 * np.array([np.cos(2 * half), np.sin(2 * half)])
+    run(10)
+    spin_until(spawn.pump, lambda: peer.truth)
+    truth = peer.truth[0]
+    assert (truth.header.frame_id, truth.child_frame_id) == ('odom', 'base_footprint')
+    assert (truth.pose.pose.position.x, truth.pose.pose.position.y) == (1.0, 2.0)
+    assert truth.pose.pose.orientation.z == pytest.approx(np.sin(half))
+    # The twist is in the robot's own frame: it goes ahead, whatever its heading.
+    assert truth.twist.twist.linear.x == pytest.approx(0.1)
+    assert truth.twist.twist.linear.y == pytest.approx(0.0, abs=1e-12)
+
+
+def test_joint_commands_drive_the_robot(peer, simulator, run, spawn, spin_until, world):
+    command(peer, simulator, spawn, spin_until, rolling(5.0))
+    run(90)
+    assert world.joints().velocity[:2].min() > 3.0
+    assert world.base().linear_velocity[0] > 0.1
+
+
+def test_silence_brakes_the_motors_and_says_so(
+    peer, simulator, run, spawn, spin_until, world, capfd
+):
+    command(peer, simulator, spawn, spin_until, rolling(5.0))
+    run(100)
+    assert world.data.ctrl.any()
+    run(20)
+    assert not world.data.ctrl.any()
+    run(500)
+    assert world.base().linear_velocity[0] == pytest.approx(0.0, abs=1e-3)
+    assert capfd.readouterr().err.count('joint_commands silent for 0.1 s: motors brake') == 1
+
+
+def test_without_any_command_there_is_nothing_to_warn_of(simulator, run, capfd):
+    run(300)
+    assert 'silent' not in capfd.readouterr().err
+
+
+def test_a_new_command_ends_the_braking(peer, simulator, run, spawn, spin_until, world):
+    command(peer, simulator, spawn, spin_until, rolling(5.0))
+    run(200)
+    command(peer, simulator, spawn, spin_until, rolling(4.0))
+    run(50)
+    assert world.data.ctrl.any()
+
+
+def not_finite():
+    message = rolling(5.0)
+    message.points[0].velocities = [float('nan'), 1.0]
+    return message
+
+
+def unknown_joint():
+    message = rolling(5.0)
+    message.joint_names = ['base_l_wheel_joint', 'right_wheel_joint']
+    return message
+
+
+@pytest.mark.parametrize(
+    ('message', 'warning'),
+    [
+        (not_finite(), 'joint_commands is not finite: refused, motors brake'),
+        (unknown_joint(), 'joint_commands names base_l_wheel_joint; motors are left_wheel_joint'),
+        (JointTrajectory(joint_names=list(WHEELS)), 'joint_commands needs 2 points'),
+    ],
+)
+def test_an_illegal_command_warns_and_the_simulation_goes_on(
+    peer, simulator, run, world, capfd, message, warning
+):
+    said = ''
+    for _ in range(200):
+        peer.commands.publish(message)
+        run(10)
+        said += capfd.readouterr().err
+        if warning in said:
+            break
+    assert warning in said
+    assert np.isfinite(world.data.qpos).all()
+    assert not world.data.ctrl.any()
+
+
+def test_reset_puts_the_robot_back_and_not_the_time(peer, simulator, run, call, world):
+    world.data.qvel[0] = 0.5
+    run(200)
+    assert world.base().position[0] > 0.05
+    response = call('reset', Trigger.Request())
+    assert response.success
+    np.testing.assert_array_equal(world.base().position, np.zeros(3))
+    assert world.time == 0.2
+
+
+def test_pause_and_step_go_one_physics_step_at_a_time(simulator, call, world):
+    assert not call('step', Trigger.Request()).success
+    assert world.tick == 0
+    assert call('pause', SetBool.Request(data=True)).message == 'paused'
+    assert simulator.simulation.paused
+    for tick in (1, 2, 3):
+        assert call('step', Trigger.Request()).success
+        assert world.tick == tick
+    assert call('pause', SetBool.Request(data=False)).message == 'running'
+    assert not simulator.simulation.paused
+
+
+def test_in_lock_step_nobody_else_may_command_the_motors(spawn, loaded, world):
+    node = spawn(SimulatorNode(loaded, world, lock_step=True))
+    assert node.count_subscribers('joint_commands') == 0
+
+
+def test_diagnostics_say_how_fast_it_runs(peer, simulator, spawn, spin_until):
+    pacer = simulator.simulation.pacer
+    ticks = TickStatistics(0.005)
+    ticks.add(0.006)
+    for simulated in (0.5, 2.0):
+        pacer.restart()
+        pacer.allowed(0.0, 0.0)
+        pacer.measure(1.0, simulated)
+        simulator.publish_diagnostics('driving', ticks)
+    spin_until(spawn.pump, lambda: len(peer.diagnostics) == 2)
+    (slow,), (fast,) = (message.status for message in peer.diagnostics)
+    assert (slow.level, slow.message) == (DiagnosticStatus.WARN, 'slower than asked for')
+    assert (fast.level, fast.message) == (DiagnosticStatus.OK, 'driving')
+    assert {pair.key: pair.value for pair in slow.values} == {
+        'real_time_factor': '0.50',
+        'state': 'driving',
+        'tick_p99_us': '6000',
+        'overruns': '1',
+        'rejected_commands': '0',
+    }
+
+
+def test_the_first_diagnostics_call_nothing_slow(peer, simulator, spawn, spin_until):
+    simulator.simulation.pacer.speed = 0.05  # even a busy machine keeps up with that
+    spin = spawn.pump.handle
+    simulator.simulation.run(
+        stop=lambda: bool(peer.diagnostics),
+        poll=spin,
+        each_second=lambda: simulator.publish_diagnostics('running'),
+    )
+    assert peer.diagnostics[0].status[0].level == DiagnosticStatus.OK
+
+
+def test_the_speed_can_be_changed_while_it_runs_and_the_world_cannot(simulator):
+    def set_to(name, value):
+        return simulator.set_parameters([Parameter(name, value=value)])[0]
+
+    assert set_to('speed', 0.5).successful
+    assert simulator.simulation.pacer.speed == 0.5
+    refused = set_to('speed', -1.0)
+    assert (refused.successful, refused.reason) == (False, 'speed must be >= 0, got -1.0')
+    assert simulator.simulation.pacer.speed == 0.5
+    assert 'read-only' in set_to('world', 'room').reason
+
+
+@pytest.mark.parametrize(
+    ('overrides', 'message'),
+    [
+        ({'world': 'moon'}, 'moon: no such file'),
+        ({'description': 'dog'}, '^dog: no such file'),
+        ({'speed': -1.0}, 'speed must be >= 0, got -1.0'),
+        ({'seed': -1}, 'seed must be >= 0, got -1'),
+        ({'clock_rate': 5000.0}, 'clock_rate must be > 0 and <= 1000 Hz, got 5000.0'),
+    ],
+)
+def test_what_cannot_be_is_refused_at_start(ros, overrides, message):
+    with pytest.raises(UserError, match=message):
+        SimulatorNode(parameter_overrides=[Parameter(k, value=v) for k, v in overrides.items()])
+
+
+def test_a_rate_between_physics_steps_is_refused(spawn, loaded):
+    node = spawn(
+        SimulatorNode(
+            loaded,
+            build_world(loaded),
+            parameter_overrides=[Parameter('clock_rate', value=60.0)],
+        )
+    )
+    with pytest.raises(UserError, match=r'multiple of the physics step .*\(60 Hz\)'):
+        node.schedule_publishing()
+
+
+def test_as_a_process_it_ends_on_ctrl_c_with_status_0(isolated_ros):
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    assert main([]) == 0
+
+
+def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys):
+    assert main(['--ros-args', '-p', 'world:=moon']) == 2
+    said = capsys.readouterr().err
+    assert said.startswith('error: ')
+    assert said.count('\n') == 1

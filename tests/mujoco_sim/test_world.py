@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+import mujoco
+from mujoco_sim.errors import SimulationError
+from mujoco_sim.loading import build_world
+from mujoco_sim.world import BaseState
+from mujoco_sim.world import JointCommand
+from mujoco_sim.world import World
+import numpy as np
+import pytest
+from robot_description.urdf import rpy_matrix
+
+GRAVITY = 9.81
+WHEELS = ('left_wheel_joint', 'right_wheel_joint')
+
+
+def state_of(world):
+    """Return every bit of the physical state."""
+    size = mujoco.mj_stateSize(world.model, mujoco.mjtState.mjSTATE_INTEGRATION)
+    state = np.empty(size)
+    mujoco.mj_getState(world.model, world.data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    return state
+
+
+def drive(left, right):
+    zeros = np.zeros(2)
+    return JointCommand(zeros, np.array([left, right]), zeros, zeros, np.full(2, 0.3))
+
+
+def test_time_is_steps_times_the_time_step(world):
+    assert (world.time, world.tick) == (0.0, 0)
+    world.step()
+    world.step(249)
+    assert world.tick == 250
+    assert world.time == pytest.approx(0.25, abs=1e-15)
+    assert world.data.time == pytest.approx(world.time, abs=1e-12)
+
+
+def test_many_steps_at_once_are_the_steps_one_by_one(loaded):
+    worlds = [build_world(loaded) for _ in range(2)]
+    for world in worlds:
+        world.apply(drive(3.0, 2.0))
+        world.push((0.0, 2.0, 0.0), 0.033)
+    worlds[0].step(100)
+    for _ in range(100):
+        worlds[1].step()
+    np.testing.assert_array_equal(*map(state_of, worlds))
+
+
+def test_the_same_calls_give_the_same_bits(loaded):
+    def run():
+        world = build_world(loaded, seed=3)
+        for count in (10, 100, 1, 300):
+            world.apply(drive(*world.random.uniform(-5.0, 5.0, 2)))
+            world.step(count)
+        world.push((3.0, 1.0, 0.0), 0.1)
+        world.step(200)
+        return state_of(world)
+
+    np.testing.assert_array_equal(run(), run())
+
+
+def test_after_a_reset_everything_happens_again_bit_by_bit(world):
+    def run():
+        world.apply(drive(4.0, world.random.uniform(-5.0, 5.0)))
+        world.step(300)
+        world.push((0.0, 0.0, 5.0), 1.0)
+        world.step(50)
+        return world.data.qpos.copy(), world.data.qvel.copy()
+
+    first = run()
+    world.reset()
+    for before, after in zip(first, run(), strict=True):
+        np.testing.assert_array_equal(before, after)
+
+
+def test_a_reset_takes_back_the_robot_but_not_the_time(world):
+    world.apply(drive(4.0, 4.0))
+    world.step(500)
+    world.reset()
+    assert world.time == 0.5
+    np.testing.assert_array_equal(world.base().position, [0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(world.data.qvel, np.zeros(10))
+    np.testing.assert_array_equal(world.joints().effort, np.zeros(4))
+
+
+def test_a_reset_ends_a_push(ball):
+    ball.push((1.0, 0.0, 0.0), 1.0)
+    ball.step(10)
+    ball.reset()
+    ball.step(100)
+    np.testing.assert_array_equal(ball.base().linear_velocity, np.zeros(3))
+
+
+def test_joints_are_named_and_motors_are_among_them(world):
+    assert world.joint_names == (*WHEELS, 'front_caster_joint', 'back_caster_joint')
+    assert world.motor_names == WHEELS
+
+
+def test_each_wheel_stands_on_one_point_and_casters_slide(world):
+    world.step(100)
+    dimensions = {
+        world.model.body(world.model.geom_bodyid[pair[1]]).name: dimension
+        for pair, dimension in zip(world.data.contact.geom, world.data.contact.dim, strict=True)
+    }
+    assert len(world.data.contact.geom) == 4
+    assert dimensions == {
+        'left_wheel_link': 3,
+        'right_wheel_link': 3,
+        'front_caster_link': 1,
+        'back_caster_link': 1,
+    }
+
+
+def test_at_rest_the_ground_carries_the_weight(world):
+    world.step(1000)
+    bodies = range(1, world.model.nbody)
+    touching = [b for b in bodies if world.model.body(b).name != 'base_footprint']
+    assert world.contact_forces(touching).sum() == pytest.approx(1.8 * GRAVITY, rel=1e-6)
+    # Alike left and right, front and back.
+    left, right, front, back = world.contact_forces(touching)
+    assert left == pytest.approx(right, rel=1e-6)
+    assert front == pytest.approx(back, rel=1e-6)
+
+
+def test_at_rest_the_robot_stays_where_it_is(world):
+    world.step(2000)
+    np.testing.assert_allclose(world.base().position, np.zeros(3), atol=5e-5)
+    assert world.base().tilt < 1e-9
+
+
+def test_what_does_not_touch_feels_no_force(world):
+    world.data.qpos[2] = 1.0
+    world.step()
+    np.testing.assert_array_equal(world.contact_forces(range(world.model.nbody)), 0.0)
+
+
+def test_in_the_air_the_robot_falls_by_g_times_t(world):
+    world.data.qpos[2] = 1.0
+    world.step(100)
+    assert world.base().linear_velocity[2] == pytest.approx(-GRAVITY * 0.1, rel=1e-9)
+
+
+@pytest.mark.parametrize('force', [(4.0, 0.0, 0.0), (0.0, -3.0, 1.0)])
+@pytest.mark.parametrize('steps', [1, 7, 100])
+def test_a_push_gives_its_momentum_and_ends(ball, force, steps):
+    duration = 0.001 * steps
+    ball.push(force, duration)
+    ball.step(250)
+    expected = np.array(force) * duration / 2.0
+    np.testing.assert_allclose(ball.base().linear_velocity, expected, rtol=1e-9, atol=1e-15)
+
+
+def test_a_push_acts_at_the_centre_of_mass(ball):
+    ball.push((1.0, 2.0, 3.0), 0.1)
+    ball.step(200)
+    np.testing.assert_allclose(ball.base().angular_velocity, np.zeros(3), atol=1e-12)
+
+
+def test_turning_wheels_drive_the_robot_forward(world):
+    world.apply(drive(5.0, 5.0))
+    world.step(1000)
+    # 5 rad/s on 0.06 m, once up to speed.
+    assert world.base().planar_velocity[0] == pytest.approx(0.3, rel=0.02)
+    assert world.base().position[0] > 0.25
+
+
+@pytest.mark.parametrize(
+    'rpy', [(0.0, 0.0, 0.0), (0.3, -0.2, 2.5), (-1.0, 0.7, -3.0), (0.0, 0.0, 3.1)]
+)
+def test_roll_pitch_yaw_read_back(rpy):
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, rpy_matrix(*rpy).flatten())
+    base = BaseState(np.zeros(3), quaternion, np.zeros(3), np.zeros(3))
+    np.testing.assert_allclose(base.rpy, rpy, atol=1e-12)
+    # The angle of the z axes: cos is the last entry of Ry(pitch) Rx(roll).
+    assert base.tilt == pytest.approx(math.acos(math.cos(rpy[0]) * math.cos(rpy[1])), abs=1e-7)
+
+
+def test_planar_velocity_is_seen_from_the_robots_heading():
+    half = 0.5 * math.radians(90.0)
+    heading_north = np.array([math.cos(half), 0.0, 0.0, math.sin(half)])
+    base = BaseState(
+        np.zeros(3), heading_north, np.array([0.0, 0.4, 9.0]), np.array([0.0, 0.0, 0.7])
+    )
+    np.testing.assert_allclose(base.planar_velocity, [0.4, 0.0, 0.7], atol=1e-15)
+
+
+def test_the_turn_of_a_tumbling_ball_is_the_z_of_its_world_rate(ball):
+    # A ball tumbles on about one axis of the world, however its own frame lies.
+    ball.data.qpos[3:7] = np.array([0.8, 0.4, -0.2, 0.4])
+    ball.data.qvel[3:6] = [0.4, -0.3, 0.8]
+    R_world_base = np.empty(9)
+    mujoco.mju_quat2Mat(R_world_base, ball.base().orientation)
+    wanted = (R_world_base.reshape(3, 3) @ ball.base().angular_velocity)[2]
+    assert ball.base().planar_velocity[2] == pytest.approx(wanted, abs=1e-12)
+    ball.step(700)
+    assert ball.base().planar_velocity[2] == pytest.approx(wanted, abs=1e-9)
+
+
+def test_what_was_read_does_not_change_afterwards(world):
+    world.apply(drive(3.0, 3.0))
+    world.step(100)
+    joints, base = world.joints(), world.base()
+    kept = [array.copy() for array in (*joints, *base)]
+    world.step(100)
+    for array, copy in zip((*joints, *base), kept, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+def test_a_model_that_does_not_compile_is_one_line():
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_body(name='ball').add_freejoint()
+    with pytest.raises(SimulationError, match='^MuJoCo: ') as caught:
+        World(spec, 'ball')
+    assert '\n' not in str(caught.value)
