@@ -124,6 +124,18 @@ def test_at_rest_the_ground_carries_the_weight(world):
     assert front == pytest.approx(back, rel=1e-6)
 
 
+def test_the_force_on_a_body_is_that_of_all_its_contacts():
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05])
+    crate = spec.worldbody.add_body(name='crate', pos=[0.0, 0.0, 0.1])
+    crate.add_freejoint()
+    crate.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1], mass=3.0)
+    world = World(spec, 'crate')
+    world.step(1000)
+    assert world.data.ncon == 4
+    assert world.contact_forces([world.root])[0] == pytest.approx(3.0 * GRAVITY, rel=1e-6)
+
+
 def test_at_rest_the_robot_stays_where_it_is(world):
     world.step(2000)
     np.testing.assert_allclose(world.base().position, np.zeros(3), atol=5e-5)

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from robot_description.errors import DescriptionError
 from robot_description.expand import expand
-from robot_description.mujoco_model import COLLISION_GROUP
 from robot_description.mujoco_model import ROOT_JOINT
 from robot_description.mujoco_model import to_mujoco
-from robot_description.mujoco_model import VISUAL_GROUP
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
 
+# What a viewer shows and hides by the number.
+VISUAL_GROUP = 2
+COLLISION_GROUP = 3
 INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'
 BOX = '<box size="1 1 1"/>'
 SPHERE = '<sphere radius="0.1"/>'
