@@ -1,14 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-import os
-import signal
-import threading
-
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from diagnostic_msgs.msg import DiagnosticStatus
 from mujoco_sim.conversions import to_joint_commands
-from mujoco_sim.loading import build_world
-from mujoco_sim.simulator_node import main
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.world import JointCommand
@@ -16,8 +10,6 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from rclpy.node import Node
-from rclpy.parameter import Parameter
-from robot_description.errors import UserError
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
@@ -258,54 +250,3 @@ def test_the_first_diagnostics_call_nothing_slow(peer, simulator, spawn, spin_un
         each_second=lambda: simulator.publish_diagnostics('running'),
     )
     assert peer.diagnostics[0].status[0].level == DiagnosticStatus.OK
-
-
-def test_the_speed_can_be_changed_while_it_runs_and_the_world_cannot(simulator):
-    def set_to(name, value):
-        return simulator.set_parameters([Parameter(name, value=value)])[0]
-
-    assert set_to('speed', 0.5).successful
-    assert simulator.simulation.pacer.speed == 0.5
-    refused = set_to('speed', -1.0)
-    assert (refused.successful, refused.reason) == (False, 'speed must be >= 0, got -1.0')
-    assert simulator.simulation.pacer.speed == 0.5
-    assert 'read-only' in set_to('world', 'room').reason
-
-
-@pytest.mark.parametrize(
-    ('overrides', 'message'),
-    [
-        ({'world': 'moon'}, 'moon: no such file'),
-        ({'description': 'dog'}, '^dog: no such file'),
-        ({'speed': -1.0}, 'speed must be >= 0, got -1.0'),
-        ({'seed': -1}, 'seed must be >= 0, got -1'),
-        ({'clock_rate': 5000.0}, 'clock_rate must be > 0 and <= 1000 Hz, got 5000.0'),
-    ],
-)
-def test_what_cannot_be_is_refused_at_start(ros, overrides, message):
-    with pytest.raises(UserError, match=message):
-        SimulatorNode(parameter_overrides=[Parameter(k, value=v) for k, v in overrides.items()])
-
-
-def test_a_rate_between_physics_steps_is_refused(spawn, loaded):
-    node = spawn(
-        SimulatorNode(
-            loaded,
-            build_world(loaded),
-            parameter_overrides=[Parameter('clock_rate', value=60.0)],
-        )
-    )
-    with pytest.raises(UserError, match=r'multiple of the physics step .*\(60 Hz\)'):
-        node.schedule_publishing()
-
-
-def test_as_a_process_it_ends_on_ctrl_c_with_status_0(isolated_ros):
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
-    assert main([]) == 0
-
-
-def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys):
-    assert main(['--ros-args', '-p', 'world:=moon']) == 2
-    said = capsys.readouterr().err
-    assert said.startswith('error: ')
-    assert said.count('\n') == 1

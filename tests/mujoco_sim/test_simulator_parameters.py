@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulator's parameters, at start and while it runs, and its way out as a process."""
+
+import os
+import signal
+import threading
+
+from mujoco_sim.loading import build_world
+from mujoco_sim.simulator_node import main
+from mujoco_sim.simulator_node import SimulatorNode
+import pytest
+from rclpy.parameter import Parameter
+from robot_description.errors import UserError
+
+
+@pytest.fixture
+def simulator(spawn, loaded, world):
+    return spawn(SimulatorNode(loaded, world))
+
+
+def test_the_speed_can_be_changed_while_it_runs_and_the_world_cannot(simulator):
+    def set_to(name, value):
+        return simulator.set_parameters([Parameter(name, value=value)])[0]
+
+    assert set_to('speed', 0.5).successful
+    assert simulator.simulation.pacer.speed == 0.5
+    refused = set_to('speed', -1.0)
+    assert (refused.successful, refused.reason) == (False, 'speed must be >= 0, got -1.0')
+    assert simulator.simulation.pacer.speed == 0.5
+    assert 'read-only' in set_to('world', 'room').reason
+
+
+@pytest.mark.parametrize(
+    ('overrides', 'message'),
+    [
+        ({'world': 'moon'}, 'moon: no such file'),
+        ({'description': 'dog'}, '^dog: no such file'),
+        ({'speed': -1.0}, 'speed must be >= 0, got -1.0'),
+        ({'seed': -1}, 'seed must be >= 0, got -1'),
+        ({'clock_rate': 5000.0}, 'clock_rate must be > 0 and <= 1000 Hz, got 5000.0'),
+    ],
+)
+def test_what_cannot_be_is_refused_at_start(ros, overrides, message):
+    with pytest.raises(UserError, match=message):
+        SimulatorNode(parameter_overrides=[Parameter(k, value=v) for k, v in overrides.items()])
+
+
+def test_a_rate_between_physics_steps_is_refused(spawn, loaded):
+    node = spawn(
+        SimulatorNode(
+            loaded,
+            build_world(loaded),
+            parameter_overrides=[Parameter('clock_rate', value=60.0)],
+        )
+    )
+    with pytest.raises(UserError, match=r'multiple of the physics step .*\(60 Hz\)'):
+        node.schedule_publishing()
+
+
+def test_as_a_process_it_ends_on_ctrl_c_with_status_0(isolated_ros):
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    assert main([]) == 0
+
+
+def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys):
+    assert main(['--ros-args', '-p', 'world:=moon']) == 2
+    said = capsys.readouterr().err
+    assert said.startswith('error: ')
+    assert said.count('\n') == 1
