@@ -241,6 +241,7 @@ def test_diagnostics_say_how_fast_it_runs(peer, simulator, spawn, spin_until):
     }
 
 
+@pytest.mark.slow
 def test_the_first_diagnostics_call_nothing_slow(peer, simulator, spawn, spin_until):
     simulator.simulation.pacer.speed = 0.05  # even a busy machine keeps up with that
     spin = spawn.pump.handle
