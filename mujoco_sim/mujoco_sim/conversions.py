@@ -14,9 +14,9 @@ from trajectory_msgs.msg import JointTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from mujoco_sim.errors import SimulationError
+from mujoco_sim.sensors import JointStates
 from mujoco_sim.world import BaseState
 from mujoco_sim.world import JointCommand
-from mujoco_sim.world import JointStates
 
 
 def to_stamp(simulated: float) -> Time:

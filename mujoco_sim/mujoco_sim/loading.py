@@ -6,20 +6,28 @@ from pathlib import Path
 from typing import NamedTuple
 
 from robot_description.expand import expand
+from robot_description.meshes import find_mesh
 from robot_description.mujoco_model import to_mujoco
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
 from robot_description.urdf import Robot
 
+from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.scene import furnish
 from mujoco_sim.world import World
 
 
 class LoadedRobot(NamedTuple):
-    """A robot's description: its URDF text and what it says."""
+    """A robot's description: its URDF text, what it says, and where its meshes are looked for."""
 
     urdf: str
     robot: Robot
+    folder: Path
+    search: tuple[Path, ...] = ()
+
+    def find_mesh(self, url: str) -> Path | None:
+        """Return the file that a mesh URL of this description means, or None."""
+        return find_mesh(url, self.folder, self.search)
 
 
 def load_robot(name_or_path: str, search: Sequence[Path] = ()) -> LoadedRobot:
@@ -29,18 +37,25 @@ def load_robot(name_or_path: str, search: Sequence[Path] = ()) -> LoadedRobot:
     Raises:
         DescriptionError: what is wrong with it, in one line.
     """
-    urdf = expand(description_path(name_or_path), search=search)
-    return LoadedRobot(urdf, parse_urdf(urdf))
+    path = description_path(name_or_path)
+    urdf = expand(path, search=search)
+    return LoadedRobot(urdf, parse_urdf(urdf), path.absolute().parent, tuple(search))
 
 
-def build_world(loaded: LoadedRobot, world: str = 'flat', seed: int = 0) -> World:
+def build_world(
+    loaded: LoadedRobot,
+    world: str = 'flat',
+    seed: int = 0,
+    setup: RobotSetup | None = None,
+    visuals: bool = False,
+) -> World:
     """
-    Put a robot into a world.
+    Put a robot into a world; with `visuals`, its meshes are there to be drawn.
 
     Raises:
         DescriptionError: MuJoCo cannot read the robot.
         SimulationError: there is no such world, or the two do not compile.
     """
-    spec = to_mujoco(loaded.urdf, loaded.robot)
-    furnish(spec, world)
-    return World(spec, loaded.robot.root, seed)
+    spec = to_mujoco(loaded.urdf, loaded.robot, loaded.find_mesh if visuals else None)
+    furnish(spec, world, seed)
+    return World(spec, loaded.robot.root, seed, setup)

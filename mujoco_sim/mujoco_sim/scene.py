@@ -2,24 +2,32 @@
 """What is around the robot: floor, light, camera, walls."""
 
 from collections.abc import Callable
+import math
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from mujoco_sim.errors import SimulationError
+from mujoco_sim.terrain import add_boxes
+from mujoco_sim.terrain import add_rough
+from mujoco_sim.terrain import add_slope
+from mujoco_sim.terrain import add_stairs
+from mujoco_sim.terrain import add_step
 
 TIME_STEP = 0.001
 ROOM_SIZE = 6.0
 WALL_HEIGHT = 0.5
 
 
-def furnish(spec: mujoco.MjSpec, world: str) -> None:
+def furnish(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
     """
-    Put a robot's specification into a world: `flat`, `room`, or an MJCF or URDF file.
+    Put a robot's specification into a world: a name, a terrain with its size, or a model file.
+
+    `seed` decides what is random in a terrain.
 
     Raises:
-        SimulationError: an unknown name, a file that is not there or not a model.
+        SimulationError: an unknown name, a size that is none, a file that is no model.
     """
     spec.option.timestep = TIME_STEP
     # Not implicit: that adds motor damping after the contacts are solved, and wheels then slip
@@ -33,10 +41,28 @@ def furnish(spec: mujoco.MjSpec, world: str) -> None:
     spec.visual.quality.shadowsize = 4096
     spec.stat.extent = 1.0
     spec.stat.center = np.zeros(3)
+    name, colon, size = world.partition(':')
     if world in WORLDS:
         WORLDS[world](spec)
+    elif name in TERRAINS and colon:
+        _flat(spec)
+        build, largest = TERRAINS[name]
+        build(spec, _size(world, size, largest), np.random.default_rng(seed))
     else:
         _attach_file(spec, world)
+
+
+def _size(world: str, text: str, largest: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    smallest = -largest if world.startswith('slope') else 0.001
+    if not smallest <= value <= largest:
+        raise SimulationError(
+            f'--world {world}: wanted a number from {smallest:g} to {largest:g} after the colon'
+        )
+    return value
 
 
 def _flat(spec: mujoco.MjSpec) -> None:
@@ -80,6 +106,16 @@ def _room(spec: mujoco.MjSpec) -> None:
 
 
 WORLDS: dict[str, Callable[[mujoco.MjSpec], None]] = {'flat': _flat, 'room': _room}
+# What builds a terrain, and the largest size it makes sense with: degrees, else metres.
+Terrain = Callable[[mujoco.MjSpec, float, np.random.Generator], None]
+TERRAINS: dict[str, tuple[Terrain, float]] = {
+    'slope': (add_slope, 45.0),
+    'stairs': (add_stairs, 0.5),
+    'step': (add_step, 0.5),
+    'boxes': (add_boxes, 0.5),
+    'rough': (add_rough, 0.5),
+}
+WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
 
 
 def _add_sky(spec: mujoco.MjSpec) -> None:
@@ -107,7 +143,7 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
     if not path.is_file():
         raise SimulationError(
             f'--world {world}: no such file, and no world of that name; '
-            f'worlds: {", ".join(WORLDS)}, or an MJCF or URDF file'
+            f'worlds: {WORLD_NAMES}, or an MJCF or URDF file'
         )
     try:
         surroundings = mujoco.MjSpec.from_file(str(path))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The physics: a robot in a MuJoCo model that is stepped, read and commanded."""
 
+from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -8,16 +9,14 @@ import mujoco
 import numpy as np
 
 from mujoco_sim.errors import SimulationError
+from mujoco_sim.motors import TorqueSpeedCurve
+from mujoco_sim.robot_setup import RobotSetup
+from mujoco_sim.sensors import ImuReading
+from mujoco_sim.sensors import JointStates
+from mujoco_sim.sensors import NoisySensors
+from mujoco_sim.sensors import Reading
 
 FALL_TILT = np.deg2rad(60.0)
-
-
-class JointStates(NamedTuple):
-    """Joints in the order of `World.joint_names`, each array of shape (n,)."""
-
-    position: np.ndarray  # [rad]
-    velocity: np.ndarray  # [rad/s]
-    effort: np.ndarray  # [N m], what the motor applied; 0 for a joint without one
 
 
 class JointCommand(NamedTuple):
@@ -80,7 +79,9 @@ class World:
     steps so far. The same seed and the same calls give the same bits.
     """
 
-    def __init__(self, spec: mujoco.MjSpec, root: str, seed: int = 0) -> None:
+    def __init__(
+        self, spec: mujoco.MjSpec, root: str, seed: int = 0, setup: RobotSetup | None = None
+    ) -> None:
         """
         Compile the specification; `root` is the body on the free joint.
 
@@ -94,23 +95,26 @@ class World:
         self.data = mujoco.MjData(self.model)
         self.root = self.model.body(root).id
         self.seed = seed
+        self.setup = setup or RobotSetup()
         self.tick = 0
         self.rejected_commands = 0
         joints = [self.model.joint(i) for i in range(self.model.njnt)]
         hinges = [joint for joint in joints if joint.type[0] != mujoco.mjtJoint.mjJNT_FREE]
         self.joint_names = tuple(joint.name for joint in hinges)
         self.motor_names = tuple(self.model.actuator(i).name for i in range(self.model.nu))
+        self.time_step = float(self.model.opt.timestep)
         self._position_address = np.array([joint.qposadr[0] for joint in hinges], dtype=int)
         self._velocity_address = np.array([joint.dofadr[0] for joint in hinges], dtype=int)
         self._motor_joint = np.array(
             [self.joint_names.index(name) for name in self.motor_names], dtype=int
         )
+        self._motor_velocity = self._velocity_address[self._motor_joint]
+        self._link_of_geom = [
+            self.model.geom(i).name.partition('/')[0] for i in range(self.model.ngeom)
+        ]
+        self._has_imu = self.model.nsensor >= 2
+        self._curve = self._torque_speed_curve()
         self.reset()
-
-    @property
-    def time_step(self) -> float:
-        """Duration of one physics step [s]."""
-        return float(self.model.opt.timestep)
 
     @property
     def time(self) -> float:
@@ -120,25 +124,43 @@ class World:
     def reset(self) -> None:
         """Put the robot back to where it began, at rest, random numbers included; time goes on."""
         mujoco.mj_resetData(self.model, self.data)
-        self.random = np.random.default_rng(self.seed)
+        for name, position in self.setup.joint_positions.items():
+            self.data.joint(name).qpos[0] = position
+        self.data.qpos[2] = self.setup.height
+        noise = self.setup.noise
+        self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
+        self._reading: tuple[int, Reading] | None = None
         self._push_until = -1
+        self._pending: deque[tuple[int, np.ndarray]] = deque()
         self.brake(damping=0.0)
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, count: int = 1) -> None:
-        """Advance by `count` physics steps with the command in force."""
-        while count > 0:
-            run = count
+        """Advance by `count` physics steps; commands and pushes begin and end within them."""
+        last = self.tick + count
+        while self.tick < last:
+            until = last
+            if self._pending:
+                if self._pending[0][0] <= self.tick:
+                    self._put_in_force(self._pending.popleft()[1])
+                    continue
+                until = min(until, self._pending[0][0])
             if self.tick < self._push_until:
-                run = min(count, self._push_until - self.tick)
-            mujoco.mj_step(self.model, self.data, run)
-            self.tick += run
-            count -= run
+                until = min(until, self._push_until)
+            self._advance(until - self.tick)
             if self.tick == self._push_until:
                 self.data.xfrc_applied[self.root] = 0.0
 
+    def read(self) -> Reading:
+        """Return what the sensors measure now; asked twice in one instant, they say the same."""
+        if self._reading is None or self._reading[0] != self.tick:
+            true = Reading(self.joints(), self._true_imu() if self._has_imu else None)
+            reading = true if self._sensors is None else self._sensors.measure(true)
+            self._reading = (self.tick, reading)
+        return self._reading[1]
+
     def joints(self) -> JointStates:
-        """Return the joints now."""
+        """Return the joints as they are, without noise."""
         effort = np.zeros(len(self.joint_names))
         effort[self._motor_joint] = self.data.actuator_force
         return JointStates(
@@ -148,7 +170,7 @@ class World:
         )
 
     def base(self) -> BaseState:
-        """Return the root frame now."""
+        """Return the root frame as it is, without noise."""
         return BaseState(
             self.data.qpos[0:3].copy(),
             self.data.qpos[3:7].copy(),
@@ -158,24 +180,30 @@ class World:
 
     def apply(self, command: JointCommand) -> bool:
         """
-        Put a command in force until the next one; return whether it was taken.
+        Put a command in force, after the setup's delay and until the next; return if it was taken.
 
         A command that is not finite or of the wrong length is refused and the motors brake.
         """
         stacked = [np.asarray(part, dtype=float) for part in command]
         wanted = (len(self.motor_names),)
-        if any(part.shape != wanted or not np.isfinite(part).all() for part in stacked):
+        if any(part.shape != wanted for part in stacked) or not np.isfinite(stacked).all():
             self.rejected_commands += 1
             self.brake()
             return False
-        position, velocity, effort, kp, kd = stacked
-        self.model.actuator_biasprm[:, 1] = -kp
-        self.model.actuator_biasprm[:, 2] = -kd
-        self.data.ctrl[:] = effort + kp * position + kd * velocity
+        due = self.tick + round(self.setup.command_delay / self.time_step)
+        if due == self.tick:
+            self._put_in_force(np.array(stacked))
+        else:
+            self._pending.append((due, np.array(stacked)))
         return True
 
     def brake(self, damping: float | None = None) -> None:
-        """Let the motors only resist motion, with `damping` [N m s/rad], by default as before."""
+        """
+        Let the motors only resist motion, now and until the next command.
+
+        `damping` [N m s/rad] is by default what it was.
+        """
+        self._pending.clear()
         if damping is not None:
             self.model.actuator_biasprm[:, 2] = -damping
         self.model.actuator_biasprm[:, 1] = 0.0
@@ -186,14 +214,44 @@ class World:
         self.data.xfrc_applied[self.root, :3] = force
         self._push_until = self.tick + max(1, round(duration / self.time_step))
 
-    def contact_forces(self, bodies: Sequence[int]) -> np.ndarray:
-        """Return the normal force on each body [N], shape (len(bodies),)."""
-        forces = np.zeros(len(bodies))
+    def contact_forces(self, links: Sequence[str]) -> np.ndarray:
+        """Return the sum of the normal forces on each link [N], shape (len(links),)."""
+        forces = dict.fromkeys(links, 0.0)
         wrench = np.zeros(6)
-        for index in range(self.data.ncon):
-            touching = self.model.geom_bodyid[self.data.contact.geom[index]]
-            for place, body in enumerate(bodies):
-                if body in touching:
-                    mujoco.mj_contactForce(self.model, self.data, index, wrench)
-                    forces[place] += wrench[0]
-        return forces
+        for index, pair in enumerate(self.data.contact.geom.tolist()):
+            touching = {self._link_of_geom[geom] for geom in pair} & forces.keys()
+            if touching:
+                mujoco.mj_contactForce(self.model, self.data, index, wrench)
+                for link in touching:
+                    forces[link] += float(wrench[0])
+        return np.array([forces[link] for link in links])
+
+    def _put_in_force(self, command: np.ndarray) -> None:
+        position, velocity, effort, kp, kd = command
+        self.model.actuator_biasprm[:, 1] = -kp
+        self.model.actuator_biasprm[:, 2] = -kd
+        self.data.ctrl[:] = effort + kp * position + kd * velocity
+
+    def _advance(self, count: int) -> None:
+        self.tick += count
+        if self._curve is None:
+            mujoco.mj_step(self.model, self.data, count)
+            return
+        for _ in range(count):
+            velocity = self.data.qvel[self._motor_velocity]
+            self.model.actuator_forcerange[:] = self._curve.limits(velocity)
+            mujoco.mj_step(self.model, self.data)
+
+    def _torque_speed_curve(self) -> TorqueSpeedCurve | None:
+        limits = self.setup.speed_limits
+        if not all(limits.get(name, 0.0) > 0.0 for name in self.motor_names):
+            return None
+        torque = self.model.actuator_forcerange[:, 1].copy()
+        return TorqueSpeedCurve(torque, np.array([limits[name] for name in self.motor_names]))
+
+    def _true_imu(self) -> ImuReading:
+        return ImuReading(
+            self.data.qpos[3:7].copy(),
+            self.data.sensor('gyro').data.copy(),
+            self.data.sensor('accelerometer').data.copy(),
+        )

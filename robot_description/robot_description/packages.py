@@ -6,6 +6,7 @@ import importlib.util
 import os
 from pathlib import Path
 import sys
+import sysconfig
 
 from robot_description.errors import PackageNotFound
 
@@ -25,7 +26,8 @@ def share_directory(name: str, search: Sequence[Path] = ()) -> Path:
     Return the folder that `$(find name)` and `package://name` mean.
 
     `search` are folders given by the user: each is the package itself or holds it. Then come
-    our own packages, then the ament index of AMENT_PREFIX_PATH and of this Python's prefix.
+    our own packages, then the robots of example-robot-data, then the ament index of
+    AMENT_PREFIX_PATH and of this Python's prefix.
 
     Raises:
         PackageNotFound: says where was looked.
@@ -36,6 +38,9 @@ def share_directory(name: str, search: Sequence[Path] = ()) -> Path:
                 return candidate
     if name in OWN_PACKAGES and (own := _import_folder(name)) is not None:
         return own
+    for folder in _data_folders():
+        if (folder / name).is_dir():
+            return folder / name
     prefixes = _ament_prefixes()
     for prefix in prefixes:
         if (prefix / 'share/ament_index/resource_index/packages' / name).is_file():
@@ -49,6 +54,14 @@ def _import_folder(name: str) -> Path | None:
     if found is None or not found.submodule_search_locations:
         return None
     return Path(found.submodule_search_locations[0])
+
+
+def _data_folders() -> list[Path]:
+    """Return where example-robot-data keeps its robots: as a wheel, or in an ament prefix."""
+    relative = Path('share/example-robot-data/robots')
+    wheel = Path(sysconfig.get_path('purelib')) / 'cmeel.prefix'
+    roots = [wheel, *_ament_prefixes()]
+    return [root / relative for root in roots if (root / relative).is_dir()]
 
 
 def _ament_prefixes() -> list[Path]:

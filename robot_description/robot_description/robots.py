@@ -6,7 +6,7 @@ from pathlib import Path
 from robot_description.errors import DescriptionError
 from robot_description.packages import share_directory
 
-DESCRIPTIONS = {'mbot': 'urdf/mbot/mbot.urdf.xacro'}
+DESCRIPTIONS = {'go2': 'urdf/go2/go2.urdf.xacro', 'mbot': 'urdf/mbot/mbot.urdf.xacro'}
 
 
 def description_path(name_or_path: str) -> Path:

@@ -25,7 +25,7 @@ POLL_PERIOD = 0.05
 # How often services (parameters) are answered [s]; each look costs more than a wait for keys.
 SERVICE_PERIOD = 0.25
 # A pipe is read after somebody listens, or after this time [s].
-SUBSCRIBER_TIMEOUT = 2.0
+SUBSCRIBER_TIMEOUT = 5.0
 # How long the last messages may take to leave the process [s].
 LAST_WORDS_TIMEOUT = 0.5
 

@@ -162,9 +162,10 @@ def test_keys_on_the_page_drive_it(
     browser.get(run.url)
     wait_for_robot(browser)
     canvas = browser.find_element(By.TAG_NAME, 'canvas')
-    ActionChains(browser).move_to_element(canvas).click().perform()
-    ActionChains(browser).key_down('i').pause(2.0).key_up('i').perform()
-    time.sleep(1.0)
+    for _ in range(5):  # a busy machine takes its time to give the page the focus
+        ActionChains(browser).move_to_element(canvas).click().perform()
+        ActionChains(browser).key_down('i').pause(1.5).key_up('i').perform()
+        time.sleep(0.5)
     run.process.terminate()
     run.process.wait(10.0)
     report = json.loads((tmp_path / 'report.json').read_text())

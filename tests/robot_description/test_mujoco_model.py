@@ -6,12 +6,11 @@ from robot_description.errors import DescriptionError
 from robot_description.expand import expand
 from robot_description.mujoco_model import ROOT_JOINT
 from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco_visuals import COLLISION_GROUP
+from robot_description.mujoco_visuals import VISUAL_GROUP
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
 
-# What a viewer shows and hides by the number.
-VISUAL_GROUP = 2
-COLLISION_GROUP = 3
 INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'
 BOX = '<box size="1 1 1"/>'
 SPHERE = '<sphere radius="0.1"/>'
@@ -33,7 +32,7 @@ def urdf():
 
 @pytest.fixture(scope='module')
 def spec(urdf):
-    return to_mujoco(urdf, parse_urdf(urdf))
+    return to_mujoco(urdf, parse_urdf(urdf), lambda url: None)
 
 
 @pytest.fixture(scope='module')

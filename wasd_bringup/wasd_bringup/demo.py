@@ -114,7 +114,7 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         duration=_end(stop),
         speed=0.0,
     )
-    session = Session(options)
+    session = Session(options, visuals=pictures)
     try:
         session.run(signals)
         report = session.report()

@@ -46,7 +46,7 @@ class MbotStack:
         self._world = world
         self._motors = [world.motor_names.index(name) for name in wheels]
         self._joints = [world.joint_names.index(name) for name in wheels]
-        self._wheel_bodies = [world.model.jnt_bodyid[world.model.joint(n).id] for n in wheels]
+        self._wheel_links = [loaded.robot.joints[name].child for name in wheels]
         self._teleop = KeysToTwistNode(
             lock_step=True, parameter_overrides=[Parameter('preset', value=preset)]
         )
@@ -95,7 +95,7 @@ class MbotStack:
         """Return this instant for the report."""
         controller = self._driver.controller
         pose = controller.odometry_state
-        touching = self._world.contact_forces(self._wheel_bodies) > 0.0
+        touching = self._world.contact_forces(self._wheel_links) > 0.0
         return Sample(
             controller.state,
             (controller.target.linear, 0.0, controller.target.angular),

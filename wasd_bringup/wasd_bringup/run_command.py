@@ -41,7 +41,7 @@ def run_command(arguments: argparse.Namespace) -> int:
         init_ros([])
         session = None
         try:
-            session = Session(options, reader)
+            session = Session(options, reader, visuals=viewer != 'none')
             where = session.open_view(viewer)
             if _is_interactive(reader) or viewer != 'none':
                 _greet(session, where)

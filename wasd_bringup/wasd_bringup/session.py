@@ -59,9 +59,11 @@ class Session:
     `close` leaves the robot stopped, the report written and the nodes gone, in any case.
     """
 
-    def __init__(self, options: RunOptions, reader: KeyReader | None = None) -> None:
+    def __init__(
+        self, options: RunOptions, reader: KeyReader | None = None, visuals: bool = False
+    ) -> None:
         """
-        Load the robot and build everything.
+        Load the robot and build everything; `visuals` are what viewers and pictures show.
 
         Raises:
             UserError: what is wrong with what was asked for, in one line.
@@ -75,7 +77,7 @@ class Session:
         self._status = StatusLine(sys.stdout)
         self._next_frame = self._next_messages = 0.0
         loaded = load_robot(options.description, options.package_path)
-        self.world = build_world(loaded, options.world, options.seed)
+        self.world = build_world(loaded, options.world, options.seed, visuals=visuals)
         self.simulator = SimulatorNode(
             loaded, self.world, lock_step=True, parameter_overrides=_overrides(options)
         )
@@ -213,8 +215,8 @@ class Session:
 
     def _status_words(self) -> list[str]:
         factor = self.simulation.pacer.real_time_factor
-        pace = 'paused' if self.simulation.paused else f'{factor:.2f} x real time'
-        return [*self.stack.status(), f'{self.world.time:.1f} s, {pace}']
+        pace = 'paused' if self.simulation.paused else f'x{factor:.2f}'
+        return [*self.stack.status(), f'{self.world.time:.1f} s {pace}']
 
 
 def _overrides(options: RunOptions) -> list[Parameter]:

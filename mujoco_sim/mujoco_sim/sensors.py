@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the robot can measure: joints and an IMU, with noise."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mujoco_sim.robot_setup import SensorNoise
+
+
+class JointStates(NamedTuple):
+    """Joints in the order of `World.joint_names`, each array of shape (n,)."""
+
+    position: np.ndarray  # [rad]
+    velocity: np.ndarray  # [rad/s]
+    effort: np.ndarray  # [N m], what the motor applied; 0 for a joint without one
+
+
+class ImuReading(NamedTuple):
+    """The IMU in the root's axes: quaternion w, x, y, z; [rad/s]; specific force [m/s^2]."""
+
+    orientation: np.ndarray
+    angular_velocity: np.ndarray
+    linear_acceleration: np.ndarray
+
+
+class Reading(NamedTuple):
+    """Everything measured in one instant; `imu` is None for a robot without one."""
+
+    joints: JointStates
+    imu: ImuReading | None
+
+
+class NoisySensors:
+    """Adds noise to true readings; the same seed and the same readings give the same bits."""
+
+    def __init__(self, noise: SensorNoise, seed: int) -> None:
+        self._noise = noise
+        self._random = np.random.default_rng(seed)
+        direction = self._random.normal(size=3)
+        self._bias = noise.acceleration_bias * direction / np.linalg.norm(direction)
+
+    def measure(self, true: Reading) -> Reading:
+        """Return a noisy reading of the truth."""
+        noise, random = self._noise, self._random
+        count = len(true.joints.position)
+        joints = JointStates(
+            true.joints.position + noise.joint_position * random.normal(size=count),
+            true.joints.velocity + noise.joint_velocity * random.normal(size=count),
+            true.joints.effort,
+        )
+        if true.imu is None:
+            return Reading(joints, None)
+        imu = ImuReading(
+            tilted(true.imu.orientation, noise.orientation * random.normal(size=3)),
+            true.imu.angular_velocity + noise.angular_velocity * random.normal(size=3),
+            true.imu.linear_acceleration + self._bias + noise.acceleration * random.normal(size=3),
+        )
+        return Reading(joints, imu)
+
+
+def tilted(orientation: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Return a quaternion (w, x, y, z) turned by a small rotation vector [rad] in its own axes."""
+    w, x, y, z = orientation
+    a, b, c = 0.5 * rotation
+    turned = np.array(
+        [
+            w - x * a - y * b - z * c,
+            x + w * a + y * c - z * b,
+            y + w * b + z * a - x * c,
+            z + w * c + x * b - y * a,
+        ]
+    )
+    return np.asarray(turned / np.linalg.norm(turned))
