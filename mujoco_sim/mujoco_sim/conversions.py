@@ -9,11 +9,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.msg import KeyValue
 from nav_msgs.msg import Odometry
 import numpy as np
+from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from mujoco_sim.errors import SimulationError
+from mujoco_sim.sensors import ImuReading
 from mujoco_sim.sensors import JointStates
 from mujoco_sim.world import BaseState
 from mujoco_sim.world import JointCommand
@@ -48,6 +50,28 @@ def to_ground_truth(base: BaseState, child_frame: str, stamp: Time) -> Odometry:
     linear, angular = message.twist.twist.linear, message.twist.twist.angular
     linear.x, linear.y, linear.z = rotate_inverse(base.orientation, base.linear_velocity).tolist()
     angular.x, angular.y, angular.z = base.angular_velocity.tolist()
+    return message
+
+
+def to_imu(reading: ImuReading, frame: str, stamp: Time) -> Imu:
+    """Return sensor_msgs/Imu; the readings are in the axes of the robot's root."""
+    message = Imu()
+    message.header.stamp = stamp
+    message.header.frame_id = frame
+    orientation, rate = message.orientation, message.angular_velocity
+    force = message.linear_acceleration
+    orientation.w, orientation.x, orientation.y, orientation.z = reading.orientation.tolist()
+    rate.x, rate.y, rate.z = reading.angular_velocity.tolist()
+    force.x, force.y, force.z = reading.linear_acceleration.tolist()
+    return message
+
+
+def to_foot_contacts(names: Sequence[str], forces: np.ndarray, stamp: Time) -> JointState:
+    """Return the normal force on each foot [N]: link names, and the forces as efforts."""
+    message = JointState()
+    message.header.stamp = stamp
+    message.name = list(names)
+    message.effort = forces.tolist()
     return message
 
 

@@ -14,7 +14,9 @@ class SimulatorParameters(Parameters):
     description: str = parameter(
         'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
     )
-    world: str = parameter('flat', doc='World: flat, room, or a model file', read_only=True)
+    world: str = parameter(
+        'flat', doc='World: a name as of --world, or a model file', read_only=True
+    )
     seed: int = parameter(0, doc='Seed of everything random', minimum=0, read_only=True)
     speed: float = parameter(
         1.0, doc='Real-time factor aimed at; 0 is as fast as it goes', minimum=0.0
@@ -24,11 +26,14 @@ class SimulatorParameters(Parameters):
     )
     state_rate: float = parameter(
         50.0,
-        doc='Rate of joint_states and ground_truth/odom',
+        doc='Rate of imu/data, joint_states, foot_contacts and ground_truth/odom',
         unit='Hz',
         above=0.0,
         maximum=1000.0,
         read_only=True,
+    )
+    sensor_noise: bool = parameter(
+        True, doc='Whether the sensors of a legged robot have noise', read_only=True
     )
     command_timeout: float = parameter(
         0.1, doc='Motors brake when joint_commands is silent for so long', unit='s', above=0.0

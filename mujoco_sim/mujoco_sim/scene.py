@@ -34,6 +34,9 @@ def furnish(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
     # (0.47 mm while speeding up to 0.2 m/s, against 0.05 mm).
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    # At 1, the default, feet creep on a slope: odometry of a walk up 15 degrees is off by 4.2 %
+    # of the path, against 0.9 % at 10.
+    spec.option.impratio = 10.0
     spec.visual.global_.offwidth = 1920
     spec.visual.global_.offheight = 1080
     spec.visual.headlight.ambient = np.full(3, 0.35)

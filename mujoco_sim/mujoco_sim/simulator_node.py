@@ -17,6 +17,7 @@ from robot_description.node_support import MessagePump
 from robot_description.node_support import StopSignals
 from robot_description.parameters import Parameters
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from std_srvs.srv import Trigger
@@ -24,7 +25,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from mujoco_sim.conversions import from_joint_commands
 from mujoco_sim.conversions import to_diagnostics
+from mujoco_sim.conversions import to_foot_contacts
 from mujoco_sim.conversions import to_ground_truth
+from mujoco_sim.conversions import to_imu
 from mujoco_sim.conversions import to_joint_state
 from mujoco_sim.conversions import to_stamp
 from mujoco_sim.errors import SimulationError
@@ -34,6 +37,7 @@ from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.statistics import TickStatistics
+from mujoco_sim.usual_setup import usual_setup
 from mujoco_sim.world import World
 
 # A real-time factor below this share of the speed asked for is worth a warning.
@@ -65,7 +69,9 @@ class SimulatorNode(Node):
         super().__init__('simulator', parameter_overrides=parameter_overrides or [])
         self.settings = declare_parameters(self, SimulatorParameters, self._on_change)
         robot = robot or load_robot(self.settings.description)
-        world = world or build_world(robot, self.settings.world, self.settings.seed)
+        if world is None:
+            setup = usual_setup(robot.robot, self.settings.sensor_noise)
+            world = build_world(robot, self.settings.world, self.settings.seed, setup)
         self.simulation = Simulation(world, self.settings.speed)
         self._world = world
         self._root = robot.robot.root
@@ -74,6 +80,11 @@ class SimulatorNode(Node):
         self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
         self._joint_states = self.create_publisher(JointState, 'joint_states', 10)
         self._truth = self.create_publisher(Odometry, 'ground_truth/odom', 10)
+        self._feet = tuple(name for name in robot.robot.links if name.endswith('_foot'))
+        if self._feet:
+            self._contacts = self.create_publisher(JointState, 'foot_contacts', 10)
+        if world.has_imu:
+            self._imu = self.create_publisher(Imu, 'imu/data', 10)
         self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
@@ -119,8 +130,14 @@ class SimulatorNode(Node):
 
     def _publish_states(self) -> None:
         stamp = self.stamp
+        reading = self._world.read()
+        if reading.imu is not None:
+            self._imu.publish(to_imu(reading.imu, self._root, stamp))
+        if self._feet:
+            forces = self._world.contact_forces(self._feet)
+            self._contacts.publish(to_foot_contacts(self._feet, forces, stamp))
         names = self._world.joint_names
-        self._joint_states.publish(to_joint_state(names, self._world.joints(), stamp))
+        self._joint_states.publish(to_joint_state(names, reading.joints, stamp))
         self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
 
     def _on_command(self, message: JointTrajectory) -> None:

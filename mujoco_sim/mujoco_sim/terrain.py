@@ -64,7 +64,8 @@ def add_rough(spec: mujoco.MjSpec, height: float, random: np.random.Generator) -
     rows, columns = 80, 200
     smooth = random.normal(size=(rows, columns))
     for _ in range(6):  # repeated averaging: features of about 0.15 m
-        smooth = 0.25 * sum(np.roll(smooth, shift, axis) for axis in (0, 1) for shift in (-1, 1))
+        rolled = [np.roll(smooth, shift, axis) for axis in (0, 1) for shift in (-1, 1)]
+        smooth = np.mean(rolled, axis=0)
     smooth -= smooth.min()
     smooth *= np.clip(np.linspace(0.0, 8.0, columns), 0.0, 1.0) / smooth.max()
     spec.add_hfield(

@@ -112,8 +112,9 @@ class World:
         self._link_of_geom = [
             self.model.geom(i).name.partition('/')[0] for i in range(self.model.ngeom)
         ]
-        self._has_imu = self.model.nsensor >= 2
+        self.has_imu = self.model.nsensor >= 2
         self._curve = self._torque_speed_curve()
+        self._peak_effort = np.zeros(len(self.motor_names))
         self.reset()
 
     @property
@@ -154,7 +155,7 @@ class World:
     def read(self) -> Reading:
         """Return what the sensors measure now; asked twice in one instant, they say the same."""
         if self._reading is None or self._reading[0] != self.tick:
-            true = Reading(self.joints(), self._true_imu() if self._has_imu else None)
+            true = Reading(self.joints(), self._true_imu() if self.has_imu else None)
             reading = true if self._sensors is None else self._sensors.measure(true)
             self._reading = (self.tick, reading)
         return self._reading[1]
@@ -168,6 +169,12 @@ class World:
             self.data.qvel[self._velocity_address],
             effort,
         )
+
+    def take_peak_effort(self) -> np.ndarray:
+        """Return the largest effort of each motor since the last call [N m], shape (m,)."""
+        peak: np.ndarray = np.maximum(self._peak_effort, np.abs(self.data.actuator_force))
+        self._peak_effort = np.zeros(len(self.motor_names))
+        return peak
 
     def base(self) -> BaseState:
         """Return the root frame as it is, without noise."""
@@ -241,6 +248,7 @@ class World:
             velocity = self.data.qvel[self._motor_velocity]
             self.model.actuator_forcerange[:] = self._curve.limits(velocity)
             mujoco.mj_step(self.model, self.data)
+            np.maximum(self._peak_effort, np.abs(self.data.actuator_force), self._peak_effort)
 
     def _torque_speed_curve(self) -> TorqueSpeedCurve | None:
         limits = self.setup.speed_limits

@@ -147,6 +147,9 @@ def test_mbot_is_seen_moving_without_an_error_on_the_console(
 
 def test_the_page_is_for_this_machine_only(run_with_page: Callable[..., Run]) -> None:
     run = run_with_page('--duration', '20')
+    deadline = time.monotonic() + 10.0
+    while not listeners(run.port) and time.monotonic() < deadline:
+        time.sleep(0.1)
     assert listeners(run.port) == {'0100007F'}
 
 

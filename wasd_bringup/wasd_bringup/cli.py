@@ -8,6 +8,7 @@ from typing import NoReturn
 
 from robot_description.errors import UserError
 
+from wasd_bringup.options import add_legged_options
 from wasd_bringup.options import add_run_options
 
 
@@ -28,6 +29,9 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     mbot = commands.add_parser('mbot', help='drive the wheeled robot', allow_abbrev=False)
     add_run_options(mbot, robot='mbot', preset='mbot')
+    go2 = commands.add_parser('go2', help='drive the legged robot', allow_abbrev=False)
+    add_run_options(go2, robot='go2', preset='unitree')
+    add_legged_options(go2)
     demo = commands.add_parser(
         'demo', help='a scripted tour; writes pictures and a table', allow_abbrev=False
     )

@@ -20,6 +20,7 @@ from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 
 from wasd_bringup.errors import UsageError
+from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
 
 
@@ -34,7 +35,7 @@ class MbotStack:
     estimator = 'wheels'
     camera = CameraView(distance=1.6, azimuth=130.0, elevation=-25.0)
 
-    def __init__(self, loaded: LoadedRobot, world: World, preset: str) -> None:
+    def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
         geometry = find_wheels(loaded.robot)
         wheels = (geometry.left_joint, geometry.right_joint)
         missing = [name for name in wheels if name not in world.motor_names]
@@ -48,7 +49,7 @@ class MbotStack:
         self._joints = [world.joint_names.index(name) for name in wheels]
         self._wheel_links = [loaded.robot.joints[name].child for name in wheels]
         self._teleop = KeysToTwistNode(
-            lock_step=True, parameter_overrides=[Parameter('preset', value=preset)]
+            lock_step=True, parameter_overrides=[Parameter('preset', value=options.preset)]
         )
         self._driver = DiffDriveControllerNode(geometry, lock_step=True)
         self._teleop.receivers.append(self._driver.cmd_vel.put)

@@ -16,6 +16,7 @@ from wasd_bringup.scripts import parse_twist_script
 from wasd_bringup.scripts import ScriptedPush
 from wasd_bringup.scripts import ScriptedTwist
 
+WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
 VIEWERS = ('web', 'native', 'none')
 # A scripted run without --duration goes on for so long after its last line [s].
 AFTERGLOW = 2.0
@@ -39,6 +40,8 @@ class RunOptions:
     speed: float = 1.0
     seed: int = 0
     report: Path | None = None
+    estimator: str = 'kalman'
+    limits: str = 'sport'
 
     @property
     def scripted(self) -> bool:
@@ -68,7 +71,7 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) ->
         help='where package:// and $(find) look first (repeatable)',
     )
     parser.add_argument(
-        '--world', default='flat', metavar='NAME|FILE', help='flat, room, or a model file'
+        '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
     )
     parser.add_argument(
         '--preset', default=preset, metavar='NAME', help=f'keymap (default: {preset})'
@@ -91,6 +94,22 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) ->
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed (default 0)')
     parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
+
+
+def add_legged_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what only a legged robot's command has."""
+    parser.add_argument(
+        '--estimator',
+        choices=('kalman', 'truth'),
+        default='kalman',
+        help='what feeds the controller: IMU and legs (default), or the simulator without noise',
+    )
+    parser.add_argument(
+        '--limits',
+        choices=('sport', 'guide'),
+        default='sport',
+        help="full stick: what the controller is good for (default), or unitree_guide's",
+    )
 
 
 def read_options(arguments: argparse.Namespace) -> RunOptions:
@@ -130,6 +149,8 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         speed=_number(arguments.speed, '--speed'),
         seed=arguments.seed,
         report=_writable(arguments.report),
+        estimator=getattr(arguments, 'estimator', 'kalman'),
+        limits=getattr(arguments, 'limits', 'sport'),
     )
 
 

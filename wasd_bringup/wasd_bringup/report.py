@@ -24,13 +24,14 @@ class Sample(NamedTuple):
     command: tuple[float, float, float]  # the command in force: vx, vy [m/s], wz [rad/s]
     odometry: tuple[float, float, float]  # x, y [m], yaw [rad]
     contacts: Sequence[int]  # 1 where a foot or wheel touches
+    is_down: bool = False  # a legged robot whose trunk has come to the ground
 
 
 class Recorder:
     """
     Collects samples and counts falls; `sample` is called every SAMPLE_PERIOD of simulated time.
 
-    A fall is a tilt over 60 degrees; it ends when the robot is upright again.
+    A fall is a tilt over 60 degrees, or a trunk on the ground; it ends when that has ended.
     """
 
     def __init__(self, world: World) -> None:
@@ -56,7 +57,7 @@ class Recorder:
     def sample(self, now: Sample) -> None:
         """Add the sample of this instant."""
         base = self._world.base()
-        self._watch_for_falls(base.tilt)
+        self._watch_for_falls(base.tilt > FALL_TILT or now.is_down)
         x, y, yaw = now.odometry
         row = {
             't': round(self._world.time, 9),
@@ -67,17 +68,17 @@ class Recorder:
             'velocity': base.planar_velocity.tolist(),
             'odom': [x, y, wrap(yaw)],
             'contacts': list(now.contacts),
-            'torque_max': float(abs(self._world.joints().effort).max(initial=0.0)),
+            'torque_max': float(self._world.take_peak_effort().max(initial=0.0)),
         }
         for key, value in row.items():
             self.samples[key].append(value)
 
-    def _watch_for_falls(self, tilt: float) -> None:
-        if tilt > FALL_TILT and not self._fallen:
+    def _watch_for_falls(self, is_down: bool) -> None:
+        if is_down and not self._fallen:
             self.falls += 1
             if self.fell_at is None:
                 self.fell_at = self._world.time
-        self._fallen = tilt > FALL_TILT
+        self._fallen = is_down
 
 
 def build_report(

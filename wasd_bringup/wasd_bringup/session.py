@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from mujoco_sim.loading import build_world
 from mujoco_sim.loading import load_robot
 from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.usual_setup import usual_setup
 from mujoco_sim.viewer import Panel
 from mujoco_sim.viewer import WebView
 from rclpy.node import Node
@@ -21,7 +22,6 @@ from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.status_line import StatusLine
 
-from wasd_bringup.mbot_stack import MbotStack
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import build_report
@@ -31,6 +31,7 @@ from wasd_bringup.report import write_report
 from wasd_bringup.scripts import Player
 from wasd_bringup.scripts import TWIST_RATE
 from wasd_bringup.scripts import TwistPlayer
+from wasd_bringup.stack import make_stack
 
 # The page gets so many pictures a second of wall time.
 FRAME_PERIOD = 1.0 / 60.0
@@ -77,13 +78,14 @@ class Session:
         self._status = StatusLine(sys.stdout)
         self._next_frame = self._next_messages = 0.0
         loaded = load_robot(options.description, options.package_path)
-        self.world = build_world(loaded, options.world, options.seed, visuals=visuals)
+        setup = usual_setup(loaded.robot, noise=options.estimator == 'kalman')
+        self.world = build_world(loaded, options.world, options.seed, setup, visuals)
         self.simulator = SimulatorNode(
             loaded, self.world, lock_step=True, parameter_overrides=_overrides(options)
         )
         self._nodes.append(self.simulator)
         self.simulation = self.simulator.simulation
-        self.stack = MbotStack(loaded, self.world, options.preset)
+        self.stack = make_stack(loaded, self.world, options)
         self._state_publisher = StatePublisherNode(loaded.urdf, lock_step=True)
         self._keys = KeyPublisherNode()
         self._keys.receivers.append(self.stack.press)
@@ -165,7 +167,8 @@ class Session:
         self._push_player = Player(options.pushes)
         twists = TwistPlayer(options.twists or (), self.stack.drive)
         schedule.every(self.stack.period, self._begin_instant)
-        schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
+        if options.twists is not None:
+            schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
         self.stack.schedule(schedule)
         self.simulator.schedule_publishing()
         schedule.every(1.0 / self.simulator.settings.state_rate, self._publish_transforms)

@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors of this package."""
+
+from robot_description.errors import UserError
+
+
+class QuadrupedError(UserError):
+    """Root of the package's errors."""
+
+
+class RobotModelError(QuadrupedError):
+    """The description is not a robot this controller can walk; says what is missing or odd."""

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ground the robot cannot see: a plane through the places where its feet stood last."""
+
+import math
+
+import numpy as np
+
+from quadruped_sim.jit import jit
+from quadruped_sim.parameters import GroundParameters
+
+
+class Ground:
+    """
+    Plane z = height + gradient . (xy - centre), low-passed.
+
+    Remembers where each foot stood last; a foot in the air does not move the plane. The slope
+    follows slowly, so that boxes average out and a ramp is felt within a few steps.
+    """
+
+    def __init__(self, params: GroundParameters) -> None:
+        self._params = params
+        self.reset(np.zeros((4, 3)))
+
+    def reset(self, feet: np.ndarray) -> None:
+        """Take level ground at the mean height of the contact points `feet` (4, 3), world [m]."""
+        self._points = feet.copy()
+        self.centre = feet[:, :2].mean(axis=0)
+        self.height = float(feet[:, 2].mean())
+        self.gradient = np.zeros(2)
+
+    def step(self, contacts: np.ndarray, is_contact: np.ndarray, dt: float) -> None:
+        """Move the plane toward the contact points (4, 3) of the feet that stand, world [m]."""
+        slope_share = min(1.0, dt / self._params.slope_time)
+        height_share = min(1.0, dt / self._params.height_time)
+        self.height = _follow_plane(
+            self._points,
+            contacts,
+            is_contact,
+            self.centre,
+            self.gradient,
+            self.height,
+            math.tan(self._params.slope_max),
+            slope_share,
+            height_share,
+        )
+
+    def heights(self, points: np.ndarray) -> np.ndarray:
+        """Ground height below `points` (n, 2 or 3) [m], shape (n,)."""
+        return np.asarray(self.height + (points[:, :2] - self.centre) @ self.gradient)
+
+    def height_at(self, point: np.ndarray) -> float:
+        """Ground height below one point [m]."""
+        return self.height + float((point[:2] - self.centre) @ self.gradient)
+
+    def normal(self) -> np.ndarray:
+        """Unit normal in world axes, pointing up, shape (3,)."""
+        normal = np.array((-self.gradient[0], -self.gradient[1], 1.0))
+        return normal / math.sqrt(float(normal @ normal))
+
+    def frame(self) -> np.ndarray:
+        """Rotation (3, 3) from axes on the ground (z = normal, x nearly world x) to the world."""
+        normal = self.normal()
+        along = np.array((float(normal[2]), 0.0, -float(normal[0])))
+        along /= math.sqrt(float(along @ along))
+        nx, ny, nz = normal.tolist()
+        ax, ay, az = along.tolist()
+        across = (ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax)
+        return np.column_stack((along, across, normal))
+
+
+@jit
+def _follow_plane(
+    points: np.ndarray,
+    contacts: np.ndarray,
+    is_contact: np.ndarray,
+    centre: np.ndarray,
+    gradient: np.ndarray,
+    height: float,
+    steepest: float,
+    slope_share: float,
+    height_share: float,
+) -> float:
+    """Update `points`, `centre` and `gradient` in place; returns the new height at the centre."""
+    for i in range(4):
+        for k in range(3):
+            if is_contact[i]:
+                points[i, k] = contacts[i, k]
+    mean = np.zeros(3)
+    for i in range(4):
+        for k in range(3):
+            mean[k] += 0.25 * points[i, k]
+    xx = xy = yy = xz = yz = 0.0
+    for i in range(4):
+        x, y, z = points[i, 0] - mean[0], points[i, 1] - mean[1], points[i, 2] - mean[2]
+        xx += x * x
+        xy += x * y
+        yy += y * y
+        xz += x * z
+        yz += y * z
+    determinant = xx * yy - xy * xy
+    gx = gy = 0.0
+    if determinant > 1e-5:  # else the feet stand in a line and say nothing about slope
+        gx = (yy * xz - xy * yz) / determinant
+        gy = (xx * yz - xy * xz) / determinant
+    size = math.sqrt(gx * gx + gy * gy)
+    if size > steepest:
+        gx *= steepest / size
+        gy *= steepest / size
+    gradient[0] += slope_share * (gx - gradient[0])
+    gradient[1] += slope_share * (gy - gradient[1])
+    # The centre jumps with each touchdown; the height is carried along the slope to it.
+    moved = height + gradient[0] * (mean[0] - centre[0]) + gradient[1] * (mean[1] - centre[1])
+    centre[0], centre[1] = mean[0], mean[1]
+    return float(moved + height_share * (mean[2] - moved))

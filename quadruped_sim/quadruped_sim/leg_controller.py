@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The leg controller: keys and velocity commands in, joint commands and odometry out."""
+
+import numpy as np
+
+from quadruped_sim.command_filter import CommandFilter
+from quadruped_sim.contact_detection import ContactDetector
+from quadruped_sim.estimator import ImuSample
+from quadruped_sim.estimator import KalmanEstimator
+from quadruped_sim.leg_kinematics import leg_motion
+from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.locomotion import Locomotion
+from quadruped_sim.odometry import make_odometry
+from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.records import BaseState
+from quadruped_sim.records import LegCommand
+from quadruped_sim.records import Odometry
+from quadruped_sim.records import Sensors
+from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_state import RobotState
+from quadruped_sim.rotations import matrix_from_quaternion
+from quadruped_sim.rotations import rpy_from_matrix
+from quadruped_sim.safety import Safety
+from quadruped_sim.state_machine import STATE_KEYS
+from quadruped_sim.state_machine import StateMachine
+from quadruped_sim.state_machine import StateName
+from quadruped_sim.states import make_states
+from quadruped_sim.states import Parts
+from quadruped_sim.states.passive import damping_command
+from quadruped_sim.sticks import Sticks
+from quadruped_sim.whole_body import contact_points
+
+_UP = np.array((0.0, 0.0, 1.0))
+
+
+class LegController:
+    """
+    Walks a quadruped: one `step` per tick, 500 times a second.
+
+    `estimator` is 'kalman' (IMU and joints only) or 'truth' (`Sensors.truth`, which must be set).
+    Never raises for bad data: it falls back to damping and says so in `event`.
+    """
+
+    def __init__(
+        self,
+        urdf: str,
+        params: LegControllerParameters | None = None,
+        estimator: str = 'kalman',
+    ) -> None:
+        if estimator not in ('kalman', 'truth'):
+            raise ValueError(f"estimator must be 'kalman' or 'truth', got {estimator!r}")
+        self._params = params or LegControllerParameters()
+        self._uses_truth = estimator == 'truth'
+        self.model = RobotModel(urdf)
+        self.sticks = Sticks()
+        self.command_filter = CommandFilter(self._params.command)
+        self.locomotion = Locomotion(self.model, self._params)
+        self._solvers = (self.locomotion.mpc.solver, self.locomotion.whole_body.solver)
+        self.safety = Safety(self._params.safety, self.model.limits)
+        self._detector = ContactDetector(self._params.contact)
+        self._kalman = KalmanEstimator(
+            self._params.estimator, self.model.geometry.foot_radius, self.model.imu_offset
+        )
+        self._states = make_states(
+            Parts(self.model, self._params, self.locomotion, self.command_filter, self.sticks)
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Passive, at the origin, as after construction; the next reading starts the estimate."""
+        self._machine = StateMachine()
+        self._entered: StateName | None = None
+        self.sticks.zero()
+        self.command_filter.reset()
+        self.safety.reset()
+        self._detector.reset()
+        self._is_started = False
+        self.robot: RobotState | None = None
+        self.event: str | None = None
+        self._odometry: Odometry | None = None
+
+    @property
+    def state(self) -> str:
+        """Name of the present state."""
+        return self._machine.state.value
+
+    @property
+    def is_fallen(self) -> bool:
+        """Whether the robot lies on its side or back."""
+        return self.robot is not None and self.safety.is_fallen(self.robot.R)
+
+    @property
+    def odometry(self) -> Odometry | None:
+        """Estimated pose and velocity of the base; None before the first reading."""
+        if self._odometry is None and self.robot is not None:
+            variances = (1e-9, 1e-9) if self._uses_truth else self._kalman.variances
+            self._odometry = make_odometry(self.robot, *variances)
+        return self._odometry
+
+    @property
+    def solver_failures(self) -> int:
+        """QPs that failed since construction, MPC and whole body together."""
+        return sum(solver.failures for solver in self._solvers)
+
+    def press(self, key: str) -> str | None:
+        """Take a key; a text for the user when it is refused."""
+        if key in STATE_KEYS:
+            if self.is_fallen and key != '1':
+                return 'the robot has fallen: put it on its feet first'
+            return self._machine.press(key)
+        if self.sticks.press(key):
+            return None
+        return f'key {key!r} does nothing here'
+
+    def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
+        """Velocity command for move base [m/s, m/s, rad/s]; a text when it is refused."""
+        if self._machine.state is not StateName.MOVE_BASE:
+            return f'velocity commands need the state move base, not {self.state}'
+        return self.command_filter.request(vx, vy, yaw_rate)
+
+    def e_stop(self) -> None:
+        """Go passive at once."""
+        self._let_go('emergency stop')
+
+    def step(self, sensors: Sensors, dt: float) -> LegCommand:
+        """Joint command for this reading, `dt` [s] after the one before."""
+        self._odometry = None
+        reading = self.safety.filter_sensors(sensors)
+        if reading is None or (self._uses_truth and reading.truth is None):
+            self._let_go('no usable sensor reading')
+            return damping_command(np.zeros(12))
+        robot = self._estimate(reading, dt)
+        self.robot = robot
+        reason = self.safety.reason_to_let_go(
+            robot.R, robot.joint_position, self._failures_in_a_row()
+        )
+        if reason is not None:
+            self._let_go(reason)
+        self._machine.begin_tick()
+        state = self._states[self._machine.state]
+        if self._entered is not self._machine.state:
+            self.sticks.zero()
+            state.enter(robot)
+            self._entered = self._machine.state
+        command = state.step(robot, dt)
+        return self.safety.filter_command(command, damping_command(robot.joint_position))
+
+    def _let_go(self, reason: str) -> None:
+        for solver in self._solvers:
+            solver.forgive()
+        if self._machine.force(StateName.PASSIVE):
+            self.event = reason
+
+    def _failures_in_a_row(self) -> int:
+        return max(solver.failures_in_a_row for solver in self._solvers)
+
+    def _estimate(self, sensors: Sensors, dt: float) -> RobotState:
+        """Base, feet, contacts and dynamics at this reading."""
+        model = self.model
+        angles, rates = sensors.joint_position, sensors.joint_velocity
+        motion = leg_motion(model.geometry, angles, rates)
+        is_trotting = self._machine.state in (StateName.TROTTING, StateName.MOVE_BASE)
+        normal = self.locomotion.ground.normal() if is_trotting else _UP
+        base, R = self._base_state(sensors, motion, normal, dt)
+        up = R.T @ normal
+        dynamics = model.dynamics(
+            base.orientation, R.T @ base.velocity, base.angular_velocity, angles, rates
+        )
+        self._detector.step(sensors.joint_effort, motion, dynamics, up, dt)
+        return RobotState(
+            joint_position=angles,
+            joint_velocity=rates,
+            orientation=base.orientation,
+            position=base.position,
+            velocity=base.velocity,
+            R=R,
+            rpy=rpy_from_matrix(R),
+            omega=base.angular_velocity,
+            motion=motion,
+            contact=contact_points(motion, up, model.geometry.foot_radius),
+            dynamics=dynamics,
+            feet=base.position + motion.position @ R.T,
+            com=model.centre_of_mass(angles),
+            normal_forces=self._detector.normal_forces,
+            is_contact=self._detector.is_contact,
+        )
+
+    def _base_state(
+        self, sensors: Sensors, motion: LegMotion, normal: np.ndarray, dt: float
+    ) -> tuple[BaseState, np.ndarray]:
+        """Base by truth or by the filter, and its rotation to the world."""
+        if self._uses_truth and sensors.truth is not None:
+            return sensors.truth, matrix_from_quaternion(sensors.truth.orientation)
+        R = matrix_from_quaternion(sensors.imu_orientation)
+        if not self._is_started:
+            self._start(motion.position @ R.T)
+        imu = ImuSample(R, sensors.imu_angular_velocity, sensors.imu_linear_acceleration)
+        trust = self._states[self._machine.state].trust
+        self._kalman.step(imu, motion, trust, normal, dt)
+        base = BaseState(
+            self._kalman.position.copy(),
+            sensors.imu_orientation,
+            self._kalman.velocity.copy(),
+            sensors.imu_angular_velocity,
+        )
+        return base, R
+
+    def _start(self, relative: np.ndarray) -> None:
+        """Start the filter at x = y = 0 with the lowest foot on the ground."""
+        height = self.model.geometry.foot_radius - float(relative[:, 2].min())
+        position = np.array((0.0, 0.0, height))
+        self._kalman.reset(position, position + relative)
+        self._is_started = True

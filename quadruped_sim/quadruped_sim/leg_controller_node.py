@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The leg controller on ROS: keys and cmd_vel in, odom and joint commands out."""
+
+import sys
+
+from geometry_msgs.msg import Twist
+from mujoco_sim.conversions import to_joint_commands
+from mujoco_sim.loading import load_robot
+from mujoco_sim.sensors import Reading
+from mujoco_sim.world import BaseState
+from mujoco_sim.world import JointCommand
+from nav_msgs.msg import Odometry
+import numpy as np
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile
+from robot_description.inlet import Inlet
+from robot_description.node_support import declare_parameters
+from robot_description.node_support import run_node
+from robot_description.tf import TfBroadcaster
+from sensor_msgs.msg import Imu
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from quadruped_sim.conversions import from_messages
+from quadruped_sim.conversions import from_odometry
+from quadruped_sim.conversions import to_joint_command
+from quadruped_sim.conversions import to_odometry
+from quadruped_sim.conversions import to_sensors
+from quadruped_sim.conversions import to_transform
+from quadruped_sim.leg_controller import LegController
+from quadruped_sim.legs import JOINT_NAMES
+from quadruped_sim.node_parameters import LegNodeParameters
+from quadruped_sim.parameters import CommandParameters
+from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.warm_up import warm_up
+
+# Longest step believed between two readings [s].
+MAXIMUM_STEP = 0.02
+
+
+class LegControllerNode(Node):
+    """
+    Walks a quadruped from keys and cmd_vel.
+
+    Alone, it steps at each `joint_states` with the `imu/data` of the same stamp and publishes
+    `joint_commands`. In lock-step the simulation loop calls `control` and `publish_odometry`, and
+    `keys.put` and `cmd_vel.put` hand over what comes from the same process.
+    """
+
+    def __init__(
+        self,
+        urdf: str | None = None,
+        *,
+        lock_step: bool = False,
+        parameter_overrides: list[Parameter] | None = None,
+    ) -> None:
+        """
+        Take a URDF text, or expand the description that the parameter names.
+
+        Raises:
+            UserError: what is wrong with the parameters or the robot, in one line.
+        """
+        super().__init__('leg_controller', parameter_overrides=parameter_overrides or [])
+        self.settings = declare_parameters(self, LegNodeParameters)
+        urdf = urdf or load_robot(self.settings.description).urdf
+        self.controller = LegController(
+            urdf,
+            LegControllerParameters(
+                command=CommandParameters(limits=self.settings.limits),
+                gait=GaitParameters(step_in_place=self.settings.step_in_place),
+            ),
+            self.settings.estimator,
+        )
+        # Compiled functions come from a cache; loading them must not be part of the first tick.
+        warm_up(urdf)
+        self._said: str | None = None
+        self._joints: np.ndarray | None = None
+        self.keys = Inlet(self, String, 'keys', self._on_key, depth=100)
+        self.cmd_vel = Inlet(self, Twist, 'cmd_vel', self._on_twist)
+        self._odometry = self.create_publisher(Odometry, 'odom', 10)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._state = self.create_publisher(String, 'state', latched)
+        self._published_state = ''
+        self._tf = TfBroadcaster(self)
+        self.create_service(Trigger, '~/e_stop', self._on_e_stop)
+        if not lock_step:
+            self._listen()
+
+    def control(
+        self,
+        reading: Reading,
+        joint_names: tuple[str, ...],
+        motor_names: tuple[str, ...],
+        dt: float,
+        truth: BaseState | None = None,
+    ) -> JointCommand:
+        """Return the motors' command for a reading `dt` [s] after the one before."""
+        if self._joints is None:
+            self._joints = np.array([joint_names.index(name) for name in JOINT_NAMES])
+            self._motors = np.array([JOINT_NAMES.index(name) for name in motor_names])
+        if self.settings.estimator == 'kalman':
+            truth = None
+        command = self.controller.step(to_sensors(reading, self._joints, truth), dt)
+        return to_joint_command(command, self._motors)
+
+    def publish_odometry(self) -> None:
+        """Publish odom and /tf with one stamp, the node's time; the state when it has changed."""
+        state = self.controller.odometry
+        if state is not None:
+            stamp = self.get_clock().now().to_msg()
+            self._odometry.publish(to_odometry(state, stamp, self.settings))
+            self._tf.send([to_transform(state, stamp, self.settings)])
+        if self.controller.state != self._published_state:
+            self._published_state = self.controller.state
+            self._state.publish(String(data=self._published_state))
+            if self.controller.event is not None and self._published_state == 'passive':
+                self._say(f'passive: {self.controller.event}')
+
+    @property
+    def said(self) -> str:
+        """The last refusal or event, for a status line; '' when there is none."""
+        return self._said or ''
+
+    def reset(self) -> None:
+        """Begin anew, passive."""
+        self.controller.reset()
+        self._said = None
+
+    def close(self) -> None:
+        """Leave the legs passive (the simulator's own watchdog brakes them, too)."""
+        self.controller.e_stop()
+
+    def _say(self, text: str) -> None:
+        if text != self._said:
+            self._said = text
+            self.get_logger().warning(text)
+
+    def _on_key(self, message: String) -> None:
+        refusal = self.controller.press(message.data)
+        if refusal is not None:
+            self._say(refusal)
+        elif message.data.isdigit():
+            self._said = None
+
+    def _on_twist(self, message: Twist) -> None:
+        refusal = self.controller.set_velocity(
+            message.linear.x, message.linear.y, message.angular.z
+        )
+        if refusal is not None:
+            self._say(refusal)
+
+    def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.controller.e_stop()
+        response.success = True
+        response.message = 'passive; press 2 to stand again'
+        return response
+
+    def _listen(self) -> None:
+        """Take readings from topics and command the motors by one."""
+        self._commands = self.create_publisher(
+            JointTrajectory, 'joint_commands', qos_profile_sensor_data
+        )
+        self._imu: Imu | None = None
+        self._truth: BaseState | None = None
+        self._last: float | None = None
+        self._next_odometry = 0.0
+        sensors = qos_profile_sensor_data
+        self.create_subscription(Imu, 'imu/data', self._on_imu, sensors)
+        self.create_subscription(JointState, 'joint_states', self._on_joint_states, sensors)
+        if self.settings.estimator == 'truth':
+            self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, sensors)
+
+    def _on_imu(self, message: Imu) -> None:
+        self._imu = message
+
+    def _on_truth(self, message: Odometry) -> None:
+        self._truth = from_odometry(message)
+
+    def _on_joint_states(self, message: JointState) -> None:
+        """Step with the latest IMU message; the simulator sends it just before the joints."""
+        if self._imu is None or not set(JOINT_NAMES) <= set(message.name):
+            return
+        stamp = message.header.stamp
+        now = stamp.sec + 1e-9 * stamp.nanosec
+        previous, self._last = self._last, now
+        if previous is None or now <= previous:
+            return
+        names = tuple(message.name)
+        dt = min(now - previous, MAXIMUM_STEP)
+        reading = from_messages(message, self._imu)
+        command = self.control(reading, names, JOINT_NAMES, dt, self._truth)
+        self._commands.publish(to_joint_commands(JOINT_NAMES, command, stamp))
+        if now >= self._next_odometry or now < self._next_odometry - 1.0:
+            self._next_odometry = now + 1.0 / self.settings.publish_rate
+            self.publish_odometry()
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the leg controller as a process of its own."""
+    return run_node(LegControllerNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

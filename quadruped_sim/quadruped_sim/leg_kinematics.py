@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Closed-form kinematics of four legs at once: hip about x, thigh and calf about y."""
+
+from dataclasses import dataclass
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from quadruped_sim.jit import jit
+
+
+@dataclass(frozen=True)
+class LegGeometry:
+    """
+    Dimensions of the four legs, in base axes [m].
+
+    `hip` (4, 3) is where the hip axes pass the thigh's plane, `offset` (4,) the signed distance
+    from the hip axis to the leg's plane, `thigh` and `calf` the lengths of the two links,
+    `foot_radius` that of the spherical foot.
+    """
+
+    hip: np.ndarray
+    offset: np.ndarray
+    thigh: float
+    calf: float
+    foot_radius: float
+
+
+class LegMotion(NamedTuple):
+    """
+    Feet as seen from the base, base axes.
+
+    `position` (4, 3) [m], `velocity` (4, 3) [m/s] relative to the base, `jacobian` (4, 3, 3) from
+    joint velocity to foot velocity, `bias` (4, 3) [m/s^2] the foot acceleration at zero joint
+    acceleration, `calf_rate` (4, 3) [rad/s] the calves' angular velocity relative to the base,
+    `axis` (4, 3) the axis of thigh and calf.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    jacobian: np.ndarray
+    bias: np.ndarray
+    calf_rate: np.ndarray
+    axis: np.ndarray
+
+
+def leg_motion(leg: LegGeometry, angles: np.ndarray, rates: np.ndarray) -> LegMotion:
+    """Feet at joint `angles` [rad] moving at `rates` [rad/s], both (12,)."""
+    return LegMotion(*_leg_motion(leg.hip, leg.offset, leg.thigh, leg.calf, angles, rates))
+
+
+@jit
+def _leg_motion(
+    hip: np.ndarray,
+    offset: np.ndarray,
+    thigh: float,
+    calf: float,
+    angles: np.ndarray,
+    rates: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    position = hip.copy()
+    velocity = np.zeros((4, 3))
+    jacobian = np.zeros((4, 3, 3))
+    bias = np.zeros((4, 3))
+    spin = np.zeros((4, 3))
+    axis = np.zeros((4, 3))
+    for i in range(4):
+        hip_rate, thigh_rate = rates[3 * i], rates[3 * i + 1]
+        calf_rate = thigh_rate + rates[3 * i + 2]
+        s1, c1 = np.sin(angles[3 * i]), np.cos(angles[3 * i])
+        bent = angles[3 * i + 1] + angles[3 * i + 2]
+        ls2, lc2 = thigh * np.sin(angles[3 * i + 1]), thigh * np.cos(angles[3 * i + 1])
+        ls3, lc3 = calf * np.sin(bent), calf * np.cos(bent)
+        x, z = -ls2 - ls3, -lc2 - lc3  # in the leg's plane: forward, up
+        y_base = offset[i] * c1 - z * s1
+        z_base = offset[i] * s1 + z * c1
+        position[i, 0] += x
+        position[i, 1] += y_base
+        position[i, 2] += z_base
+
+        J = jacobian[i]
+        J[1, 0], J[2, 0] = -z_base, y_base
+        J[0, 1], J[1, 1], J[2, 1] = z, x * s1, -x * c1
+        J[0, 2], J[1, 2], J[2, 2] = -lc3, -ls3 * s1, ls3 * c1
+        for row in range(3):
+            for joint in range(3):
+                velocity[i, row] += J[row, joint] * rates[3 * i + joint]
+
+        # Second derivatives of the closed form at zero joint acceleration.
+        z_rate = -x * thigh_rate + ls3 * (calf_rate - thigh_rate)
+        z_bias = lc2 * thigh_rate * thigh_rate + lc3 * calf_rate * calf_rate
+        bias[i, 0] = ls2 * thigh_rate * thigh_rate + ls3 * calf_rate * calf_rate
+        bias[i, 1] = -y_base * hip_rate**2 - z_bias * s1 - 2.0 * z_rate * hip_rate * c1
+        bias[i, 2] = -z_base * hip_rate**2 + z_bias * c1 - 2.0 * z_rate * hip_rate * s1
+        axis[i, 1], axis[i, 2] = c1, s1
+        spin[i, 0], spin[i, 1], spin[i, 2] = hip_rate, calf_rate * c1, calf_rate * s1
+    return position, velocity, jacobian, bias, spin, axis
+
+
+def foot_positions(leg: LegGeometry, angles: np.ndarray) -> np.ndarray:
+    """Foot centres in base axes [m], shape (4, 3), at joint `angles` (12,) [rad]."""
+    return leg_motion(leg, angles, np.zeros(12)).position
+
+
+def leg_angles(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarray, bool]:
+    """
+    Joint angles (3,) [rad] that bring one foot to `foot` (3,) in base axes, knee backwards.
+
+    A target out of reach is brought to the nearest radius the leg can have; the second value is
+    False then.
+    """
+    relative = foot - leg.hip[index]
+    return solve_leg(relative, float(leg.offset[index]), leg.thigh, leg.calf)
+
+
+@jit
+def solve_leg(
+    foot: np.ndarray, offset: float, thigh: float, calf: float
+) -> tuple[np.ndarray, bool]:
+    """Inverse kinematics of one leg; `foot` (3,) is relative to its hip. See `leg_angles`."""
+    x, y, z = foot[0], foot[1], foot[2]
+    squared = y * y + z * z - offset * offset
+    reachable = squared > 1e-8
+    plane_z = -math.sqrt(max(squared, 1e-8))
+    hip = math.atan2(z, y) - math.atan2(plane_z, offset)
+    hip = math.pi - (math.pi - hip) % (2.0 * math.pi)
+
+    distance = math.sqrt(x * x + plane_z * plane_z)
+    shortest, longest = abs(thigh - calf) + 1e-4, thigh + calf - 1e-4
+    reachable = reachable and shortest <= distance and distance <= longest
+    distance = min(max(distance, shortest), longest)
+    cosine = (distance * distance - thigh * thigh - calf * calf) / (2.0 * thigh * calf)
+    knee = math.acos(max(-1.0, min(1.0, cosine)))
+    lean = math.atan2(-x, -plane_z)
+    inner = math.atan2(calf * math.sin(knee), thigh + calf * math.cos(knee))
+    angles = np.empty(3)
+    angles[0], angles[1], angles[2] = hip, lean + inner, -knee
+    return angles, reachable
+
+
+def all_leg_angles(leg: LegGeometry, feet: np.ndarray) -> np.ndarray:
+    """Joint angles (12,) [rad] that bring all feet to `feet` (4, 3) in base axes."""
+    return np.concatenate([leg_angles(leg, index, feet[index])[0] for index in range(4)])

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trot: gait, footholds, swing feet, MPC forces and whole-body torques put together."""
+
+import math
+
+import numpy as np
+
+from quadruped_sim.balance import base_acceleration
+from quadruped_sim.balance import standing_forces
+from quadruped_sim.base_tracking import BaseTracking
+from quadruped_sim.convex_mpc import ConvexMpc
+from quadruped_sim.convex_mpc import MpcProblem
+from quadruped_sim.gait import Gait
+from quadruped_sim.ground import Ground
+from quadruped_sim.joint_targets import joint_command
+from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.records import LegCommand
+from quadruped_sim.reference import BaseReference
+from quadruped_sim.reference import horizon
+from quadruped_sim.reference import Reference
+from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_state import RobotState
+from quadruped_sim.rotations import yaw_matrix
+from quadruped_sim.swing_legs import SwingLegs
+from quadruped_sim.whole_body import WholeBody
+from quadruped_sim.whole_body import WholeBodyTask
+
+# How fast the base sinks or rises to its height on entry [m/s].
+_HEIGHT_RATE = 0.15
+# Pose whose inertia the MPC uses.
+_NOMINAL_ANGLES = np.tile((0.0, 0.8, -1.6), 4)
+
+
+class Locomotion:
+    """
+    Turns a velocity command into joint commands, one `step` per tick.
+
+    State: gait phase, reference, the feet's last lift-off points, MPC forces and the time since
+    they were found. `ground` is shared with the estimator.
+    """
+
+    def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
+        self._model = model
+        self._params = params
+        self.gait = Gait(params.gait)
+        self.ground = Ground(params.ground)
+        self.reference = Reference(params.reference)
+        inertia, _ = model.inertia_about_com(_NOMINAL_ANGLES)
+        self.mpc = ConvexMpc(params.mpc, model.mass, inertia)
+        self.whole_body = WholeBody(params.whole_body, params.mpc)
+        self._tracking = BaseTracking(params.whole_body, model, inertia)
+        self.swing_legs = SwingLegs(model, params)
+        self.schedule = self.gait.state()
+        self.is_stance = np.ones(4, dtype=bool)
+        self._forces = np.zeros((4, 3))
+        self._since_solution = math.inf
+        self._height = params.reference.height
+
+    def reset(self, state: RobotState) -> None:
+        """Stand where the robot is, on level ground under its feet."""
+        self.gait.reset()
+        self.reference.reset(state)
+        self.ground.reset(self._contact_points(state))
+        self._height = float(state.position[2]) - self.ground.height
+        self.schedule = self.gait.state()
+        self.is_stance = np.ones(4, dtype=bool)
+        self.swing_legs.reset(state.feet)
+        self._early = np.zeros(4, dtype=bool)
+        self._forces = standing_forces(self._model.weight, self.is_stance)
+        self._since_solution = math.inf
+
+    def step(
+        self, state: RobotState, command: np.ndarray, dt: float, *, is_halting: bool = False
+    ) -> LegCommand:
+        """
+        Joint command for (vx, vy, yaw rate), base axes, after `dt` [s].
+
+        `is_halting` ends stepping in place as soon as the robot may stand.
+        """
+        speed = math.hypot(float(command[0]), float(command[1])) + 0.15 * abs(float(command[2]))
+        self.schedule = self.gait.step(dt, speed, self._wants_steps(state, command, is_halting))
+        self._update_stance(state)
+        self.ground.step(self._contact_points(state), self._is_loaded(state), dt)
+        height = self._settle_height(dt)
+        reference = self.reference.step(state, command, self.ground, height, dt)
+        swing = self.swing_legs.step(state, self.schedule, self.is_stance, reference, self.ground)
+        if self.gait.is_stepping:
+            self._plan_forces(state, reference, dt)
+            acceleration = self._tracking.acceleration(state, reference, self._forces)
+        else:
+            self._forces = standing_forces(self._model.weight, self.is_stance)
+            acceleration = base_acceleration(
+                self._params.balance, state, reference.position, reference.rpy
+            )
+            self._since_solution = math.inf
+        task = WholeBodyTask(
+            acceleration, self.is_stance, self._forces, swing.acceleration, self.ground.frame()
+        )
+        velocity = state.R.T @ state.velocity
+        result = self.whole_body.solve(
+            task, state.R, velocity, state.omega, state.motion, state.contact, state.dynamics
+        )
+        return joint_command(
+            self._params.whole_body,
+            self._model,
+            state,
+            reference,
+            self.is_stance,
+            swing,
+            result.torque,
+        )
+
+    def _settle_height(self, dt: float) -> float:
+        """Height of the base above the ground, on its way from that at entry to the nominal."""
+        most = dt * _HEIGHT_RATE
+        ahead = self._params.reference.height - self._height
+        self._height += min(max(ahead, -most), most)
+        return self._height
+
+    def _wants_steps(self, state: RobotState, command: np.ndarray, is_halting: bool) -> bool:
+        """Step when told to, when pushed, or until feet and base are where they rest well."""
+        in_place = self._params.gait.step_in_place and not is_halting
+        if in_place or float(np.abs(command).max()) > 1e-3:
+            return True
+        speed = math.hypot(float(state.velocity[0]), float(state.velocity[1]))
+        nominal = self.swing_legs.nominal @ yaw_matrix(float(state.rpy[2])).T
+        stray = (state.feet - state.position - nominal)[:, :2]
+        distance = math.sqrt(float((stray * stray).sum(axis=1).max()))
+        if self.gait.is_stepping:
+            return speed > 0.08 or distance > 0.05
+        return speed > 0.25 or distance > 0.10
+
+    def trust(self, state: RobotState) -> np.ndarray:
+        """How surely each foot stands (4,) in [0, 1]: by schedule, phase and felt force."""
+        contact = self._params.contact
+        felt = (state.normal_forces - contact.force_off) / (contact.force_on - contact.force_off)
+        trust = np.where(self.is_stance, np.clip(felt, 0.0, 1.0), 0.0)
+        if not self.gait.is_stepping:
+            return trust
+        window = max(self._params.estimator.phase_window, 1e-6)
+        phase = self.schedule.phase
+        edge = np.minimum(phase, 1.0 - phase) / window
+        return np.asarray(trust * np.where(self._early, 0.5, np.minimum(edge, 1.0)))
+
+    def _contact_points(self, state: RobotState) -> np.ndarray:
+        points = state.feet.copy()
+        points[:, 2] -= self._model.geometry.foot_radius
+        return points
+
+    def _is_loaded(self, state: RobotState) -> np.ndarray:
+        """Feet that stand and are felt to: only these say where the ground is."""
+        settled = self.schedule.phase > 0.15
+        return np.asarray(self.is_stance & state.is_contact & (settled | self._early))
+
+    def _update_stance(self, state: RobotState) -> None:
+        """Stance by schedule, or from a touch late in the swing on; remembers lift-off points."""
+        scheduled, phase = self.schedule.is_stance, self.schedule.phase
+        late = phase > self._params.gait.early_contact_phase
+        self._early = ~scheduled & (self._early | (late & state.is_contact))
+        stance = scheduled | self._early
+        lifted = self.is_stance & ~stance
+        if lifted.any():
+            self.swing_legs.lift(lifted, state.feet)
+        if (stance != self.is_stance).any():
+            self._since_solution = math.inf
+        self.is_stance = stance
+
+    def _plan_forces(self, state: RobotState, reference: BaseReference, dt: float) -> None:
+        """Ask the MPC when its time has come; a foot that has just lifted pushes no more."""
+        self._since_solution += dt
+        if self._since_solution >= self._params.mpc.period - 0.5 * dt:
+            self._solve_mpc(state, reference)
+        self._forces[~self.is_stance] = 0.0
+
+    def _solve_mpc(self, state: RobotState, reference: BaseReference) -> None:
+        """New forces from the MPC; the old ones stay when it fails."""
+        yaw = float(state.rpy[2])
+        Rz = yaw_matrix(yaw)
+        origin = state.position
+        pose_reference, rate_reference = horizon(
+            reference, yaw, origin, self.mpc.times + self._params.mpc.step
+        )
+        pose = np.zeros(6)
+        pose[:2] = state.rpy[:2]
+        rates = np.concatenate((state.R @ state.omega @ Rz, state.velocity @ Rz))
+        stance, arms = self._contact_plan(state, reference, Rz)
+        problem = MpcProblem(
+            pose, rates, pose_reference, rate_reference, stance, arms, Rz.T @ self.ground.frame()
+        )
+        forces = self.mpc.solve(problem)
+        if forces is not None:
+            self._forces = forces @ Rz.T
+        self._since_solution = 0.0
+
+    def _contact_plan(
+        self, state: RobotState, reference: BaseReference, Rz: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Stance flags (N, 4) and contact points relative to the CoM (N, 4, 3), yaw frame."""
+        times = self.mpc.times + 0.5 * self._params.mpc.step
+        stance, phase = self.gait.forecast(times)
+        stance[0] = self.is_stance
+        com = state.R @ state.com
+        here = (state.feet - state.position - com) @ Rz
+        here[:, 2] -= self._model.geometry.foot_radius
+        velocity = reference.velocity @ Rz
+        travelled = times[:, None] * velocity
+        # A foot that stands keeps its place, seen from a body that moves on.
+        arms = here[None] - travelled[:, None]
+        arms[..., 2] = here[:, 2]
+        # One that lands later stands around its nominal place, ahead of it first, behind it last.
+        lands = np.logical_or.accumulate(~stance, axis=0)
+        swept = (0.5 - phase)[..., None] * self.schedule.stance_time * velocity
+        future = self.swing_legs.nominal[None] + swept
+        future[..., 2] = here[:, 2].mean()
+        return stance, np.where(lands[..., None], future, arms)

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Desired motion of the base in trot, now and over the MPC's horizon."""
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from quadruped_sim.ground import Ground
+from quadruped_sim.parameters import ReferenceParameters
+from quadruped_sim.robot_state import RobotState
+from quadruped_sim.rotations import wrap_angle
+
+# Farthest the desired heading runs ahead of the real one [rad].
+_YAW_LEASH = 0.3
+
+
+@dataclass(frozen=True)
+class BaseReference:
+    """
+    Where the base shall be now, world axes.
+
+    `position` (3,), `rpy` (3,), `velocity` (3,) [m/s], `yaw_rate` [rad/s].
+    """
+
+    position: np.ndarray
+    rpy: np.ndarray
+    velocity: np.ndarray
+    yaw_rate: float
+
+
+class Reference:
+    """
+    Integrates the velocity command into a position and heading that stay near the real ones.
+
+    State: desired x, y, yaw; integrals of velocity (2,), in the yaw frame, and of height, which
+    remove the steady loss that rolling, slip and model error leave.
+    """
+
+    def __init__(self, params: ReferenceParameters) -> None:
+        self._params = params
+        self._xy = np.zeros(2)
+        self._yaw = 0.0
+        self._velocity_integral = np.zeros(2)
+        self._height_integral = 0.0
+
+    def reset(self, state: RobotState) -> None:
+        """Desire the present place and heading, without integrals."""
+        self._xy = state.position[:2].copy()
+        self._yaw = float(state.rpy[2])
+        self._velocity_integral = np.zeros(2)
+        self._height_integral = 0.0
+
+    def step(
+        self, state: RobotState, command: np.ndarray, ground: Ground, height: float, dt: float
+    ) -> BaseReference:
+        """
+        Advance by `dt` [s] under `command` = (vx, vy, yaw rate), base axes.
+
+        The base is kept `height` [m] above the ground plane and parallel to it.
+        """
+        params = self._params
+        yaw = float(state.rpy[2])
+        c, s = math.cos(yaw), math.sin(yaw)
+        to_world = np.array(((c, -s), (s, c)))
+        self._integrate(state, command, to_world, dt)
+        velocity = to_world @ (command[:2] + self._velocity_integral)
+
+        self._xy = self._xy + dt * (to_world @ command[:2])
+        ahead = self._xy - state.position[:2]
+        distance = math.hypot(float(ahead[0]), float(ahead[1]))
+        if distance > params.position_leash:
+            self._xy = state.position[:2] + ahead * (params.position_leash / distance)
+        yaw_rate = float(command[2])
+        error = wrap_angle(self._yaw + dt * yaw_rate - yaw)
+        self._yaw = yaw + min(max(error, -_YAW_LEASH), _YAW_LEASH)
+
+        gradient = to_world.T @ ground.gradient
+        level = ground.height_at(state.position) + height
+        self._height_integral += dt * params.height_integral * (level - float(state.position[2]))
+        self._height_integral = min(max(self._height_integral, -0.03), 0.03)
+        rpy = np.array((math.atan(float(gradient[1])), -math.atan(float(gradient[0])), self._yaw))
+        position = np.array((*self._xy, level + self._height_integral))
+        climb = float(ground.gradient @ velocity)
+        return BaseReference(position, rpy, np.array((*velocity, climb)), yaw_rate)
+
+    def _integrate(
+        self, state: RobotState, command: np.ndarray, to_world: np.ndarray, dt: float
+    ) -> None:
+        """Add the velocity error to its integral."""
+        params = self._params
+        error = command[:2] - to_world.T @ state.velocity[:2]
+        limit = params.velocity_integral_limit
+        for axis in (0, 1):
+            # A push is no steady error: beyond 0.3 m/s it does not wind the integral faster.
+            part = min(max(float(error[axis]), -0.3), 0.3)
+            total = float(self._velocity_integral[axis]) + dt * params.velocity_integral * part
+            self._velocity_integral[axis] = min(max(total, -limit), limit)
+
+
+def horizon(
+    reference: BaseReference, yaw: float, origin: np.ndarray, times: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Pose and rate references at `times` (N,) [s] from now, each (N, 6), in the base's yaw frame.
+
+    The frame stands at `origin` (3,) in the world, turned by `yaw`. The commanded velocity turns
+    with the commanded yaw rate.
+    """
+    heading = wrap_angle(float(reference.rpy[2]) - yaw)
+    c, s = math.cos(yaw), math.sin(yaw)
+    x, y, z = (reference.position - origin).tolist()
+    vx, vy, vz = reference.velocity.tolist()
+    start = (c * x + s * y, -s * x + c * y)
+    forward, left = c * vx + s * vy, -s * vx + c * vy
+
+    rate = reference.yaw_rate
+    turned = rate * times
+    cosine, sine = np.cos(turned), np.sin(turned)
+    rates = np.zeros((len(times), 6))
+    rates[:, 2] = rate
+    rates[:, 3] = cosine * forward - sine * left
+    rates[:, 4] = sine * forward + cosine * left
+    rates[:, 5] = vz
+    pose = np.empty((len(times), 6))
+    pose[:, 0], pose[:, 1] = float(reference.rpy[0]), float(reference.rpy[1])
+    pose[:, 2] = heading + turned
+    # Travel of the turning velocity; sin(x)/x forms stay good as the rate goes to zero.
+    half = 0.5 * turned
+    chord = times * np.sinc(half / math.pi)
+    pose[:, 3] = start[0] + chord * (np.cos(half) * forward - np.sin(half) * left)
+    pose[:, 4] = start[1] + chord * (np.sin(half) * forward + np.cos(half) * left)
+    pose[:, 5] = z + times * vz
+    return pose, rates

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Guards around the controller: what came in, how the robot lies, what goes out."""
+
+import math
+
+import numpy as np
+
+from quadruped_sim.parameters import SafetyParameters
+from quadruped_sim.records import LegCommand
+from quadruped_sim.records import Sensors
+from quadruped_sim.robot_model import JointLimits
+
+# Readings in a row that may be broken before the controller lets go.
+_BROKEN_READINGS_MAX = 3
+
+
+class Safety:
+    """
+    Says why the robot must go passive, and keeps NaN away from controller and motors.
+
+    State: the last good reading and how many broken ones came since.
+    """
+
+    def __init__(self, params: SafetyParameters, limits: JointLimits) -> None:
+        self._params = params
+        self._limits = limits
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last reading."""
+        self._last: Sensors | None = None
+        self.broken_in_a_row = 0
+        self.broken_readings = 0
+        self.broken_commands = 0
+
+    def filter_sensors(self, sensors: Sensors) -> Sensors | None:
+        """
+        Return the reading, or the last good one when it holds NaN or infinity.
+
+        None when no good one has ever come.
+        """
+        if _is_finite(sensors):
+            self._last = sensors
+            self.broken_in_a_row = 0
+            return sensors
+        self.broken_in_a_row += 1
+        self.broken_readings += 1
+        return self._last
+
+    def tilt(self, R: np.ndarray) -> float:
+        """Angle between the base's z axis and the world's [rad]."""
+        return math.acos(min(max(float(R[2, 2]), -1.0), 1.0))
+
+    def is_fallen(self, R: np.ndarray) -> bool:
+        """Whether the base is tilted too far to stand."""
+        return self.tilt(R) > self._params.tilt_max
+
+    def reason_to_let_go(
+        self, R: np.ndarray, joint_position: np.ndarray, failures_in_a_row: int
+    ) -> str | None:
+        """Why the robot must go passive now, or None."""
+        if self.broken_in_a_row > _BROKEN_READINGS_MAX:
+            return f'{self.broken_in_a_row} sensor readings in a row are not finite'
+        if self.is_fallen(R):
+            return f'tilt {math.degrees(self.tilt(R)):.0f} deg exceeds the limit'
+        margin = self._params.joint_margin
+        if (joint_position < self._limits.lower - margin).any() or (
+            joint_position > self._limits.upper + margin
+        ).any():
+            return 'a joint is beyond its limits'
+        if failures_in_a_row >= self._params.solver_failures:
+            return f'{failures_in_a_row} QPs in a row failed'
+        return None
+
+    def filter_command(self, command: LegCommand, damping: LegCommand) -> LegCommand:
+        """Command with efforts inside the motors' limits; `damping` instead of one with NaN."""
+        parts = (command.position, command.velocity, command.effort, command.kp, command.kd)
+        if not np.isfinite(np.concatenate(parts)).all():
+            self.broken_commands += 1
+            return damping
+        effort = np.clip(command.effort, -self._limits.effort, self._limits.effort)
+        return LegCommand(command.position, command.velocity, effort, command.kp, command.kd)
+
+
+def _is_finite(sensors: Sensors) -> bool:
+    quaternion = sensors.imu_orientation
+    parts = (
+        sensors.joint_position,
+        sensors.joint_velocity,
+        sensors.joint_effort,
+        quaternion,
+        sensors.imu_angular_velocity,
+        sensors.imu_linear_acceleration,
+    )
+    return bool(np.isfinite(np.concatenate(parts)).all()) and float(quaternion @ quaternion) > 0.25

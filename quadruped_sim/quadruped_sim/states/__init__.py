@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One class per state of the leg controller."""
+
+from quadruped_sim.state_machine import StateName
+from quadruped_sim.states.balance_test import BalanceTest
+from quadruped_sim.states.base import Parts
+from quadruped_sim.states.base import State
+from quadruped_sim.states.fixed_stand import FixedStand
+from quadruped_sim.states.free_stand import FreeStand
+from quadruped_sim.states.passive import Passive
+from quadruped_sim.states.step_test import StepTest
+from quadruped_sim.states.swing_test import SwingTest
+from quadruped_sim.states.trotting import MoveBase
+from quadruped_sim.states.trotting import Trotting
+
+__all__ = ['Parts', 'State', 'make_states']
+
+
+def make_states(parts: Parts) -> dict[StateName, State]:
+    """All states over the same parts."""
+    return {
+        StateName.PASSIVE: Passive(parts),
+        StateName.FIXED_STAND: FixedStand(parts),
+        StateName.FREE_STAND: FreeStand(parts),
+        StateName.TROTTING: Trotting(parts),
+        StateName.MOVE_BASE: MoveBase(parts),
+        StateName.BALANCE_TEST: BalanceTest(parts),
+        StateName.SWING_TEST: SwingTest(parts),
+        StateName.STEP_TEST: StepTest(parts),
+    }

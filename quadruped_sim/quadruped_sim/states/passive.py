@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motors only damp: the robot sinks to the ground."""
+
+import numpy as np
+
+from quadruped_sim.records import LegCommand
+from quadruped_sim.robot_state import RobotState
+from quadruped_sim.states.base import State
+
+# unitree_guide damps with 8 in simulation and 3 on the robot [N m s/rad].
+_DAMPING = 8.0
+
+
+def damping_command(joint_position: np.ndarray) -> LegCommand:
+    """Damp every joint and nothing else."""
+    return LegCommand(position=joint_position.copy(), kd=np.full(12, _DAMPING))
+
+
+class Passive(State):
+    """Damps; the start state, and where every guard leads."""
+
+    def enter(self, robot: RobotState) -> None:
+        """End whatever gait there was."""
+        self._parts.locomotion.gait.reset()
+
+    def step(self, robot: RobotState, dt: float) -> LegCommand:
+        """Damping, whatever the pose."""
+        return damping_command(robot.joint_position)

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiles everything the controller compiles, so that the first robot need not wait for it."""
+
+import numpy as np
+
+from quadruped_sim.leg_controller import LegController
+from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.records import Sensors
+
+
+def warm_up(urdf: str) -> None:
+    """
+    Run a controller for a moment on the reading of a robot that stands still.
+
+    Takes some seconds the first time on a machine and a fraction of one later, when the compiled
+    functions come from numba's cache.
+    """
+    params = LegControllerParameters(gait=GaitParameters(step_in_place=True))
+    controller = LegController(urdf, params)
+    standing = Sensors(
+        joint_position=np.tile((0.0, 0.8, -1.6), 4),
+        joint_velocity=np.zeros(12),
+        joint_effort=np.zeros(12),
+        imu_orientation=np.array((1.0, 0.0, 0.0, 0.0)),
+        imu_angular_velocity=np.zeros(3),
+        imu_linear_acceleration=np.array((0.0, 0.0, 9.81)),
+    )
+    for key in '24':
+        controller.press(key)
+        for _ in range(30):
+            controller.step(standing, 0.002)

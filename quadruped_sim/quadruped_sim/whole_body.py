@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whole-body QP: joint torques whose base acceleration and foot forces are the ones asked for."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from quadruped_sim.friction_qp import FrictionPyramids
+from quadruped_sim.friction_qp import QpSolver
+from quadruped_sim.jit import jit
+from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.parameters import MpcParameters
+from quadruped_sim.parameters import WholeBodyParameters
+from quadruped_sim.robot_model import Dynamics
+from quadruped_sim.rotations import cross
+from quadruped_sim.small_matrix import cross3
+from quadruped_sim.small_matrix import invert3
+from quadruped_sim.small_matrix import rotate
+from quadruped_sim.small_matrix import rotate_back
+from quadruped_sim.small_matrix import solve_in_place
+
+
+@dataclass(frozen=True)
+class WholeBodyTask:
+    """
+    What the robot shall do now.
+
+    `base_acceleration` (6,): linear [m/s^2] then angular [rad/s^2], world axes. `is_stance` (4,);
+    `forces` (4, 3) [N] wanted on the feet, world axes; `foot_acceleration` (4, 3) [m/s^2] of the
+    swing feet, world axes. `ground` (3, 3) turns ground axes into the world.
+    """
+
+    base_acceleration: np.ndarray
+    is_stance: np.ndarray
+    forces: np.ndarray
+    foot_acceleration: np.ndarray
+    ground: np.ndarray
+
+
+@dataclass(frozen=True)
+class WholeBodyResult:
+    """`torque` (12,) [N m]; `forces` (4, 3) [N] on the feet, world axes; whether the QP solved."""
+
+    torque: np.ndarray
+    forces: np.ndarray
+    is_solved: bool
+
+
+@dataclass(frozen=True)
+class ContactPoints:
+    """
+    Where the feet touch, in base axes.
+
+    `position` (4, 3) [m]; `jacobian` (4, 3, 3) from joint velocity to the velocity of the calf's
+    point that touches. The foot is a ball: it rolls, so that point, not its centre, is at rest.
+    """
+
+    position: np.ndarray
+    jacobian: np.ndarray
+
+
+def contact_points(motion: LegMotion, normal: np.ndarray, foot_radius: float) -> ContactPoints:
+    """Contact points of balls of `foot_radius` [m] on ground with `normal` (3,) in base axes."""
+    arm = -foot_radius * normal
+    return ContactPoints(
+        motion.position + arm, _contact_jacobian(motion.jacobian, motion.axis, arm)
+    )
+
+
+@jit
+def _contact_jacobian(jacobian: np.ndarray, axis: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """Add (joint axis) x `arm`; the hip's axis is (1, 0, 0), the others' (0, c1, s1)."""
+    J = jacobian.copy()
+    x, y, z = arm
+    for i in range(4):
+        c1, s1 = axis[i, 1], axis[i, 2]
+        J[i, 1, 0] -= z
+        J[i, 2, 0] += y
+        for joint in (1, 2):
+            J[i, 0, joint] += z * c1 - y * s1
+            J[i, 1, joint] += x * s1
+            J[i, 2, joint] -= x * c1
+    return J
+
+
+class WholeBody:
+    """
+    Eliminates joint accelerations by the 3 x 3 leg Jacobians, so the QP has only stance forces.
+
+    With a the base acceleration and d_i the foot acceleration left after its drift,
+    ddq_i = J_i^-1 (d_i - Jb_i a). The base rows of the dynamics become A a = Jb' f - c, and
+    |T f + t - a_wanted|^2 + w |f - f_wanted|^2 is minimised inside the friction pyramids, as
+    [Kim2019] relaxes both. Keeps the last good forces for when the QP fails.
+    """
+
+    def __init__(self, params: WholeBodyParameters, mpc: MpcParameters) -> None:
+        self._weights = np.array(params.acceleration_weights)
+        self._force_weight = params.force_weight
+        self._pyramids = FrictionPyramids(mpc.friction, mpc.force_min, mpc.force_max)
+        self.solver = QpSolver()
+
+    def solve(
+        self,
+        task: WholeBodyTask,
+        R: np.ndarray,
+        velocity: np.ndarray,
+        omega: np.ndarray,
+        motion: LegMotion,
+        contact: ContactPoints,
+        dynamics: Dynamics,
+    ) -> WholeBodyResult:
+        """
+        Torques for `task`; R turns base into world, `velocity` and `omega` are in base axes.
+
+        When the QP fails the wanted forces are applied as they are.
+        """
+        J, inverse, base_to_foot, wanted = _leg_terms(
+            R,
+            velocity,
+            omega,
+            task.is_stance,
+            contact.position,
+            motion.position,
+            contact.jacobian,
+            motion.jacobian,
+            motion.velocity,
+            motion.bias,
+            task.foot_acceleration,
+        )
+        T, t = _reduce(
+            dynamics.mass,
+            dynamics.bias,
+            R.T @ task.ground,
+            task.is_stance,
+            inverse,
+            base_to_foot,
+            wanted,
+        )
+        goal = np.empty(6)
+        goal[:3] = R.T @ task.base_acceleration[:3] - cross(omega, velocity)
+        goal[3:] = R.T @ task.base_acceleration[3:]
+        legs = np.flatnonzero(task.is_stance)
+        forces_wanted = (task.forces[legs] @ task.ground).ravel()
+        forces, is_solved = self._forces(T, t - goal, forces_wanted, len(legs))
+        in_world = np.zeros((4, 3))
+        in_world[legs] = forces.reshape(-1, 3) @ task.ground.T
+        torque = _torque(
+            dynamics.mass,
+            dynamics.bias,
+            T @ forces + t,
+            inverse,
+            wanted,
+            base_to_foot,
+            J,
+            in_world @ R,
+        )
+        return WholeBodyResult(torque, in_world, is_solved)
+
+    def _forces(
+        self, T: np.ndarray, error: np.ndarray, wanted: np.ndarray, count: int
+    ) -> tuple[np.ndarray, bool]:
+        """Stance forces in ground axes (3n,) [N]."""
+        if count == 0:
+            return np.zeros(0), True
+        weighted = T.T * self._weights
+        H = weighted @ T
+        H.flat[:: 3 * count + 1] += self._force_weight
+        g = weighted @ error - self._force_weight * wanted
+        forces = self.solver.solve(H, g, self._pyramids.bounds(count))
+        return (wanted, False) if forces is None else (forces, True)
+
+
+@jit
+def _leg_terms(
+    R: np.ndarray,
+    velocity: np.ndarray,
+    omega: np.ndarray,
+    is_stance: np.ndarray,
+    contact: np.ndarray,
+    centre: np.ndarray,
+    contact_jacobian: np.ndarray,
+    centre_jacobian: np.ndarray,
+    foot_velocity: np.ndarray,
+    foot_bias: np.ndarray,
+    foot_acceleration: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Leg Jacobians J (4, 3, 3) in use and their inverses, Jb (4, 3, 6), feet's accelerations (4, 3).
+
+    Of a standing leg the contact point counts, of one in the air the foot's centre. The wanted
+    accelerations come less their drift; all in base axes.
+    """
+    J, inverse = np.empty((4, 3, 3)), np.empty((4, 3, 3))
+    Jb, wanted = np.zeros((4, 3, 6)), np.empty((4, 3))
+    for i in range(4):
+        stands = is_stance[i]
+        arm = contact[i] if stands else centre[i]
+        source = contact_jacobian[i] if stands else centre_jacobian[i]
+        inverted = invert3(source)
+        inner = cross3(omega, centre[i])
+        for k in range(3):
+            inner[k] += velocity[k] + 2.0 * foot_velocity[i, k]
+        drift = cross3(omega, inner)
+        goal = rotate_back(R, foot_acceleration[i])
+        for k in range(3):
+            wanted[i, k] = (0.0 if stands else goal[k]) - drift[k] - foot_bias[i, k]
+            Jb[i, k, k] = 1.0
+            for m in range(3):
+                J[i, k, m] = source[k, m]
+                inverse[i, k, m] = inverted[k, m]
+        Jb[i, 0, 4], Jb[i, 0, 5] = arm[2], -arm[1]
+        Jb[i, 1, 3], Jb[i, 1, 5] = -arm[2], arm[0]
+        Jb[i, 2, 3], Jb[i, 2, 4] = arm[1], -arm[0]
+    return J, inverse, Jb, wanted
+
+
+@jit
+def _reduce(
+    mass: np.ndarray,
+    bias: np.ndarray,
+    ground: np.ndarray,
+    is_stance: np.ndarray,
+    inverse: np.ndarray,
+    Jb: np.ndarray,
+    wanted: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """T (6, 3n) and t (6,): T f + t is the base acceleration by stance forces f, ground axes."""
+    count = 0
+    for i in range(4):
+        count += 3 if is_stance[i] else 0
+    A = np.empty((6, 6))
+    G = np.zeros((6, count + 1))  # by the stance forces, then what is there without them
+    for row in range(6):
+        G[row, count] = -bias[row]
+        for k in range(6):
+            A[row, k] = mass[row, k]
+    column = 0
+    for i in range(4):
+        for row in range(6):
+            for k in range(3):
+                N = 0.0
+                for m in range(3):
+                    N += mass[row, 6 + 3 * i + m] * inverse[i, m, k]
+                G[row, count] -= N * wanted[i, k]
+                for m in range(6):
+                    A[row, m] -= N * Jb[i, k, m]
+                if is_stance[i]:
+                    for m in range(3):
+                        G[row, column + k] += Jb[i, m, row] * ground[m, k]
+        column += 3 if is_stance[i] else 0
+    solve_in_place(A, G)
+    return G[:, :count].copy(), G[:, count].copy()
+
+
+@jit
+def _torque(
+    mass: np.ndarray,
+    bias: np.ndarray,
+    acceleration: np.ndarray,
+    inverse: np.ndarray,
+    wanted: np.ndarray,
+    Jb: np.ndarray,
+    J: np.ndarray,
+    forces: np.ndarray,
+) -> np.ndarray:
+    """Joint torques (12,) [N m] by the joint rows; `forces` (4, 3) are in base axes."""
+    v = np.empty(18)
+    torque = np.empty(12)
+    for k in range(6):
+        v[k] = acceleration[k]
+    rest = np.empty(3)
+    for i in range(4):
+        for k in range(3):
+            rest[k] = wanted[i, k]
+            for m in range(6):
+                rest[k] -= Jb[i, k, m] * acceleration[m]
+        joints = rotate(inverse[i], rest)
+        for k in range(3):
+            v[6 + 3 * i + k] = joints[k]
+    for i in range(4):
+        push = rotate_back(J[i], forces[i])
+        for k in range(3):
+            row = 6 + 3 * i + k
+            total = bias[row] - push[k]
+            for m in range(18):
+                total += mass[row, m] * v[m]
+            torque[3 * i + k] = total
+    return torque

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""colcon build of diff_drive_sim; name, version and licence come from package.xml."""
+
+import glob
+import os
+import xml.etree.ElementTree as ElementTree
+
+from setuptools import find_packages
+from setuptools import setup
+
+MANIFEST = ElementTree.parse('package.xml').getroot()
+NAME = MANIFEST.findtext('name')
+
+setup(
+    name=NAME,
+    version=MANIFEST.findtext('version'),
+    description=MANIFEST.findtext('description'),
+    license=MANIFEST.findtext('license'),
+    packages=find_packages(include=[NAME, NAME + '.*']),
+    package_data={NAME: ['**/*.xacro', '**/*.yaml', '**/*.keys', 'py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
+        ('share/' + NAME, ['package.xml']),
+        *(
+            (os.path.join('share', NAME, os.path.dirname(path)), [path])
+            for path in glob.glob('launch/*.launch.py')
+        ),
+    ],
+    install_requires=['setuptools'],
+    zip_safe=False,
+    entry_points={
+        'console_scripts': [
+            'leg_controller = quadruped_sim.leg_controller_node:main',
+        ],
+    },
+)

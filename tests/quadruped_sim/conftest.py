@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+
+import numpy as np
+import pytest
+from quadruped_sim.records import BaseState
+from quadruped_sim.records import Sensors
+from quadruped_sim.robot_model import RobotModel
+import xacro
+
+_XACRO = Path(__file__).parents[2] / 'robot_description/robot_description/urdf/go2/go2.urdf.xacro'
+
+
+@pytest.fixture(scope='session')
+def urdf() -> str:
+    return str(xacro.process_file(str(_XACRO), mappings={}).toxml())
+
+
+@pytest.fixture(scope='session')
+def model(urdf: str) -> RobotModel:
+    return RobotModel(urdf)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
+
+
+@pytest.fixture
+def angles(rng: np.random.Generator) -> np.ndarray:
+    """Joint angles around a stand, (12,)."""
+    return np.tile((0.0, 0.8, -1.6), 4) + rng.uniform(-0.4, 0.4, 12)
+
+
+@pytest.fixture(scope='session')
+def standing() -> Sensors:
+    """A reading of a robot at rest on level ground, with truth."""
+    height = 0.3
+    bent = np.tile((0.0, 0.8, -1.6), 4)
+    level = np.array((1.0, 0.0, 0.0, 0.0))
+    return Sensors(
+        joint_position=bent,
+        joint_velocity=np.zeros(12),
+        joint_effort=np.zeros(12),
+        imu_orientation=level,
+        imu_angular_velocity=np.zeros(3),
+        imu_linear_acceleration=np.array((0.0, 0.0, 9.81)),
+        truth=BaseState(np.array((0.0, 0.0, height)), level, np.zeros(3), np.zeros(3)),
+    )

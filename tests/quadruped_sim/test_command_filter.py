@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from quadruped_sim.command_filter import CommandFilter
+from quadruped_sim.parameters import CommandParameters
+
+DT = 0.002
+
+
+def settle(command_filter, seconds, request=None):
+    for _ in range(round(seconds / DT)):
+        if request is not None:
+            command_filter.request(*request)
+        command_filter.step(DT)
+    return command_filter.command
+
+
+def test_before_the_first_request_the_command_is_zero():
+    np.testing.assert_array_equal(settle(CommandFilter(CommandParameters()), 1.0), 0.0)
+
+
+@pytest.mark.parametrize(
+    ('limits', 'wanted'), [('guide', (0.4, 0.3, 0.5)), ('sport', (2.0, 0.8, 2.0))]
+)
+def test_requests_are_clamped_to_the_preset(limits, wanted):
+    command_filter = CommandFilter(CommandParameters(limits=limits))
+    np.testing.assert_allclose(settle(command_filter, 3.0, (10.0, 10.0, 10.0)), wanted)
+
+
+def test_acceleration_is_limited():
+    command_filter = CommandFilter(CommandParameters())
+    np.testing.assert_allclose(settle(command_filter, 0.2, (2.0, 0.0, 0.0)), (0.4, 0.0, 0.0))
+
+
+@pytest.mark.parametrize('bad', [float('nan'), float('inf')])
+def test_nan_is_refused_and_changes_nothing(bad):
+    command_filter = CommandFilter(CommandParameters())
+    settle(command_filter, 1.0, (0.5, 0.0, 0.0))
+    before = command_filter.command.copy()
+    assert 'not finite' in command_filter.request(bad, 0.0, 0.0)
+    command_filter.step(DT)
+    np.testing.assert_allclose(command_filter.command, before)
+    assert command_filter.refused == 1
+
+
+def test_silence_brings_it_to_rest_half_a_second_later():
+    command_filter = CommandFilter(CommandParameters())
+    settle(command_filter, 1.0, (0.8, 0.0, 0.0))
+    assert settle(command_filter, 0.49)[0] == pytest.approx(0.8)
+    assert command_filter.is_silent is False
+    settle(command_filter, 0.45)
+    assert command_filter.is_silent
+    np.testing.assert_array_equal(command_filter.command, 0.0)

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+from quadruped_sim.contact_detection import ContactDetector
+from quadruped_sim.leg_kinematics import leg_motion
+from quadruped_sim.parameters import ContactParameters
+
+DT = 0.002
+LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
+UP = np.array((0.0, 0.0, 1.0))
+ANGLES = np.tile((0.0, 0.8, -1.6), 4)
+
+
+def hold(model, detector, forces, seconds=0.2):
+    """Statics: the torques that hold the legs still under `forces` (4, 3) on the feet."""
+    motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
+    dynamics = model.dynamics(LEVEL, np.zeros(3), np.zeros(3), ANGLES, np.zeros(12))
+    torque = dynamics.bias[6:] - np.einsum('lji,lj->li', motion.jacobian, forces).ravel()
+    for _ in range(round(seconds / DT)):
+        detector.step(torque, motion, dynamics, UP, DT)
+
+
+def test_static_forces_are_recovered(model):
+    detector = ContactDetector(ContactParameters())
+    forces = np.array(((5.0, 1.0, 60.0), (0.0, 0.0, 0.0), (-3.0, 2.0, 30.0), (0.0, 0.0, 90.0)))
+    hold(model, detector, forces)
+    np.testing.assert_allclose(detector.forces, forces, atol=0.3)
+    np.testing.assert_array_equal(detector.is_contact, (True, False, True, True))
+
+
+def test_hysteresis_keeps_a_light_contact_and_ignores_a_light_touch(model):
+    detector = ContactDetector(ContactParameters())
+    light = np.zeros((4, 3))
+    light[:, 2] = 18.0
+    hold(model, detector, light)
+    assert not detector.is_contact.any()
+    hold(model, detector, 3.0 * light)
+    assert detector.is_contact.all()
+    hold(model, detector, light)
+    assert detector.is_contact.all()
+    hold(model, detector, 0.0 * light)
+    assert not detector.is_contact.any()

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from quadruped_sim.footholds import footholds
+from quadruped_sim.footholds import nominal_feet
+from quadruped_sim.ground import Ground
+from quadruped_sim.parameters import FootholdParameters
+from quadruped_sim.parameters import GroundParameters
+from quadruped_sim.rotations import yaw_matrix
+
+STANCE = 0.2
+
+
+@pytest.fixture
+def land(model):
+    """Footholds of a Go2 on level ground at z 0; keywords replace standing still at the origin."""
+    nominal = nominal_feet(model.geometry.hip, model.geometry.offset)
+    ground = Ground(GroundParameters())
+
+    def land(velocity=(0, 0, 0), command=None, yaw=0.0, yaw_rate=0.0, remaining=0.0):
+        velocity = np.array(velocity, dtype=float)
+        command = velocity if command is None else np.array(command, dtype=float)
+        return footholds(
+            FootholdParameters(),
+            nominal,
+            np.zeros(3),
+            yaw,
+            velocity,
+            command,
+            yaw_rate,
+            np.full(4, remaining),
+            STANCE,
+            ground,
+            0.02,
+        )
+
+    land.nominal = nominal
+    return land
+
+
+def test_standing_still_the_feet_land_below_the_hips(land):
+    wanted = land.nominal + (0.0, 0.0, 0.02)
+    np.testing.assert_allclose(land(), wanted, atol=1e-12)
+
+
+def test_moving_they_land_half_a_stance_ahead(land):
+    shift = land((0.6, -0.2, 0.0)) - land()
+    np.testing.assert_allclose(shift, np.tile((0.06, -0.02, 0.0), (4, 1)), atol=1e-12)
+
+
+def test_faster_than_commanded_they_land_farther_ahead(land):
+    pushed = land((0.0, 0.5, 0.0), command=(0.0, 0.0, 0.0))
+    assert (pushed[:, 1] > land((0.0, 0.5, 0.0))[:, 1]).all()
+
+
+def test_turning_they_lead_by_half_a_stance(land):
+    turned = land(yaw=0.3, yaw_rate=1.0)
+    wanted = land.nominal @ yaw_matrix(0.3 + 0.5 * STANCE).T
+    np.testing.assert_allclose(turned[:, :2], wanted[:, :2], atol=1e-12)
+
+
+def test_the_shift_has_a_limit(land):
+    shift = land((50.0, 0.0, 0.0)) - land()
+    np.testing.assert_allclose(shift[:, 0], FootholdParameters().reach, atol=1e-12)

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+from quadruped_sim.gait import Gait
+from quadruped_sim.parameters import GaitParameters
+
+DT = 0.002
+
+
+def run(gait, seconds, speed=0.0, wants=True):
+    return [gait.step(DT, speed, wants) for _ in range(round(seconds / DT))]
+
+
+def test_diagonal_legs_move_together_and_pairs_alternate():
+    for state in run(Gait(GaitParameters()), 2.0):
+        stance = state.is_stance
+        assert stance[0] == stance[3]
+        assert stance[1] == stance[2]
+        assert stance[0] or stance[1]
+
+
+def test_measured_duty_and_period_are_the_configured_ones():
+    params = GaitParameters()
+    states = run(Gait(params), 20 * params.slow_period)
+    duty = np.mean([state.is_stance[0] for state in states])
+    assert abs(duty - params.slow_duty) < 0.01
+    lifts = sum(
+        a.is_stance[0] and not b.is_stance[0] for a, b in zip(states, states[1:], strict=False)
+    )
+    assert lifts == 20
+
+
+def test_faster_gait_has_shorter_period_and_stance():
+    gait = Gait(GaitParameters())
+    slow = gait.step(DT, 0.0, True)
+    fast = gait.step(DT, 3.0, True)
+    assert fast.stance_time + fast.swing_time < slow.stance_time + slow.swing_time
+    assert fast.stance_time < slow.stance_time
+
+
+def test_phase_grows_monotonically_within_each_swing():
+    last = np.zeros(4)
+    was_stance = np.ones(4, dtype=bool)
+    for state in run(Gait(GaitParameters()), 2.0, speed=1.0):
+        same = was_stance == state.is_stance
+        assert (state.phase[same] >= last[same] - 1e-12).all()
+        assert ((state.phase >= 0.0) & (state.phase < 1.0)).all()
+        last, was_stance = state.phase, state.is_stance
+
+
+def test_it_stands_until_told_to_step_and_stops_on_four_feet():
+    gait = Gait(GaitParameters())
+    assert all(state.is_stance.all() for state in run(gait, 1.0, wants=False))
+    run(gait, 1.03)
+    states = run(gait, 1.0, wants=False)
+    assert states[-1].is_stance.all()
+    assert not gait.is_stepping
+
+
+def test_forecast_is_what_happens():
+    gait = Gait(GaitParameters())
+    run(gait, 0.37)
+    times = DT * np.arange(1, 200)
+    stance, phase = gait.forecast(times)
+    for row, state in enumerate(run(gait, 0.398)):
+        np.testing.assert_array_equal(stance[row], state.is_stance)
+        stands = state.is_stance
+        np.testing.assert_allclose(phase[row][stands], state.phase[stands], atol=1e-9)

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from quadruped_sim.leg_controller import LegController
+from quadruped_sim.leg_kinematics import foot_positions
+from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.rotations import quaternion_from_rpy
+from quadruped_sim.states.fixed_stand import STAND_ANGLES
+
+DT = 0.002
+
+
+@pytest.fixture
+def controller(urdf):
+    return LegController(urdf, estimator='truth')
+
+
+@pytest.fixture
+def run(standing):
+    """Step a controller some ticks on one reading; returns the last command."""
+
+    def run(controller, ticks, sensors=standing):
+        for _ in range(ticks):
+            command = controller.step(sensors, DT)
+        return command
+
+    return run
+
+
+def test_it_starts_passive_and_only_damps(controller, run):
+    command = run(controller, 3)
+    assert controller.state == 'passive'
+    np.testing.assert_array_equal(command.effort, 0.0)
+    np.testing.assert_array_equal(command.kp, 0.0)
+    assert (command.kd > 0.0).all()
+
+
+def test_passive_takes_energy_out_whatever_the_motion(controller, rng, standing):
+    for _ in range(20):
+        sensors = replace(standing, joint_velocity=rng.normal(size=12))
+        command = controller.step(sensors, DT)
+        torque = command.effort + command.kd * (command.velocity - sensors.joint_velocity)
+        assert torque @ sensors.joint_velocity <= 0.0
+
+
+def test_stand_up_is_a_straight_line_of_two_seconds(controller, run, standing):
+    run(controller, 2)
+    controller.press('2')
+    start = standing.joint_position
+    run(controller, 1)
+    halfway = run(controller, 500)
+    np.testing.assert_allclose(halfway.position, 0.5 * (start + STAND_ANGLES), atol=1e-9)
+    end = run(controller, 500)
+    np.testing.assert_allclose(end.position, STAND_ANGLES, atol=1e-12)
+
+
+def test_sticks_are_zero_after_every_entry(controller, run):
+    run(controller, 2)
+    for key in '2', '4', '2', '3':
+        controller.press('w')
+        controller.press(key)
+        run(controller, 3)
+        assert controller.sticks.values.ly == 0.0
+
+
+def test_velocity_commands_need_move_base(controller, run):
+    run(controller, 2)
+    assert 'move base' in controller.set_velocity(0.5, 0.0, 0.0)
+    for key in '25':
+        controller.press(key)
+        run(controller, 3)
+    assert controller.state == 'move base'
+    assert controller.set_velocity(0.5, 0.0, 0.0) is None
+
+
+def test_tipping_over_goes_passive_in_the_same_tick_and_key_2_waits(controller, run, standing):
+    run(controller, 2)
+    controller.press('2')
+    run(controller, 5)
+    tipped = standing
+    orientation = quaternion_from_rpy(1.2, 0.0, 0.0)
+    truth = replace(tipped.truth, orientation=orientation)
+    command = run(controller, 1, replace(tipped, imu_orientation=orientation, truth=truth))
+    assert controller.state == 'passive'
+    assert controller.is_fallen
+    assert 'tilt' in controller.event
+    np.testing.assert_array_equal(command.kp, 0.0)
+    assert 'fallen' in controller.press('2')
+
+
+def test_emergency_stop_acts_at_once(controller, run):
+    run(controller, 2)
+    controller.press('2')
+    run(controller, 5)
+    controller.e_stop()
+    np.testing.assert_array_equal(run(controller, 1).kp, 0.0)
+    assert controller.state == 'passive'
+
+
+@pytest.mark.parametrize('state_keys', ['2', '23', '24', '25', '20', '29', '28'])
+def test_every_state_gives_finite_commands_inside_the_limits(controller, state_keys, run):
+    run(controller, 2)
+    for key in state_keys:
+        controller.press(key)
+        run(controller, 10)
+    for key in 'wdji':
+        controller.press(key)
+    command = run(controller, 50)
+    for part in (command.position, command.velocity, command.effort, command.kp, command.kd):
+        assert np.isfinite(part).all()
+    assert (np.abs(command.effort) <= controller.model.limits.effort).all()
+    assert controller.solver_failures == 0
+
+
+def test_reset_gives_the_same_commands_again(controller, run):
+    def script():
+        run(controller, 2)
+        for key in '24':
+            controller.press(key)
+            run(controller, 5)
+        controller.press('w')
+        return [run(controller, 1).effort for _ in range(40)]
+
+    first = script()
+    controller.reset()
+    np.testing.assert_array_equal(first, script())
+
+
+def test_standing_still_the_odometry_stays(urdf, run):
+    controller = LegController(urdf)
+    run(controller, 50)
+    odometry = controller.odometry
+    assert np.linalg.norm(odometry.position[:2]) < 1e-6
+    assert np.abs(odometry.linear_velocity).max() < 1e-6
+    assert np.linalg.eigvalsh(odometry.pose_covariance).min() > 0.0
+
+
+def test_unknown_estimators_are_refused(urdf):
+    with pytest.raises(ValueError, match='kalman'):
+        LegController(urdf, estimator='magic')
+
+
+def test_keys_it_does_not_know_are_named(controller):
+    assert "'x'" in controller.press('x')
+
+
+def test_key_2_ends_a_trot_before_the_legs_stiffen(urdf, run):
+    params = LegControllerParameters(gait=GaitParameters(step_in_place=True))
+    controller = LegController(urdf, params, estimator='truth')
+    run(controller, 2)
+    for key in '24':
+        controller.press(key)
+        run(controller, 60)  # the first pair of feet is in the air by then
+    controller.press('2')
+    soft = run(controller, 5)
+    assert controller.state == 'fixed stand'
+    assert soft.kp.max() < 50.0
+    stiff = run(controller, 2000)
+    np.testing.assert_allclose(stiff.position, STAND_ANGLES, atol=1e-12)
+
+
+def test_free_stand_leans_and_returns(controller, run):
+    run(controller, 2)
+    for key in '23':
+        controller.press(key)
+        run(controller, 3)
+    upright = run(controller, 1).position
+    for _ in range(20):
+        controller.press('i')
+    lifted = run(controller, 500).position
+    geometry = controller.model.geometry
+    rise = foot_positions(geometry, upright)[:, 2] - foot_positions(geometry, lifted)[:, 2]
+    np.testing.assert_allclose(rise, 0.04, atol=1e-6)
+    controller.press(' ')
+    np.testing.assert_allclose(run(controller, 1000).position, upright, atol=1e-4)
+
+
+def test_a_failing_solver_is_survived_then_counted_against_it(controller, run, monkeypatch):
+    run(controller, 2)
+    for key in '20':
+        controller.press(key)
+        run(controller, 3)
+    solver = controller.locomotion.whole_body.solver
+    monkeypatch.setattr('quadruped_sim.friction_qp.daqp.solve', lambda *_: (None, None, -1, None))
+    command = run(controller, 10)
+    assert controller.state == 'balance test'
+    assert np.isfinite(command.effort).all()
+    assert solver.failures == 10
+    run(controller, 30)
+    assert controller.state == 'passive'
+    assert 'QPs' in controller.event
+    monkeypatch.undo()
+    controller.press('2')
+    run(controller, 5)
+    assert controller.state == 'fixed stand'

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from quadruped_sim.exceptions import RobotModelError
+from quadruped_sim.robot_model import RobotModel
+
+LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
+
+
+def test_mass_and_legs_are_those_of_the_go2(model):
+    assert model.mass == pytest.approx(16.086, abs=0.01)
+    assert (model.geometry.thigh, model.geometry.calf) == pytest.approx((0.213, 0.213))
+    np.testing.assert_allclose(model.geometry.hip[0], (0.1934, 0.0465, 0.0), atol=1e-12)
+    assert model.geometry.foot_radius == 0.022
+    np.testing.assert_allclose(model.imu_offset, (-0.02557, 0.0, 0.04232))
+
+
+def test_a_robot_hung_from_the_world_is_modelled_free(urdf, model):
+    hung = urdf.replace(
+        '<link name="base">',
+        '<link name="world"/><joint name="hang" type="fixed"><parent link="world"/>'
+        '<child link="base"/></joint><link name="base">',
+        1,
+    )
+    assert RobotModel(hung).mass == pytest.approx(model.mass)
+
+
+def test_missing_joint_is_named(urdf):
+    with pytest.raises(RobotModelError, match='RR_calf_joint'):
+        RobotModel(urdf.replace('RR_calf_joint', 'other_joint'))
+
+
+def test_text_that_is_no_xml_is_refused():
+    with pytest.raises(RobotModelError, match='not XML'):
+        RobotModel('<robot')
+
+
+def test_weight_is_the_bias_at_rest(model, angles):
+    dynamics = model.dynamics(LEVEL, np.zeros(3), np.zeros(3), angles, np.zeros(12))
+    np.testing.assert_allclose(dynamics.bias[:3], (0.0, 0.0, model.mass * 9.81), atol=1e-9)
+
+
+def test_kinetic_energy_changes_by_the_power_of_gravity_and_torque(model, angles, rng):
+    """d/dt (v'Mv / 2) = v'(tau - g): the Coriolis terms do no work."""
+    rates = rng.normal(size=12)
+    velocity, omega = rng.normal(size=3), rng.normal(size=3)
+    torque = rng.normal(size=12)
+    v = np.concatenate((velocity, omega, rates))
+    now = model.dynamics(LEVEL, velocity, omega, angles, rates)
+    mass = now.mass.copy()
+    gravity = model.dynamics(LEVEL, np.zeros(3), np.zeros(3), angles, np.zeros(12)).bias.copy()
+    bias = model.dynamics(LEVEL, velocity, omega, angles, rates).bias.copy()
+    acceleration = np.linalg.solve(mass, np.concatenate((np.zeros(6), torque)) - bias)
+    h = 1e-6
+    energy = []
+    for sign in (1.0, -1.0):
+        shifted = model.dynamics(
+            LEVEL, velocity, omega, angles + sign * h * rates, rates
+        ).mass.copy()
+        moved = v + sign * h * acceleration
+        energy.append(0.5 * moved @ shifted @ moved)
+    power = v @ (np.concatenate((np.zeros(6), torque)) - gravity)
+    assert (energy[0] - energy[1]) / (2.0 * h) == pytest.approx(power, rel=1e-5)
+
+
+def test_joint_momentum_obeys_its_balance(model, angles, rng):
+    """dp/dt = tau + C'v - g, which the contact observer integrates."""
+    rates = rng.normal(size=12)
+    velocity, omega = rng.normal(size=3), rng.normal(size=3)
+    v = np.concatenate((velocity, omega, rates))
+    now = model.dynamics(LEVEL, velocity, omega, angles, rates)
+    drift, mass, bias = now.momentum_drift.copy(), now.mass.copy(), now.bias.copy()
+    acceleration = np.linalg.solve(mass, -bias)
+    h = 1e-6
+    momentum = []
+    for sign in (1.0, -1.0):
+        moved = v + sign * h * acceleration
+        momentum.append(
+            model.dynamics(
+                LEVEL, moved[:3], moved[3:6], angles + sign * h * rates, moved[6:]
+            ).momentum.copy()
+        )
+    # The base's turning does not change the joint rows of M; gravity's share is in the bias.
+    np.testing.assert_allclose((momentum[0] - momentum[1]) / (2.0 * h), drift, atol=1e-5)

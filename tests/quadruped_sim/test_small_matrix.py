@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+from quadruped_sim.small_matrix import cross3
+from quadruped_sim.small_matrix import invert3
+from quadruped_sim.small_matrix import rotate
+from quadruped_sim.small_matrix import rotate_back
+from quadruped_sim.small_matrix import solve_in_place
+
+
+def test_products_are_those_of_numpy(rng):
+    A, v, w = rng.normal(size=(3, 3)), rng.normal(size=3), rng.normal(size=3)
+    np.testing.assert_allclose(rotate(A, v), A @ v)
+    np.testing.assert_allclose(rotate_back(A, v), A.T @ v)
+    np.testing.assert_allclose(cross3(v, w), np.cross(v, w))
+    np.testing.assert_allclose(invert3(A), np.linalg.inv(A), rtol=1e-9)
+
+
+def test_systems_are_solved_as_by_numpy(rng):
+    for n in (1, 3, 6):
+        L = rng.normal(size=(n, n))
+        A, B = L @ L.T + 0.1 * np.eye(n), rng.normal(size=(n, 4))
+        wanted = np.linalg.solve(A, B)
+        solve_in_place(A.copy(), B)
+        np.testing.assert_allclose(B, wanted, rtol=1e-8)
+
+
+def test_a_singular_matrix_gives_no_finite_inverse():
+    assert not np.isfinite(invert3(np.zeros((3, 3)))).all()

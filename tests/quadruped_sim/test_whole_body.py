@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from quadruped_sim.leg_kinematics import leg_motion
+from quadruped_sim.parameters import MpcParameters
+from quadruped_sim.parameters import WholeBodyParameters
+from quadruped_sim.rotations import matrix_from_quaternion
+from quadruped_sim.rotations import quaternion_from_rpy
+from quadruped_sim.rotations import skew
+from quadruped_sim.whole_body import contact_points
+from quadruped_sim.whole_body import WholeBody
+from quadruped_sim.whole_body import WholeBodyTask
+
+
+def solve(model, angles, rng, stance, force_weight=1e-9):
+    """Solve for a random state; returns all that the checks need."""
+    orientation = quaternion_from_rpy(0.1, -0.05, 0.7)
+    R = matrix_from_quaternion(orientation)
+    rates = 0.5 * rng.normal(size=12)
+    velocity, omega = rng.normal(size=3), 0.5 * rng.normal(size=3)
+    motion = leg_motion(model.geometry, angles, rates)
+    contact = contact_points(motion, R.T @ (0.0, 0.0, 1.0), model.geometry.foot_radius)
+    dynamics = model.dynamics(orientation, velocity, omega, angles, rates)
+    forces = np.zeros((4, 3))
+    forces[stance, 2] = model.weight / stance.sum()
+    task = WholeBodyTask(
+        np.array((0.2, -0.1, 0.3, 0.4, 0.2, -0.1)),
+        stance,
+        forces,
+        5.0 * rng.normal(size=(4, 3)),
+        np.eye(3),
+    )
+    body = WholeBody(WholeBodyParameters(force_weight=force_weight), MpcParameters(friction=5.0))
+    result = body.solve(task, R, velocity, omega, motion, contact, dynamics)
+    return task, result, R, velocity, omega, motion, contact, dynamics
+
+
+@pytest.mark.parametrize('stance', [(True,) * 4, (True, True, True, False)])
+def test_torques_bring_about_the_wanted_accelerations(model, angles, rng, stance):
+    """Forward dynamics with the answer's torques and forces gives back base and foot tasks."""
+    stance = np.array(stance)
+    task, result, R, velocity, omega, motion, contact, dynamics = solve(model, angles, rng, stance)
+    assert result.is_solved
+    generalized = np.concatenate((np.zeros(6), result.torque)) - dynamics.bias
+    for leg in range(4):
+        force = R.T @ result.forces[leg]
+        generalized[:3] += force
+        generalized[3:6] += np.cross(contact.position[leg], force)
+        generalized[6 + 3 * leg : 9 + 3 * leg] += contact.jacobian[leg].T @ force
+    acceleration = np.linalg.solve(dynamics.mass, generalized)
+    linear = R @ (acceleration[:3] + np.cross(omega, velocity))
+    np.testing.assert_allclose(linear, task.base_acceleration[:3], atol=1e-3)
+    np.testing.assert_allclose(R @ acceleration[3:6], task.base_acceleration[3:], atol=1e-3)
+    for leg in np.flatnonzero(~stance):
+        p = motion.position[leg]
+        foot = acceleration[:3] + np.cross(omega, velocity) + np.cross(acceleration[3:6], p)
+        foot += skew(omega) @ (skew(omega) @ p + 2.0 * motion.velocity[leg]) + motion.bias[leg]
+        foot += motion.jacobian[leg] @ acceleration[6 + 3 * leg : 9 + 3 * leg]
+        np.testing.assert_allclose(R @ foot, task.foot_acceleration[leg], atol=1e-6)
+
+
+def test_swing_legs_carry_nothing(model, angles, rng):
+    stance = np.array((True, False, False, True))
+    _, result, *_ = solve(model, angles, rng, stance)
+    np.testing.assert_array_equal(result.forces[~stance], 0.0)
+
+
+def test_a_heavy_force_weight_returns_the_wanted_forces(model, angles, rng):
+    task, result, *_ = solve(model, angles, rng, np.ones(4, dtype=bool), force_weight=1e6)
+    np.testing.assert_allclose(result.forces, task.forces, atol=1e-2)

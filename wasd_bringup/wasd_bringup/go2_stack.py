@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Go2's nodes in one process: leg controller, and keys to velocity where a preset asks."""
+
+import time
+
+from geometry_msgs.msg import Twist
+from mujoco_sim.loading import LoadedRobot
+from mujoco_sim.schedule import Schedule
+from mujoco_sim.statistics import TickStatistics
+from mujoco_sim.viewer import CameraView
+from mujoco_sim.world import World
+from quadruped_sim.leg_controller_node import LegControllerNode
+from quadruped_sim.legs import FOOT_NAMES
+from quadruped_sim.rotations import matrix_from_quaternion
+from quadruped_sim.rotations import rpy_from_matrix
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+
+from wasd_bringup.options import RunOptions
+from wasd_bringup.report import Sample
+
+UNITREE_PRESET = 'unitree'
+UNITREE_HELP = (
+    '2 stand   4 trot   5 move base (cmd_vel)   1 passive',
+    '3 free stand   0 balance test   9 swing test   8 step test',
+    'w/s forward, backward   a/d left, right   j/l turn   i/k height   space: centre',
+    'Ctrl-C quits. First 2, then 4, then w.',
+)
+# States in which the robot is being driven.
+DRIVEN = ('trotting', 'move base')
+
+
+class Go2Stack:
+    """
+    What walks the Go2: `press` takes keys, `drive` takes velocities; `schedule` has it stepped.
+
+    With the preset `unitree` keys are states and sticks; with any other they also become
+    velocities on cmd_vel, which the state move base (2, then 5) follows.
+    """
+
+    camera = CameraView(distance=1.8, azimuth=130.0, elevation=-20.0)
+
+    def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
+        self.estimator = options.estimator
+        self._world = world
+        self._trunk = loaded.robot.root
+        self._legs = LegControllerNode(
+            loaded.urdf,
+            lock_step=True,
+            parameter_overrides=[
+                Parameter('description', value=options.description),
+                Parameter('estimator', value=options.estimator),
+                Parameter('limits', value=options.limits),
+            ],
+        )
+        self._twists = self._legs.create_publisher(Twist, 'cmd_vel', 10)
+        self._teleop: KeysToTwistNode | None = None
+        self.nodes: list[Node] = [self._legs]
+        if options.preset != UNITREE_PRESET:
+            self._teleop = KeysToTwistNode(
+                lock_step=True, parameter_overrides=[Parameter('preset', value=options.preset)]
+            )
+            self._teleop.receivers.append(self._legs.cmd_vel.put)
+            self.nodes.append(self._teleop)
+        self._was_up = False
+        self.ticks = TickStatistics(self.period)
+
+    @property
+    def period(self) -> float:
+        """The controller's period [s]."""
+        return 1.0 / self._legs.settings.update_rate
+
+    @property
+    def help_lines(self) -> tuple[str, ...]:
+        """The keys, for the terminal and the page."""
+        if self._teleop is None:
+            return UNITREE_HELP
+        states = UNITREE_HELP[:2]
+        return (*self._teleop.logic.keymap.help_lines, *states, 'First 2, then 5, then drive.')
+
+    @property
+    def state(self) -> str:
+        """The leg controller's state."""
+        return self._legs.controller.state
+
+    def press(self, message: String) -> None:
+        """Take a key."""
+        self._legs.keys.put(message)
+        if self._teleop is not None and not message.data.isdigit():
+            self._teleop.keys.put(message)
+
+    def drive(self, velocity: tuple[float, float, float]) -> None:
+        """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
+        message = Twist()
+        message.linear.x, message.linear.y, message.angular.z = velocity
+        self._legs.cmd_vel.put(message)
+        self._twists.publish(message)
+
+    def schedule(self, schedule: Schedule) -> None:
+        """Have the nodes stepped on simulated time: ramps, then legs, then odometry."""
+        if self._teleop is not None:
+            teleop, period = self._teleop, 1.0 / self._teleop.logic.rate
+            schedule.every(period, lambda: teleop.step(period))
+        schedule.every(self.period, self._control)
+        schedule.every(1.0 / self._legs.settings.publish_rate, self._legs.publish_odometry)
+
+    def reset(self) -> None:
+        """Forget the past: state, estimate, commands."""
+        self._was_up = False
+        self._legs.reset()
+        if self._teleop is not None:
+            self._teleop.logic.reset()
+
+    def sample(self) -> Sample:
+        """Return this instant for the report."""
+        controller = self._legs.controller
+        odometry = controller.odometry
+        pose = (0.0, 0.0, 0.0)
+        if odometry is not None:
+            yaw = rpy_from_matrix(matrix_from_quaternion(odometry.orientation))[2]
+            pose = (float(odometry.position[0]), float(odometry.position[1]), float(yaw))
+        vx, vy, wz = self._command()
+        forces = self._world.contact_forces((*FOOT_NAMES, self._trunk))
+        touching = (forces > 0.0).astype(int).tolist()
+        return Sample(
+            controller.state, (vx, vy, wz), pose, touching[:4], self._is_down(bool(touching[4]))
+        )
+
+    def status(self) -> list[str]:
+        """Return what a driver wants to see, in a few words each."""
+        vx, vy, wz = self._command()
+        lines = [f'{self.state:12}', f'command {vx:+.2f} {vy:+.2f} m/s {wz:+.2f} rad/s']
+        return [*lines, self._legs.said] if self._legs.said else lines
+
+    def close(self) -> None:
+        """Stop the robot: the last cmd_vel is zero, the legs go passive."""
+        if self._teleop is not None:
+            self._teleop.close()
+        self._legs.close()
+
+    def _command(self) -> tuple[float, float, float]:
+        if self.state not in DRIVEN:
+            return 0.0, 0.0, 0.0
+        vx, vy, wz = self._legs.controller.command_filter.command
+        return float(vx), float(vy), float(wz)
+
+    def _is_down(self, trunk_touches: bool) -> bool:
+        """Whether the trunk is on the ground against the driver's will."""
+        laid_down = self.state == 'passive' and self._legs.controller.event is None
+        if not trunk_touches:
+            self._was_up = self.state != 'passive'
+        elif laid_down:
+            self._was_up = False
+        return trunk_touches and self._was_up
+
+    def _control(self) -> None:
+        started = time.perf_counter()
+        world = self._world
+        truth = world.base() if self.estimator == 'truth' else None
+        names = world.joint_names, world.motor_names
+        command = self._legs.control(world.read(), *names, self.period, truth)
+        world.apply(command)
+        self.ticks.add(time.perf_counter() - started)

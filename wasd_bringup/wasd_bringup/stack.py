@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a session needs of the nodes that drive a robot, and which robot gets which."""
+
+from typing import Protocol
+
+from mujoco_sim.loading import LoadedRobot
+from mujoco_sim.schedule import Schedule
+from mujoco_sim.statistics import TickStatistics
+from mujoco_sim.viewer import CameraView
+from mujoco_sim.world import World
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from wasd_bringup.options import RunOptions
+from wasd_bringup.report import Sample
+
+
+class Stack(Protocol):
+    """The nodes that drive one robot in lock-step."""
+
+    estimator: str
+    camera: CameraView
+    nodes: list[Node]
+    ticks: TickStatistics
+
+    @property
+    def period(self) -> float:
+        """The controller's period [s]."""
+
+    @property
+    def help_lines(self) -> tuple[str, ...]:
+        """The keys, for the terminal and the page."""
+
+    @property
+    def state(self) -> str:
+        """The controller's state."""
+
+    def press(self, message: String) -> None:
+        """Take a key."""
+
+    def drive(self, velocity: tuple[float, float, float]) -> None:
+        """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
+
+    def schedule(self, schedule: Schedule) -> None:
+        """Have the nodes stepped on simulated time."""
+
+    def sample(self) -> Sample:
+        """Return this instant for the report."""
+
+    def status(self) -> list[str]:
+        """Return what a driver wants to see, in a few words each."""
+
+    def reset(self) -> None:
+        """Forget the past."""
+
+    def close(self) -> None:
+        """Leave the robot stopped."""
+
+
+def make_stack(loaded: LoadedRobot, world: World, options: RunOptions) -> Stack:
+    """
+    Return the nodes of the robot that the command names.
+
+    Raises:
+        UserError: the description is not such a robot.
+    """
+    # Here, because the controllers of the other robot take a second to load.
+    if options.robot == 'go2':
+        from wasd_bringup.go2_stack import Go2Stack
+
+        return Go2Stack(loaded, world, options)
+    from wasd_bringup.mbot_stack import MbotStack
+
+    return MbotStack(loaded, world, options)
