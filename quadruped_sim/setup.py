@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""colcon build of diff_drive_sim; name, version and licence come from package.xml."""
+"""colcon build of quadruped_sim; name, version and licence come from package.xml."""
 
 import glob
 import os

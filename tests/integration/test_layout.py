@@ -41,8 +41,12 @@ EXECUTABLES = {
 # Import name -> rosdep key where they differ; None: on the Python package index only.
 ROSDEP_KEYS = {
     'PIL': 'python3-pil',
+    'daqp': None,
     'mujoco': None,
+    'numba': None,
     'numpy': 'python3-numpy',
+    'pinocchio': None,  # Jazzy has an older one than the controller is tested with
+    'trimesh': None,
     'yaml': 'python3-yaml',
 }
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
@@ -106,8 +110,7 @@ def leads_to_ros(name: str) -> bool:
 
 
 def test_the_packages_are_those_of_the_design():
-    assert set(PACKAGES) <= set(BELOW)
-    assert set(PACKAGES) >= set(BELOW) - {'quadruped_sim'}
+    assert set(PACKAGES) == set(BELOW)
 
 
 @pytest.mark.parametrize('package', PACKAGES)
@@ -198,7 +201,7 @@ def data_files(package: str) -> set[str]:
     return {
         path.relative_to(folder).as_posix()
         for path in folder.rglob('*')
-        if path.is_file() and path.suffix not in {'.py', '.pyc'}
+        if path.is_file() and path.suffix != '.py' and '__pycache__' not in path.parts
     }
 
 
@@ -221,7 +224,7 @@ def test_every_python_file_says_its_licence_and_stays_short():
     texts = {path.relative_to(ROOT): path.read_text().splitlines() for path in python_files()}
     assert [str(path) for path, lines in texts.items() if spdx not in lines[:2]] == []
     assert [str(path) for path, lines in texts.items() if len(lines) > LONGEST_MODULE] == []
-    assert len((ROOT / 'wasd').read_text().splitlines()) < 200
+    assert len((ROOT / 'wasd').read_text().splitlines()) <= 200
 
 
 @pytest.fixture(scope='module')
