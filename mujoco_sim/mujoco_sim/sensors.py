@@ -13,7 +13,7 @@ class JointStates(NamedTuple):
 
     position: np.ndarray  # [rad]
     velocity: np.ndarray  # [rad/s]
-    effort: np.ndarray  # [N m], what the motor applied; 0 for a joint without one
+    effort: np.ndarray  # [N m], of the last physics step; 0 without a motor
 
 
 class ImuReading(NamedTuple):

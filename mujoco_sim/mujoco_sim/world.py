@@ -17,6 +17,12 @@ from mujoco_sim.sensors import NoisySensors
 from mujoco_sim.sensors import Reading
 
 FALL_TILT = np.deg2rad(60.0)
+# Damping of motors that brake although no command gave them any [N m s/rad]; what Unitree's
+# examples let a Go2 sink to the ground with.
+BRAKE_DAMPING = 3.0
+# Damping of at most this share of what would stop a joint within one physics step: beyond 2 the
+# explicit integration of motor torques diverges, beyond 1 it rings.
+STABLE_SHARE = 0.5
 
 
 class JointCommand(NamedTuple):
@@ -75,8 +81,9 @@ class World:
     """
     One robot in one compiled model.
 
-    Keeps MuJoCo's state, the command in force, the push in force and `tick`, the number of physics
-    steps so far. The same seed and the same calls give the same bits.
+    Keeps MuJoCo's state, the command and the pushes in force and `tick`, the number of physics
+    steps so far. Until the first command the motors are limp. The same seed and the same calls
+    give the same bits.
     """
 
     def __init__(
@@ -115,6 +122,9 @@ class World:
         self.has_imu = self.model.nsensor >= 2
         self._curve = self._torque_speed_curve()
         self._peak_effort = np.zeros(len(self.motor_names))
+        # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
+        stopping = 1.0 / (self.model.dof_invweight0[self._motor_velocity] * self.time_step)
+        self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
         self.reset()
 
     @property
@@ -131,9 +141,9 @@ class World:
         noise = self.setup.noise
         self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
         self._reading: tuple[int, Reading] | None = None
-        self._push_until = -1
+        self._pushes: list[tuple[int, np.ndarray]] = []
         self._pending: deque[tuple[int, np.ndarray]] = deque()
-        self.brake(damping=0.0)
+        self._put_in_force(np.zeros((5, len(self.motor_names))))
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, count: int = 1) -> None:
@@ -146,11 +156,12 @@ class World:
                     self._put_in_force(self._pending.popleft()[1])
                     continue
                 until = min(until, self._pending[0][0])
-            if self.tick < self._push_until:
-                until = min(until, self._push_until)
+            if self._pushes:
+                until = min(until, *(end for end, _ in self._pushes))
             self._advance(until - self.tick)
-            if self.tick == self._push_until:
-                self.data.xfrc_applied[self.root] = 0.0
+            if self._pushes:
+                self._pushes = [push for push in self._pushes if push[0] > self.tick]
+                self._sum_pushes()
 
     def read(self) -> Reading:
         """Return what the sensors measure now; asked twice in one instant, they say the same."""
@@ -161,7 +172,11 @@ class World:
         return self._reading[1]
 
     def joints(self) -> JointStates:
-        """Return the joints as they are, without noise."""
+        """
+        Return the joints as they are, without noise.
+
+        Efforts belong to the beginning of the last physics step: they led to these velocities.
+        """
         effort = np.zeros(len(self.joint_names))
         effort[self._motor_joint] = self.data.actuator_force
         return JointStates(
@@ -204,25 +219,39 @@ class World:
             self._pending.append((due, np.array(stacked)))
         return True
 
-    def brake(self, damping: float | None = None) -> None:
+    def brake(self) -> None:
         """
         Let the motors only resist motion, now and until the next command.
 
-        `damping` [N m s/rad] is by default what it was.
+        A motor keeps the damping that it was commanded; one without gets BRAKE_DAMPING, or as
+        much as its joint's inertia can bear.
         """
         self._pending.clear()
-        if damping is not None:
-            self.model.actuator_biasprm[:, 2] = -damping
+        kept = -self.model.actuator_biasprm[:, 2]
+        damping = np.where(kept > 0.0, kept, self._brake_damping)
+        self.model.actuator_biasprm[:, 2] = -damping
         self.model.actuator_biasprm[:, 1] = 0.0
         self.data.ctrl[:] = 0.0
 
-    def push(self, force: Sequence[float], duration: float) -> None:
-        """Apply a world-frame force [N], shape (3,), at the root's centre of mass, so long [s]."""
-        self.data.xfrc_applied[self.root, :3] = force
-        self._push_until = self.tick + max(1, round(duration / self.time_step))
+    def push(self, force: Sequence[float], duration: float) -> bool:
+        """
+        Apply a world-frame force [N], shape (3,), at the root's centre of mass, so long [s].
+
+        It adds to the pushes in force. Return if it was taken: what is not finite is not.
+        """
+        vector = np.array(force, dtype=float)
+        if vector.shape != (3,) or not np.isfinite([*vector, duration]).all():
+            return False
+        self._pushes.append((self.tick + max(1, round(duration / self.time_step)), vector))
+        self._sum_pushes()
+        return True
 
     def contact_forces(self, links: Sequence[str]) -> np.ndarray:
-        """Return the sum of the normal forces on each link [N], shape (len(links),)."""
+        """
+        Return the sum of the normal forces on each link [N], shape (len(links),).
+
+        They belong to the beginning of the last physics step, as contacts are found then.
+        """
         forces = dict.fromkeys(links, 0.0)
         wrench = np.zeros(6)
         for index, pair in enumerate(self.data.contact.geom.tolist()):
@@ -232,6 +261,10 @@ class World:
                 for link in touching:
                     forces[link] += float(wrench[0])
         return np.array([forces[link] for link in links])
+
+    def _sum_pushes(self) -> None:
+        forces = [force for _, force in self._pushes]
+        self.data.xfrc_applied[self.root, :3] = np.sum(forces, axis=0) if forces else 0.0
 
     def _put_in_force(self, command: np.ndarray) -> None:
         position, velocity, effort, kp, kd = command
@@ -248,7 +281,8 @@ class World:
             velocity = self.data.qvel[self._motor_velocity]
             self.model.actuator_forcerange[:] = self._curve.limits(velocity)
             mujoco.mj_step(self.model, self.data)
-            np.maximum(self._peak_effort, np.abs(self.data.actuator_force), self._peak_effort)
+            effort = np.abs(self.data.actuator_force)
+            np.maximum(self._peak_effort, effort, out=self._peak_effort)
 
     def _torque_speed_curve(self) -> TorqueSpeedCurve | None:
         limits = self.setup.speed_limits

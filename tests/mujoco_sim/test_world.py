@@ -86,14 +86,6 @@ def test_a_reset_takes_back_the_robot_but_not_the_time(world):
     np.testing.assert_array_equal(world.joints().effort, np.zeros(4))
 
 
-def test_a_reset_ends_a_push(ball):
-    ball.push((1.0, 0.0, 0.0), 1.0)
-    ball.step(10)
-    ball.reset()
-    ball.step(100)
-    np.testing.assert_array_equal(ball.base().linear_velocity, np.zeros(3))
-
-
 def test_joints_are_named_and_motors_are_among_them(world):
     assert world.joint_names == (*WHEELS, 'front_caster_joint', 'back_caster_joint')
     assert world.motor_names == WHEELS
@@ -161,22 +153,6 @@ def test_in_the_air_the_robot_falls_by_g_times_t(world):
     world.data.qpos[2] = 1.0
     world.step(100)
     assert world.base().linear_velocity[2] == pytest.approx(-GRAVITY * 0.1, rel=1e-9)
-
-
-@pytest.mark.parametrize('force', [(4.0, 0.0, 0.0), (0.0, -3.0, 1.0)])
-@pytest.mark.parametrize('steps', [1, 7, 100])
-def test_a_push_gives_its_momentum_and_ends(ball, force, steps):
-    duration = 0.001 * steps
-    ball.push(force, duration)
-    ball.step(250)
-    expected = np.array(force) * duration / 2.0
-    np.testing.assert_allclose(ball.base().linear_velocity, expected, rtol=1e-9, atol=1e-15)
-
-
-def test_a_push_acts_at_the_centre_of_mass(ball):
-    ball.push((1.0, 2.0, 3.0), 0.1)
-    ball.step(200)
-    np.testing.assert_allclose(ball.base().angular_velocity, np.zeros(3), atol=1e-12)
 
 
 def test_turning_wheels_drive_the_robot_forward(world):
