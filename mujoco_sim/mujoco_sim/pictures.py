@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of a world, rendered without a display; see `renderer_choice` for with what."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from PIL import Image
 from mujoco_sim.world import World
 
 SIZE = (1280, 720)
+STRIP_SIZE = (320, 240)  # of one picture of a strip
 DOT_RADIUS = 0.012
 
 
@@ -36,11 +37,7 @@ def take_picture(
 ) -> None:
     """Write the world as it is now as a PNG, with paths drawn as dots."""
     width, height = SIZE
-    camera = mujoco.MjvCamera()
-    camera.lookat[:] = viewpoint.lookat
-    camera.distance = viewpoint.distance
-    camera.azimuth = viewpoint.azimuth
-    camera.elevation = viewpoint.elevation
+    camera = _camera(viewpoint)
     renderer = mujoco.Renderer(world.model, height, width, max_geom=10_000)
     try:
         renderer.update_scene(world.data, camera)
@@ -50,6 +47,40 @@ def take_picture(
         Image.fromarray(renderer.render()).save(path)
     finally:
         renderer.close()
+
+
+def take_strip(
+    world: World, states: Collection[np.ndarray], viewpoint: Viewpoint, path: Path
+) -> None:
+    """
+    Write pictures of several instants side by side as one PNG.
+
+    `states` are generalised positions as in `World.data.qpos`; the camera follows the root, so
+    `viewpoint.lookat` is relative to it. The world is left as it was.
+    """
+    width, height = STRIP_SIZE
+    strip = Image.new('RGB', (width * len(states), height))
+    data = mujoco.MjData(world.model)
+    renderer = mujoco.Renderer(world.model, height, width, max_geom=10_000)
+    try:
+        for index, state in enumerate(states):
+            data.qpos[:] = state
+            mujoco.mj_forward(world.model, data)
+            place = np.asarray(viewpoint.lookat) + (state[0], state[1], 0.0)
+            renderer.update_scene(data, _camera(viewpoint._replace(lookat=place)))
+            strip.paste(Image.fromarray(renderer.render()), (width * index, 0))
+    finally:
+        renderer.close()
+    strip.save(path)
+
+
+def _camera(viewpoint: Viewpoint) -> mujoco.MjvCamera:
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = viewpoint.lookat
+    camera.distance = viewpoint.distance
+    camera.azimuth = viewpoint.azimuth
+    camera.elevation = viewpoint.elevation
+    return camera
 
 
 def _add_dot(scene: mujoco.MjvScene, point: np.ndarray, rgba: Sequence[float]) -> None:

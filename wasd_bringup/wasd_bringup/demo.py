@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """`wasd demo`: a scripted, headless tour; writes pictures and a table."""
 
+from collections import deque
 import json
 import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from mujoco_sim.pictures import take_picture
+from mujoco_sim.pictures import take_strip
 from mujoco_sim.pictures import Trace
 from mujoco_sim.pictures import Viewpoint
 from mujoco_sim.renderer_choice import choose_renderer
@@ -32,31 +34,71 @@ SQUARE = '\n'.join(
 
 
 class Stop(NamedTuple):
-    """One stop of the tour: a script of keys or of velocities, and what to look at."""
+    """One stop of the tour: scripts of keys and velocities, and what to look at."""
 
     name: str
     title: str
+    duration: float  # [s]
     keys: str | None = None
     twist: str | None = None
     viewpoint: Viewpoint | None = None
+    robot: str = 'mbot'
+    world: str = 'flat'
+    strip: Viewpoint | None = None  # of the last gait period, seen along with the robot
 
 
 TOUR = (
     Stop(
         'mbot_keys',
-        'keys: hold i, then u, then let go',
+        'mbot, keys: hold i, then u',
+        duration=6.5,
         keys='0.5 i*60\n2.5 u*75',
         viewpoint=Viewpoint((0.4, 0.2, 0.05), 1.5, 70.0, -28.0),
     ),
-    Stop('mbot_straight', 'cmd_vel: 2 m straight', twist='0 0.5 0 0\n4 0 0 0'),
-    Stop('mbot_spin', 'cmd_vel: 360 degrees on the spot', twist=f'0 0 0 1\n{2 * math.pi} 0 0 0'),
+    Stop('mbot_straight', 'mbot, cmd_vel: 2 m straight', 6.0, twist='0 0.5 0 0\n4 0 0 0'),
+    Stop(
+        'mbot_spin',
+        'mbot, cmd_vel: 360 degrees on the spot',
+        8.0,
+        twist=f'0 0 0 1\n{2 * math.pi} 0 0 0',
+    ),
     Stop(
         'mbot_square',
-        'cmd_vel: a square of 1 m',
+        'mbot, cmd_vel: a square of 1 m',
+        29.0,
         twist=SQUARE,
         viewpoint=Viewpoint((0.5, 0.5, 0.0), 2.4, 90.0, -70.0),
     ),
+    Stop(
+        'go2_trot',
+        'Go2, keys: 2, 4, ten times w, then l',
+        10.0,
+        robot='go2',
+        keys='0.3 2\n2.8 4\n3.2 w*10\n6 l*4',
+        strip=Viewpoint((0.0, 0.0, 0.22), 1.3, 60.0, -14.0),
+    ),
+    Stop(
+        'go2_move_base',
+        'Go2, keys 2, 5, cmd_vel: 0.8 m/s and 0.8 rad/s',
+        12.0,
+        robot='go2',
+        keys='0.3 2\n2.8 5',
+        twist='3.2 0.8 0 0\n7 0.8 0 0.8',
+    ),
+    Stop(
+        'go2_boxes',
+        'Go2, blind over boxes of up to 5 cm',
+        10.0,
+        robot='go2',
+        world='boxes:0.05',
+        keys='0.3 2\n2.8 5',
+        twist='3.2 0.5 0 0',
+        viewpoint=Viewpoint((2.6, 0.0, 0.15), 3.0, 125.0, -22.0),
+    ),
 )
+# A strip shows so many instants of one gait period [s].
+STRIP_FRAMES = 6
+GAIT_PERIOD = 0.45
 
 
 class Result(NamedTuple):
@@ -106,31 +148,32 @@ def demo_command(output: str) -> int:
 
 def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Result:
     options = RunOptions(
-        robot='mbot',
-        description='mbot',
-        preset='mbot',
+        robot=stop.robot,
+        description=stop.robot,
+        world=stop.world,
+        preset={'mbot': 'mbot', 'go2': 'unitree'}[stop.robot],
         keys=tuple(parse_key_script(stop.keys, stop.name)) if stop.keys else None,
         twists=tuple(parse_twist_script(stop.twist, stop.name)) if stop.twist else None,
-        duration=_end(stop),
+        duration=stop.duration,
         speed=0.0,
     )
     session = Session(options, visuals=pictures)
+    frames: deque[np.ndarray] = deque(maxlen=STRIP_FRAMES)
+    spacing = GAIT_PERIOD / STRIP_FRAMES
     try:
+        if stop.strip is not None:
+            positions = session.world.data.qpos
+            session.simulation.schedule.every(spacing, lambda: frames.append(positions.copy()))
         session.run(signals)
         report = session.report()
         if pictures and stop.viewpoint is not None:
             path = folder / f'{stop.name}.png'
             take_picture(session.world, stop.viewpoint, path, _traces(report['samples']))
+        if pictures and stop.strip is not None:
+            take_strip(session.world, frames, stop.strip, folder / f'{stop.name}_strip.png')
     finally:
         session.close()
     return summarise(stop.title, report)
-
-
-def _end(stop: Stop) -> float:
-    """Return when the robot has come to rest after the last line of the script [s]."""
-    lines = (stop.keys or stop.twist or '').split('\n')
-    held = 2.5 if stop.keys else 0.0
-    return round(float(lines[-1].split()[0]) + held + 1.5, 3)
 
 
 def _traces(samples: dict[str, Any]) -> tuple[Trace, Trace]:

@@ -13,6 +13,7 @@ from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.legs import FOOT_NAMES
 from quadruped_sim.rotations import matrix_from_quaternion
 from quadruped_sim.rotations import rpy_from_matrix
+from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -64,6 +65,9 @@ class Go2Stack:
             )
             self._teleop.receivers.append(self._legs.cmd_vel.put)
             self.nodes.append(self._teleop)
+        if options.interactive:
+            # What it refuses is in the status line; a log would break that line.
+            self._legs.get_logger().set_level(LoggingSeverity.ERROR)
         self._was_up = False
         self.ticks = TickStatistics(self.period)
 

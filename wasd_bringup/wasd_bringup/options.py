@@ -42,6 +42,7 @@ class RunOptions:
     report: Path | None = None
     estimator: str = 'kalman'
     limits: str = 'sport'
+    interactive: bool = False
 
     @property
     def scripted(self) -> bool:

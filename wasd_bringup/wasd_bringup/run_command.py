@@ -3,6 +3,7 @@
 
 import argparse
 import contextlib
+import dataclasses
 import math
 import os
 import sys
@@ -41,6 +42,7 @@ def run_command(arguments: argparse.Namespace) -> int:
         init_ros([])
         session = None
         try:
+            options = dataclasses.replace(options, interactive=_is_interactive(reader))
             session = Session(options, reader, visuals=viewer != 'none')
             where = session.open_view(viewer)
             if _is_interactive(reader) or viewer != 'none':
