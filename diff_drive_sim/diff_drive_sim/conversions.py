@@ -27,6 +27,7 @@ def to_odometry(state: OdometryState, stamp: Time, parameters: DiffDriveParamete
     message.pose.pose.orientation.z = math.sin(0.5 * state.yaw)
     message.pose.pose.orientation.w = math.cos(0.5 * state.yaw)
     message.twist.twist.linear.x = state.linear
+    message.twist.twist.linear.y = state.lateral
     message.twist.twist.angular.z = state.angular
     message.pose.covariance[:] = _diagonal(POSE_VARIANCE)
     message.twist.covariance[:] = _diagonal(TWIST_VARIANCE)

@@ -27,9 +27,6 @@ from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.geometry import find_wheels
 from diff_drive_sim.parameters import DiffDriveParameters
 
-# Longest step believed between two joint states [s]: after a gap the robot eases in, not jumps.
-MAXIMUM_STEP = 0.1
-
 
 class DiffDriveControllerNode(Node):
     """
@@ -111,8 +108,15 @@ class DiffDriveControllerNode(Node):
         stamp = message.header.stamp
         now = stamp.sec + 1e-9 * stamp.nanosec
         previous, self._last_state = self._last_state, now
-        dt = 0.0 if previous is None else min(max(now - previous, 0.0), MAXIMUM_STEP)
+        dt = 0.0 if previous is None else max(now - previous, 0.0)
+        restarts = self.controller.odometry.restarts
         command = self.control(wheels[0], wheels[1], dt)
+        if self.controller.odometry.restarts > restarts:
+            self.get_logger().warning(
+                'the wheel angles have jumped (was the robot reset?): odometry goes on from '
+                'where it was',
+                throttle_duration_sec=5.0,
+            )
         names = (geometry.left_joint, geometry.right_joint)
         self._joint_commands.publish(to_joint_commands(names, command, stamp))
         due = 1.0 / self.settings.publish_rate
