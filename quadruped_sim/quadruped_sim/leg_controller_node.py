@@ -17,9 +17,11 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.qos import QoSProfile
 from robot_description.inlet import Inlet
+from robot_description.mujoco_model import IMU_LINKS
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.tf import TfBroadcaster
+from robot_description.urdf import parse_urdf
 from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -32,6 +34,7 @@ from quadruped_sim.conversions import to_joint_command
 from quadruped_sim.conversions import to_odometry
 from quadruped_sim.conversions import to_sensors
 from quadruped_sim.conversions import to_transform
+from quadruped_sim.exceptions import RobotModelError
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.legs import JOINT_NAMES
 from quadruped_sim.node_parameters import LegNodeParameters
@@ -77,6 +80,7 @@ class LegControllerNode(Node):
             ),
             self.settings.estimator,
         )
+        _check_imu(urdf)
         # Compiled functions come from a cache; loading them must not be part of the first tick.
         warm_up(urdf)
         self._said: str | None = None
@@ -199,6 +203,17 @@ class LegControllerNode(Node):
         if now >= self._next_odometry or now < self._next_odometry - 1.0:
             self._next_odometry = now + 1.0 / self.settings.publish_rate
             self.publish_odometry()
+
+
+def _check_imu(urdf: str) -> None:
+    """
+    Refuse a robot whose simulation would have no IMU.
+
+    Raises:
+        RobotModelError: it has no such link.
+    """
+    if not parse_urdf(urdf).links.keys() & set(IMU_LINKS):
+        raise RobotModelError(f'the robot needs a link {" or ".join(IMU_LINKS)} for its IMU')
 
 
 def main(args: list[str] | None = None) -> int:
