@@ -195,9 +195,9 @@ class SimulatorNode(Node):
 def main(args: list[str] | None = None) -> int:
     """Run the simulator as a process of its own; controllers talk to it over topics."""
     with StopSignals() as stop:
-        init_ros(args)
         node = None
         try:
+            init_ros(args)
             node = SimulatorNode()
             node.schedule_publishing()
             pump = MessagePump()

@@ -10,6 +10,7 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from robot_description.errors import UserError
 from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
 from std_msgs.msg import String
@@ -90,11 +91,14 @@ def main(args: Sequence[str] | None = None) -> int:
         print(f'error: {error}', file=sys.stderr)
         return 2
     with StopSignals() as stop, reader:
-        init_ros(args)
         node = None
         try:
+            init_ros(args)
             node = KeyPublisherNode()
             publish_keys(node, reader, stop)
+        except UserError as error:
+            print(f'error: {error}', file=sys.stderr)
+            return 2
         finally:
             if node is not None:
                 node.close()

@@ -7,9 +7,9 @@ import time
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from robot_description.errors import UserError
 from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
-from robot_description.parameters import InvalidParameter
 
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.key_publisher_node import last_status
@@ -89,13 +89,13 @@ def main(args: Sequence[str] | None = None) -> int:
         return 2
     status = StatusLine(sys.stdout)
     with StopSignals() as stop, reader:
-        init_ros(args)
         teleop = None
         try:
+            init_ros(args)
             teleop = Teleop(reader)
             print('\n'.join(teleop.twist.logic.keymap.help_lines), end='\n\n', flush=True)
             teleop.run(stop, status)
-        except InvalidParameter as error:
+        except UserError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2
         except KeyboardInterrupt:
