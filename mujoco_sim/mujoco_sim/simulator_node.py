@@ -69,14 +69,14 @@ class SimulatorNode(Node):
         super().__init__('simulator', parameter_overrides=parameter_overrides or [])
         self.settings = declare_parameters(self, SimulatorParameters, self._on_change)
         robot = robot or load_robot(self.settings.description)
-        if world is None:
-            setup = usual_setup(robot.robot, self.settings.sensor_noise)
-            world = build_world(robot, self.settings.world, self.settings.seed, setup)
+        world = world or self._build_world(robot)
         self.simulation = Simulation(world, self.settings.speed)
         self._world = world
         self._root = robot.robot.root
         self._commanded_at = 0.0
         self._is_braking = True
+        # Instants that have been published: a step by hand may end where one is due.
+        self._clock_tick = self._states_tick = -1
         self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
         self._joint_states = self.create_publisher(JointState, 'joint_states', 10)
         self._truth = self.create_publisher(Odometry, 'ground_truth/odom', 10)
@@ -96,10 +96,15 @@ class SimulatorNode(Node):
             self.simulation.schedule.every(world.time_step, self._watch_commands)
 
     def schedule_publishing(self) -> None:
-        """Publish clock and states at this place of the schedule: after what is there before."""
+        """
+        Publish clock and states at this place of the schedule: after what is there before.
+
+        Raises:
+            SimulationError: a rate does not fit the physics step.
+        """
         schedule = self.simulation.schedule
-        schedule.every(1.0 / self.settings.clock_rate, self._publish_clock)
-        schedule.every(1.0 / self.settings.state_rate, self._publish_states)
+        schedule.at_rate('clock_rate', self.settings.clock_rate, self._publish_clock)
+        schedule.at_rate('state_rate', self.settings.state_rate, self._publish_states)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long the controller's ticks take, and its state."""
@@ -125,10 +130,24 @@ class SimulatorNode(Node):
         """Leave the motors braking."""
         self._world.brake()
 
+    def _build_world(self, robot: LoadedRobot) -> World:
+        setup = usual_setup(robot.robot, self.settings.sensor_noise)
+        try:
+            return build_world(robot, self.settings.world, self.settings.seed, setup)
+        except SimulationError as error:
+            # What is an option of the `wasd` command is a parameter of the same name here.
+            raise SimulationError(str(error).removeprefix('--')) from None
+
     def _publish_clock(self) -> None:
+        if self._clock_tick == self._world.tick:
+            return
+        self._clock_tick = self._world.tick
         self._clock_publisher.publish(Clock(clock=self.stamp))
 
     def _publish_states(self) -> None:
+        if self._states_tick == self._world.tick:
+            return
+        self._states_tick = self._world.tick
         stamp = self.stamp
         reading = self._world.read()
         if reading.imu is not None:
@@ -181,6 +200,8 @@ class SimulatorNode(Node):
             response.message = 'not paused: call ~/pause with data: true first'
             return response
         self.simulation.advance(1)
+        self._publish_clock()
+        self._publish_states()
         response.success = True
         response.message = f'time is {self._world.time:.3f} s'
         return response

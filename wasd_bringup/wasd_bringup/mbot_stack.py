@@ -78,7 +78,8 @@ class MbotStack:
         period = 1.0 / self._teleop.logic.rate
         schedule.every(period, lambda: self._teleop.step(period))
         schedule.every(self.period, self._control)
-        schedule.every(1.0 / self._driver.settings.publish_rate, self._driver.publish_odometry)
+        rate = self._driver.settings.publish_rate
+        schedule.at_rate('publish_rate', rate, self._driver.publish_odometry)
 
     def drive(self, velocity: tuple[float, float, float]) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
