@@ -9,6 +9,7 @@ begin at FIRST_SEED, which nobody tuned with.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+import subprocess
 from typing import NamedTuple
 
 from experiment import Experiment
@@ -28,6 +29,7 @@ from go2_walks import stand
 from go2_walks import steadiness
 from go2_walks import tracking
 from table import Row
+from trials import RunFailed
 from trials import simulate_all
 
 FIRST_SEED = 1000
@@ -107,13 +109,25 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
         slow_host(FIRST_SEED, (0.2, 1.0, 0.0)),
         determinism(FIRST_SEED, 'boxes:0.05'),
     ]
-    # What depends on the machine has it for itself.
-    note('go2: ticks')
-    timed = ticks(FIRST_SEED, sizes.timed)
-    note('go2: two processes over topics')
-    timed.append(over_topics(sizes.timed))
-    note('go2: first start')
-    timed.append(first_start(sizes.timed))
+    timed = on_the_clock(sizes, note)  # first, while the machine has nothing else to do
     results = simulate_all([run for part in experiments for run in part.runs], note)
     rows = [part.row(results) for part in experiments]
     return [replace(row, what=f'go2: {row.what}') for row in rows] + timed
+
+
+def on_the_clock(sizes: Sizes, note: Callable[[str], None]) -> list[Row]:
+    """Return the rows that depend on the machine, measured one after the other."""
+    parts: dict[str, Callable[[], list[Row]]] = {
+        'tick and real-time factor': lambda: ticks(FIRST_SEED, sizes.timed),
+        'over topics': lambda: [over_topics(sizes.timed)],
+        'first start': lambda: [first_start(sizes.timed)],
+    }
+    rows: list[Row] = []
+    for name, part in parts.items():
+        note(f'go2: {name}')
+        try:
+            rows += part()
+        except (RunFailed, subprocess.SubprocessError) as error:
+            broken = f'broke: {error}'
+            rows.append(Row(what=f'go2: {name}', measured=broken, must='runs', passed=False))
+    return rows

@@ -38,8 +38,12 @@ def main() -> int:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
     begin = time.monotonic()
     names = [arguments.robot] if arguments.robot else list(ROBOTS)
-    rows = [row for name in names for row in ROBOTS[name](arguments.quick, note)]
-    note('')
+    try:
+        rows = [row for name in names for row in ROBOTS[name](arguments.quick, note)]
+    except KeyboardInterrupt:
+        return 130
+    finally:
+        note('')
     took = time.monotonic() - begin
     date, machine = datetime.date.today().isoformat(), describe_machine()
     how = 'wasd bench --quick' if arguments.quick else 'wasd bench'

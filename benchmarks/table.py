@@ -47,7 +47,7 @@ def at_most(
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Return the 95 % interval of a rate of success [Wilson1927]."""
+    """Return the 95 % interval of a rate of success, by Wilson's score."""
     if trials == 0:
         return 0.0, 1.0
     z2 = NORMAL_95**2

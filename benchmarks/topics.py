@@ -143,7 +143,10 @@ def started_processes() -> Iterator[None]:
         for child in children:
             child.terminate()
         for child in children:
-            child.wait(timeout=20.0)
+            try:
+                child.wait(timeout=20.0)
+            except subprocess.TimeoutExpired:
+                child.kill()
 
 
 def main() -> int:
