@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
+from robot_description.node_support import has_listener
 from robot_description.node_support import run_node
 from robot_description.tf import TfBroadcaster
 from sensor_msgs.msg import JointState
@@ -126,8 +127,10 @@ class DiffDriveControllerNode(Node):
 
     def _publish_odometry(self, stamp: Any) -> None:
         state = self.controller.odometry_state
-        self._odometry.publish(to_odometry(state, stamp, self.settings))
-        self._tf.send([to_transform(state, stamp, self.settings)])
+        if has_listener(self._odometry):
+            self._odometry.publish(to_odometry(state, stamp, self.settings))
+        if self._tf.available:
+            self._tf.send([to_transform(state, stamp, self.settings)])
 
     def _on_change(self, changed: DiffDriveParameters) -> None:
         self.settings = changed

@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from robot_description.errors import UserError
 from robot_description.node_support import declare_parameters
+from robot_description.node_support import has_listener
 from robot_description.node_support import init_ros
 from robot_description.node_support import MessagePump
 from robot_description.node_support import StopSignals
@@ -142,22 +143,26 @@ class SimulatorNode(Node):
         if self._clock_tick == self._world.tick:
             return
         self._clock_tick = self._world.tick
-        self._clock_publisher.publish(Clock(clock=self.stamp))
+        if has_listener(self._clock_publisher):
+            self._clock_publisher.publish(Clock(clock=self.stamp))
 
     def _publish_states(self) -> None:
         if self._states_tick == self._world.tick:
             return
         self._states_tick = self._world.tick
-        stamp = self.stamp
+        # Read in any case: noise must not depend on who listens.
         reading = self._world.read()
-        if reading.imu is not None:
+        stamp = self.stamp
+        if reading.imu is not None and has_listener(self._imu):
             self._imu.publish(to_imu(reading.imu, self._root, stamp))
-        if self._feet:
+        if self._feet and has_listener(self._contacts):
             forces = self._world.contact_forces(self._feet)
             self._contacts.publish(to_foot_contacts(self._feet, forces, stamp))
-        names = self._world.joint_names
-        self._joint_states.publish(to_joint_state(names, reading.joints, stamp))
-        self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
+        if has_listener(self._joint_states):
+            names = self._world.joint_names
+            self._joint_states.publish(to_joint_state(names, reading.joints, stamp))
+        if has_listener(self._truth):
+            self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
 
     def _on_command(self, message: JointTrajectory) -> None:
         try:
