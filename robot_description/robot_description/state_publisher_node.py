@@ -67,10 +67,11 @@ class StatePublisherNode(Node):
         for name in names:
             if name not in joints:
                 self._report_unknown(name)
-        known = (pair for pair in zip(names, positions, strict=True) if pair[0] in joints)
+        moved = zip(names, positions, strict=True)
+        known = [(joints[name], float(position)) for name, position in moved if name in joints]
         self._moving.send(
-            to_transform(joint.transform(float(position)), joint.parent, joint.child, stamp)
-            for joint, position in ((joints[name], position) for name, position in known)
+            to_transform(joint.transform(position), joint.parent, joint.child, stamp)
+            for joint, position in known
         )
 
     def close(self) -> None:
