@@ -211,10 +211,42 @@ def test_a_clock_that_jumps_back_steps_nothing(feed, legs, peer):
 
 
 @pytest.mark.usefixtures('alive')
-def test_a_robot_with_other_joints_is_ignored(legs, peer, feed):
-    legs._on_joint_states(JointState(name=['left_wheel_joint'], position=[0.0]))
+def test_joints_may_change_their_order_on_the_way(feed, legs):
+    feed(1.0)
+    order = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+    positions = np.array(STAND) + 0.01 * np.arange(12)
+    feed(1.002, [JOINT_NAMES[i] for i in order], positions[order])
+    np.testing.assert_allclose(legs.controller.robot.joint_position, positions, atol=1e-12)
+
+
+@pytest.mark.usefixtures('alive')
+@pytest.mark.parametrize(
+    'state',
+    [
+        JointState(name=['left_wheel_joint'], position=[0.0], velocity=[0.0], effort=[0.0]),
+        JointState(name=list(JOINT_NAMES), position=STAND),
+        JointState(name=list(JOINT_NAMES[:11]), position=STAND[:11]),
+    ],
+)
+def test_a_state_that_is_not_complete_is_ignored_with_one_warning(legs, peer, feed, state, capfd):
+    state.header.stamp = to_stamp(0.95)
+    legs._on_joint_states(state)
+    legs._on_joint_states(state)
     feed(1.0)  # alive
     assert len(peer.commands) == 1
+    assert capfd.readouterr().err.count('joint_states lacks') == 1
+
+
+@pytest.mark.usefixtures('alive')
+def test_without_a_fresh_imu_it_gives_no_commands(legs, peer, feed, capfd):
+    feed(1.0)
+    zeros = [0.0] * 12
+    state = JointState(name=list(JOINT_NAMES), position=STAND, velocity=zeros, effort=zeros)
+    state.header.stamp = to_stamp(1.5)
+    legs._on_joint_states(state)
+    assert 'imu/data is silent' in capfd.readouterr().err
+    feed(1.502)
+    assert len(peer.commands) == 2
 
 
 def test_in_lock_step_it_listens_to_no_sensors(spawn):
