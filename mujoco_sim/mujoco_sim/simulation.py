@@ -10,6 +10,8 @@ from mujoco_sim.world import World
 
 # Messages are handled at least this often [s of wall time] ...
 POLL_PERIOD = 0.02
+# ... and while physics is held, waited for so long at a time [s].
+HOLD_PERIOD = 0.002
 
 
 class Simulation:
@@ -50,11 +52,13 @@ class Simulation:
         poll: Callable[[float], None],
         each_second: Callable[[], None] = lambda: None,
         duration: float = float('inf'),
+        may_advance: Callable[[], bool] = lambda: True,
     ) -> None:
         """
         Advance in pace with wall time until `stop` or until `duration` [s] of simulated time.
 
-        `poll(timeout)` handles messages and may wait for them up to `timeout` [s].
+        `poll(timeout)` handles messages and may wait for them up to `timeout` [s]. While
+        `may_advance` says no, simulated time stands still and messages are handled.
         """
         stride = self.schedule.stride
         stride_time = stride * self.world.time_step
@@ -70,6 +74,9 @@ class Simulation:
             if self.paused:
                 self.pacer.restart()
                 poll(POLL_PERIOD)
+                continue
+            if not may_advance():
+                poll(HOLD_PERIOD)
                 continue
             if self.pacer.allowed(wall, self.world.time) >= self.world.time + 0.5 * stride_time:
                 self.advance(stride if end is None else min(stride, end - self.world.tick))

@@ -2,6 +2,7 @@
 """The simulator's face on ROS: clock, joint states, truth, joint commands, services."""
 
 import sys
+import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -43,6 +44,10 @@ from mujoco_sim.world import World
 
 # A real-time factor below this share of the speed asked for is worth a warning.
 SLOW = 0.9
+# Physics runs at most so many states ahead of a controller in another process ...
+STATES_AHEAD = 3
+# ... that has answered within this time [s of wall time].
+PATIENCE = 0.2
 
 
 class SimulatorNode(Node):
@@ -75,6 +80,8 @@ class SimulatorNode(Node):
         self._world = world
         self._root = robot.robot.root
         self._commanded_at = 0.0
+        self._answered: float | None = None
+        self._held_since: float | None = None
         self._is_braking = True
         # Instants that have been published: a step by hand may end where one is due.
         self._clock_tick = self._states_tick = -1
@@ -172,11 +179,38 @@ class SimulatorNode(Node):
             return
         if self._world.apply(command):
             self._commanded_at = self._world.time
+            self._answered = self._simulated_stamp(message)
+            self._held_since = None
             self._is_braking = False
         else:
             self.get_logger().warning(
                 'joint_commands is not finite: refused, motors brake', throttle_duration_sec=5.0
             )
+
+    def may_advance(self) -> bool:
+        """
+        Whether physics may go on, or has to wait for the controller to answer.
+
+        A controller in another process that stamps its commands with the state they answer is
+        never more than STATES_AHEAD states behind: on a busy machine the robot slows down instead
+        of falling. One that does not answer for PATIENCE of wall time is waited for no longer.
+        """
+        if self._answered is None or self._is_braking:
+            return True
+        behind = self._world.time - self._answered
+        if behind <= STATES_AHEAD / self.settings.state_rate:
+            self._held_since = None
+            return True
+        now = time.monotonic()
+        if self._held_since is None:
+            self._held_since = now
+        return now - self._held_since > PATIENCE
+
+    def _simulated_stamp(self, message: JointTrajectory) -> float | None:
+        """Return a command's stamp in simulated time [s]; None when it is no such stamp."""
+        stamp = message.header.stamp
+        answered = float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+        return answered if 0.0 < answered <= self._world.time + 1e-6 else None
 
     def _watch_commands(self) -> None:
         silent = self._world.time - self._commanded_at
@@ -232,6 +266,7 @@ def main(args: list[str] | None = None) -> int:
                 stop=lambda: stop.requested or not rclpy.ok(),
                 poll=pump.handle,
                 each_second=lambda: node.publish_diagnostics('running'),
+                may_advance=node.may_advance,
             )
         except UserError as error:
             print(f'error: {error}', file=sys.stderr)

@@ -4,6 +4,7 @@
 from collections import deque
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -129,6 +130,7 @@ def demo_command(output: str) -> int:
         print(f'no pictures: {NO_RENDERER}')
     results = []
     with StopSignals() as signals:
+        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
         init_ros([])
         try:
             for stop in TOUR:

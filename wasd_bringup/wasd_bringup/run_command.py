@@ -37,8 +37,7 @@ def run_command(arguments: argparse.Namespace) -> int:
             '--viewer web, or pipe keys into standard input'
         )
     with StopSignals() as stop, reader or contextlib.nullcontext():
-        # A classroom shares a network: nobody is to drive the neighbour's robot by accident.
-        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', _discovery_range(options))
         init_ros([])
         session = None
         try:
@@ -55,6 +54,16 @@ def run_command(arguments: argparse.Namespace) -> int:
     with contextlib.suppress(OSError):  # the terminal may have gone
         print(_summary(session, options), flush=True)
     return stop.exit_status
+
+
+def _discovery_range(options: RunOptions) -> str:
+    """
+    Return who may talk to this run, unless the user has said so.
+
+    A classroom shares a network: nobody is to drive the neighbour's robot by accident. A script
+    at full speed is an experiment to be repeated: not even another run on this machine may join.
+    """
+    return 'OFF' if options.scripted and options.speed == 0.0 else 'LOCALHOST'
 
 
 def _open_keys(options: RunOptions) -> KeyReader | None:
