@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 from robot_description.parameters import InvalidParameter
 
-MODES = ('hold', 'latch')
+MODES = ('hold', 'latch', 'step')
 OTHER_KEYS = ('stop', 'ignore')
-IDLE_POLICIES = ('silent', 'repeat')
+IDLE_POLICIES = ('silent', 'zeros', 'repeat')
 
 
 class KeymapError(InvalidParameter):
@@ -50,10 +50,12 @@ class Keymap:
     """
     A table of keys and the defaults that go with it.
 
-    In mode `hold` a motion key counts while it is down, in mode `latch` until the next one.
+    In mode `hold` motion keys count while they are down, in mode `latch` one counts until the
+    next, in mode `step` each press adds to what there is.
     `other_keys` says whether a key that means nothing stops the robot (on the ramp).
     With `first_character_only` just the first character of a message counts.
-    `idle` is `silent` (one zero, then nothing, while the robot stands) or `repeat`.
+    `idle` says what is published while the robot stands: `silent`, one zero, then nothing;
+    `zeros`, zeros at the rate once a key was pressed; `repeat`, the last command, from the start.
     """
 
     name: str
