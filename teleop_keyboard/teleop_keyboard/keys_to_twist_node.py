@@ -55,7 +55,9 @@ class KeysToTwistNode(Node):
             'keys_to_twist', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
         self._settings = declare_parameters(self, TeleopParameters, self._on_parameters)
-        self.logic = KeysToTwist(load_preset(self._settings.preset), self._settings)
+        self.logic = KeysToTwist(
+            load_preset(self._settings.preset, self._settings.layout), self._settings
+        )
         self.receivers: list[Callable[[Any], None]] = []
         message_type = TwistStamped if self._settings.stamped else Twist
         self._publisher = self.create_publisher(message_type, 'cmd_vel', TWIST_DEPTH)
