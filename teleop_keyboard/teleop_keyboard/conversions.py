@@ -25,14 +25,6 @@ def to_twist(velocity: Twist3) -> Twist:
     return message
 
 
-def to_twist_stamped(velocity: Twist3, stamp: Time, frame_id: str) -> TwistStamped:
-    """Return the stamped message of a velocity seen in `frame_id`."""
-    message = TwistStamped(twist=to_twist(velocity))
-    message.header.stamp = stamp
-    message.header.frame_id = frame_id
-    return message
-
-
 def from_twist(message: Twist | TwistStamped) -> Twist3:
     """Return the planar part of a message."""
     twist = message.twist if isinstance(message, TwistStamped) else message
