@@ -11,6 +11,7 @@ import time
 from types import TracebackType
 from typing import Protocol, Self
 
+from teleop_keyboard.character_decoder import CharacterDecoder
 from teleop_keyboard.decoder import KeyDecoder
 from teleop_keyboard.key_names import HELD
 from teleop_keyboard.key_names import with_event
@@ -90,7 +91,7 @@ class KeyReader:
     def __init__(self, terminal: Terminal | None, pipe: Pipe | None = None) -> None:
         self.terminal = terminal
         self.pipe = pipe
-        self._decoders: dict[Source, KeyDecoder] = {}
+        self._decoders: dict[Source, KeyDecoder | CharacterDecoder] = {}
         self._pending_since: dict[Source, float] = {}
         for source in (terminal, pipe):
             if source is not None:
@@ -148,6 +149,11 @@ class KeyReader:
             keys += self._decoders[source].flush()
             self._note_pending(source, restart=False)
         return self._with_held(keys)
+
+    def set_raw(self) -> None:
+        """Return single characters from now on instead of names of keys."""
+        self._decoders = {source: CharacterDecoder() for source in self._decoders}
+        self._has_asked = True
 
     @property
     def _down(self) -> tuple[str, ...]:

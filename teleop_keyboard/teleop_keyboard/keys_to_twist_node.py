@@ -68,7 +68,17 @@ class KeysToTwistNode(Node):
     @property
     def has_subscriber(self) -> bool:
         """Whether anybody listens to `cmd_vel`."""
-        return self._output.subscriber_count > 0
+        return self.subscriber_count > 0
+
+    @property
+    def subscriber_count(self) -> int:
+        """Number of listeners to `cmd_vel`."""
+        return self._output.subscriber_count
+
+    @property
+    def message_type(self) -> str:
+        """Twist or TwistStamped."""
+        return self._output.type.__name__
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass and publish what is due."""
