@@ -45,6 +45,8 @@ def dashboard(logic: KeysToTwist, around: Surroundings, width: int, height: int)
     lines = [*_head(logic, around, columns), *_bars(logic, around, columns)]
     lines.append(Line(RULE * columns, 'dim'))
     lines += [Line(text) for text in logic.keymap.help_lines]
+    if len(lines) >= height:
+        lines = [line for line in lines if line.text]
     return [Line(line.text[:columns], line.style) for line in lines[: height - 1]]
 
 

@@ -123,4 +123,8 @@ class KeyScriptWriter:
         traceback: TracebackType | None,
     ) -> None:
         """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
         self._file.close()
