@@ -43,6 +43,7 @@ class PtyProcess:
         self.master, self.slave = pty.openpty()
         self.before = termios.tcgetattr(self.slave)
         self.output = b''
+        self.is_gone = False
         self.process = subprocess.Popen(
             [sys.executable, '-c', TAKE_TERMINAL, *arguments],
             stdin=self.slave,
@@ -74,6 +75,14 @@ class PtyProcess:
         """Type bytes, all at once."""
         os.write(self.master, data)
 
+    def hang_up(self):
+        """Close the terminal, as a window that is closed."""
+        self._closing.set()
+        self._reader.join()
+        os.close(self.slave)
+        os.close(self.master)
+        self.is_gone = True
+
     def wait(self):
         """Wait for the end of the process and return its status."""
         return self.process.wait(PATIENCE)
@@ -86,8 +95,9 @@ class PtyProcess:
         # Descriptors are numbers that the next test gets again: nobody may read them then.
         self._closing.set()
         self._reader.join()
-        os.close(self.master)
-        os.close(self.slave)
+        if not self.is_gone:
+            os.close(self.master)
+            os.close(self.slave)
 
 
 @pytest.fixture
