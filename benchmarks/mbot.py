@@ -1,28 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Benchmark of mbot: accuracy, speed, start-up, idle cost; prints a table, writes JSON.
+Benchmark of mbot: accuracy, speed, start-up, idle cost.
 
 Accuracy is simulated, so it is the same on every machine. The rest depends on the machine: each
 such row is the median of several runs in one go.
 """
 
-import argparse
 from collections.abc import Callable
-import datetime
+from dataclasses import replace
 import json
 import math
 import os
 from pathlib import Path
-import platform
 import pty
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
-HERE = Path(__file__).resolve().parent
+from table import at_most
+from table import Row
+
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 SQUARE = '\n'.join(
     f'{7 * side} 0.25 0 0\n{7 * side + 4} 0 0 0\n'
@@ -31,16 +31,6 @@ SQUARE = '\n'.join(
 )
 HOLD = 89.0 / 30.0  # from the first to the last of 90 presses, 30 a second [s]
 RELEASE_DELAY = 0.12  # after its last press a repeating key counts as released [s]
-
-
-class Row(NamedTuple):
-    """One figure and what it must be."""
-
-    name: str
-    value: float
-    unit: str
-    bound: str
-    passed: bool
 
 
 def simulate(folder: Path, option: str, script: str, duration: float) -> dict[str, Any]:
@@ -70,11 +60,6 @@ def odometry_error(report: dict[str, Any]) -> tuple[float, float]:
     return 1e3 * max(e[0] for e in errors), math.degrees(max(e[1] for e in errors))
 
 
-def at_most(name: str, value: float, unit: str, limit: float) -> Row:
-    """Return a row that passes when the value is not above a limit."""
-    return Row(name, value, unit, f'<= {limit:g}', value <= limit)
-
-
 def accuracy(folder: Path) -> list[Row]:
     """Measure odometry against truth, and the ramp law of a held key."""
     straight = simulate(folder, '--twist', '0 0.5 0 0\n4 0 0 0', 6.0)
@@ -94,13 +79,28 @@ def accuracy(folder: Path) -> list[Row]:
 def speed(folder: Path, runs: int) -> list[Row]:
     """Measure the real-time factor at full speed and the controller's ticks."""
     reports = [simulate(folder, '--play', '0.5 i*900 j*900', 60.0) for _ in range(runs)]
-    factor = statistics.median(report['real_time_factor'] for report in reports)
-    tick = statistics.median(report['tick']['median_us'] for report in reports)
-    tail = statistics.median(report['tick']['p99_us'] for report in reports)
+    factors = [report['real_time_factor'] for report in reports]
+    factor = statistics.median(factors)
     return [
-        Row('real-time factor, --speed 0', factor, '', '>= 10', factor >= 10.0),
-        at_most('controller tick at 200 Hz, median', tick, 'us', 100.0),
-        at_most('controller tick at 200 Hz, p99', tail, 'us', 1000.0),
+        Row(
+            what='real-time factor, --speed 0',
+            measured=f'{factor:.0f}',
+            must='>= 10',
+            passed=factor >= 10.0,
+            trials=[{'value': value} for value in factors],
+        ),
+        at_most(
+            'controller tick at 200 Hz, median',
+            [report['tick']['median_us'] for report in reports],
+            'us',
+            100.0,
+        ),
+        at_most(
+            'controller tick at 200 Hz, p99',
+            [report['tick']['p99_us'] for report in reports],
+            'us',
+            1000.0,
+        ),
     ]
 
 
@@ -111,7 +111,7 @@ def start_up(folder: Path, runs: int) -> list[Row]:
         begin = time.monotonic()
         simulate(folder, '--play', '', 0.001)
         times.append(time.monotonic() - begin)
-    return [at_most('warm start, first physics step and exit', statistics.median(times), 's', 4.0)]
+    return [at_most('warm start, first physics step and exit', times, 's', 4.0)]
 
 
 def idle(seconds: float) -> list[Row]:
@@ -142,57 +142,18 @@ def cpu_time(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
-def describe_machine() -> str:
-    """Return the processor and the number of cores this process may use."""
-    model = platform.processor() or platform.machine()
-    for line in Path('/proc/cpuinfo').read_text().splitlines():
-        if line.startswith('model name'):
-            model = line.split(':', 1)[1].strip()
-            break
-    return f'{model}, {len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}'
-
-
-def format_table(rows: list[Row], machine: str, date: str) -> str:
-    """Return the rows as a table that Markdown renders and a terminal shows."""
-    width = max(len(row.name) for row in rows)
-    lines = [
-        f'mbot, {date}, {machine}',
-        '',
-        f'| {"what":{width}} | measured           | bound   |      |',
-        f'|-{"-" * width}-|--------------------|---------|------|',
-    ]
-    for row in rows:
-        measured = f'{row.value:.3g} {row.unit}'.strip()
-        verdict = 'ok' if row.passed else 'FAIL'
-        lines.append(f'| {row.name:{width}} | {measured:18} | {row.bound:7} | {verdict:4} |')
-    return '\n'.join(lines)
-
-
-def main() -> int:
-    """Run the benchmark; exit status 1 when a bound is missed."""
-    parser = argparse.ArgumentParser(prog='wasd bench', description=__doc__)
-    parser.add_argument('--json', default='wasd_bench.json', help='where the JSON goes')
-    parser.add_argument('--quick', action='store_true', help='fewer runs')
-    arguments = parser.parse_args()
-    runs = 1 if arguments.quick else 5
+def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
+    """Measure everything and return the rows; `note` is told how far it is."""
+    runs = 1 if quick else 5
     parts: list[Callable[[Path], list[Row]]] = [
         accuracy,
         lambda folder: speed(folder, runs),
         lambda folder: start_up(folder, runs),
-        lambda _: idle(3.0 if arguments.quick else 10.0),
+        lambda _: idle(3.0 if quick else 10.0),
     ]
     rows: list[Row] = []
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     with tempfile.TemporaryDirectory() as folder:
-        for part in parts:
+        for index, part in enumerate(parts):
+            note(f'mbot: part {index + 1} of {len(parts)}')
             rows += part(Path(folder))
-    date = datetime.date.today().isoformat()
-    machine = describe_machine()
-    print(format_table(rows, machine, date))
-    result = {'date': date, 'machine': machine, 'rows': [row._asdict() for row in rows]}
-    Path(arguments.json).write_text(json.dumps(result, indent=2) + '\n')
-    return 0 if all(row.passed for row in rows) else 1
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+    return [replace(row, what=f'mbot: {row.what}') for row in rows]

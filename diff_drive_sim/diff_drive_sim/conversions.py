@@ -12,8 +12,10 @@ from diff_drive_sim.parameters import DiffDriveParameters
 
 # A planar robot knows nothing of these: 1e6 tells a filter to look elsewhere.
 UNKNOWN_VARIANCE = 1e6
-POSE_VARIANCE = 1e-3
-TWIST_VARIANCE = 1e-3
+KNOWN_VARIANCE = 1e-3
+# x, y, z, roll, pitch, yaw on the diagonal of a 6 x 6 covariance, row-major.
+_DIAGONAL = slice(0, 36, 7)
+_VARIANCES = [KNOWN_VARIANCE] * 2 + [UNKNOWN_VARIANCE] * 3 + [KNOWN_VARIANCE]
 
 
 def to_odometry(state: OdometryState, stamp: Time, parameters: DiffDriveParameters) -> Odometry:
@@ -27,9 +29,10 @@ def to_odometry(state: OdometryState, stamp: Time, parameters: DiffDriveParamete
     message.pose.pose.orientation.z = math.sin(0.5 * state.yaw)
     message.pose.pose.orientation.w = math.cos(0.5 * state.yaw)
     message.twist.twist.linear.x = state.linear
+    message.twist.twist.linear.y = state.lateral
     message.twist.twist.angular.z = state.angular
-    message.pose.covariance[:] = _diagonal(POSE_VARIANCE)
-    message.twist.covariance[:] = _diagonal(TWIST_VARIANCE)
+    message.pose.covariance[_DIAGONAL] = _VARIANCES
+    message.twist.covariance[_DIAGONAL] = _VARIANCES
     return message
 
 
@@ -46,9 +49,3 @@ def to_transform(
     message.transform.rotation.z = math.sin(0.5 * state.yaw)
     message.transform.rotation.w = math.cos(0.5 * state.yaw)
     return message
-
-
-def _diagonal(known: float) -> list[float]:
-    """Return a 6 x 6 covariance, row-major: x, y and yaw known, z, roll and pitch not."""
-    diagonal = [known, known, UNKNOWN_VARIANCE, UNKNOWN_VARIANCE, UNKNOWN_VARIANCE, known]
-    return [diagonal[row] if row == column else 0.0 for row in range(6) for column in range(6)]

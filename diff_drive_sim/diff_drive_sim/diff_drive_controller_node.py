@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
+from robot_description.node_support import has_listener
 from robot_description.node_support import run_node
 from robot_description.tf import TfBroadcaster
 from sensor_msgs.msg import JointState
@@ -26,9 +27,6 @@ from diff_drive_sim.conversions import to_transform
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.geometry import find_wheels
 from diff_drive_sim.parameters import DiffDriveParameters
-
-# Longest step believed between two joint states [s]: after a gap the robot eases in, not jumps.
-MAXIMUM_STEP = 0.1
 
 
 class DiffDriveControllerNode(Node):
@@ -111,8 +109,15 @@ class DiffDriveControllerNode(Node):
         stamp = message.header.stamp
         now = stamp.sec + 1e-9 * stamp.nanosec
         previous, self._last_state = self._last_state, now
-        dt = 0.0 if previous is None else min(max(now - previous, 0.0), MAXIMUM_STEP)
+        dt = 0.0 if previous is None else max(now - previous, 0.0)
+        restarts = self.controller.odometry.restarts
         command = self.control(wheels[0], wheels[1], dt)
+        if self.controller.odometry.restarts > restarts:
+            self.get_logger().warning(
+                'the wheel angles have jumped (was the robot reset?): odometry goes on from '
+                'where it was',
+                throttle_duration_sec=5.0,
+            )
         names = (geometry.left_joint, geometry.right_joint)
         self._joint_commands.publish(to_joint_commands(names, command, stamp))
         due = 1.0 / self.settings.publish_rate
@@ -122,8 +127,10 @@ class DiffDriveControllerNode(Node):
 
     def _publish_odometry(self, stamp: Any) -> None:
         state = self.controller.odometry_state
-        self._odometry.publish(to_odometry(state, stamp, self.settings))
-        self._tf.send([to_transform(state, stamp, self.settings)])
+        if has_listener(self._odometry):
+            self._odometry.publish(to_odometry(state, stamp, self.settings))
+        if self._tf.available:
+            self._tf.send([to_transform(state, stamp, self.settings)])
 
     def _on_change(self, changed: DiffDriveParameters) -> None:
         self.settings = changed

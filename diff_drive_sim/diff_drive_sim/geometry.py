@@ -2,6 +2,7 @@
 """Wheels of a differential drive: found in the URDF, and what their speeds mean."""
 
 from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ class DiffDriveGeometry:
     Joint names of the two wheels, their radius and the distance between them [m].
 
     A direction is -1 for a joint whose axis points to the right: it turns backward to go forward.
+    `axle_x`, `axle_y` are where the middle of the axle is in the robot's root frame [m];
+    `speed_limit` is what the slower wheel can do [rad/s].
     """
 
     left_joint: str
@@ -28,6 +31,9 @@ class DiffDriveGeometry:
     wheel_separation: float
     left_direction: int = 1
     right_direction: int = 1
+    axle_x: float = 0.0
+    axle_y: float = 0.0
+    speed_limit: float = math.inf
 
     def wheel_speeds(self, linear: float, angular: float) -> tuple[float, float]:
         """Return left and right wheel speed [rad/s] of a twist [m/s], [rad/s]."""
@@ -50,6 +56,7 @@ class _Wheel(NamedTuple):
     position: np.ndarray
     radius: float
     direction: int
+    speed_limit: float  # [rad/s]
 
 
 def find_wheels(robot: Robot) -> DiffDriveGeometry:
@@ -74,8 +81,17 @@ def find_wheels(robot: Robot) -> DiffDriveGeometry:
     x, separation, z = (left.position - right.position).tolist()
     if abs(x) > TOLERANCE or abs(z) > TOLERANCE or separation <= TOLERANCE:
         raise DiffDriveError(f'{left.joint} and {right.joint} are not on one axle along y')
+    axle_x, axle_y, _ = (0.5 * (left.position + right.position)).tolist()
     return DiffDriveGeometry(
-        left.joint, right.joint, left.radius, separation, left.direction, right.direction
+        left.joint,
+        right.joint,
+        left.radius,
+        separation,
+        left.direction,
+        right.direction,
+        axle_x,
+        axle_y,
+        min(left.speed_limit, right.speed_limit),
     )
 
 
@@ -85,4 +101,6 @@ def _wheel(robot: Robot, joint: Joint) -> _Wheel | None:
     cylinders = [s for s in robot.links[joint.child].collisions if s.kind == 'cylinder']
     if joint.kind != 'continuous' or abs(axis[1]) < 1.0 - 1e-6 or not cylinders:
         return None
-    return _Wheel(joint.name, pose.position, cylinders[0].size[0], 1 if axis[1] > 0.0 else -1)
+    direction = 1 if axis[1] > 0.0 else -1
+    limit = joint.velocity if joint.velocity > 0.0 else math.inf
+    return _Wheel(joint.name, pose.position, cylinders[0].size[0], direction, limit)

@@ -77,9 +77,18 @@ def to_foot_contacts(names: Sequence[str], forces: np.ndarray, stamp: Time) -> J
 
 def rotate_inverse(orientation: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Return a world-frame vector in the frame of a quaternion (w, x, y, z), shape (3,)."""
-    w, xyz = orientation[0], -orientation[1:]
-    cross = np.cross(xyz, vector)
-    return np.asarray(vector + 2.0 * (w * cross + np.cross(xyz, cross)))
+    # In plain numbers: np.cross takes 20 us for one of these. With q the vector part of the
+    # inverse and u = q x v, the result is v + 2 (w u + q x u).
+    w, x, y, z = orientation.tolist()
+    a, b, c = vector.tolist()
+    d, e, f = z * b - y * c, x * c - z * a, y * a - x * b
+    return np.array(
+        [
+            a + 2.0 * (w * d + z * e - y * f),
+            b + 2.0 * (w * e + x * f - z * d),
+            c + 2.0 * (w * f + y * d - x * e),
+        ]
+    )
 
 
 def to_joint_commands(names: Sequence[str], command: JointCommand, stamp: Time) -> JointTrajectory:

@@ -35,7 +35,11 @@ class NativeView:
             raise SimulationError('--viewer native: no display here (use --viewer web)')
         self._keys: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._window: Any = mujoco.viewer.launch_passive(
-            world.model, world.data, key_callback=self._on_key, show_left_ui=False
+            world.model,
+            world.data,
+            key_callback=self._on_key,
+            show_left_ui=False,
+            show_right_ui=False,
         )
         with self._window.lock():
             view = self._window.cam

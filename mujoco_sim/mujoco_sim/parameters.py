@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from robot_description.parameters import parameter
 from robot_description.parameters import Parameters
 
+from mujoco_sim.scene import WORLD_NAMES
+
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatorParameters(Parameters):
@@ -15,7 +17,7 @@ class SimulatorParameters(Parameters):
         'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
     )
     world: str = parameter(
-        'flat', doc='World: a name as of --world, or a model file', read_only=True
+        'flat', doc=f'World: {WORLD_NAMES}, or an MJCF or URDF file', read_only=True
     )
     seed: int = parameter(0, doc='Seed of everything random', minimum=0, read_only=True)
     speed: float = parameter(

@@ -35,6 +35,37 @@ class Schedule:
             )
         self._tasks.append((steps, task))
 
+    def at_rate(self, parameter: str, rate: float, task: Callable[[], None]) -> None:
+        """
+        Add a task at a rate [Hz] that a parameter of this name asks for.
+
+        Raises:
+            SimulationError: the period is not a whole number of physics steps; names the
+                parameter and the nearest rates that are legal.
+        """
+        try:
+            self.every(1.0 / rate, task)
+        except SimulationError:
+            nearest = ' or '.join(f'{legal:g}' for legal in self._rates_near(rate))
+            raise SimulationError(
+                f'{parameter}: {rate:g} Hz does not fit the physics step of {self._time_step} s; '
+                f'nearest: {nearest} Hz'
+            ) from None
+
+    def _rates_near(self, rate: float) -> list[float]:
+        """Return the legal rates around a rate [Hz] that can be typed, e.g. not 1000 / 17."""
+        steps = 1.0 / (rate * self._time_step)
+        slower, faster = math.ceil(steps), math.floor(steps)
+        while not self._is_short(slower):
+            slower += 1
+        while faster > 0 and not self._is_short(faster):
+            faster -= 1
+        return [1.0 / (count * self._time_step) for count in (slower, faster) if count > 0]
+
+    def _is_short(self, steps: int) -> bool:
+        rate = 1.0 / (max(1, steps) * self._time_step)
+        return math.isclose(float(f'{rate:g}'), rate, rel_tol=1e-9)
+
     @property
     def stride(self) -> int:
         """Physics steps between two instants at which something may be due."""

@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from robot_description.errors import UserError
 from robot_description.node_support import declare_parameters
+from robot_description.node_support import has_listener
 from robot_description.node_support import init_ros
 from robot_description.node_support import MessagePump
 from robot_description.node_support import StopSignals
@@ -69,14 +70,14 @@ class SimulatorNode(Node):
         super().__init__('simulator', parameter_overrides=parameter_overrides or [])
         self.settings = declare_parameters(self, SimulatorParameters, self._on_change)
         robot = robot or load_robot(self.settings.description)
-        if world is None:
-            setup = usual_setup(robot.robot, self.settings.sensor_noise)
-            world = build_world(robot, self.settings.world, self.settings.seed, setup)
+        world = world or self._build_world(robot)
         self.simulation = Simulation(world, self.settings.speed)
         self._world = world
         self._root = robot.robot.root
         self._commanded_at = 0.0
         self._is_braking = True
+        # Instants that have been published: a step by hand may end where one is due.
+        self._clock_tick = self._states_tick = -1
         self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
         self._joint_states = self.create_publisher(JointState, 'joint_states', 10)
         self._truth = self.create_publisher(Odometry, 'ground_truth/odom', 10)
@@ -96,10 +97,15 @@ class SimulatorNode(Node):
             self.simulation.schedule.every(world.time_step, self._watch_commands)
 
     def schedule_publishing(self) -> None:
-        """Publish clock and states at this place of the schedule: after what is there before."""
+        """
+        Publish clock and states at this place of the schedule: after what is there before.
+
+        Raises:
+            SimulationError: a rate does not fit the physics step.
+        """
         schedule = self.simulation.schedule
-        schedule.every(1.0 / self.settings.clock_rate, self._publish_clock)
-        schedule.every(1.0 / self.settings.state_rate, self._publish_states)
+        schedule.at_rate('clock_rate', self.settings.clock_rate, self._publish_clock)
+        schedule.at_rate('state_rate', self.settings.state_rate, self._publish_states)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long the controller's ticks take, and its state."""
@@ -125,20 +131,38 @@ class SimulatorNode(Node):
         """Leave the motors braking."""
         self._world.brake()
 
+    def _build_world(self, robot: LoadedRobot) -> World:
+        setup = usual_setup(robot.robot, self.settings.sensor_noise)
+        try:
+            return build_world(robot, self.settings.world, self.settings.seed, setup)
+        except SimulationError as error:
+            # What is an option of the `wasd` command is a parameter of the same name here.
+            raise SimulationError(str(error).removeprefix('--')) from None
+
     def _publish_clock(self) -> None:
-        self._clock_publisher.publish(Clock(clock=self.stamp))
+        if self._clock_tick == self._world.tick:
+            return
+        self._clock_tick = self._world.tick
+        if has_listener(self._clock_publisher):
+            self._clock_publisher.publish(Clock(clock=self.stamp))
 
     def _publish_states(self) -> None:
-        stamp = self.stamp
+        if self._states_tick == self._world.tick:
+            return
+        self._states_tick = self._world.tick
+        # Read in any case: noise must not depend on who listens.
         reading = self._world.read()
-        if reading.imu is not None:
+        stamp = self.stamp
+        if reading.imu is not None and has_listener(self._imu):
             self._imu.publish(to_imu(reading.imu, self._root, stamp))
-        if self._feet:
+        if self._feet and has_listener(self._contacts):
             forces = self._world.contact_forces(self._feet)
             self._contacts.publish(to_foot_contacts(self._feet, forces, stamp))
-        names = self._world.joint_names
-        self._joint_states.publish(to_joint_state(names, reading.joints, stamp))
-        self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
+        if has_listener(self._joint_states):
+            names = self._world.joint_names
+            self._joint_states.publish(to_joint_state(names, reading.joints, stamp))
+        if has_listener(self._truth):
+            self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
 
     def _on_command(self, message: JointTrajectory) -> None:
         try:
@@ -181,6 +205,8 @@ class SimulatorNode(Node):
             response.message = 'not paused: call ~/pause with data: true first'
             return response
         self.simulation.advance(1)
+        self._publish_clock()
+        self._publish_states()
         response.success = True
         response.message = f'time is {self._world.time:.3f} s'
         return response
@@ -195,9 +221,9 @@ class SimulatorNode(Node):
 def main(args: list[str] | None = None) -> int:
     """Run the simulator as a process of its own; controllers talk to it over topics."""
     with StopSignals() as stop:
-        init_ros(args)
         node = None
         try:
+            init_ros(args)
             node = SimulatorNode()
             node.schedule_publishing()
             pump = MessagePump()

@@ -3,6 +3,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+import math
 from typing import NamedTuple
 
 import mujoco
@@ -17,11 +18,10 @@ from mujoco_sim.sensors import NoisySensors
 from mujoco_sim.sensors import Reading
 
 FALL_TILT = np.deg2rad(60.0)
-# Damping of motors that brake although no command gave them any [N m s/rad]; what Unitree's
-# examples let a Go2 sink to the ground with.
+# Damping of motors that brake without having been commanded any [N m s/rad]: a Go2 sinks down.
 BRAKE_DAMPING = 3.0
-# Damping of at most this share of what would stop a joint within one physics step: beyond 2 the
-# explicit integration of motor torques diverges, beyond 1 it rings.
+# ... but at most this share of what stops a joint within one physics step: motor torques are
+# integrated explicitly, which diverges beyond 2 and rings beyond 1.
 STABLE_SHARE = 0.5
 
 
@@ -51,29 +51,28 @@ class BaseState(NamedTuple):
     @property
     def rpy(self) -> np.ndarray:
         """Roll, pitch, yaw [rad], shape (3,); R = Rz(yaw) Ry(pitch) Rx(roll)."""
-        w, x, y, z = self.orientation
-        roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-        pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-        yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        # In plain numbers: numpy takes ten times as long for one of these.
+        w, x, y, z = self.orientation.tolist()
+        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+        pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         return np.array([roll, pitch, yaw])
 
     @property
     def tilt(self) -> float:
         """Angle between the base's z axis and the world's [rad]."""
-        _, x, y, _ = self.orientation
-        return float(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
+        _, x, y, _ = self.orientation.tolist()
+        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
 
     @property
     def planar_velocity(self) -> np.ndarray:
         """Velocity ahead and to the left [m/s] by yaw, and turn about world z [rad/s], (3,)."""
-        roll, pitch, yaw = self.rpy
-        vx, vy, _ = self.linear_velocity
-        cos, sin = np.cos(yaw), np.sin(yaw)
+        roll, pitch, yaw = self.rpy.tolist()
+        vx, vy, _ = self.linear_velocity.tolist()
+        p, q, r = self.angular_velocity.tolist()
+        cos, sin = math.cos(yaw), math.sin(yaw)
         # The third row of Rz(yaw) Ry(pitch) Rx(roll), which yaw does not change.
-        third_row = np.array(
-            [-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)]
-        )
-        turn = third_row @ self.angular_velocity
+        turn = math.cos(pitch) * (math.sin(roll) * q + math.cos(roll) * r) - math.sin(pitch) * p
         return np.array([cos * vx + sin * vy, cos * vy - sin * vx, turn])
 
 
@@ -120,6 +119,7 @@ class World:
             self.model.geom(i).name.partition('/')[0] for i in range(self.model.ngeom)
         ]
         self.has_imu = self.model.nsensor >= 2
+        self._command_delay = round(self.setup.command_delay / self.time_step)
         self._curve = self._torque_speed_curve()
         self._peak_effort = np.zeros(len(self.motor_names))
         # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
@@ -172,11 +172,7 @@ class World:
         return self._reading[1]
 
     def joints(self) -> JointStates:
-        """
-        Return the joints as they are, without noise.
-
-        Efforts belong to the beginning of the last physics step: they led to these velocities.
-        """
+        """Return the joints without noise; the efforts are those in the last physics step."""
         effort = np.zeros(len(self.joint_names))
         effort[self._motor_joint] = self.data.actuator_force
         return JointStates(
@@ -206,25 +202,26 @@ class World:
 
         A command that is not finite or of the wrong length is refused and the motors brake.
         """
-        stacked = [np.asarray(part, dtype=float) for part in command]
-        wanted = (len(self.motor_names),)
-        if any(part.shape != wanted for part in stacked) or not np.isfinite(stacked).all():
+        try:
+            stacked = np.array(command, dtype=float)
+        except ValueError:  # parts of different lengths
+            stacked = np.empty(0)
+        if stacked.shape != (5, len(self.motor_names)) or not np.isfinite(stacked).all():
             self.rejected_commands += 1
             self.brake()
             return False
-        due = self.tick + round(self.setup.command_delay / self.time_step)
+        due = self.tick + self._command_delay
         if due == self.tick:
-            self._put_in_force(np.array(stacked))
+            self._put_in_force(stacked)
         else:
-            self._pending.append((due, np.array(stacked)))
+            self._pending.append((due, stacked))
         return True
 
     def brake(self) -> None:
         """
         Let the motors only resist motion, now and until the next command.
 
-        A motor keeps the damping that it was commanded; one without gets BRAKE_DAMPING, or as
-        much as its joint's inertia can bear.
+        A motor keeps the damping it was commanded; one without gets BRAKE_DAMPING, or less.
         """
         self._pending.clear()
         kept = -self.model.actuator_biasprm[:, 2]
@@ -263,8 +260,8 @@ class World:
         return np.array([forces[link] for link in links])
 
     def _sum_pushes(self) -> None:
-        forces = [force for _, force in self._pushes]
-        self.data.xfrc_applied[self.root, :3] = np.sum(forces, axis=0) if forces else 0.0
+        total = sum((force for _, force in self._pushes), start=np.zeros(3))
+        self.data.xfrc_applied[self.root, :3] = total
 
     def _put_in_force(self, command: np.ndarray) -> None:
         position, velocity, effort, kp, kd = command

@@ -25,7 +25,7 @@ from quadruped_sim.records import Sensors
 
 def to_sensors(reading: Reading, joints: np.ndarray, truth: TrueBase | None) -> Sensors:
     """Return a reading in the controller's joint order; `joints` are places in the reading."""
-    assert reading.imu is not None  # checked when the controller was made
+    assert reading.imu is not None  # the node refuses a robot without one
     states, imu = reading.joints, reading.imu
     return Sensors(
         joint_position=states.position[joints],

@@ -3,6 +3,7 @@
 
 import sys
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
 from mujoco_sim.conversions import to_joint_commands
 from mujoco_sim.loading import load_robot
@@ -17,9 +18,11 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.qos import QoSProfile
 from robot_description.inlet import Inlet
+from robot_description.mujoco_model import IMU_LINKS
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.tf import TfBroadcaster
+from robot_description.urdf import parse_urdf
 from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -32,6 +35,7 @@ from quadruped_sim.conversions import to_joint_command
 from quadruped_sim.conversions import to_odometry
 from quadruped_sim.conversions import to_sensors
 from quadruped_sim.conversions import to_transform
+from quadruped_sim.exceptions import RobotModelError
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.legs import JOINT_NAMES
 from quadruped_sim.node_parameters import LegNodeParameters
@@ -77,10 +81,11 @@ class LegControllerNode(Node):
             ),
             self.settings.estimator,
         )
+        _check_imu(urdf)
         # Compiled functions come from a cache; loading them must not be part of the first tick.
         warm_up(urdf)
         self._said: str | None = None
-        self._joints: np.ndarray | None = None
+        self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
         self.keys = Inlet(self, String, 'keys', self._on_key, depth=100)
         self.cmd_vel = Inlet(self, Twist, 'cmd_vel', self._on_twist)
         self._odometry = self.create_publisher(Odometry, 'odom', 10)
@@ -101,7 +106,8 @@ class LegControllerNode(Node):
         truth: BaseState | None = None,
     ) -> JointCommand:
         """Return the motors' command for a reading `dt` [s] after the one before."""
-        if self._joints is None:
+        if (joint_names, motor_names) != self._names:
+            self._names = joint_names, motor_names
             self._joints = np.array([joint_names.index(name) for name in JOINT_NAMES])
             self._motors = np.array([JOINT_NAMES.index(name) for name in motor_names])
         if self.settings.estimator == 'kalman':
@@ -186,12 +192,15 @@ class LegControllerNode(Node):
 
     def _on_joint_states(self, message: JointState) -> None:
         """Step with the latest IMU message; the simulator sends it just before the joints."""
-        if self._imu is None or not set(JOINT_NAMES) <= set(message.name):
+        if self._imu is None or not self._is_complete(message):
             return
         stamp = message.header.stamp
-        now = stamp.sec + 1e-9 * stamp.nanosec
+        now = _seconds(stamp)
         previous, self._last = self._last, now
         if previous is None or now <= previous:
+            return
+        if abs(now - _seconds(self._imu.header.stamp)) > MAXIMUM_STEP:
+            self._warn('imu/data is silent: no commands')
             return
         names = tuple(message.name)
         dt = min(now - previous, MAXIMUM_STEP)
@@ -201,6 +210,32 @@ class LegControllerNode(Node):
         if now >= self._next_odometry or now < self._next_odometry - 1.0:
             self._next_odometry = now + 1.0 / self.settings.publish_rate
             self.publish_odometry()
+
+    def _is_complete(self, message: JointState) -> bool:
+        """Whether a message tells position, velocity and effort of every joint of ours."""
+        lengths = {len(message.position), len(message.velocity), len(message.effort)}
+        if set(JOINT_NAMES) <= set(message.name) and lengths == {len(message.name)}:
+            return True
+        self._warn('joint_states lacks joints, velocities or efforts: ignored')
+        return False
+
+    def _warn(self, text: str) -> None:
+        self.get_logger().warning(text, throttle_duration_sec=5.0)
+
+
+def _seconds(stamp: Time) -> float:
+    return float(stamp.sec + 1e-9 * stamp.nanosec)
+
+
+def _check_imu(urdf: str) -> None:
+    """
+    Refuse a robot whose simulation would have no IMU.
+
+    Raises:
+        RobotModelError: it has no such link.
+    """
+    if not parse_urdf(urdf).links.keys() & set(IMU_LINKS):
+        raise RobotModelError(f'the robot needs a link {" or ".join(IMU_LINKS)} for its IMU')
 
 
 def main(args: list[str] | None = None) -> int:

@@ -6,12 +6,15 @@ from collections.abc import Callable
 import time
 from typing import Any, Generic, TypeVar
 
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 
 Message = TypeVar('Message')
 
 # How long the middleware may take to bring back what this process published itself [s].
-ECHO_LIFETIME = 5.0
+ECHO_LIFETIME = 1.0
 
 
 class Inlet(Generic[Message]):
@@ -22,6 +25,12 @@ class Inlet(Generic[Message]):
     that runs repeat; the same message is also published for everybody else, and the middleware
     brings it back to our own subscription. `put` is the hand-over and remembers the message;
     its echo is then dropped.
+
+    Echo and message are matched by their bytes, which are equal also where NaN is in them, and in
+    the order in which they were put. An equal message from outside that overtakes an echo is
+    dropped in its place, and the echo delivered: the receiver sees the same. An echo that gets
+    lost is waited for up to ECHO_LIFETIME; so long, one equal message from outside may be taken
+    for it. While nobody spins the node that time stands still: echoes are waiting, too.
     """
 
     def __init__(
@@ -33,14 +42,19 @@ class Inlet(Generic[Message]):
         depth: int = 10,
     ) -> None:
         self._callback = callback
-        self._pending: deque[tuple[float, Message]] = deque(maxlen=1000)
+        self._pending: deque[tuple[float, bytes]] = deque(maxlen=1000)
         self._subscription: Any = node.create_subscription(
             message_type, topic, self._on_message, depth
+        )
+        # On wall time, as the middleware is. It moves nothing: lock-step stays lock-step.
+        self._looked_at = time.monotonic()
+        self._timer: Any = node.create_timer(
+            0.25 * ECHO_LIFETIME, self._forget, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
     def put(self, message: Message) -> None:
         """Hand over a message that this process is publishing, too."""
-        self._pending.append((time.monotonic(), message))
+        self._pending.append((time.monotonic(), serialize_message(message)))
         self._callback(message)
 
     def _on_message(self, message: Message) -> None:
@@ -48,13 +62,21 @@ class Inlet(Generic[Message]):
             self._callback(message)
 
     def _is_echo(self, message: Message) -> bool:
-        oldest = time.monotonic() - ECHO_LIFETIME
-        while self._pending and self._pending[0][0] < oldest:
-            self._pending.popleft()
+        if not self._pending:
+            return False
+        received = serialize_message(message)
         for index, (_, sent) in enumerate(self._pending):
-            if sent == message:
+            if sent == received:
                 # Echoes keep their order: whatever was sent before this one will not come back.
                 for _ in range(index + 1):
                     self._pending.popleft()
                 return True
         return False
+
+    def _forget(self) -> None:
+        """Give up echoes that are overdue, if messages have been handled since they were put."""
+        now = time.monotonic()
+        oldest = min(self._looked_at, now - 0.75 * ECHO_LIFETIME)
+        while self._pending and self._pending[0][0] < oldest:
+            self._pending.popleft()
+        self._looked_at = now

@@ -73,7 +73,7 @@ def _read_mesh(path: Path) -> Mesh:
         raise ValueError(f'{path}: {" ".join(str(error).split())}') from None
     if not len(merged.faces):
         raise ValueError(f'{path}: no triangles in it')
-    return Mesh(merged.vertices.astype(np.float32), merged.faces.astype(np.int32))
+    return Mesh(np.asarray(merged.vertices, np.float32), np.asarray(merged.faces, np.int32))
 
 
 def _digest(path: Path) -> str:
@@ -89,7 +89,7 @@ def _read_cache(path: Path) -> Mesh | None:
     try:
         with np.load(path) as arrays:
             return Mesh(arrays['vertices'], arrays['faces'])
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
         return None
 
 

@@ -14,11 +14,14 @@ from rcl_interfaces.msg import FloatingPointRange
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy._rclpy_pybind11 import UnknownROSArgsError
 from rclpy.executors import ConditionReachedException
 from rclpy.executors import Executor
 from rclpy.executors import ShutdownException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.executors import TimeoutException
+import rclpy.logging
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -53,7 +56,8 @@ def declare_parameters(
     Declare a parameter set on a node and return its values.
 
     With `on_change`, parameters that are not read-only can be set at run time: a legal change
-    calls it with the new set, an illegal one is rejected with the reason.
+    calls it with the new set, an illegal one is rejected with the reason. An integer is taken
+    where a float is meant: people write `speed:=2`.
 
     Raises:
         InvalidParameter: when an override given at start is illegal.
@@ -89,14 +93,19 @@ def declare_parameters(
 def _descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
     meta = field.metadata
     description = meta['doc']
-    if isinstance(field.default, (int, float)) and not isinstance(field.default, bool):
+    is_float = isinstance(field.default, float)
+    if is_float:
+        description += f' (float, {describe_range(meta)})'
+    elif type(field.default) is int:
         description += f' ({describe_range(meta)})'
     descriptor = ParameterDescriptor(
         description=description,
         read_only=meta['read_only'],
+        # So that ROS lets integers through to our own check, which knows what they mean.
+        dynamic_typing=is_float,
         additional_constraints=', '.join(meta['choices']),
     )
-    if isinstance(field.default, float) and None not in (meta['minimum'], meta['maximum']):
+    if is_float and None not in (meta['minimum'], meta['maximum']):
         limits = FloatingPointRange(from_value=meta['minimum'], to_value=meta['maximum'])
         descriptor.floating_point_range = [limits]
     return descriptor
@@ -163,23 +172,43 @@ def init_ros(args: Sequence[str] | None = None) -> None:
     Initialise rclpy but leave the signals to us.
 
     Its own handlers end the context before a node could publish its last, zero command.
+
+    Raises:
+        UserError: arguments after --ros-args that are none, in one line.
     """
-    rclpy.init(
-        args=list(args) if args is not None else None,
-        signal_handler_options=SignalHandlerOptions.NO,
-    )
+    # The error says it all: no log line on top of it.
+    rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
+    try:
+        rclpy.init(
+            args=list(args) if args is not None else None,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+    except UnknownROSArgsError as error:
+        raise UserError(f'unknown ROS arguments: {error}') from None
+    except RCLError as error:
+        raise UserError(f'ROS: {_first_words(str(error))}') from None
+    finally:
+        rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.UNSET)
+
+
+def _first_words(error: str) -> str:
+    """Return rcl's error without where in its sources it arose."""
+    said = error.removeprefix('failed to initialize rcl: ').partition(', at ')[0]
+    what, _, why = said.partition('. Error: ')
+    # What its lexer expected is a number.
+    return what if not why or 'lexeme' in why else f'{what}: {why}'
 
 
 def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> int:
     """
     Run one node as a process until a signal or a shutdown; return the exit status.
 
-    What is wrong with the parameters at start ends with one line on stderr and status 2.
+    What is wrong with the arguments or parameters ends with one line on stderr and status 2.
     """
     with StopSignals() as stop:
-        init_ros(args)
         node = None
         try:
+            init_ros(args)
             node = make_node()
             executor = SingleThreadedExecutor()
             executor.add_node(node)
@@ -213,6 +242,15 @@ class MessagePump(SingleThreadedExecutor):
             if error is not None:
                 raise error
             timeout = 0.0
+
+
+def has_listener(publisher: Any) -> bool:
+    """
+    Whether a message would reach anybody; making and publishing one costs 50 us and more.
+
+    For topics without latching, whose messages nobody gets who comes later.
+    """
+    return bool(publisher.get_subscription_count())
 
 
 def spin(executor: Executor, stop: Callable[[], bool]) -> None:

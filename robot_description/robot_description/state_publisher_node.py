@@ -63,16 +63,16 @@ class StatePublisherNode(Node):
 
     def publish(self, names: tuple[str, ...], positions: np.ndarray, stamp: Time) -> None:
         """Send where the children of the named joints are at positions [rad] or [m]."""
-        transforms = []
-        for name, position in zip(names, positions, strict=True):
-            joint = self._robot.joints.get(name)
-            if joint is None:
+        joints = self._robot.joints
+        for name in names:
+            if name not in joints:
                 self._report_unknown(name)
-                continue
-            transforms.append(
-                to_transform(joint.transform(float(position)), joint.parent, joint.child, stamp)
-            )
-        self._moving.send(transforms)
+        moved = zip(names, positions, strict=True)
+        known = [(joints[name], float(position)) for name, position in moved if name in joints]
+        self._moving.send(
+            to_transform(joint.transform(position), joint.parent, joint.child, stamp)
+            for joint, position in known
+        )
 
     def close(self) -> None:
         """Nothing to stop."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishers of `/tf` and `/tf_static` that do without where the message does not exist."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 import importlib
 from typing import Any
 
@@ -37,7 +37,12 @@ class TfBroadcaster:
         else:
             self._publisher = node.create_publisher(self._type, '/tf', QoSProfile(depth=100))
 
-    def send(self, transforms: Sequence[TransformStamped]) -> None:
-        """Publish the transforms in one message."""
+    @property
+    def available(self) -> bool:
+        """Whether transforms can be sent; otherwise they need not be made."""
+        return self._type is not None
+
+    def send(self, transforms: Iterable[TransformStamped]) -> None:
+        """Publish the transforms in one message; a generator is not run where that cannot be."""
         if self._type is not None:
             self._publisher.publish(self._type(transforms=list(transforms)))

@@ -109,15 +109,18 @@ def main(args: Sequence[str] | None = None) -> int:
         print(f'error: {error}', file=sys.stderr)
         return 2
     with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
-        init_ros(options.ros)
         node = None
         try:
+            init_ros(options.ros)
             node = KeyPublisherNode()
             if writer is not None:
                 node.save_to(writer)
             if node.raw:
                 reader.set_raw()
             publish_keys(node, reader, stop)
+        except UserError as error:
+            print(f'error: {error}', file=sys.stderr)
+            return 2
         finally:
             if node is not None:
                 node.close()

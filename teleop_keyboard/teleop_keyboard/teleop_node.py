@@ -121,9 +121,9 @@ def main(args: Sequence[str] | None = None) -> int:
         return 2
     screen = Screen(sys.stdout)
     with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
-        init_ros(options.ros)
         teleop = None
         try:
+            init_ros(options.ros)
             teleop = Teleop(reader)
             if writer is not None:
                 teleop.keys.save_to(writer)

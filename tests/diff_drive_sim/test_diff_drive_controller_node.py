@@ -2,13 +2,8 @@
 import math
 
 from builtin_interfaces.msg import Time
-from diff_drive_sim.conversions import to_odometry
-from diff_drive_sim.conversions import to_transform
-from diff_drive_sim.conversions import UNKNOWN_VARIANCE
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.diff_drive_controller_node import main
-from diff_drive_sim.odometry import OdometryState
-from diff_drive_sim.parameters import DiffDriveParameters
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 from mujoco_sim.simulator_node import SimulatorNode
@@ -146,6 +141,17 @@ def test_odometry_over_topics_agrees_with_the_truth(rig, spawn, spin_until):
     assert pose.yaw == pytest.approx(truth.rpy[2], abs=math.radians(0.1))
 
 
+def test_a_reset_of_the_simulator_moves_no_odometry_and_is_said(rig, capfd):
+    rig.run(1.5, (0.4, 0.0))
+    before = rig.driver.controller.odometry_state
+    rig.simulator.simulation.reset()
+    rig.run(0.02)
+    after = rig.driver.controller.odometry_state
+    assert (after.x, after.yaw) == pytest.approx((before.x, before.yaw), abs=0.02)
+    assert abs(after.linear) < 0.5
+    assert capfd.readouterr().err.count('wheel angles have jumped') == 1
+
+
 def test_odometry_comes_at_50_hz_with_the_stamp_of_the_state(rig, spawn, spin_until):
     count = len(rig.peer.odometry)
     rig.run(0.4)
@@ -265,29 +271,3 @@ def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys, ov
     said = capsys.readouterr().err
     assert said.startswith(f'error: {message}')
     assert said.count('\n') == 1
-
-
-def test_odometry_and_transform_carry_one_pose_and_one_stamp():
-    stamp = Time(sec=2, nanosec=7)
-    state = OdometryState(x=1.0, y=-2.0, yaw=7.0, linear=0.3, angular=-0.4)
-    odometry = to_odometry(state, stamp, DiffDriveParameters())
-    transform = to_transform(state, stamp, DiffDriveParameters())
-    assert odometry.header == transform.header
-    assert odometry.child_frame_id == transform.child_frame_id == 'base_footprint'
-    assert odometry.pose.pose.orientation == transform.transform.rotation
-    assert odometry.pose.pose.position.x == transform.transform.translation.x == 1.0
-    rotation = transform.transform.rotation
-    turned = math.remainder(2.0 * math.atan2(rotation.z, rotation.w) - 7.0, 2.0 * math.pi)
-    assert turned == pytest.approx(0.0, abs=1e-12)
-    assert odometry.twist.twist.linear.x == 0.3
-    assert odometry.twist.twist.angular.z == -0.4
-
-
-def test_covariances_say_what_a_planar_robot_does_not_know():
-    odometry = to_odometry(OdometryState(), Time(), DiffDriveParameters())
-    for covariance in (odometry.pose.covariance, odometry.twist.covariance):
-        matrix = np.array(covariance).reshape(6, 6)
-        diagonal = np.diag(matrix)
-        np.testing.assert_array_equal(matrix, np.diag(diagonal))
-        assert (diagonal[[0, 1, 5]] < 1.0).all()
-        np.testing.assert_array_equal(diagonal[[2, 3, 4]], UNKNOWN_VARIANCE)

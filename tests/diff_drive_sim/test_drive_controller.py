@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
 import math
 
 from diff_drive_sim.controller import DiffDriveController
@@ -74,10 +75,81 @@ def test_speed_changes_by_no_more_than_the_limit_even_through_zero(controller):
     assert speeds[0] == pytest.approx(0.2 - 0.5 * DT)
 
 
-@pytest.mark.parametrize(('linear', 'angular'), [(9.0, 9.0), (-9.0, -9.0)])
-def test_a_command_beyond_the_limits_is_clipped(controller, linear, angular):
-    assert controller.command(linear, angular)
-    assert controller.target == (math.copysign(0.8, linear), math.copysign(3.0, angular))
+@pytest.mark.parametrize(
+    ('command', 'target'),
+    [
+        ((8.0, 0.0), (0.8, 0.0)),
+        ((0.0, -9.0), (0.0, -3.0)),
+        ((1.6, 2.0), (0.8, 1.0)),
+        ((-0.4, 6.0), (-0.2, 3.0)),
+        ((-8.0, -6.0), (-0.8, -0.6)),
+        ((1.0, 3.0), (0.8, 2.4)),
+        ((0.7, -2.9), (0.7, -2.9)),
+    ],
+)
+def test_a_command_beyond_a_limit_keeps_its_curve(controller, command, target):
+    assert controller.command(*command)
+    assert controller.target == pytest.approx(target, abs=1e-12)
+
+
+def test_wheels_are_not_asked_for_more_than_they_can(geometry):
+    # 0.8 m/s and 2 rad/s make 13.33 + 6.33 rad/s at the outer wheel; half of that is 9.83.
+    wheels = replace(geometry, speed_limit=(0.8 + 2.0 * 0.19) / 0.06 / 2.0)
+    controller = DiffDriveController(wheels, LIMITS)
+    controller.command(0.8, 2.0)
+    assert controller.target == pytest.approx((0.4, 1.0))
+
+
+def test_on_the_way_from_straight_to_a_turn_no_wheel_is_too_fast(geometry):
+    wheels = replace(geometry, speed_limit=10.0)
+    limits = replace(LIMITS, linear_acceleration=0.2, angular_acceleration=20.0)
+    controller = DiffDriveController(wheels, limits)
+    fastest = 0.0
+    for command in ((0.6, 0.0), (0.0, 3.0)):
+        for _ in range(800):
+            controller.command(*command)
+            fastest = max(fastest, *map(abs, controller.step(0.0, 0.0, DT)))
+    assert fastest == pytest.approx(10.0)
+    assert controller.velocity == pytest.approx((0.0, 3.0))
+
+
+@pytest.mark.parametrize('command', [(1e308, 1e308), (-1e308, 1e-300), (5e-324, 1e308)])
+def test_an_absurd_command_is_a_finite_one(geometry, command):
+    controller = DiffDriveController(replace(geometry, speed_limit=25.0), LIMITS)
+    controller.command(*command)
+    assert all(math.isfinite(value) for value in controller.target)
+
+
+def test_a_new_limit_acts_on_the_command_in_force(controller):
+    controller.command(0.6, 1.2)
+    controller.parameters = replace(LIMITS, linear_velocity=0.3)
+    assert controller.target == pytest.approx((0.3, 0.6))
+    controller.parameters = LIMITS
+    assert controller.target == pytest.approx((0.6, 1.2))
+
+
+def test_a_reset_in_another_process_gives_no_spike(controller, geometry):
+    controller.command(0.5, 0.0)
+    left, right = geometry.wheel_speeds(0.5, 0.0)
+    for index in range(500):
+        controller.step(left * 0.02 * index, right * 0.02 * index, 0.02)
+    before = controller.odometry_state
+    assert before.linear == pytest.approx(0.5)
+    controller.step(0.0, 0.0, 0.02)
+    after = controller.odometry_state
+    assert (after.x, after.y, after.yaw) == (before.x, before.y, before.yaw)
+    assert abs(after.linear) <= 1.0
+
+
+def test_a_gap_between_states_is_driven_in_full_but_without_a_jump(controller, geometry):
+    # Three seconds without a message: the wheels went on, and the speed is theirs.
+    left, right = geometry.wheel_speeds(0.5, 0.0)
+    controller.command(0.8, 0.0)
+    controller.step(0.0, 0.0, DT)
+    controller.step(3.0 * left, 3.0 * right, 3.0)
+    assert controller.odometry_state.x == pytest.approx(1.5)
+    assert controller.odometry_state.linear == pytest.approx(0.5)
+    assert controller.velocity.linear == pytest.approx(0.5 * (DT + 0.1))
 
 
 def test_after_the_time_out_it_brakes_with_the_limit_and_stops(controller):

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+import math
+
 from diff_drive_sim.errors import DiffDriveError
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.geometry import find_wheels
@@ -7,12 +9,12 @@ import pytest
 from robot_description.urdf import parse_urdf
 
 
-def wheel(name, y, x=0.0, radius=0.06, axis='0 1 0', rpy='0 0 0', kind='continuous'):
+def wheel(name, y, x=0.0, radius=0.06, axis='0 1 0', rpy='0 0 0', kind='continuous', limit=''):
     return (
         f'<link name="{name}"><collision><geometry><cylinder radius="{radius}" length="0.02"/>'
         f'</geometry></collision></link><joint name="{name}_joint" type="{kind}">'
         f'<origin xyz="{x} {y} 0" rpy="{rpy}"/><parent link="base"/><child link="{name}"/>'
-        f'<axis xyz="{axis}"/></joint>'
+        f'<axis xyz="{axis}"/>{limit}</joint>'
     )
 
 
@@ -26,6 +28,21 @@ def test_mbot_has_a_track_of_38_cm_and_wheels_of_6_cm():
     assert geometry.wheel_separation == pytest.approx(0.38, abs=1e-12)
     assert geometry.wheel_radius == 0.06
     assert (geometry.left_direction, geometry.right_direction) == (1, 1)
+    assert (geometry.axle_x, geometry.axle_y) == (0.0, 0.0)
+    assert geometry.speed_limit == 25.0
+
+
+def test_the_middle_of_the_axle_is_found():
+    geometry = find_wheels(robot(wheel('l', 0.25, x=0.09), wheel('r', -0.15, x=0.09)))
+    assert (geometry.axle_x, geometry.axle_y) == pytest.approx((0.09, 0.05))
+    assert geometry.wheel_separation == pytest.approx(0.4)
+
+
+def test_the_slower_wheel_sets_the_speed_limit_and_none_is_no_limit():
+    slow, fast = (f'<limit effort="1" velocity="{speed}"/>' for speed in (9.0, 12.0))
+    wheels = robot(wheel('l', 0.2, limit=fast), wheel('r', -0.2, limit=slow))
+    assert find_wheels(wheels).speed_limit == 9.0
+    assert find_wheels(robot(wheel('l', 0.2), wheel('r', -0.2))).speed_limit == math.inf
 
 
 def test_left_is_the_wheel_on_the_left_whatever_its_name():

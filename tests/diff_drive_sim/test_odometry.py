@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
 import math
 
+from diff_drive_sim.odometry import BELIEVABLE
 from diff_drive_sim.odometry import OdometryState
+from diff_drive_sim.odometry import SMALLEST_JUMP
 from diff_drive_sim.odometry import WheelOdometry
 import pytest
 
@@ -104,3 +107,47 @@ def test_a_reset_begins_anew_with_the_encoders_where_they_are(odometry, geometry
     angles = odometry._angles
     odometry.reset()
     assert odometry.step(*angles, 0.005) == OdometryState()
+
+
+@pytest.mark.parametrize('linear', [0.0, 0.3])
+def test_a_base_beside_the_axle_is_carried_around_it(geometry, linear):
+    # In the base frame the axle is at (0.09, -0.02): p_base = p_axle - R(yaw) (0.09, -0.02).
+    x, y, angular, duration = 0.09, -0.02, 0.8, 2.0
+    geometry = replace(geometry, axle_x=x, axle_y=y)
+    odometry = WheelOdometry(geometry)
+    odometry.step(0.0, 0.0, 0.005)
+    state = drive(odometry, geometry, linear, angular, duration)
+    turn, radius = angular * duration, linear / angular
+    sin, cos = math.sin(turn), math.cos(turn)
+    axle = x + radius * sin, y + radius * (1.0 - cos)
+    assert state.yaw == pytest.approx(turn, abs=1e-12)
+    assert state.x == pytest.approx(axle[0] - (cos * x - sin * y), abs=1e-12)
+    assert state.y == pytest.approx(axle[1] - (sin * x + cos * y), abs=1e-12)
+    # v_base = v_axle + omega x (base - axle), in the base frame.
+    twist = (state.linear, state.lateral, state.angular)
+    assert twist == pytest.approx((linear + angular * y, -angular * x, angular), abs=1e-9)
+
+
+def test_encoders_that_restart_move_nothing_and_give_no_spike(geometry):
+    odometry = WheelOdometry(geometry, speed_limit=25.0)
+    odometry.step(0.0, 0.0, 0.02)
+    before = drive(odometry, geometry, 0.5, 0.4, 10.0, rate=50.0)
+    after = odometry.step(0.0, 0.0, 0.02)
+    assert (after.x, after.y, after.yaw) == (before.x, before.y, before.yaw)
+    assert (after.linear, after.angular) == (0.0, 0.0)
+    assert odometry.restarts == 1
+    # From there on it counts again.
+    ahead = drive(odometry, geometry, 0.5, 0.0, 1.0, rate=50.0)
+    assert math.hypot(ahead.x - after.x, ahead.y - after.y) == pytest.approx(0.5)
+    assert odometry.restarts == 1
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize('dt', [0.0, 0.005, 0.02, 3.0])
+def test_what_a_pushed_wheel_can_do_is_believed_at_any_interval(geometry, sign, dt):
+    largest = max(SMALLEST_JUMP, BELIEVABLE * 25.0 * dt)
+    for change, moves in ((0.99 * largest, True), (1.01 * largest, False)):
+        odometry = WheelOdometry(geometry, speed_limit=25.0)
+        odometry.step(5.0, 5.0, 0.005)
+        state = odometry.step(5.0 + sign * change, 5.0 + sign * change, dt)
+        assert state.x == pytest.approx(sign * change * 0.06 if moves else 0.0, abs=1e-12)

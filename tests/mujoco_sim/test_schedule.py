@@ -43,3 +43,24 @@ def test_the_stride_leads_from_one_instant_to_the_next(schedule, periods, stride
 def test_a_period_between_physics_steps_is_refused(schedule, period):
     with pytest.raises(SimulationError, match='multiple of the physics step 0.001 s, got'):
         schedule.every(period, lambda: None)
+
+
+@pytest.mark.parametrize(
+    ('rate', 'nearest'),
+    [
+        (60.0, '50 or 62.5 Hz'),
+        (58.8235, '50 or 62.5 Hz'),
+        (30.0, '25 or 31.25 Hz'),
+        (999.0, '500 or 1000 Hz'),
+        (5000.0, '1000 Hz'),
+        (0.3, '0.25 or 0.3125 Hz'),
+    ],
+)
+def test_a_rate_that_does_not_fit_names_its_parameter_and_rates_that_do(schedule, rate, nearest):
+    with pytest.raises(SimulationError) as caught:
+        schedule.at_rate('clock_rate', rate, lambda: None)
+    assert str(caught.value) == (
+        f'clock_rate: {rate:g} Hz does not fit the physics step of 0.001 s; nearest: {nearest}'
+    )
+    for word in nearest.removesuffix(' Hz').split(' or '):
+        schedule.at_rate('clock_rate', float(word), lambda: None)

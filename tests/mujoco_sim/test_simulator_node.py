@@ -214,6 +214,21 @@ def test_pause_and_step_go_one_physics_step_at_a_time(simulator, call, world):
     assert not simulator.simulation.paused
 
 
+def test_each_step_by_hand_is_published_once(peer, simulator, call, run, spawn, spin_until):
+    simulator.simulation.paused = True
+    for _ in range(20):
+        assert call('step', Trigger.Request()).success
+    spin_until(spawn.pump, lambda: len(peer.clock) == 21)
+    simulator.simulation.paused = False
+    run(10)  # what is due at 20 ms is what the last step by hand has published
+    spin_until(spawn.pump, lambda: peer.truth and seconds(peer.truth[-1].header.stamp) >= 0.02)
+    wanted = 0.001 * np.arange(21)
+    np.testing.assert_allclose([seconds(m.clock) for m in peer.clock], wanted, atol=1e-12)
+    for messages in (peer.states, peer.truth):
+        stamps = [seconds(message.header.stamp) for message in messages]
+        np.testing.assert_allclose(stamps, wanted, atol=1e-12)
+
+
 def test_in_lock_step_nobody_else_may_command_the_motors(spawn, loaded, world):
     node = spawn(SimulatorNode(loaded, world, lock_step=True))
     assert node.count_subscribers('joint_commands') == 0

@@ -33,7 +33,8 @@ def test_the_speed_can_be_changed_while_it_runs_and_the_world_cannot(simulator):
 @pytest.mark.parametrize(
     ('overrides', 'message'),
     [
-        ({'world': 'moon'}, 'moon: no such file'),
+        ({'world': 'moon'}, '^world moon: no such file'),
+        ({'world': 'slope:x'}, '^world slope:x: wanted a number from -45 to 45'),
         ({'description': 'dog'}, '^dog: no such file'),
         ({'speed': -1.0}, 'speed must be >= 0, got -1.0'),
         ({'seed': -1}, 'seed must be >= 0, got -1'),
@@ -53,7 +54,9 @@ def test_a_rate_between_physics_steps_is_refused(spawn, loaded):
             parameter_overrides=[Parameter('clock_rate', value=60.0)],
         )
     )
-    with pytest.raises(UserError, match=r'multiple of the physics step .*\(60 Hz\)'):
+    with pytest.raises(
+        UserError, match='^clock_rate: 60 Hz does not fit .*nearest: 50 or 62.5 Hz'
+    ):
         node.schedule_publishing()
 
 

@@ -1,4 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
+import math
+import time
+
 from geometry_msgs.msg import Twist
 import pytest
 from rclpy.node import Node
@@ -81,14 +84,41 @@ def test_after_the_echo_an_equal_message_from_outside_counts(receiver, outside, 
     spin_until(spawn.pump, lambda: receiver.received == [0.5, 0.5])
 
 
-def test_an_echo_that_never_came_is_not_waited_for(
-    receiver, outside, spawn, spin_until, monkeypatch
-):
-    monkeypatch.setattr(inlet_module, 'ECHO_LIFETIME', 0.05)
-    receiver.inlet.put(twist(0.5))  # not published, so no echo
-    spawn.pump.handle(0.1)
-    outside.publish(twist(0.5))
-    spin_until(spawn.pump, lambda: receiver.received == [0.5, 0.5])
+@pytest.mark.parametrize('bad', [math.nan, math.inf])
+def test_the_echo_of_what_is_no_number_is_dropped(receiver, outside, spawn, spin_until, bad):
+    # NaN is not equal to itself: compared by value, its echo would come through.
+    receiver.send(bad)
+    outside.publish(twist(9.0))
+    spin_until(spawn.pump, lambda: 9.0 in receiver.received)
+    for _ in range(5):
+        spawn.pump.handle(0.02)
+    assert len(receiver.received) == 2
+
+
+@pytest.fixture
+def impatient(monkeypatch, spawn):
+    """Return a receiver that waits for echoes for 0.1 s only."""
+    monkeypatch.setattr(inlet_module, 'ECHO_LIFETIME', 0.1)
+    return spawn(Receiver())
+
+
+def test_an_echo_that_never_came_is_not_waited_for(impatient, spawn, spin_until):
+    impatient.inlet.put(twist(0.5))  # not published, so no echo
+    started = time.monotonic()
+    spin_until(spawn.pump, lambda: not impatient.inlet._pending)
+    assert time.monotonic() - started >= 0.07
+    impatient.publisher.publish(twist(0.5))  # as good as from outside
+    spin_until(spawn.pump, lambda: impatient.received == [0.5, 0.5])
+
+
+def test_echoes_that_wait_for_a_busy_process_are_dropped(impatient, spawn, spin_until):
+    for _ in range(3):
+        impatient.send(0.5)
+        time.sleep(0.15)  # nobody spins meanwhile
+    spin_until(spawn.pump, lambda: not impatient.inlet._pending)
+    for _ in range(5):
+        spawn.pump.handle(0.02)
+    assert impatient.received == [0.5, 0.5, 0.5]
 
 
 def test_a_lost_echo_does_not_hold_up_the_next(receiver, outside, spawn, spin_until):

@@ -64,8 +64,12 @@ def test_what_is_given_at_start_counts(spawn):
     [
         ({'speed': -1.0}, 'speed must be > 0 m/s, got -1.0'),
         ({'speed': float('nan')}, 'speed must be a finite number, got nan'),
-        ({'speed': 'fast'}, '^speed: '),
+        ({'speed': 'fast'}, "^speed must be a float, got str 'fast'"),
+        ({'speed': True}, '^speed must be a float, got bool True'),
+        ({'speed': 0}, '^speed must be > 0 m/s, got 0.0'),
+        ({'share': 2}, '^share must be >= 0 and <= 1, got 2.0'),
         ({'share': 2.0}, '^share: '),
+        ({'mode': 2}, '^mode: '),
         ({'mode': 'drift'}, 'mode must be one of hold, latch'),
     ],
 )
@@ -73,6 +77,14 @@ def test_an_illegal_value_at_start_is_an_error_of_one_line(ros, overrides, messa
     with pytest.raises(InvalidParameter, match=message) as caught:
         ArmNode(**overrides)
     assert '\n' not in str(caught.value)
+
+
+def test_an_integer_is_taken_where_a_float_is_meant(spawn):
+    node = spawn(ArmNode(speed=3, share=1))
+    assert node.settings == Arm(speed=3.0, share=1.0)
+    assert node.set('speed', 2).successful
+    assert node.changes == [Arm(speed=2.0, share=1.0)]
+    assert type(node.changes[0].speed) is float
 
 
 def test_a_legal_change_is_told_with_the_whole_set(arm):
@@ -86,6 +98,10 @@ def test_a_legal_change_is_told_with_the_whole_set(arm):
     [
         ('speed', -1.0, 'speed must be > 0 m/s, got -1.0'),
         ('speed', float('inf'), 'speed must be a finite number, got inf'),
+        ('speed', -1, 'speed must be > 0 m/s, got -1.0'),
+        ('speed', 'fast', "speed must be a float, got str 'fast'"),
+        ('speed', None, 'speed must be a float, got NoneType None'),
+        ('share', 2, 'share must be >= 0 and <= 1, got 2.0'),
         ('mode', 'drift', "mode must be one of hold, latch, got 'drift'"),
         ('share', 1.5, 'share'),
         ('frame', 'odom', 'read-only'),
@@ -119,7 +135,7 @@ def test_parameters_describe_themselves(arm, spawn, spin_until):
     answer = client.call_async(DescribeParameters.Request(names=['speed', 'share', 'mode']))
     spin_until(spawn.pump, answer.done)
     speed, share, mode = answer.result().descriptors
-    assert speed.description == 'Speed (> 0 m/s)'
+    assert speed.description == 'Speed (float, > 0 m/s)'
     assert (share.floating_point_range[0].to_value, mode.additional_constraints) == (
         1.0,
         'hold, latch',
@@ -194,6 +210,26 @@ def test_what_is_wrong_at_start_is_one_line_and_status_2(isolated_ros, capsys):
     assert run_node(fail, []) == 2
     assert capsys.readouterr().err == 'error: speed must be > 0\n'
     assert not rclpy.ok()
+
+
+BAD_ARGUMENTS = [
+    (['-p', 'bad'], "ROS: Couldn't parse parameter override rule: '-p bad'"),
+    (['-r', 'x'], "ROS: Couldn't parse remap rule: '-r x'"),
+    (['--bogus'], "unknown ROS arguments: ['--bogus']"),
+    (
+        ['--params-file', 'nowhere.yaml'],
+        "ROS: Couldn't parse params file: '--params-file nowhere.yaml': Error opening YAML file",
+    ),
+]
+
+
+@pytest.mark.parametrize(('arguments', 'said'), BAD_ARGUMENTS)
+def test_malformed_ros_arguments_are_one_line_and_status_2(isolated_ros, capfd, arguments, said):
+    assert run_node(Closing, ['--ros-args', *arguments]) == 2
+    assert capfd.readouterr().err == f'error: {said}\n'
+    # The next start is not harmed, and rcl says again what it has to say.
+    assert run_node(Closing, []) == 128 + signal.SIGTERM
+    assert rclpy.logging.get_logger_effective_level('rcl') < rclpy.logging.LoggingSeverity.FATAL
 
 
 def test_the_pump_handles_what_is_there_and_returns(spawn, spin_until):

@@ -27,7 +27,7 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     Raises:
         UsageError: this is not installed from a clone.
     """
-    script = _clone('benchmarks') / 'benchmarks' / 'mbot.py'
+    script = _clone('benchmarks') / 'benchmarks' / 'run.py'
     return subprocess.run([sys.executable, str(script), *arguments]).returncode
 
 

@@ -92,7 +92,7 @@ class Go2Stack:
     def press(self, message: String) -> None:
         """Take a key."""
         self._legs.keys.put(message)
-        if self._teleop is not None and not message.data.isdigit():
+        if self._teleop is not None:
             self._teleop.keys.put(message)
 
     def drive(self, velocity: tuple[float, float, float]) -> None:

@@ -47,6 +47,7 @@ class MbotStack:
         self._world = world
         self._motors = [world.motor_names.index(name) for name in wheels]
         self._joints = [world.joint_names.index(name) for name in wheels]
+        self._command = np.zeros((len(JointCommand._fields), len(world.motor_names)))
         self._wheel_links = [loaded.robot.joints[name].child for name in wheels]
         self._teleop = KeysToTwistNode(
             lock_step=True, parameter_overrides=[Parameter('preset', value=options.preset)]
@@ -78,7 +79,8 @@ class MbotStack:
         period = 1.0 / self._teleop.logic.rate
         schedule.every(period, lambda: self._teleop.step(period))
         schedule.every(self.period, self._control)
-        schedule.every(1.0 / self._driver.settings.publish_rate, self._driver.publish_odometry)
+        rate = self._driver.settings.publish_rate
+        schedule.at_rate('publish_rate', rate, self._driver.publish_odometry)
 
     def drive(self, velocity: tuple[float, float, float]) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
@@ -121,12 +123,8 @@ class MbotStack:
 
     def _control(self) -> None:
         started = time.perf_counter()
-        left, right = self._world.joints().position[self._joints]
-        wheels = self._driver.control(float(left), float(right), self.period)
-        parts = []
-        for part in wheels:
-            column = np.zeros(len(self._world.motor_names))
-            column[self._motors] = part
-            parts.append(column)
-        self._world.apply(JointCommand(*parts))
+        left, right = self._world.joints().position[self._joints].tolist()
+        # Other motors than the wheels' stay limp: their columns are zero.
+        self._command[:, self._motors] = self._driver.control(left, right, self.period)
+        self._world.apply(JointCommand(*self._command))
         self.ticks.add(time.perf_counter() - started)

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs of `wasd go2`, each a process of its own, and what their reports say."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+import hashlib
+import json
+import math
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+import threading
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+WASD = (sys.executable, '-m', 'wasd_bringup.cli')
+STEPPING = (sys.executable, str(HERE / 'stepping.py'))
+# A run that takes longer than this has hung [s].
+PATIENCE = 900.0
+# What a report says of the machine; the rest is simulated.
+OF_THE_MACHINE = ('wall_time', 'real_time_factor', 'tick')
+# Key 2 at 0.1 s, standing at 2.1 s, move base at 2.6 s, first velocity at START [s].
+KEYS = '0.1 2\n2.6 5\n'
+START = 3.0
+
+
+class RunFailed(Exception):
+    """A run did not write its report."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One run of the Go2: what it is told, in which world, with which seed."""
+
+    seed: int
+    twist: str = ''  # a --twist script
+    keys: str = KEYS  # a --play script
+    duration: float
+    world: str = 'flat'
+    estimator: str = 'kalman'
+    push: str = ''
+    speed: float = 0.0
+    step_in_place: bool = False  # whether it steps at zero command
+    repeat: int = 0  # tells a run from another that is the same
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What happened in a run: truth unless said, rows at 50 Hz; SI, angles in radians."""
+
+    run: Run
+    report: dict[str, Any]  # without its samples
+    digest: str  # of all that is simulated: equal for equal reports
+    t: np.ndarray  # (n,)
+    state: list[str]
+    position: np.ndarray  # (n, 3)
+    rpy: np.ndarray  # (n, 3)
+    velocity: np.ndarray  # ahead, to the left, turn, (n, 3)
+    odometry: np.ndarray  # x, y, yaw, (n, 3)
+    contacts: np.ndarray  # 1 where a foot touches, (n, 4)
+    torque: np.ndarray  # largest of any motor since the row before, (n,)
+
+    @property
+    def is_up(self) -> bool:
+        """Whether it never fell and was still being driven at the end."""
+        return self.report['falls'] == 0 and self.state[-1] in ('move base', 'trotting')
+
+    def after(self, time: float) -> slice:
+        """Return the rows from a simulated time on."""
+        return slice(int(np.searchsorted(self.t, time - 1e-6)), None)
+
+    def mean_velocity(self, begin: float) -> np.ndarray:
+        """Return the mean velocity from a time on, shape (3,)."""
+        mean: np.ndarray = self.velocity[self.after(begin)].mean(axis=0)
+        return mean
+
+    @property
+    def path(self) -> float:
+        """Length of the way walked since the first velocity, in the plane [m]."""
+        steps = np.diff(self.position[self.after(START), :2], axis=0)
+        return float(np.linalg.norm(steps, axis=1).sum())
+
+    @property
+    def odometry_error(self) -> float:
+        """Distance between where odometry and truth went since the first velocity [m]."""
+        rows = self.after(START)
+        seen, true = self.odometry[rows, :2], self.position[rows, :2]
+        return math.dist(seen[-1] - seen[0], true[-1] - true[0])
+
+    def record(self, passed: bool, **values: float | str | None) -> dict[str, Any]:
+        """Return this run as one trial of the JSON."""
+        run = self.run
+        asked = {'seed': run.seed, 'world': run.world, 'estimator': run.estimator}
+        seen = {'falls': self.report['falls'], 'state': self.state[-1]}
+        return {**asked, 'passed': passed, **seen, **values}
+
+
+def simulate(run: Run) -> Trace:
+    """
+    Run the Go2 and return what happened.
+
+    Raises:
+        RunFailed: it wrote no report.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder, 'report.json')
+        words = [*(STEPPING if run.step_in_place else WASD), 'go2', '--viewer', 'none']
+        for option, text in (('--play', run.keys), ('--twist', run.twist)):
+            path = Path(folder, option.strip('-'))
+            path.write_text(text)
+            words += [option, str(path)] if text else []
+        words += ['--push', run.push] if run.push else []
+        words += ['--world', run.world, '--seed', str(run.seed), '--estimator', run.estimator]
+        words += ['--duration', str(run.duration), '--speed', str(run.speed)]
+        words += ['--report', str(report)]
+        finished = subprocess.run(
+            words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE
+        )
+        if finished.returncode or not report.exists():
+            raise RunFailed(f'exit status {finished.returncode}: {finished.stderr.strip()[-300:]}')
+        return to_trace(run, json.loads(report.read_text()))
+
+
+def to_trace(run: Run, report: dict[str, Any]) -> Trace:
+    """Return a report with its samples as arrays."""
+    same = {key: value for key, value in report.items() if key not in OF_THE_MACHINE}
+    digest = hashlib.sha256(json.dumps(same, sort_keys=True).encode()).hexdigest()
+    samples = report.pop('samples')
+    names = ('position', 'rpy', 'velocity', 'odom', 'contacts', 'torque_max')
+    arrays = [np.array(samples[name]) for name in names]
+    return Trace(run, report, digest, np.array(samples['t']), samples['state'], *arrays)
+
+
+def simulate_all(runs: Sequence[Run], note: Callable[[str], None]) -> dict[Run, Trace | RunFailed]:
+    """Run each once, as many at a time as there are cores; `note` is told how far it is."""
+    done: dict[Run, Trace | RunFailed] = {}
+    lock = threading.Lock()
+    wanted = list(dict.fromkeys(runs))
+
+    def one(run: Run) -> None:
+        result: Trace | RunFailed
+        try:
+            result = simulate(run)
+        except (RunFailed, subprocess.TimeoutExpired) as error:
+            result = RunFailed(str(error))
+        with lock:
+            done[run] = result
+            note(f'go2: {len(done)} of {len(wanted)} runs')
+
+    with ThreadPoolExecutor(max_workers=len(os.sched_getaffinity(0))) as pool:
+        # Longest first: none is left to one core at the end.
+        for _ in pool.map(one, sorted(wanted, key=lambda run: -run.duration)):
+            pass
+    return done

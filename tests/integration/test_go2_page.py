@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a real browser: the Go2 is seen with its meshes, stands up, and walks."""
+
+from collections.abc import Callable, Iterator
+import json
+from pathlib import Path
+import re
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from std_msgs.msg import String
+
+pytestmark = pytest.mark.slow
+
+Picture = Callable[[], np.ndarray]
+
+# The page's own bars at the top and the bottom [pixels].
+TOP, BOTTOM = 115, 35
+# The model as it is sent, with the meshes; without them it has some 100 kB.
+LEAST_MODEL = 5_000_000
+
+
+def is_dog(image: np.ndarray) -> np.ndarray:
+    """Return where the picture has the warm white of the dog; the floor and the sky are bluish."""
+    scene = image[TOP:-BOTTOM]
+    red, green, blue = scene[..., 0], scene[..., 1], scene[..., 2]
+    found: np.ndarray = (red > 150) & (red >= blue + 3) & (abs(red - green) < 25)
+    return found
+
+
+def height_of_dog(image: np.ndarray) -> int:
+    """Return how many rows of the picture show the dog."""
+    return int((is_dog(image).sum(axis=1) > 2).sum())
+
+
+def changed(one: np.ndarray, other: np.ndarray) -> float:
+    """Return which share of the scene changed; that of the floor, for a dog that is followed."""
+    difference = abs(one[TOP:-BOTTOM] - other[TOP:-BOTTOM]).sum(axis=2)
+    return float((difference > 20).mean())
+
+
+def wait_for(picture: Picture, condition: Callable[[np.ndarray], bool], what: str) -> np.ndarray:
+    """Return the first picture that meets a condition; software rendering takes its time."""
+    deadline = time.monotonic() + 60.0
+    while True:
+        image = picture()
+        if condition(image):
+            return image
+        assert time.monotonic() < deadline, f'{what} has not been seen'
+        time.sleep(0.3)
+
+
+@pytest.fixture
+def press(environment: dict[str, str]) -> Iterator[Callable[[str], None]]:
+    """Return a function that presses keys of the run, as another program on its domain."""
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=int(environment['ROS_DOMAIN_ID']))
+    node = rclpy.create_node('presser', context=context)
+    publisher = node.create_publisher(String, 'keys', 100)
+
+    def publish(keys: str) -> None:
+        deadline = time.monotonic() + 20.0
+        while not publisher.get_subscription_count():
+            assert time.monotonic() < deadline, 'nobody listens to keys'
+            time.sleep(0.05)
+        for key in keys:
+            publisher.publish(String(data=key))
+
+    yield publish
+    node.destroy_node()
+    context.try_shutdown()
+
+
+def test_the_go2_is_seen_standing_up_and_walking(
+    run_with_page: Callable[..., Any],
+    browser: Any,
+    picture: Picture,
+    press: Callable[[str], None],
+    tmp_path: Path,
+) -> None:
+    run = run_with_page('go2', '--duration', '300', '--report', 'report.json')
+    browser.get(run.url)
+    lying = wait_for(picture, lambda image: is_dog(image).mean() > 0.005, 'the dog')
+    press('2')
+    standing = wait_for(
+        picture, lambda image: height_of_dog(image) > 1.25 * height_of_dog(lying), 'a stand'
+    )
+    press('4' + 8 * 'w')
+    walking = wait_for(picture, lambda image: changed(standing, image) > 0.15, 'a walk')
+    assert is_dog(walking).mean() > 0.5 * is_dog(standing).mean()
+    log = browser.get_log('browser')
+    (size,) = (int(n) for e in log for n in re.findall(r'Model bundle: (\d+) byte', e['message']))
+    assert size > LEAST_MODEL
+    errors = [entry['message'] for entry in log if entry['level'] == 'SEVERE']
+    assert [error for error in errors if 'favicon' not in error] == []
+    run.end()
+    report = json.loads((tmp_path / 'report.json').read_text())
+    assert report['falls'] == 0
+    assert report['samples']['state'][-1] == 'trotting'
+    assert report['samples']['position'][-1][0] > 0.3

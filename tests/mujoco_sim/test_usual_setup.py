@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A quadruped begins lying, with real motors and sensors; other robots as they are."""
+
+from mujoco_sim.loading import build_world
+from mujoco_sim.loading import load_robot
+from mujoco_sim.robot_setup import RobotSetup
+from mujoco_sim.usual_setup import COMMAND_DELAY
+from mujoco_sim.usual_setup import is_quadruped
+from mujoco_sim.usual_setup import usual_setup
+import numpy as np
+import pytest
+from robot_description.urdf import parse_urdf
+
+
+@pytest.fixture(scope='module')
+def go2():
+    return load_robot('go2')
+
+
+@pytest.fixture(scope='module')
+def mbot():
+    return load_robot('mbot')
+
+
+def test_the_go2_is_a_quadruped_and_mbot_is_none(go2, mbot):
+    assert is_quadruped(go2.robot)
+    assert not is_quadruped(mbot.robot)
+
+
+def test_a_dog_with_three_legs_is_no_quadruped(go2):
+    assert not is_quadruped(parse_urdf(go2.urdf.replace('RR_hip_joint', 'RR_joint')))
+
+
+def test_mbot_is_put_into_the_world_as_it_is(mbot):
+    assert usual_setup(mbot.robot) == RobotSetup()
+
+
+def test_the_go2_has_noise_a_delay_and_speed_limits(go2):
+    setup = usual_setup(go2.robot)
+    assert setup.noise is not None
+    assert setup.command_delay == COMMAND_DELAY == 0.002
+    assert setup.speed_limits['FL_thigh_joint'] == 30.1
+    assert len(setup.speed_limits) == 12
+
+
+def test_without_noise_motors_and_delay_stay_real(go2):
+    setup = usual_setup(go2.robot, noise=False)
+    assert setup.noise is None
+    assert setup.command_delay == COMMAND_DELAY
+    assert len(setup.speed_limits) == 12
+
+
+def test_it_lies_on_the_floor_with_its_legs_folded(go2):
+    world = build_world(go2, setup=usual_setup(go2.robot, noise=False))
+    angles = dict(zip(world.joint_names, world.joints().position, strict=True))
+    for leg in ('FL', 'FR', 'RL', 'RR'):
+        assert angles[f'{leg}_hip_joint'] == 0.0
+        assert angles[f'{leg}_thigh_joint'] == 1.36
+        assert angles[f'{leg}_calf_joint'] == -2.65
+    before = world.base().position.copy()
+    world.step(2000)  # with slack motors: it lies, and neither falls nor jumps
+    after = world.base()
+    assert after.position[2] < 0.15
+    np.testing.assert_allclose(after.position, before, atol=0.06)
+    assert after.tilt < 0.15
+    np.testing.assert_allclose(after.linear_velocity, 0.0, atol=0.01)
+
+
+def test_reset_puts_it_back(go2):
+    world = build_world(go2, setup=usual_setup(go2.robot))
+    before = world.data.qpos.copy()
+    world.push((0.0, 300.0, 200.0), 0.2)
+    world.step(600)
+    assert abs(world.base().position[1]) > 0.1
+    world.reset()
+    np.testing.assert_array_equal(world.data.qpos, before)

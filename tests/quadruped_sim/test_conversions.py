@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What goes into a message comes out of it; odometry and transform are one pose."""
+
+import math
+
+from builtin_interfaces.msg import Time
+from mujoco_sim.conversions import to_ground_truth
+from mujoco_sim.conversions import to_imu
+from mujoco_sim.sensors import ImuReading
+from mujoco_sim.sensors import JointStates
+from mujoco_sim.sensors import Reading
+from mujoco_sim.world import BaseState
+import numpy as np
+import pytest
+from quadruped_sim.conversions import from_messages
+from quadruped_sim.conversions import from_odometry
+from quadruped_sim.conversions import to_joint_command
+from quadruped_sim.conversions import to_odometry
+from quadruped_sim.conversions import to_sensors
+from quadruped_sim.conversions import to_transform
+from quadruped_sim.legs import JOINT_NAMES
+from quadruped_sim.node_parameters import LegNodeParameters
+from quadruped_sim.records import LegCommand
+from quadruped_sim.records import Odometry
+from sensor_msgs.msg import JointState
+
+
+@pytest.fixture
+def reading(rng):
+    joints = JointStates(rng.normal(size=12), rng.normal(size=12), rng.normal(size=12))
+    quaternion = rng.normal(size=4)
+    quaternion /= np.linalg.norm(quaternion)
+    return joints, ImuReading(quaternion, rng.normal(size=3), rng.normal(size=3))
+
+
+def test_the_truth_survives_its_message():
+    half = math.sqrt(0.5)
+    truth = BaseState(
+        np.array((1.0, 2.0, 0.3)),
+        np.array((half, 0.0, 0.0, half)),
+        np.array((0.1, 0.2, 0.3)),
+        np.array((0.4, 0.5, 0.6)),
+    )
+    message = to_ground_truth(truth, 'base', Time())
+    # In the base frame: the robot looks along y.
+    assert message.twist.twist.linear.x == pytest.approx(0.2)
+    for one, other in zip(from_odometry(message), truth, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_a_reading_survives_its_messages(reading):
+    joints, imu = reading
+    message = JointState(name=list(JOINT_NAMES), position=joints.position.tolist())
+    message.velocity, message.effort = joints.velocity.tolist(), joints.effort.tolist()
+    back = from_messages(message, to_imu(imu, 'base', Time()))
+    for one, other in zip((*back.joints, *back.imu), (*joints, *imu), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_reading_is_put_into_the_controllers_order_by_name(reading):
+    # The simulator's joints in another order: place i of ours is at places[i] of theirs.
+    names = list(reversed(JOINT_NAMES))
+    places = np.array([names.index(name) for name in JOINT_NAMES])
+    sensors = to_sensors(Reading(*reading), places, None)
+    np.testing.assert_array_equal(sensors.joint_position, reading[0].position[::-1])
+    np.testing.assert_array_equal(sensors.imu_orientation, reading[1].orientation)
+    assert sensors.truth is None
+
+
+def test_a_command_is_put_into_the_motors_order_by_name(rng):
+    names = list(reversed(JOINT_NAMES))
+    motors = np.array([JOINT_NAMES.index(name) for name in names])
+    command = LegCommand(*(rng.normal(size=12) for _ in range(5)))
+    ordered = to_joint_command(command, motors)
+    for name in ('position', 'velocity', 'effort', 'kp', 'kd'):
+        np.testing.assert_array_equal(getattr(ordered, name), getattr(command, name)[::-1])
+
+
+def test_odometry_and_transform_carry_one_pose_and_one_stamp(rng):
+    quaternion = rng.normal(size=4)
+    quaternion /= np.linalg.norm(quaternion)
+    state = Odometry(
+        rng.normal(size=3), quaternion, rng.normal(size=3), rng.normal(size=3),
+        np.diag(np.arange(6.0)), 2.0 * np.eye(6),
+    )  # fmt: skip
+    stamp = Time(sec=3, nanosec=5)
+    odometry = to_odometry(state, stamp, LegNodeParameters())
+    transform = to_transform(state, stamp, LegNodeParameters())
+    assert odometry.header == transform.header
+    assert odometry.child_frame_id == transform.child_frame_id == 'base'
+    assert odometry.pose.pose.orientation == transform.transform.rotation
+    assert odometry.pose.pose.position.y == transform.transform.translation.y == state.position[1]
+    assert odometry.twist.twist.linear.x == state.linear_velocity[0]
+    assert odometry.twist.twist.angular.z == state.angular_velocity[2]
+    assert list(odometry.pose.covariance[:8]) == [0, 0, 0, 0, 0, 0, 0, 1]

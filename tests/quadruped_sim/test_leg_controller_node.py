@@ -1,0 +1,281 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node: keys and cmd_vel in, commands, odometry, state and a service out, on real topics."""
+
+from geometry_msgs.msg import Twist
+from mujoco_sim.conversions import to_stamp
+from nav_msgs.msg import Odometry
+import numpy as np
+import pytest
+from quadruped_sim.leg_controller_node import LegControllerNode
+from quadruped_sim.leg_controller_node import main
+from quadruped_sim.legs import JOINT_NAMES
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Imu
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+PERIOD = 0.002
+STAND = [0.0, 0.8, -1.6] * 4
+
+
+def twist(vx, vy=0.0, wz=0.0):
+    message = Twist()
+    message.linear.x, message.linear.y, message.angular.z = vx, vy, wz
+    return message
+
+
+def seconds(stamp):
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+class Peer(Node):
+    """Another node: presses keys, drives, feeds readings and collects what comes back."""
+
+    def __init__(self):
+        super().__init__('peer')
+        self.states, self.commands, self.odometry = [], [], []
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(String, 'state', lambda m: self.states.append(m.data), latched)
+        self.create_subscription(Odometry, 'odom', self.odometry.append, 1000)
+        self.create_subscription(JointTrajectory, 'joint_commands', self.commands.append,
+                                 qos_profile_sensor_data)  # fmt: skip
+        self.keys = self.create_publisher(String, 'keys', 100)
+        self.cmd_vel = self.create_publisher(Twist, 'cmd_vel', 10)
+        self.imu = self.create_publisher(Imu, 'imu/data', 10)
+        self.joints = self.create_publisher(JointState, 'joint_states', 10)
+        self.e_stop = self.create_client(Trigger, 'leg_controller/e_stop')
+
+    def press(self, key):
+        self.keys.publish(String(data=key))
+
+
+@pytest.fixture
+def legs(spawn):
+    return spawn(LegControllerNode())
+
+
+@pytest.fixture
+def peer(spawn, legs, spin_until):
+    peer = spawn(Peer())
+    talks = (peer.keys, peer.cmd_vel, peer.imu, peer.joints)
+    spin_until(spawn.pump, lambda: all(talk.get_subscription_count() for talk in talks))
+    for topic in ('joint_commands', 'odom', 'state'):
+        spin_until(spawn.pump, lambda topic=topic: legs.count_subscribers(topic))
+    return peer
+
+
+@pytest.fixture
+def feed(peer, spawn, spin_until):
+    """Return a function that publishes a standing robot's reading and waits for the command."""
+
+    def feed(stamp, names=JOINT_NAMES, positions=STAND):
+        imu = Imu()
+        imu.header.stamp = to_stamp(stamp)
+        imu.orientation.w = 1.0
+        imu.linear_acceleration.z = 9.81
+        peer.imu.publish(imu)
+        zeros = [0.0] * len(names)
+        joints = JointState(
+            name=list(names), position=list(positions), velocity=zeros, effort=zeros
+        )
+        joints.header.stamp = to_stamp(stamp)
+        count = len(peer.commands)
+        peer.joints.publish(joints)
+        spin_until(spawn.pump, lambda: len(peer.commands) > count)
+        return peer.commands[-1]
+
+    return feed
+
+
+@pytest.fixture
+def alive(peer, legs, spawn, spin_until):
+    """Bring the node to its second reading: the first one only starts its clock."""
+    imu, joints = Imu(), JointState(name=list(JOINT_NAMES), position=STAND)
+    joints.velocity = joints.effort = [0.0] * 12
+    imu.orientation.w, imu.linear_acceleration.z = 1.0, 9.81
+    joints.header.stamp = imu.header.stamp = to_stamp(0.9)
+    peer.imu.publish(imu)
+    spin_until(spawn.pump, lambda: legs._imu is not None)
+    peer.joints.publish(joints)
+    spin_until(spawn.pump, lambda: legs._last is not None)
+
+
+@pytest.mark.usefixtures('alive')
+def test_a_reading_is_answered_with_a_command_of_its_stamp_for_all_joints(feed):
+    command = feed(1.0)
+    assert tuple(command.joint_names) == JOINT_NAMES
+    assert seconds(command.header.stamp) == 1.0
+    setpoint, gains = command.points
+    assert len(setpoint.positions) == len(gains.velocities) == 12
+    # Passive: it only damps.
+    assert list(gains.positions) == [0.0] * 12
+    assert min(gains.velocities) > 0.0
+    assert list(setpoint.effort) == [0.0] * 12
+
+
+@pytest.mark.usefixtures('alive')
+def test_joints_may_come_in_any_order(feed, legs):
+    order = list(reversed(range(12)))
+    feed(1.0, [JOINT_NAMES[i] for i in order], [STAND[i] for i in order])
+    np.testing.assert_array_equal(legs.controller.robot.joint_position, STAND)
+
+
+@pytest.mark.usefixtures('alive')
+def test_keys_change_the_state_that_is_published(feed, peer, spawn, spin_until):
+    feed(1.0)
+    spin_until(spawn.pump, lambda: peer.states == ['passive'])
+    peer.press('2')
+    stamps = iter(np.arange(1.002, 9.0, PERIOD).tolist())
+    spin_until(
+        spawn.pump,
+        lambda: peer.states == ['passive', 'fixed stand'],
+        step=lambda: feed(next(stamps)),
+    )
+
+
+@pytest.mark.usefixtures('alive')
+def test_a_late_listener_still_learns_the_state(feed, spawn, spin_until):
+    feed(1.0)
+    late = spawn(Peer())
+    spin_until(spawn.pump, lambda: late.states == ['passive'])
+
+
+def test_an_illegal_key_is_explained_once(legs, peer, spawn, spin_until, capfd):
+    for _ in range(3):
+        peer.press('4')
+    peer.press('Q')
+    spin_until(spawn.pump, lambda: "'Q'" in legs.said)
+    said = capfd.readouterr().err
+    assert said.count('trotting cannot follow passive') == 1
+    assert said.count("key 'Q' does nothing here") == 1
+    assert legs.controller.state == 'passive'
+
+
+def test_cmd_vel_needs_move_base_and_says_so_once(legs, peer, spawn, spin_until, capfd):
+    for _ in range(3):
+        peer.cmd_vel.publish(twist(0.5))
+    spin_until(spawn.pump, lambda: legs.said)
+    assert legs.said == 'velocity commands need the state move base, not passive'
+    assert capfd.readouterr().err.count(legs.said) == 1
+    np.testing.assert_array_equal(legs.controller.command_filter.command, 0.0)
+
+
+@pytest.mark.usefixtures('alive')
+def test_e_stop_lets_go_at_once(feed, peer, legs, spawn, spin_until):
+    feed(1.0)
+    peer.press('2')
+    spin_until(spawn.pump, lambda: legs.controller._machine._due is not None)
+    feed(1.002)
+    feed(1.004)
+    assert legs.controller.state == 'fixed stand'
+    assert peer.e_stop.wait_for_service(10.0)
+    answer = peer.e_stop.call_async(Trigger.Request())
+    spin_until(spawn.pump, answer.done)
+    assert answer.result().success
+    assert 'press 2' in answer.result().message
+    assert legs.controller.state == 'passive'
+    assert list(feed(1.006).points[1].positions) == [0.0] * 12
+
+
+@pytest.mark.usefixtures('alive')
+def test_odometry_is_published_50_times_a_second(feed, peer, spawn, spin_until):
+    for index in range(101):
+        feed(1.0 + PERIOD * index)
+    spin_until(spawn.pump, lambda: len(peer.odometry) >= 10)
+    assert len(peer.odometry) in (10, 11)
+    message = peer.odometry[-1]
+    assert (message.header.frame_id, message.child_frame_id) == ('odom', 'base')
+    assert message.pose.pose.orientation.w == pytest.approx(1.0)
+    assert 0.2 < message.pose.pose.position.z < 0.35
+    assert (np.diag(np.array(message.pose.covariance).reshape(6, 6)) > 0.0).all()
+
+
+@pytest.mark.usefixtures('alive')
+def test_a_clock_that_jumps_back_steps_nothing(feed, legs, peer):
+    feed(5.0)
+    before = len(peer.commands)
+    message = JointState(name=list(JOINT_NAMES), position=STAND)
+    message.velocity = message.effort = [0.0] * 12
+    message.header.stamp = to_stamp(2.0)
+    legs._on_joint_states(message)
+    assert legs._last == 2.0
+    assert len(peer.commands) == before
+    feed(2.002)  # and goes on from there
+
+
+@pytest.mark.usefixtures('alive')
+def test_joints_may_change_their_order_on_the_way(feed, legs):
+    feed(1.0)
+    order = [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
+    positions = np.array(STAND) + 0.01 * np.arange(12)
+    feed(1.002, [JOINT_NAMES[i] for i in order], positions[order])
+    np.testing.assert_allclose(legs.controller.robot.joint_position, positions, atol=1e-12)
+
+
+@pytest.mark.usefixtures('alive')
+@pytest.mark.parametrize(
+    'state',
+    [
+        JointState(name=['left_wheel_joint'], position=[0.0], velocity=[0.0], effort=[0.0]),
+        JointState(name=list(JOINT_NAMES), position=STAND),
+        JointState(name=list(JOINT_NAMES[:11]), position=STAND[:11]),
+    ],
+)
+def test_a_state_that_is_not_complete_is_ignored_with_one_warning(legs, peer, feed, state, capfd):
+    state.header.stamp = to_stamp(0.95)
+    legs._on_joint_states(state)
+    legs._on_joint_states(state)
+    feed(1.0)  # alive
+    assert len(peer.commands) == 1
+    assert capfd.readouterr().err.count('joint_states lacks') == 1
+
+
+@pytest.mark.usefixtures('alive')
+def test_without_a_fresh_imu_it_gives_no_commands(legs, peer, feed, capfd):
+    feed(1.0)
+    zeros = [0.0] * 12
+    state = JointState(name=list(JOINT_NAMES), position=STAND, velocity=zeros, effort=zeros)
+    state.header.stamp = to_stamp(1.5)
+    legs._on_joint_states(state)
+    assert 'imu/data is silent' in capfd.readouterr().err
+    feed(1.502)
+    assert len(peer.commands) == 2
+
+
+def test_in_lock_step_it_listens_to_no_sensors(spawn):
+    node = spawn(LegControllerNode(lock_step=True))
+    assert node.count_publishers('joint_commands') == 0
+    assert node.count_subscribers('joint_states') == 0
+    assert node.count_subscribers('keys') == 1
+
+
+def test_guides_limits_are_a_parameter(spawn):
+    node = spawn(
+        LegControllerNode(lock_step=True, parameter_overrides=[Parameter('limits', value='guide')])
+    )
+    assert node.controller.command_filter.limits.forward == 0.4
+
+
+@pytest.mark.parametrize(
+    ('override', 'message'),
+    [
+        ('description:=cat', 'cat: no such file'),
+        ('description:=mbot', 'missing FL_hip_joint'),
+        ('estimator:=guess', 'estimator must be'),
+        ('limits:=none', 'limits must be'),
+        ('update_rate:=0.0', 'update_rate must be > 0 Hz'),
+    ],
+)
+def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys, override, message):
+    assert main(['--ros-args', '-p', override]) == 2
+    said = capsys.readouterr().err
+    rclpy.try_shutdown()
+    assert said.startswith(f'error: {message}')
+    assert said.count('\n') == 1

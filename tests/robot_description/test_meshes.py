@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Meshes are found wherever a package keeps them; without them primitives are shown."""
+
+from pathlib import Path
+
+import mujoco
+from mujoco_sim.loading import build_world
+from mujoco_sim.loading import load_robot
+import numpy as np
+import pytest
+from robot_description.expand import expand
+from robot_description.meshes import find_mesh
+from robot_description.meshes import load_mesh
+from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco_visuals import rename_meshes
+from robot_description.mujoco_visuals import VISUAL_GROUP
+from robot_description.packages import share_directory
+from robot_description.robots import description_path
+from robot_description.urdf import parse_urdf
+
+from robot_description import meshes
+
+URL = 'package://go2_description/meshes/{}.dae'
+TETRAHEDRON = 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n'
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch) -> Path:
+    """Keep the cache of these tests to themselves."""
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
+    return tmp_path / 'cache/wasd/meshes'
+
+
+@pytest.fixture
+def tetrahedron(tmp_path) -> Path:
+    path = tmp_path / 'tetrahedron.obj'
+    path.write_text(TETRAHEDRON)
+    return path
+
+
+@pytest.fixture(scope='module')
+def urdf() -> str:
+    return expand(description_path('go2'))
+
+
+def shown(model, body):
+    """Return the kinds of the geoms of a body that are drawn."""
+    first, count = model.body(body).geomadr[0], model.body(body).geomnum[0]
+    geoms = range(first, first + count)
+    return [int(model.geom_type[g]) for g in geoms if model.geom_group[g] == VISUAL_GROUP]
+
+
+@pytest.mark.parametrize(
+    'name', ['base', 'hip', 'thigh', 'thigh_mirror', 'calf', 'calf_mirror', 'foot']
+)
+def test_the_go2s_meshes_are_found_though_the_package_calls_their_folder_visuals(name):
+    found = find_mesh(URL.format(name), Path('nowhere'))
+    assert found is not None
+    assert found == share_directory('go2_description') / f'visuals/{name}.dae'
+
+
+def test_a_users_clone_comes_before_the_installed_package(tmp_path):
+    mesh = tmp_path / 'go2_description/meshes/base.dae'
+    mesh.parent.mkdir(parents=True)
+    mesh.touch()
+    assert find_mesh(URL.format('base'), Path('nowhere'), [tmp_path]) == mesh
+
+
+def test_a_moved_mesh_whose_name_is_not_unique_is_not_guessed(tmp_path):
+    for folder in ('low', 'high'):
+        (tmp_path / 'robot' / folder).mkdir(parents=True)
+        (tmp_path / 'robot' / folder / 'leg.stl').touch()
+    assert find_mesh('package://robot/meshes/leg.stl', Path('nowhere'), [tmp_path]) is None
+    (tmp_path / 'robot/low/leg.stl').unlink()
+    found = find_mesh('package://robot/meshes/leg.stl', Path('nowhere'), [tmp_path])
+    assert found == tmp_path / 'robot/high/leg.stl'
+
+
+@pytest.mark.parametrize(
+    'url',
+    ['package://no_such_package/a.dae', 'package://go2_description/no.dae', 'no.obj', '', '.'],
+)
+def test_what_is_not_there_is_none(url, tmp_path):
+    assert find_mesh(url, tmp_path) is None
+
+
+def test_plain_paths_and_file_urls_are_relative_to_the_description(tetrahedron):
+    assert find_mesh('tetrahedron.obj', tetrahedron.parent) == tetrahedron
+    assert find_mesh(f'file://{tetrahedron}', Path('nowhere')) == tetrahedron
+
+
+def test_a_mesh_is_triangles_in_metres(tetrahedron):
+    mesh = load_mesh(tetrahedron)
+    assert mesh.vertices.shape == (4, 3)
+    assert mesh.faces.shape == (4, 3)
+    np.testing.assert_array_equal(mesh.vertices.max(axis=0), [1.0, 1.0, 1.0])
+
+
+def test_the_go2s_trunk_has_the_size_of_a_go2():
+    path = find_mesh(URL.format('base'), Path())
+    assert path is not None
+    size = np.ptp(load_mesh(path).vertices, axis=0)
+    # Longer than the hips are apart (0.39 m), shorter than the whole Go2 (0.70 m); z is up.
+    np.testing.assert_allclose(size, [0.46, 0.19, 0.19], atol=0.02)
+
+
+def test_a_mesh_is_decoded_once(tetrahedron, cache, monkeypatch):
+    first = load_mesh(tetrahedron)
+    assert len(list(cache.iterdir())) == 1
+    monkeypatch.setattr(meshes, '_read_mesh', lambda path: pytest.fail('decoded again'))
+    for one, other in zip(first, load_mesh(tetrahedron), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_a_changed_mesh_is_decoded_again(tetrahedron):
+    load_mesh(tetrahedron)
+    tetrahedron.write_text(TETRAHEDRON.replace('v 1 0 0', 'v 2 0 0'))
+    assert load_mesh(tetrahedron).vertices.max() == 2.0
+
+
+@pytest.mark.parametrize('content', [b'', b'PK\x03\x04 not an archive', b'nonsense'])
+def test_a_broken_cache_is_written_anew(tetrahedron, cache, content):
+    load_mesh(tetrahedron)
+    (entry,) = cache.iterdir()
+    entry.write_bytes(content)
+    assert len(load_mesh(tetrahedron).faces) == 4
+    assert entry.stat().st_size > len(content)
+
+
+def test_a_cache_that_cannot_be_written_is_none(tetrahedron, tmp_path, monkeypatch):
+    (tmp_path / 'file').touch()
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'file'))
+    assert len(load_mesh(tetrahedron).faces) == 4
+
+
+@pytest.mark.parametrize('name', ['broken.dae', 'broken.stl', 'broken.obj', 'broken.unknown'])
+def test_what_is_no_mesh_is_a_value_error_in_one_line(tmp_path, name):
+    (tmp_path / name).write_text('this is no mesh\n')
+    with pytest.raises(ValueError, match=name) as caught:
+        load_mesh(tmp_path / name)
+    assert '\n' not in str(caught.value)
+
+
+def test_renaming_keeps_links_apart_and_meshes_together(urdf):
+    renamed, urls = rename_meshes(urdf)
+    assert sorted(urls.values()) == sorted(
+        URL.format(name)
+        for name in ('base', 'hip', 'thigh', 'thigh_mirror', 'calf', 'calf_mirror', 'foot')
+    )
+    assert '.dae' not in renamed
+    assert renamed.count('<mesh ') == 17
+
+
+def test_every_link_of_the_go2_is_drawn_with_its_mesh():
+    world = build_world(load_robot('go2'), visuals=True)
+    assert shown(world.model, 'base') == [mujoco.mjtGeom.mjGEOM_MESH]
+    for leg in ('FL', 'FR', 'RL', 'RR'):
+        for part in ('hip', 'thigh', 'calf'):
+            assert mujoco.mjtGeom.mjGEOM_MESH in shown(world.model, f'{leg}_{part}')
+    assert (world.model.geom_type == mujoco.mjtGeom.mjGEOM_MESH).sum() == 17
+    assert world.model.nmesh == 7
+
+
+def test_meshes_weigh_nothing_and_touch_nothing():
+    plain, drawn = (build_world(load_robot('go2'), visuals=v).model for v in (False, True))
+    np.testing.assert_array_equal(plain.body_mass, drawn.body_mass)
+    np.testing.assert_array_equal(plain.body_inertia, drawn.body_inertia)
+    meshes_drawn = drawn.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    assert not drawn.geom_contype[meshes_drawn].any()
+    assert not drawn.geom_conaffinity[meshes_drawn].any()
+    assert plain.nmesh == 0
+
+
+def test_drawing_does_not_change_what_happens():
+    def fall(visuals):
+        world = build_world(load_robot('go2'), visuals=visuals)
+        world.data.qpos[2] = 0.5
+        world.step(400)
+        return world.data.qpos.copy()
+
+    np.testing.assert_array_equal(fall(False), fall(True))
+
+
+def test_a_missing_mesh_shows_primitives_instead(urdf):
+    def find(url):
+        return None if 'thigh' in url else find_mesh(url, Path())
+
+    model = to_mujoco(urdf, parse_urdf(urdf), find).compile()
+    assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]
+    assert mujoco.mjtGeom.mjGEOM_MESH in shown(model, 'FL_calf')
+
+
+def test_without_any_mesh_it_loads_and_shows_primitives(urdf):
+    model = to_mujoco(urdf, parse_urdf(urdf), lambda url: None).compile()
+    assert model.nmesh == 0
+    assert model.body_mass.sum() == pytest.approx(16.086)
+    for body in ('base', 'FL_hip', 'RR_thigh', 'RL_calf'):
+        assert shown(model, body), body
+
+
+def test_a_mesh_that_cannot_be_read_shows_primitives_too(urdf, tmp_path):
+    broken = tmp_path / 'broken.dae'
+    broken.write_text('<COLLADA>')
+    model = to_mujoco(urdf, parse_urdf(urdf), lambda url: broken).compile()
+    assert model.nmesh == 0
+    assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]

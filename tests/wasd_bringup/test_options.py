@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Options: checked before anything starts, with defaults that the contract names."""
+
+import argparse
+import math
+from pathlib import Path
+
+import pytest
+from robot_description.errors import UserError
+from wasd_bringup.errors import UsageError
+from wasd_bringup.options import add_legged_options
+from wasd_bringup.options import add_run_options
+from wasd_bringup.options import AFTERGLOW
+from wasd_bringup.options import read_options
+
+
+@pytest.fixture
+def read(tmp_path, monkeypatch):
+    """Return a function that reads options in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    parser = argparse.ArgumentParser()
+    add_run_options(parser, 'go2', 'unitree')
+    add_legged_options(parser)
+    return lambda *words: read_options(parser.parse_args(words))
+
+
+def test_defaults_are_those_of_the_contract(read):
+    options = read()
+    assert (options.robot, options.description, options.world) == ('go2', 'go2', 'flat')
+    assert (options.speed, options.seed, options.duration) == (1.0, 0, math.inf)
+    assert (options.estimator, options.limits, options.preset) == ('kalman', 'sport', 'unitree')
+    assert options.viewer is None
+    assert options.keys is None
+    assert not options.scripted
+
+
+def test_a_wheeled_robot_has_no_estimator_to_choose():
+    parser = argparse.ArgumentParser()
+    add_run_options(parser, 'mbot', 'mbot')
+    assert read_options(parser.parse_args([])).estimator == 'kalman'
+    with pytest.raises(SystemExit):
+        parser.parse_args(['--estimator', 'truth'])
+
+
+def test_scripts_are_read_at_once(read, tmp_path):
+    (tmp_path / 'k').write_text('1 2\n3 w*2')
+    (tmp_path / 't').write_text('2 0.5 0 0')
+    options = read('--play', 'k', '--twist', 't')
+    assert [press.key for press in options.keys] == ['2', 'w', 'w']
+    assert options.twists[0].velocity == (0.5, 0.0, 0.0)
+    assert options.scripted
+
+
+def test_a_scripted_run_ends_a_moment_after_its_last_line(read, tmp_path):
+    (tmp_path / 'k').write_text('1 2\n3 w')
+    (tmp_path / 't').write_text('2 0.5 0 0\n5 stop')
+    assert read('--play', 'k').duration == 3.0 + AFTERGLOW
+    assert read('--play', 'k', '--twist', 't').duration == 5.0 + AFTERGLOW
+    assert read('--play', 'k', '--duration', '1').duration == 1.0
+
+
+def test_an_empty_script_is_a_script(read, tmp_path):
+    (tmp_path / 'k').write_text('# nothing yet\n')
+    options = read('--play', 'k')
+    assert options.scripted
+    assert options.duration == AFTERGLOW
+
+
+def test_pushes_and_folders_may_be_given_again_and_again(read, tmp_path):
+    options = read('--push', '1 1 0 0 1', '--push', '2 0 1 0 1', '--package-path', '.')
+    assert [push.time for push in options.pushes] == [1.0, 2.0]
+    assert options.package_path == (tmp_path.resolve(),)
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (('--seed', '-1'), '--seed: got -1, wanted >= 0'),
+        (('--port', '70000'), '--port: got 70000'),
+        (('--duration', 'nan'), "--duration: got 'nan', wanted a number >= 0"),
+        (('--duration', '-1'), "--duration: got '-1'"),
+        (('--speed', 'fast'), "--speed: got 'fast', wanted a number >= 0"),
+        (('--speed', 'inf'), "--speed: got 'inf'"),
+        (('--play', 'gone'), '--play gone: No such file'),
+        (('--twist', 'bytes'), '--twist bytes: not a text file'),
+        (('--package-path', 'gone'), '--package-path gone: no such folder'),
+        (('--report', 'gone/r.json'), '--report gone/r.json: wanted a file'),
+        (('--report', '.'), '--report .: wanted a file'),
+    ],
+)
+def test_what_is_wrong_is_said_before_the_run(read, tmp_path, words, said):
+    (tmp_path / 'bytes').write_bytes(b'\xff\xfe\x00')
+    with pytest.raises(UsageError) as caught:
+        read(*words)
+    assert str(caught.value).startswith(said)
+
+
+def test_a_wrong_key_script_is_a_users_error(read, tmp_path):
+    (tmp_path / 'k').write_text('0 NOWHERE')
+    with pytest.raises(UserError, match='k:1:'):
+        read('--play', 'k')
+
+
+def test_the_report_is_a_path(read):
+    assert read('--report', 'r.json').report == Path('r.json')

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scripts of velocities and pushes: read line by line, played on simulated time."""
+
+import math
+
+import pytest
+from wasd_bringup.errors import UsageError
+from wasd_bringup.scripts import parse_push
+from wasd_bringup.scripts import parse_twist_script
+from wasd_bringup.scripts import Player
+from wasd_bringup.scripts import ScriptedPush
+from wasd_bringup.scripts import ScriptedTwist
+from wasd_bringup.scripts import TwistPlayer
+
+
+def test_lines_are_commands_or_silence():
+    text = '# there\n0 0.5 0 0\n\n  2.5   0.1 -0.2 3e-1  # turn\n4 stop\n'
+    assert parse_twist_script(text, 'f') == [
+        ScriptedTwist(0.0, (0.5, 0.0, 0.0)),
+        ScriptedTwist(2.5, (0.1, -0.2, 0.3)),
+        ScriptedTwist(4.0, None),
+    ]
+
+
+def test_an_empty_script_has_no_commands():
+    assert parse_twist_script('\n# nothing\n', 'f') == []
+
+
+def test_what_is_not_finite_is_let_through_to_the_controller():
+    (command,) = parse_twist_script('1 nan inf 0', 'f')
+    assert command.velocity is not None
+    assert math.isnan(command.velocity[0])
+    assert command.velocity[1] == math.inf
+
+
+@pytest.mark.parametrize(
+    'line',
+    ['1 2 3', '1 2 3 4 5', 'soon 0 0 0', '-1 0 0 0', 'nan 0 0 0', '1 halt', '1 0 0 left', '1'],
+)
+def test_a_wrong_line_is_named_with_its_number(line):
+    with pytest.raises(UsageError) as caught:
+        parse_twist_script(f'0 0 0 0\n\n{line}\n', 'drive.txt')
+    assert str(caught.value).startswith('drive.txt:3: ')
+    assert line in str(caught.value)
+    assert "'t vx vy wz' or 't stop'" in str(caught.value)
+
+
+def test_times_must_rise():
+    with pytest.raises(UsageError, match='drive.txt:2: time 1 comes after 2'):
+        parse_twist_script('2 0 0 0\n1 0 0 0', 'drive.txt')
+
+
+def test_a_push_is_five_numbers():
+    assert parse_push(' 1 0 -60.5 0  0.1 ') == ScriptedPush(1.0, (0.0, -60.5, 0.0), 0.1)
+
+
+@pytest.mark.parametrize(
+    'text', ['', '1 2 3 4', '1 2 3 4 5 6', 'x 0 0 0 1', '1 nan 0 0 1', '1 0 0 0 -1', '-1 0 0 0 1']
+)
+def test_anything_else_is_no_push(text):
+    with pytest.raises(UsageError, match="--push: got .*, wanted 't fx fy fz seconds'"):
+        parse_push(text)
+
+
+def events(*times):
+    return [ScriptedTwist(time, None) for time in times]
+
+
+def test_an_event_is_handed_over_once_when_its_time_has_come():
+    player = Player(events(0.0, 1.0, 1.0, 2.0))
+    assert player.due(0.0) == events(0.0)
+    assert player.due(0.5) == []
+    assert player.due(1.5) == events(1.0, 1.0)
+    assert player.due(1.5) == []
+    assert player.due(9.0) == events(2.0)
+
+
+def test_order_in_the_list_does_not_matter_but_for_equal_times():
+    first, second = ScriptedTwist(1.0, (1, 0, 0)), ScriptedTwist(1.0, (2, 0, 0))
+    player = Player([*events(3.0), first, second])
+    assert player.due(2.0) == [first, second]
+
+
+def test_a_sum_of_steps_that_falls_short_by_rounding_is_on_time():
+    time = 0.0
+    for _ in range(10):
+        time += 0.1
+    assert time < 1.0
+    assert Player(events(1.0)).due(time) == events(1.0)
+
+
+def test_a_velocity_is_repeated_until_the_next_line_and_silence_is_silent():
+    published = []
+    player = TwistPlayer(
+        parse_twist_script('0.1 1 0 0\n0.2 2 0 0\n0.3 stop', 'f'), published.append
+    )
+    for tick in range(9):
+        player.step(0.05 * tick)
+    assert published == [(1, 0, 0), (1, 0, 0), (2, 0, 0), (2, 0, 0)]
