@@ -108,7 +108,7 @@ class KeysToTwistNode(Node):
         self.logic.press(message.data)
         # The first command of a motion leaves with the press: it holds for the period to come.
         is_start = was_silent and self.logic.is_moving
-        if is_start and self._timer is not None:
+        if self._timer is not None and (is_start or self._timer.is_canceled()):
             self._timer.reset()
         self.step(1.0 / self.logic.rate if is_start else 0.0)
 
@@ -117,11 +117,16 @@ class KeysToTwistNode(Node):
         dt = (now - self._last_time).nanoseconds * 1e-9
         self._last_time = now
         self.step(min(max(dt, 0.0), LONGEST_STEP))
+        if self._timer is not None and self.logic.is_silent:
+            # Nothing will be due before a key, which starts it again.
+            self._timer.cancel()
 
     def _on_parameters(self, parameters: TeleopParameters) -> None:
         rate = self.logic.rate
         self.logic.set_parameters(parameters)
         self._settings = parameters
+        if self._timer is not None:
+            self._timer.reset()
         if self._timer is not None and self.logic.rate != rate:
             self.destroy_timer(self._timer)
             self._timer = self._make_timer()
