@@ -44,7 +44,7 @@ def dashboard(logic: KeysToTwist, around: Surroundings, width: int, height: int)
     columns = min(width - 1, WIDEST)
     lines = [*_head(logic, around, columns), *_bars(logic, around, columns)]
     lines.append(Line(RULE * columns, 'dim'))
-    lines += [Line(text) for text in logic.keymap.help_lines]
+    lines += [Line(f' {text}'.rstrip()) for text in logic.keymap.help_lines]
     if len(lines) >= height:
         lines = [line for line in lines if line.text]
     return [Line(line.text[:columns], line.style) for line in lines[: height - 1]]
@@ -113,6 +113,7 @@ def _bars(logic: KeysToTwist, around: Surroundings, columns: int) -> list[Line]:
             continue
         rows = ((name, 'target', logic.target[axis]), ('', source, actual[axis]))
         for label, kind, value in rows:
-            text = f' {label:8}{kind:7} {bar(value, full, width)} {value:+6.2f} {unit}'
+            number = round(value, 2) + 0.0  # no -0.00
+            text = f' {label:8}{kind:7} {bar(value, full, width)} {number:+6.2f} {unit}'
             lines.append(Line(text, 'target' if kind == 'target' else 'actual'))
     return lines
