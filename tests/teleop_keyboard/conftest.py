@@ -5,6 +5,7 @@ import os
 import pty
 import random
 import select
+import socket
 import subprocess
 import sys
 import termios
@@ -114,10 +115,22 @@ def pty_process():
         process.close()
 
 
+def is_free(domain):
+    """Whether no participant on this machine has the first port of a ROS domain."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', 7410 + 250 * domain))
+        except OSError:
+            return False
+    return True
+
+
 @pytest.fixture
 def ros_domain(monkeypatch):
     """Return the number of a ROS domain that nobody else uses; children inherit it."""
-    domain = random.SystemRandom().randint(1, 100)
+    domains = list(range(1, 101))
+    random.SystemRandom().shuffle(domains)
+    domain = next(domain for domain in domains if is_free(domain))
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     return domain
