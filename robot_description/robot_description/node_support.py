@@ -232,11 +232,19 @@ class MessagePump(SingleThreadedExecutor):
 
     def handle(self, timeout: float = 0.0) -> None:
         """Run the handlers of all waiting messages; wait up to `timeout` [s] for the first."""
-        for _ in range(self.LIMIT):
+        handled_before = handled = 0
+        while handled < self.LIMIT:
             try:
                 handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=timeout)
-            except (TimeoutException, ShutdownException, ConditionReachedException):
+            except TimeoutException:
+                # One pass takes one message of each subscription; more may be waiting.
+                if handled == handled_before:
+                    return
+                handled_before = handled
+                continue
+            except (ShutdownException, ConditionReachedException):
                 return
+            handled += 1
             handler()
             error = handler.exception()
             if error is not None:

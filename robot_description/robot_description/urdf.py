@@ -206,13 +206,14 @@ def _shape(tag: ElementTree.Element, where: str) -> Shape | None:
 def _joint(tag: ElementTree.Element) -> Joint:
     name = tag.get('name', '')
     where = f'joint {name!r}'
-    axis = _numbers(tag.find('axis'), 'xyz', '1 0 0', where)
+    kind = tag.get('type', 'fixed')
+    axis = _numbers(tag.find('axis') if kind in MOVABLE else None, 'xyz', '1 0 0', where)
     if not axis.any():
         raise DescriptionError(f'{where}: its axis is zero')
     limit = tag.find('limit')
     return Joint(
         name=name,
-        kind=tag.get('type', 'fixed'),
+        kind=kind,
         parent=_name_of(tag, 'parent'),
         child=_name_of(tag, 'child'),
         pose=_origin(tag, where),

@@ -267,3 +267,18 @@ def test_an_exception_in_a_handler_reaches_the_loop(spawn):
     with pytest.raises(RuntimeError, match='broken'):
         for _ in range(10):
             spawn.pump.handle(0.1)
+
+
+def test_all_messages_that_wait_are_handled_in_one_go(spawn, spin_until):
+    node = spawn(Node('busy'))
+    heard = []
+    node.create_subscription(String, 'words', heard.append, 100)
+    publisher = node.create_publisher(String, 'words', 100)
+    spin_until(spawn.pump, publisher.get_subscription_count)
+    publisher.publish(String(data='first'))
+    spin_until(spawn.pump, lambda: heard)
+    for _ in range(30):
+        publisher.publish(String(data='more'))
+    time.sleep(0.2)  # all of them have arrived
+    spawn.pump.handle(0.0)
+    assert len(heard) == 31

@@ -131,7 +131,7 @@ def test_every_collision_shape_is_kept_in_order():
             "joint 'a_b': rpy needs 3 numbers, got '0 0 x'",
         ),
         (
-            robot('a', 'b', rest=joint('a', 'b', inner='<axis xyz="0 0 0"/>')),
+            robot('a', 'b', rest=joint('a', 'b', 'revolute', inner='<axis xyz="0 0 0"/>')),
             "joint 'a_b': its axis is zero",
         ),
         (
@@ -154,3 +154,9 @@ def test_a_broken_description_is_one_line_that_says_where(text, message):
     with pytest.raises(DescriptionError, match=message) as caught:
         parse_urdf(text)
     assert '\n' not in str(caught.value)
+
+
+def test_a_fixed_joint_needs_no_axis():
+    # Exporters write a zero one, as in Unitree's own Go2.
+    text = robot('a', 'b', rest=joint('a', 'b', inner='<axis xyz="0 0 0"/>'))
+    assert parse_urdf(text).joints['a_b'].kind == 'fixed'

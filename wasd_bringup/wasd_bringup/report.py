@@ -77,7 +77,7 @@ class Recorder:
         if is_down and not self._fallen:
             self.falls += 1
             if self.fell_at is None:
-                self.fell_at = self._world.time
+                self.fell_at = round(self._world.time, 9)
         self._fallen = is_down
 
 
