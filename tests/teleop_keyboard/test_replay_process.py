@@ -21,8 +21,8 @@ def test_a_replay_of_a_drive_is_the_drive(pty_process, ros_domain, tmp_path):
     while b'stopped' not in process.output:
         assert time.monotonic() < deadline, process.output
         time.sleep(0.05)
-    for key in b'iiiiijjjj\xc3\xa9uuqii':
-        process.type(bytes([key]))
+    for key in 'iiiiijjjjéuuqii':
+        process.type(key.encode())
         time.sleep(0.04)
     time.sleep(0.5)
     process.type(b'\x03')
