@@ -29,7 +29,7 @@ from teleop_keyboard.screen import Screen
 # How long one wait for keys lasts [s]: bounds how late a timer of the nodes fires ...
 POLL_PERIOD = 0.01
 # ... and while nothing is to be published until the next key, which ends the wait.
-SILENT_POLL_PERIOD = 0.05
+SILENT_POLL_PERIOD = 0.1
 # The dashboard is looked after this often [s].
 LOOK_PERIOD = 0.05
 
