@@ -33,6 +33,7 @@ setup(
             'key_publisher = teleop_keyboard.key_publisher_node:main',
             'keys_to_twist = teleop_keyboard.keys_to_twist_node:main',
             'teleop = teleop_keyboard.teleop_node:main',
+            'twist_mux = teleop_keyboard.twist_mux_node:main',
         ],
     },
 )

@@ -148,6 +148,8 @@ class LegControllerNode(Node):
             self.get_logger().warning(text)
 
     def _on_key(self, message: String) -> None:
+        if message.data.startswith(('HELD+', 'RELEASE+')):
+            return  # the sticks go by presses alone
         refusal = self.controller.press(message.data)
         if refusal is not None:
             self._say(refusal)

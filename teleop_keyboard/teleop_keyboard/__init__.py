@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keyboard teleoperation: keys, keys to twist, presets."""
+"""Keyboard teleoperation: keys, keys to twist, presets, mux."""

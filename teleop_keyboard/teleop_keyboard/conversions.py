@@ -1,11 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Velocities to ROS messages and back."""
 
+import math
+
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
+from visualization_msgs.msg import Marker
 
 from teleop_keyboard.ramp import Twist3
+
+# The marker floats so high above the robot, as twist_mux's, and is so thick [m].
+MARKER_HEIGHT = 2.0
+MARKER_WIDTH = 0.1
 
 
 def to_twist(velocity: Twist3) -> Twist:
@@ -17,15 +25,36 @@ def to_twist(velocity: Twist3) -> Twist:
     return message
 
 
-def to_twist_stamped(velocity: Twist3, stamp: Time, frame_id: str) -> TwistStamped:
-    """Return the stamped message of a velocity seen in `frame_id`."""
-    message = TwistStamped(twist=to_twist(velocity))
-    message.header.stamp = stamp
-    message.header.frame_id = frame_id
-    return message
-
-
 def from_twist(message: Twist | TwistStamped) -> Twist3:
     """Return the planar part of a message."""
     twist = message.twist if isinstance(message, TwistStamped) else message
     return Twist3(twist.linear.x, twist.linear.y, twist.angular.z)
+
+
+def is_finite(twist: Twist) -> bool:
+    """Whether no component is NaN or infinite."""
+    vectors = (twist.linear, twist.angular)
+    return all(math.isfinite(value) for v in vectors for value in (v.x, v.y, v.z))
+
+
+def to_marker(twist: Twist, stamp: Time, frame_id: str) -> Marker:
+    """Return an arrow above the robot: where it is in a second, turned the way it turns."""
+    marker = Marker(ns='twist', id=0, type=Marker.ARROW, action=Marker.ADD)
+    marker.header.stamp = stamp
+    marker.header.frame_id = frame_id
+    speed = math.hypot(twist.linear.x, twist.linear.y)
+    heading = math.atan2(twist.linear.y, twist.linear.x) if speed > 0.0 else 0.0
+    # Half of the turn of a second: the chord of the arc that the robot drives.
+    heading += 0.5 * twist.angular.z
+    length = max(speed, abs(twist.angular.z) * MARKER_WIDTH)
+    tip = (length * math.cos(heading), length * math.sin(heading))
+    marker.points = [
+        Point(x=0.0, y=0.0, z=MARKER_HEIGHT),
+        Point(x=tip[0], y=tip[1], z=MARKER_HEIGHT),
+    ]
+    # Diameters of the shaft and of the head.
+    marker.scale.x = MARKER_WIDTH
+    marker.scale.y = 2.0 * MARKER_WIDTH
+    marker.pose.orientation.w = 1.0
+    marker.color.g = marker.color.a = 1.0
+    return marker

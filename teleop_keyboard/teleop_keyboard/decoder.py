@@ -3,6 +3,8 @@
 
 from typing import NamedTuple
 
+from teleop_keyboard.key_names import RELEASE
+from teleop_keyboard.key_names import with_event
 from teleop_keyboard.key_names import with_modifiers
 
 ESC = 0x1B
@@ -38,6 +40,21 @@ PAD_KEYS = {
 }
 # The Linux console's F1..F5, `ESC [ [ A`.
 CONSOLE_KEYS = dict(zip('ABCDE', ('F1', 'F2', 'F3', 'F4', 'F5'), strict=True))
+# The number pad in kitty's protocol, by code.
+KITTY_PAD_KEYS: dict[int, str] = dict(
+    zip(
+        range(57399, 57427),
+        (*'0123456789./*-+', 'ENTER', '=', ',', 'LEFT', 'RIGHT', 'UP', 'DOWN', 'PGUP', 'PGDN')
+        + ('HOME', 'END', 'INSERT', 'DELETE'),
+        strict=True,
+    )
+)
+# Types of events in kitty's protocol; 1 is a press, 2 a repeat.
+KITTY_RELEASE = 3
+# The answer to the question whether a terminal speaks it, and the loss of the keyboard's focus.
+SPEAKS_KITTY = 'speaks kitty'
+LOST_FOCUS = 'lost focus'
+NOTICES = (SPEAKS_KITTY, LOST_FOCUS)
 CONTROL_KEYS = {
     **{0x08: 'BACKSPACE', 0x09: 'TAB', 0x0A: 'ENTER', 0x0D: 'ENTER', 0x7F: 'BACKSPACE'},
     **{0x00: 'CTRL+SPACE', 0x1B: 'ESC'},
@@ -49,6 +66,9 @@ class _Piece(NamedTuple):
 
     length: int
     key: str | None = None
+    # Which key of the keyboard it is, whatever Shift makes of it; '' where nothing tells.
+    place: str = ''
+    is_release: bool = False
 
 
 _INCOMPLETE = _Piece(0)
@@ -60,11 +80,21 @@ class KeyDecoder:
 
     It keeps the start of a sequence that has not ended yet. A lone ESC looks like such a start:
     while `pending`, the caller waits up to 50 ms for more and then calls `flush`.
+
+    From a terminal that tells releases (kitty's protocol) it keeps the keys that are `down`; the
+    end of each comes as `RELEASE+key`, also when the window lost the focus.
     """
 
     def __init__(self) -> None:
         self._buffer = b''
+        self._down: dict[str, str] = {}
         self.dropped = 0
+        self.speaks_kitty = False
+
+    @property
+    def down(self) -> tuple[str, ...]:
+        """Keys that were pressed and not yet released, where the terminal tells both."""
+        return tuple(self._down.values()) if self.speaks_kitty else ()
 
     @property
     def pending(self) -> bool:
@@ -82,11 +112,34 @@ class KeyDecoder:
             if piece.length == 0:
                 break
             self._buffer = self._buffer[piece.length :]
-            if piece.key is None:
-                self.dropped += 1
-            else:
-                keys.append(piece.key)
+            keys += self._events(piece)
         return keys
+
+    def forget_down(self) -> list[str]:
+        """Release all keys, as nobody will tell; return the names of these events."""
+        names = [with_event(RELEASE, key) for key in self.down]
+        self._down.clear()
+        return names
+
+    def _events(self, piece: _Piece) -> list[str]:
+        """Return the names of what one piece tells."""
+        if piece.key in NOTICES:
+            if piece.key == LOST_FOCUS:
+                return self.forget_down()
+            # What was noted before nobody has told the end of.
+            self._down.clear()
+            self.speaks_kitty = True
+            return []
+        if piece.is_release:
+            # Under the name of its press: Shift may have been let go before.
+            key = self._down.pop(piece.place, None)
+            return [] if key is None else [with_event(RELEASE, key)]
+        if piece.key is None:
+            self.dropped += 1
+            return []
+        if piece.place:
+            self._down[piece.place] = piece.key
+        return [piece.key]
 
     def flush(self) -> list[str]:
         """Return what the waiting bytes mean if nothing follows: ESC, ALT+[, ALT+O or nothing."""
@@ -160,38 +213,53 @@ def _control_sequence(data: bytes) -> _Piece:
     for index in range(2, len(data)):
         byte = data[index]
         if 0x40 <= byte <= 0x7E:
-            return _Piece(index + 1, _csi_key(data[2:index].decode(), chr(byte)))
+            return _csi_piece(index + 1, data[2:index].decode(), chr(byte))
         if not 0x20 <= byte < 0x40:
             # Not a sequence after all; the byte that breaks it is a key of its own.
             return _Piece(index)
     return _INCOMPLETE
 
 
-def _csi_key(parameters: str, final: str) -> str | None:
-    # A kitty sub-parameter (`97:65`) refines the number before it.
-    fields = [field.split(':')[0] for field in parameters.split(';')]
-    if not all(field.isdigit() or not field for field in fields):
-        return None
-    numbers = [int(field) if field else 1 for field in fields]
-    modifiers = numbers[1] if len(numbers) > 1 else 1
+def _csi_piece(length: int, parameters: str, final: str) -> _Piece:
+    if final == 'u' and parameters.startswith('?'):
+        return _Piece(length, SPEAKS_KITTY)
+    if final in 'IO' and not parameters:
+        return _Piece(length, LOST_FOCUS if final == 'O' else None)
+    # Kitty refines a number by sub-parameters: `97:65` is a with A, `5:3` Ctrl released.
+    fields = [field.split(':') for field in parameters.split(';')]
+    if not all(part.isdigit() or not part for field in fields for part in field):
+        return _Piece(length)
+    numbers = [[int(part) if part else 1 for part in field] for field in fields]
+    modifiers = numbers[1] if len(numbers) > 1 else [1]
+    text = ''.join(map(chr, numbers[2])) if len(numbers) > 2 and fields[2][0] else ''
+    key = _csi_key(numbers[0][0], modifiers[0], final, text)
+    is_release = modifiers[1:2] == [KITTY_RELEASE]
+    return _Piece(length, key, f'{numbers[0][0]}{final}', is_release)
+
+
+def _csi_key(number: int, modifiers: int, final: str, text: str) -> str | None:
     if final == '~':
-        return _modified(NUMBER_KEYS.get(numbers[0]), modifiers)
+        return _modified(NUMBER_KEYS.get(number), modifiers)
     if final == 'Z':
         return 'SHIFT+TAB'
     if final == 'u':
-        return _unicode_key(numbers[0], modifiers)
+        return _unicode_key(number, modifiers, text)
     if final in RXVT_KEYS:
         return with_modifiers(RXVT_KEYS[final], shift=True)
     return _modified(LETTER_KEYS.get(final), modifiers)
 
 
-def _unicode_key(code: int, modifiers: int) -> str | None:
-    """Name the key of `ESC [ code ; modifiers u`."""
+def _unicode_key(code: int, modifiers: int, text: str) -> str | None:
+    """Name the key of `ESC [ code ; modifiers ; text u`."""
     if code in CONTROL_KEYS and code != 0:
         return _modified(CONTROL_KEYS[code], modifiers)
+    if code in KITTY_PAD_KEYS:
+        return KITTY_PAD_KEYS[code]
     if code > 0x10FFFF or not chr(code).isprintable():
         return None
     if (modifiers - 1) & 0x6 == 0:
+        if len(text) == 1 and text.isprintable():
+            return text
         return chr(code).upper() if (modifiers - 1) & 0x1 else chr(code)
     return _modified(chr(code), modifiers)
 

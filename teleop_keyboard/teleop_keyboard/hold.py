@@ -1,11 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a key is still down, judged from a keyboard's auto-repeat."""
+"""Which keys are down, from a keyboard's auto-repeat or from what a terminal says of releases."""
 
 from dataclasses import dataclass
 from dataclasses import field
 
-# A first press counts this long: keyboards wait up to 0.5 s before they repeat [s].
+# A first press counts this long until the keyboard's own delay is known: up to 0.5 s [s].
 FIRST_REPEAT_TIMEOUT = 0.6
+# With a known delay, this much more than it: a late first repeat must not stop the robot.
+DELAY_FACTOR = 1.15
+DELAY_MARGIN = 0.03
+LONGEST_FIRST_TIMEOUT = 1.2
+# What may be a delay before the first repeat at all [s].
+SHORTEST_DELAY = 0.15
+# Repeats come no slower than this, and evenly [s]; fingers do not.
+LONGEST_GAP = 0.11
+EVEN_GAPS = 1.6
 # A repeating key is released when this many gaps pass without it ...
 GAPS_TO_RELEASE = 2.5
 # ... but not sooner than this: one late delivery must not stop the robot [s].
@@ -14,61 +23,90 @@ SHORTEST_TIMEOUT = 0.12
 SHORTEST_GAP = 0.01
 # The last gaps that are looked at; the longest counts, so jitter does not release a key.
 GAPS_KEPT = 3
+# Keys pressed within this time are one chord: only the last one repeats, but all are down [s].
+CHORD_WINDOW = 0.08
+# A key whose release will be told is given up when nothing is heard of it for so long [s].
+HELD_TIMEOUT = 0.35
 
 
 @dataclass
 class _Key:
-    """Since when a key was last seen [s] and the gaps between its last repeats [s]."""
+    """Since when a key was last seen [s], and what its timing says about it."""
 
+    first_timeout: float
     age: float = 0.0
     presses: int = 1
     gaps: list[float] = field(default_factory=list)
+    is_down: bool = True
+    # Whether its release will be told.
+    is_told: bool = False
+    # The key that stands for it: the last one of a chord.
+    leader: str = ''
+    # Whether another key has been pressed since: it will not repeat any more.
+    is_overtaken: bool = False
 
     @property
     def timeout(self) -> float:
         """How long after its last press the key still counts as held [s]."""
-        if not self.gaps:
-            return FIRST_REPEAT_TIMEOUT
-        wanted = max(SHORTEST_TIMEOUT, GAPS_TO_RELEASE * max(self.gaps))
-        return min(wanted, FIRST_REPEAT_TIMEOUT)
-
-    def repeat(self) -> None:
-        if self.age < SHORTEST_GAP:
-            return
-        self.presses += 1
-        if self.presses == 3:
-            # The gap before was the keyboard's delay before the first repeat, not its rate.
-            self.gaps.clear()
-        self.gaps = [*self.gaps, self.age][-GAPS_KEPT:]
-        self.age = 0.0
+        if self.is_told:
+            return HELD_TIMEOUT
+        # The gap after the first press is the keyboard's delay, not its rate.
+        gaps = self.gaps[1:] if len(self.gaps) > 1 else self.gaps
+        if not gaps:
+            return SHORTEST_TIMEOUT if self.is_overtaken else self.first_timeout
+        wanted = max(SHORTEST_TIMEOUT, GAPS_TO_RELEASE * max(gaps[-GAPS_KEPT:]))
+        return min(wanted, self.first_timeout)
 
 
 class KeyHold:
     """
     Keeps the keys that count as held.
 
-    Terminals tell presses, not releases. A key is held for `FIRST_REPEAT_TIMEOUT` after its first
-    press; once it repeats, until the repeats fail to come. One `step` passes simulated time.
+    Terminals mostly tell presses, not releases. A key is held after its first press for as long
+    as the keyboard takes to repeat it, which is learnt from it; once it repeats, until the repeats
+    fail to come. Only the last key pressed repeats, so an earlier one ends soon after, unless both
+    were pressed together. Where a terminal tells releases (`keep_down`, `release`), these count.
+    One `step` passes simulated time.
     """
 
     def __init__(self) -> None:
         self._keys: dict[str, _Key] = {}
+        self._first_timeout = FIRST_REPEAT_TIMEOUT
 
     @property
     def held(self) -> tuple[str, ...]:
         """Keys that are down, in the order of their first press."""
-        return tuple(self._keys)
+        return tuple(name for name, key in self._keys.items() if key.is_down)
 
-    def press(self, key: str) -> None:
+    @property
+    def first_timeout(self) -> float:
+        """How long a first press counts [s]."""
+        return self._first_timeout
+
+    def press(self, name: str) -> None:
         """Note a press or a repeat of a key."""
-        if key in self._keys:
-            self._keys[key].repeat()
-        else:
-            self._keys[key] = _Key()
+        key = self._keys.get(name)
+        if key is not None and key.age < SHORTEST_GAP:
+            return
+        if key is not None and (key.is_down or self._may_be_first_repeat(key)):
+            self._repeat(key)
+            return
+        chord = [other for other, state in self._keys.items() if self._joins_chord(state)]
+        for other, state in self._keys.items():
+            state.is_overtaken = True
+            state.leader = name if other in chord else ''
+        self._keys.pop(name, None)
+        self._keys[name] = _Key(self._first_timeout)
 
-    def release(self, key: str) -> None:
+    def keep_down(self, name: str) -> None:
+        """Note that a key is down, and that its release will be told."""
+        key = self._keys.setdefault(name, _Key(self._first_timeout))
+        key.is_told = key.is_down = True
+        key.age = 0.0
+
+    def release(self, name: str) -> None:
         """Forget one key."""
-        self._keys.pop(key, None)
+        self._keys.pop(name, None)
 
     def clear(self) -> None:
         """Forget all keys."""
@@ -76,8 +114,39 @@ class KeyHold:
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass; keys that did not repeat in time are released."""
-        for key, state in list(self._keys.items()):
-            state.age += dt
+        for name, key in list(self._keys.items()):
+            key.age += dt
             # The tolerance keeps sums of steps from holding a key one step too long.
-            if state.age >= state.timeout - 1e-9:
-                del self._keys[key]
+            if key.age >= key.timeout - 1e-9 and not self._is_led(key):
+                key.is_down = False
+            if key.age >= LONGEST_FIRST_TIMEOUT and not key.is_down:
+                del self._keys[name]
+
+    def _repeat(self, key: _Key) -> None:
+        key.presses += 1
+        key.gaps = [*key.gaps, key.age][-GAPS_KEPT - 1 :]
+        key.age = 0.0
+        key.is_down = True
+        key.is_overtaken = False
+        self._learn(key)
+
+    def _learn(self, key: _Key) -> None:
+        """Take the keyboard's delay from a gap that two quick, even ones follow."""
+        if len(key.gaps) < 3:
+            return
+        delay, first, second = key.gaps[-3:]
+        is_even = max(first, second) <= EVEN_GAPS * min(first, second)
+        if is_even and max(first, second) <= LONGEST_GAP and delay >= SHORTEST_DELAY:
+            wanted = DELAY_FACTOR * delay + DELAY_MARGIN
+            self._first_timeout = min(wanted, LONGEST_FIRST_TIMEOUT)
+
+    def _may_be_first_repeat(self, key: _Key) -> bool:
+        """Whether a key given up too soon comes back: a delay longer than was thought."""
+        return key.presses == 1 and not key.is_overtaken
+
+    def _joins_chord(self, key: _Key) -> bool:
+        return key.is_down and key.presses == 1 and key.age <= CHORD_WINDOW and not key.is_told
+
+    def _is_led(self, key: _Key) -> bool:
+        leader = self._keys.get(key.leader)
+        return leader is not None and leader.is_down and not key.is_told

@@ -5,6 +5,9 @@ How keys are called in messages, keymaps and key scripts.
 A printable character is called by itself (`w`, `é`, and a blank for the space bar). Other keys
 have names in capitals (`UP`, `F5`, `ESC`). Modifiers stand in front, in the order CTRL, ALT,
 SHIFT: `CTRL+A`, `ALT+x`, `CTRL+SHIFT+UP`. Shift is not named where it only picks the character.
+
+A name stands for a press. Where a terminal tells more, `HELD+w` says that w is (still) down and
+that its end will be told, and `RELEASE+w` is that end; who cares for presses only skips both.
 """
 
 import difflib
@@ -19,6 +22,24 @@ NAMED_KEYS = frozenset(
 
 # Names for characters that a file format cannot hold as themselves.
 ALIASES = {'SPACE': ' '}
+
+# What a message may tell of a key besides a press.
+HELD = 'HELD'
+RELEASE = 'RELEASE'
+
+
+def split_event(name: str) -> tuple[str, str]:
+    """Return what a name tells, HELD, RELEASE or '' for a press, and of which key."""
+    for event in (HELD, RELEASE):
+        if name.startswith(event + '+') and len(name) > len(event) + 1:
+            key = name[len(event) + 1 :]
+            return event, ALIASES.get(key, key)
+    return '', name
+
+
+def with_event(event: str, key: str) -> str:
+    """Return the name of a message that tells HELD or RELEASE of a key."""
+    return f'{event}+{"SPACE" if key == " " else key}'
 
 
 def with_modifiers(key: str, *, ctrl: bool = False, alt: bool = False, shift: bool = False) -> str:
@@ -40,6 +61,9 @@ def canonical_key(text: str) -> str:
     Raises:
         ValueError: when `text` is neither one printable character nor the name of a key.
     """
+    event, rest = split_event(text)
+    if event:
+        return with_event(event, canonical_key(rest))
     modifiers, base = _split(text)
     if base in ALIASES:
         base = ALIASES[base]

@@ -2,10 +2,12 @@
 """The node that publishes keys, and the executable `key_publisher`."""
 
 from collections.abc import Callable, Sequence
+import contextlib
 import signal
 import sys
 import time
 
+from rcl_interfaces.msg import ParameterDescriptor
 import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
@@ -15,9 +17,10 @@ from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
 from std_msgs.msg import String
 
+from teleop_keyboard.command_line import read_options
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
-from teleop_keyboard.terminal import NoTerminal
+from teleop_keyboard.key_script import KeyScriptWriter
 
 # Messages kept for a receiver that is slow: a burst of typing must not lose a key.
 QUEUE_DEPTH = 100
@@ -42,6 +45,10 @@ class KeyPublisherNode(Node):
     def __init__(self, *, namespace: str = '') -> None:
         super().__init__('key_publisher', namespace=namespace)
         self.receivers: list[Callable[[String], None]] = []
+        described = ParameterDescriptor(
+            description='One message for each character, as the tutorials.', read_only=True
+        )
+        self.raw: bool = self.declare_parameter('raw', False, described).value
         self._publisher = self.create_publisher(String, 'keys', QUEUE_DEPTH)
 
     @property
@@ -55,6 +62,15 @@ class KeyPublisherNode(Node):
         for receiver in self.receivers:
             receiver(message)
         self._publisher.publish(message)
+
+    def save_to(self, writer: KeyScriptWriter) -> None:
+        """Write every key to a script, in seconds of this node's clock from now on."""
+        start = self.get_clock().now()
+
+        def save(message: String) -> None:
+            writer.write(1e-9 * (self.get_clock().now() - start).nanoseconds, message.data)
+
+        self.receivers.append(save)
 
     def close(self) -> None:
         """Give the last keys the time to leave the process."""
@@ -86,15 +102,21 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
 def main(args: Sequence[str] | None = None) -> int:
     """Run `key_publisher`; return the exit status."""
     try:
+        options = read_options('key_publisher', sys.argv[1:] if args is None else args)
         reader = open_key_reader()
-    except NoTerminal as error:
+        writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
+    except UserError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
-    with StopSignals() as stop, reader:
+    with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
         node = None
         try:
-            init_ros(args)
+            init_ros(options.ros)
             node = KeyPublisherNode()
+            if writer is not None:
+                node.save_to(writer)
+            if node.raw:
+                reader.set_raw()
             publish_keys(node, reader, stop)
         except UserError as error:
             print(f'error: {error}', file=sys.stderr)

@@ -4,13 +4,17 @@
 import contextlib
 import os
 import select
+import signal
 import stat
 import sys
 import time
 from types import TracebackType
 from typing import Protocol, Self
 
+from teleop_keyboard.character_decoder import CharacterDecoder
 from teleop_keyboard.decoder import KeyDecoder
+from teleop_keyboard.key_names import HELD
+from teleop_keyboard.key_names import with_event
 from teleop_keyboard.terminal import NoTerminal
 from teleop_keyboard.terminal import open_terminal
 from teleop_keyboard.terminal import READ_SIZE
@@ -18,6 +22,14 @@ from teleop_keyboard.terminal import Terminal
 
 # How long the rest of an escape sequence may take, so after what time ESC is just ESC [s].
 SEQUENCE_TIMEOUT = 0.04
+# How often it is told that a key is still down, where the terminal tells releases [s].
+HELD_PERIOD = 0.1
+# A terminal that reports all keys as sequences makes no signals of these: we do.
+SIGNAL_KEYS = {
+    'CTRL+C': signal.SIGINT,
+    'CTRL+Z': signal.SIGTSTP,
+    'CTRL+\\': signal.SIGQUIT,
+}
 
 
 class Source(Protocol):
@@ -71,17 +83,22 @@ class KeyReader:
     `closed` turns True when no more key can come: the terminal hung up, or the pipe ended after it
     delivered something. A pipe that ends empty (what `ros2 launch` gives a node) leaves the
     terminal in charge.
+
+    A terminal that speaks kitty's protocol tells releases, too: then a key that is down comes
+    again as `HELD+key` every `HELD_PERIOD`, and its end as `RELEASE+key`.
     """
 
     def __init__(self, terminal: Terminal | None, pipe: Pipe | None = None) -> None:
         self.terminal = terminal
         self.pipe = pipe
-        self._decoders: dict[Source, KeyDecoder] = {}
+        self._decoders: dict[Source, KeyDecoder | CharacterDecoder] = {}
         self._pending_since: dict[Source, float] = {}
         for source in (terminal, pipe):
             if source is not None:
                 self._decoders[source] = KeyDecoder()
         self._stack = contextlib.ExitStack()
+        self._has_asked = False
+        self._next_held = 0.0
 
     @property
     def closed(self) -> bool:
@@ -115,10 +132,14 @@ class KeyReader:
 
     def poll(self, timeout: float) -> list[str]:
         """Wait at most `timeout` [s] of wall time for keys and return them in order."""
+        self._ask()
         sources = [source for source in self._decoders if not source.closed]
+        now = time.monotonic()
         if self._pending_since:
-            age = time.monotonic() - min(self._pending_since.values())
+            age = now - min(self._pending_since.values())
             timeout = min(timeout, max(SEQUENCE_TIMEOUT - age, 0.0))
+        if self._down:
+            timeout = min(timeout, max(self._next_held - now, 0.0))
         ready = select.select(sources, [], [], timeout)[0]
         keys = []
         for source in ready:
@@ -127,7 +148,47 @@ class KeyReader:
         for source in self._overdue():
             keys += self._decoders[source].flush()
             self._note_pending(source, restart=False)
-        return keys
+        return self._with_held(keys)
+
+    def set_raw(self) -> None:
+        """Return single characters from now on instead of names of keys."""
+        self._decoders = {source: CharacterDecoder() for source in self._decoders}
+        self._has_asked = True
+
+    @property
+    def _down(self) -> tuple[str, ...]:
+        return self._decoders[self.terminal].down if self.terminal is not None else ()
+
+    def _ask(self) -> None:
+        """Ask the terminal once whether it tells releases; have it do so when it does."""
+        if self.terminal is None:
+            return
+        if not self._has_asked:
+            self._has_asked = True
+            self.terminal.after_resume.append(self._forget_down)
+            self.terminal.ask_kitty()
+        if self._decoders[self.terminal].speaks_kitty:
+            self.terminal.tell_releases()
+
+    def _forget_down(self) -> None:
+        # What was released while the process was suspended was told to the shell.
+        if self.terminal is not None:
+            self._decoders[self.terminal].forget_down()
+
+    def _with_held(self, keys: list[str]) -> list[str]:
+        """Add that keys are down, after their presses and every now and then; make signals."""
+        if self.terminal is None or not self.terminal.tells_releases:
+            return keys
+        now = time.monotonic()
+        for key in keys:
+            if key in SIGNAL_KEYS:
+                # To the whole job, as the terminal would have done.
+                os.killpg(os.getpgrp(), SIGNAL_KEYS[key])
+        down = self._down
+        if now >= self._next_held or any(key in down for key in keys):
+            self._next_held = now + HELD_PERIOD
+            keys = keys + [with_event(HELD, key) for key in down]
+        return [key for key in keys if key not in SIGNAL_KEYS]
 
     def _note_pending(self, source: Source, *, restart: bool) -> None:
         if not self._decoders[source].pending:

@@ -8,7 +8,8 @@ a key that is held, N presses at a keyboard's repeat rate. `#` starts a comment.
 
 import math
 import re
-from typing import NamedTuple
+from types import TracebackType
+from typing import NamedTuple, Self, TextIO
 
 from robot_description.errors import UserError
 
@@ -76,4 +77,54 @@ def _key_and_count(word: str) -> tuple[str, int]:
         raise ValueError(f"got {word!r}, wanted STAR for the key '*'")
     if not re.fullmatch(r'[0-9]{1,9}', count_text) or not 1 <= int(count_text) <= MOST_PRESSES:
         raise ValueError(f'got {word!r}, wanted key*N with N from 1 to {MOST_PRESSES}')
+    head, plus, base = text.rpartition('+')
+    if plus and base in CHARACTER_NAMES:
+        text = f'{head}+{CHARACTER_NAMES[base]}'
     return CHARACTER_NAMES.get(text) or canonical_key(text), int(count_text)
+
+
+def script_word(key: str) -> str:
+    """Return how a key stands in a script; `parse_key_script` reads it back."""
+    names = {' ': 'SPACE', **{character: name for name, character in CHARACTER_NAMES.items()}}
+    head, base = key[:-1], key[-1:]
+    # The characters of the format stand at the end, behind modifiers: CTRL+*.
+    if len(key) == 1 or head.endswith('+'):
+        return head + names.get(base, base)
+    return key
+
+
+class KeyScriptWriter:
+    """
+    Context that writes keys to a file as a script; each line is on disk when `write` returns.
+
+    Raises:
+        KeyScriptError: the file cannot be written.
+    """
+
+    def __init__(self, path: str) -> None:
+        try:
+            self._file: TextIO = open(path, 'w', encoding='utf-8')  # noqa: SIM115
+        except OSError as error:
+            raise KeyScriptError(f'{path}: cannot write: {error.strerror}') from None
+
+    def write(self, time: float, key: str) -> None:
+        """Write that a key came at `time` [s]; digits are kept so that a replay is exact."""
+        self._file.write(f'{time!r} {script_word(key)}\n')
+        self._file.flush()
+
+    def __enter__(self) -> Self:
+        """Return the writer."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the file."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()

@@ -2,17 +2,21 @@
 """What each key means: keymaps and the presets they are read from."""
 
 from collections.abc import Mapping
+import dataclasses
 from dataclasses import dataclass
 import difflib
 from importlib import resources
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from robot_description.parameters import InvalidParameter
 
-MODES = ('hold', 'latch')
+from teleop_keyboard.layouts import on_layout
+
+MODES = ('hold', 'latch', 'step')
 OTHER_KEYS = ('stop', 'ignore')
-IDLE_POLICIES = ('silent', 'repeat')
+IDLE_POLICIES = ('silent', 'zeros', 'repeat')
 
 
 class KeymapError(InvalidParameter):
@@ -50,10 +54,12 @@ class Keymap:
     """
     A table of keys and the defaults that go with it.
 
-    In mode `hold` a motion key counts while it is down, in mode `latch` until the next one.
+    In mode `hold` motion keys count while they are down, in mode `latch` one counts until the
+    next, in mode `step` each press adds to what there is.
     `other_keys` says whether a key that means nothing stops the robot (on the ramp).
     With `first_character_only` just the first character of a message counts.
-    `idle` is `silent` (one zero, then nothing, while the robot stands) or `repeat`.
+    `idle` says what is published while the robot stands: `silent`, one zero, then nothing;
+    `zeros`, zeros at the rate once a key was pressed; `repeat`, the last command, from the start.
     """
 
     name: str
@@ -73,6 +79,11 @@ class Keymap:
     linear_accel: float  # [m/s^2]
     angular_accel: float  # [rad/s^2]
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """All keys that mean something."""
+        return *self.motion, *self.speed_keys, *sorted(self.stop_keys)
+
 
 def preset_names() -> tuple[str, ...]:
     """Return the names of the built-in presets."""
@@ -82,13 +93,39 @@ def preset_names() -> tuple[str, ...]:
     )
 
 
-def load_preset(name_or_path: str) -> Keymap:
+def load_preset(name_or_path: str, layout: str = 'qwerty') -> Keymap:
     """
     Return a built-in preset by name, or the keymap in a YAML file by path.
+
+    Keymaps name the keys of a qwerty keyboard; on another `layout` the same places are meant.
 
     Raises:
         KeymapError: when there is no such preset or file, or when it is not valid.
     """
+    keymap = _load(name_or_path)
+    return keymap if layout == 'qwerty' else _moved(keymap, layout)
+
+
+def _moved(keymap: Keymap, layout: str) -> Keymap:
+    """Return the keymap with its keys at the same places of another keyboard."""
+    # Here, because it needs the classes above.
+    from teleop_keyboard.keymap_text import table_lines
+
+    names = {key: on_layout(key, layout) for key in keymap.keys}
+    if len(set(names.values())) < len(names):
+        twice = [key for key, name in names.items() if list(names.values()).count(name) > 1]
+        raise KeymapError(f'{keymap.name}: {" and ".join(twice)} are one key on {layout}')
+    moved = dataclasses.replace(
+        keymap,
+        motion=MappingProxyType({names[key]: way for key, way in keymap.motion.items()}),
+        speed_keys=MappingProxyType({names[key]: f for key, f in keymap.speed_keys.items()}),
+        stop_keys=frozenset(names[key] for key in keymap.stop_keys),
+    )
+    title = *keymap.help_lines[:1], f'keyboard {layout}'
+    return dataclasses.replace(moved, help_lines=(', '.join(title), *table_lines(moved)))
+
+
+def _load(name_or_path: str) -> Keymap:
     # Here, because the reader builds the classes above.
     from teleop_keyboard.keymap_reader import read_keymap
 

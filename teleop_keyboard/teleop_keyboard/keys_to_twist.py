@@ -5,10 +5,12 @@ import math
 
 from robot_description.parameters import InvalidParameter
 
-from teleop_keyboard.hold import KeyHold
-from teleop_keyboard.keymap import Direction
+from teleop_keyboard.key_names import HELD
+from teleop_keyboard.key_names import split_event
 from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import Limits
+from teleop_keyboard.motion import Motion
+from teleop_keyboard.ramp import Pace
 from teleop_keyboard.ramp import ramped_twist
 from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.ramp import Twist3
@@ -16,8 +18,6 @@ from teleop_keyboard.teleop_parameters import AS_PRESET
 from teleop_keyboard.teleop_parameters import SPEED_NAMES
 from teleop_keyboard.teleop_parameters import TeleopParameters
 from teleop_keyboard.teleop_parameters import TURN_NAMES
-
-NOWHERE = Direction()
 
 
 class KeysToTwist:
@@ -37,8 +37,7 @@ class KeysToTwist:
         self._parameters = TeleopParameters()
         self._speed = keymap.speed
         self._turn = keymap.turn
-        self._hold = KeyHold()
-        self._latched = NOWHERE
+        self._motion = Motion(keymap.motion, keymap.mode, self._parameters.step_share)
         self._last_key = ''
         self._velocity = STANDSTILL
         self._is_silent = False
@@ -72,12 +71,19 @@ class KeysToTwist:
         return self._last_key
 
     @property
+    def mode(self) -> str:
+        """How long a motion key counts: hold, latch or step."""
+        return self._motion.mode
+
+    @property
+    def keys_down(self) -> tuple[str, ...]:
+        """The motion keys that count as down."""
+        return self._motion.keys_down
+
+    @property
     def target(self) -> Twist3:
         """The velocity that the ramp moves toward."""
-        direction = self._latched
-        if self._keymap.mode == 'hold':
-            held = self._hold.held
-            direction = self._keymap.motion[held[-1]] if held else NOWHERE
+        direction = self._motion.direction
         return Twist3(
             direction.x * self._speed, direction.y * self._speed, direction.yaw * self._turn
         )
@@ -110,11 +116,24 @@ class KeysToTwist:
         turn = self._changed(parameters, TURN_NAMES, keymap.turn, keymap.turn_limits)
         self._speed = self._speed if speed is None else speed
         self._turn = self._turn if turn is None else turn
+        mode = keymap.mode if parameters.mode == AS_PRESET else parameters.mode
+        if mode != self._motion.mode:
+            self._motion.forget()
+        self._motion.mode, self._motion.share = mode, parameters.step_share
         self._parameters = parameters
+        self._pace = self._pace_of(parameters)
 
     def press(self, key: str) -> None:
-        """Take one key message; speed keys and unknown keys never start a motion."""
+        """
+        Take one key message; speed keys and unknown keys never start a motion.
+
+        HELD and RELEASE of a motion key say that it stays down, and that it does not.
+        """
+        event, key = split_event(key)
         if not key:
+            return
+        if event:
+            (self._motion.keep_down if event == HELD else self._motion.release)(key)
             return
         keymap = self._keymap
         if keymap.first_character_only:
@@ -123,29 +142,29 @@ class KeysToTwist:
         if key in keymap.stop_keys:
             self.stop()
         elif key in keymap.motion:
-            self._move(key)
+            self._motion.press(key)
         elif key in keymap.speed_keys:
             factor = keymap.speed_keys[key]
             self._speed = keymap.speed_limits.clamp(self._speed * factor.linear)
             self._turn = keymap.turn_limits.clamp(self._turn * factor.angular)
         elif keymap.other_keys == 'stop':
-            self._forget_motion()
+            self._motion.forget()
 
     def stop(self) -> None:
         """Stop without a ramp; the next `step` returns a zero, whatever the idle policy."""
-        self._forget_motion()
+        self._motion.forget()
         self._velocity = STANDSTILL
         self._is_silent = False
         self._since_publish = math.inf
 
     def reset(self) -> None:
         """Return to the state at the start: standing, full speeds as parameters say."""
-        self._forget_motion()
+        self._motion.forget()
         self._last_key = ''
         self._velocity = STANDSTILL
         self._speed = self._first_set(SPEED_NAMES) or self._keymap.speed
         self._turn = self._first_set(TURN_NAMES) or self._keymap.turn
-        self._is_silent = self._idle == 'silent'
+        self._is_silent = self._idle != 'repeat'
         self._since_publish = math.inf
 
     def step(self, dt: float) -> Twist3 | None:
@@ -155,14 +174,8 @@ class KeysToTwist:
         A `dt` that is not a positive number lets no time pass.
         """
         dt = dt if math.isfinite(dt) and dt > 0.0 else 0.0
-        self._hold.step(dt)
-        self._velocity = ramped_twist(
-            self._velocity,
-            self.target,
-            self._parameters.linear_accel or self._keymap.linear_accel,
-            self._parameters.angular_accel or self._keymap.angular_accel,
-            dt,
-        )
+        self._motion.step(dt)
+        self._velocity = ramped_twist(self._velocity, self.target, self._pace, dt)
         return self._velocity if self._is_due(dt) else None
 
     @property
@@ -170,22 +183,26 @@ class KeysToTwist:
         idle = self._parameters.idle
         return self._keymap.idle if idle == AS_PRESET else idle
 
-    def _move(self, key: str) -> None:
-        if self._keymap.mode == 'latch':
-            self._latched = self._keymap.motion[key]
-            return
-        if self._hold.held != (key,):
-            self._hold.clear()
-        self._hold.press(key)
-
-    def _forget_motion(self) -> None:
-        self._hold.clear()
-        self._latched = NOWHERE
+    def _pace_of(self, parameters: TeleopParameters) -> Pace:
+        """Return the ramps: what is not set follows from what is."""
+        linear = parameters.linear_accel or self._keymap.linear_accel
+        angular = parameters.angular_accel or self._keymap.angular_accel
+        linear_decel = parameters.linear_decel or linear
+        angular_decel = parameters.angular_decel or angular
+        return Pace(
+            linear_accel=linear,
+            angular_accel=angular,
+            linear_decel=linear_decel,
+            angular_decel=angular_decel,
+            linear_stop=parameters.linear_stop or linear_decel,
+            angular_stop=parameters.angular_stop or angular_decel,
+            keep_direction=parameters.keep_direction,
+        )
 
     def _is_due(self, dt: float) -> bool:
         """Tell whether a command is to be published now, `dt` after the step before."""
         self._since_publish += dt
-        if self._idle == 'repeat':
+        if self._idle == 'repeat' or (self._idle == 'zeros' and self._last_key):
             self._is_silent = False
         elif self._is_silent:
             if self._velocity == STANDSTILL:

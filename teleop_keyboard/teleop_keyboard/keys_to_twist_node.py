@@ -5,9 +5,6 @@ from collections.abc import Callable, Sequence
 import sys
 from typing import Any
 
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.inlet import Inlet
@@ -16,15 +13,15 @@ from robot_description.node_support import run_node
 from std_msgs.msg import String
 
 from teleop_keyboard.conversions import to_twist
-from teleop_keyboard.conversions import to_twist_stamped
 from teleop_keyboard.keymap import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.ramp import Twist3
 from teleop_keyboard.teleop_parameters import TeleopParameters
+from teleop_keyboard.twist_output import declare_stamped
+from teleop_keyboard.twist_output import TwistOutput
 
 KEYS_DEPTH = 100
-TWIST_DEPTH = 10
 # A longer pause than this was no driving time: the process slept, or the clock jumped [s].
 LONGEST_STEP = 0.2
 # The zero that ends it all is sent this often, and may take this long to leave [s].
@@ -55,10 +52,14 @@ class KeysToTwistNode(Node):
             'keys_to_twist', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
         self._settings = declare_parameters(self, TeleopParameters, self._on_parameters)
-        self.logic = KeysToTwist(load_preset(self._settings.preset), self._settings)
-        self.receivers: list[Callable[[Any], None]] = []
-        message_type = TwistStamped if self._settings.stamped else Twist
-        self._publisher = self.create_publisher(message_type, 'cmd_vel', TWIST_DEPTH)
+        self.logic = KeysToTwist(
+            load_preset(self._settings.preset, self._settings.layout), self._settings
+        )
+        stamped = declare_stamped(self)
+        self._output = TwistOutput(
+            self, 'cmd_vel', stamped, lambda: self._settings.frame_id, follow=not lock_step
+        )
+        self.receivers: list[Callable[[Any], None]] = self._output.receivers
         self._lock_step = lock_step
         self._last_time = self.get_clock().now()
         self._timer = None if lock_step else self._make_timer()
@@ -67,7 +68,17 @@ class KeysToTwistNode(Node):
     @property
     def has_subscriber(self) -> bool:
         """Whether anybody listens to `cmd_vel`."""
-        return self._publisher.get_subscription_count() > 0
+        return self.subscriber_count > 0
+
+    @property
+    def subscriber_count(self) -> int:
+        """Number of listeners to `cmd_vel`."""
+        return self._output.subscriber_count
+
+    @property
+    def message_type(self) -> str:
+        """Twist or TwistStamped."""
+        return self._output.type.__name__
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass and publish what is due."""
@@ -80,7 +91,7 @@ class KeysToTwistNode(Node):
         self.logic.stop()
         for _ in range(LAST_ZEROS):
             self._send(STANDSTILL)
-        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS_TIMEOUT))
+        self._output.wait_for_all_acked(LAST_WORDS_TIMEOUT)
 
     def stop(self) -> None:
         """Stop without a ramp, now."""
@@ -93,19 +104,29 @@ class KeysToTwistNode(Node):
             return
         # Alone, time passes up to the very moment of the press: gaps between keys are measured.
         self._on_timer()
+        was_silent = self.logic.is_silent
         self.logic.press(message.data)
-        self.step(0.0)
+        # The first command of a motion leaves with the press: it holds for the period to come.
+        is_start = was_silent and self.logic.is_moving
+        if self._timer is not None and (is_start or self._timer.is_canceled()):
+            self._timer.reset()
+        self.step(1.0 / self.logic.rate if is_start else 0.0)
 
     def _on_timer(self) -> None:
         now = self.get_clock().now()
         dt = (now - self._last_time).nanoseconds * 1e-9
         self._last_time = now
         self.step(min(max(dt, 0.0), LONGEST_STEP))
+        if self._timer is not None and self.logic.is_silent:
+            # Nothing will be due before a key, which starts it again.
+            self._timer.cancel()
 
     def _on_parameters(self, parameters: TeleopParameters) -> None:
         rate = self.logic.rate
         self.logic.set_parameters(parameters)
         self._settings = parameters
+        if self._timer is not None:
+            self._timer.reset()
         if self._timer is not None and self.logic.rate != rate:
             self.destroy_timer(self._timer)
             self._timer = self._make_timer()
@@ -114,13 +135,7 @@ class KeysToTwistNode(Node):
         return self.create_timer(1.0 / self.logic.rate, self._on_timer)
 
     def _send(self, velocity: Twist3) -> None:
-        message: Any = to_twist(velocity)
-        if self._settings.stamped:
-            stamp = self.get_clock().now().to_msg()
-            message = to_twist_stamped(velocity, stamp, self._settings.frame_id)
-        for receiver in self.receivers:
-            receiver(message)
-        self._publisher.publish(message)
+        self._output.publish(to_twist(velocity))
 
 
 def main(args: Sequence[str] | None = None) -> int:

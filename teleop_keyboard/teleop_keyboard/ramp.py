@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Velocities of a teleoperated robot and how fast they may change."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 # Closer than this a ramp has arrived; rounding must not cost another step [m/s or rad/s].
@@ -32,12 +33,59 @@ def ramped_velocity(previous: float, target: float, acceleration: float, dt: flo
     return previous + step if target > previous else previous - step
 
 
-def ramped_twist(
-    previous: Twist3, target: Twist3, linear: float, angular: float, dt: float
-) -> Twist3:
-    """Apply the ramp to each axis; `linear` [m/s^2] and `angular` [rad/s^2] are magnitudes."""
-    return Twist3(
-        ramped_velocity(previous.vx, target.vx, linear, dt),
-        ramped_velocity(previous.vy, target.vy, linear, dt),
-        ramped_velocity(previous.wz, target.wz, angular, dt),
+@dataclass(frozen=True, kw_only=True)
+class Pace:
+    """How fast the axes may change [m/s^2], [rad/s^2]: away from zero, toward it, to a stop."""
+
+    linear_accel: float
+    angular_accel: float
+    linear_decel: float
+    angular_decel: float
+    linear_stop: float
+    angular_stop: float
+    keep_direction: bool = False
+
+
+def ramped_twist(previous: Twist3, target: Twist3, pace: Pace, dt: float) -> Twist3:
+    """
+    Return the velocity reachable from `previous` in `dt` [s], moving toward `target`.
+
+    Each axis has its own ramp; with `keep_direction` all arrive together with the slowest. A
+    reversal brakes to zero first, at the pace of braking.
+    """
+    is_stop = target == STANDSTILL
+    linear = pace.linear_accel, pace.linear_stop if is_stop else pace.linear_decel
+    angular = pace.angular_accel, pace.angular_stop if is_stop else pace.angular_decel
+    axes = [
+        _axis(before, after, *limits, dt)
+        for before, after, limits in zip(previous, target, (linear, linear, angular), strict=True)
+    ]
+    if not pace.keep_direction:
+        return Twist3(*axes)
+    # The share of its way that an axis covers; the smallest holds for all.
+    ways = zip(previous, target, axes, strict=True)
+    share = min(
+        (
+            (reached - before) / (after - before)
+            for before, after, reached in ways
+            if after != before
+        ),
+        default=1.0,
     )
+    if share >= 1.0 - ARRIVED:
+        return target
+    return Twist3(*(b + share * (a - b) for b, a in zip(previous, target, strict=True)))
+
+
+def _axis(previous: float, target: float, accel: float, decel: float, dt: float) -> float:
+    """Ramp one axis, which brakes while it moves toward zero."""
+    if accel == decel or previous * target > 0.0 and abs(target) > abs(previous):
+        return ramped_velocity(previous, target, accel, dt)
+    if previous == 0.0 or decel <= 0.0:
+        return ramped_velocity(previous, target, accel, dt)
+    floor = target if previous * target > 0.0 else 0.0
+    reached = ramped_velocity(previous, floor, decel, dt)
+    left = dt - abs(previous - reached) / decel
+    if reached != floor or left <= 0.0 or floor == target:
+        return reached
+    return ramped_velocity(floor, target, accel, left)

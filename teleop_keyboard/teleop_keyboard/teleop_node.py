@@ -2,31 +2,36 @@
 """The executable `teleop`: keys and velocity commands in one process on one terminal."""
 
 from collections.abc import Sequence
+import contextlib
 import sys
 import time
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from robot_description.errors import UserError
 from robot_description.node_support import init_ros
+from robot_description.node_support import MessagePump
 from robot_description.node_support import StopSignals
 
+from teleop_keyboard.command_line import read_options
+from teleop_keyboard.dashboard import dashboard
+from teleop_keyboard.dashboard import plain_line
+from teleop_keyboard.dashboard import Surroundings
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.key_publisher_node import last_status
 from teleop_keyboard.key_publisher_node import wait_for_subscriber
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
+from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
-from teleop_keyboard.status_line import describe
-from teleop_keyboard.status_line import StatusLine
-from teleop_keyboard.terminal import NoTerminal
+from teleop_keyboard.robot_monitor_node import RobotMonitorNode
+from teleop_keyboard.screen import Screen
 
 # How long one wait for keys lasts [s]: bounds how late a timer of the nodes fires ...
 POLL_PERIOD = 0.01
 # ... and while nothing is to be published until the next key, which ends the wait.
-SILENT_POLL_PERIOD = 0.05
-# Callbacks handled between two waits for keys: a timer and a message.
-CALLBACKS_PER_POLL = 2
+SILENT_POLL_PERIOD = 0.1
+# The dashboard is looked after this often [s].
+LOOK_PERIOD = 0.05
 
 
 class Teleop:
@@ -38,17 +43,20 @@ class Teleop:
 
     def __init__(self, reader: KeyReader) -> None:
         self._reader = reader
-        self._executor = SingleThreadedExecutor()
+        self._next_look = 0.0
+        self._executor = MessagePump()
         self.twist = KeysToTwistNode()
         self.keys = KeyPublisherNode()
         self.keys.receivers.append(self.twist.keys.put)
-        self._executor.add_node(self.keys)
-        self._executor.add_node(self.twist)
+        self._monitor = RobotMonitorNode()
+        self._nodes = (self.keys, self.twist, self._monitor)
+        for node in self._nodes:
+            self._executor.add_node(node)
         if reader.terminal is not None:
             # A suspended process cannot stop the robot any more.
             reader.terminal.before_suspend.append(self.twist.close)
 
-    def run(self, stop: StopSignals, status: StatusLine) -> None:
+    def run(self, stop: StopSignals, screen: Screen) -> None:
         """Handle keys and messages until a signal or until no more key can come."""
         if self._reader.terminal is None:
             wait_for_subscriber(lambda: self.twist.has_subscriber, stop)
@@ -56,9 +64,23 @@ class Teleop:
             period = SILENT_POLL_PERIOD if self.twist.logic.is_silent else POLL_PERIOD
             for key in self._reader.poll(period):
                 self.keys.publish_key(key)
-            for _ in range(CALLBACKS_PER_POLL):
-                self._executor.spin_once(timeout_sec=0.0)
-            status.show(describe(self.twist.logic), time.monotonic())
+            self._executor.handle()
+            self._show(screen)
+
+    def _show(self, screen: Screen) -> None:
+        now = time.monotonic()
+        if now < self._next_look:
+            return
+        self._next_look = now + LOOK_PERIOD
+        logic = self.twist.logic
+        around = Surroundings(
+            velocity=self._monitor.velocity,
+            state=self._monitor.state,
+            subscribers=self.twist.subscriber_count,
+            message_type=self.twist.message_type,
+        )
+        screen.show(lambda width, height: dashboard(logic, around, width, height), now)
+        screen.log(plain_line(logic, around), now)
 
     @property
     def _is_finished(self) -> bool:
@@ -76,25 +98,37 @@ class Teleop:
             self.keys.close()
         finally:
             self._executor.shutdown(timeout_sec=0.0)
-            self.twist.destroy_node()
-            self.keys.destroy_node()
+            for node in self._nodes:
+                node.destroy_node()
+
+
+def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop) -> None:
+    """Leave the screen when the process is suspended; say the keys where there is no screen."""
+    if reader.terminal is not None:
+        reader.terminal.before_suspend.append(screen.pause)
+    if not screen.is_terminal:
+        print('\n'.join(teleop.twist.logic.keymap.help_lines), end='\n\n', flush=True)
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `teleop`; return the exit status."""
     try:
+        options = read_options('teleop', sys.argv[1:] if args is None else args)
         reader = open_key_reader()
-    except NoTerminal as error:
+        writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
+    except UserError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
-    status = StatusLine(sys.stdout)
-    with StopSignals() as stop, reader:
+    screen = Screen(sys.stdout)
+    with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
         teleop = None
         try:
-            init_ros(args)
+            init_ros(options.ros)
             teleop = Teleop(reader)
-            print('\n'.join(teleop.twist.logic.keymap.help_lines), end='\n\n', flush=True)
-            teleop.run(stop, status)
+            if writer is not None:
+                teleop.keys.save_to(writer)
+            _prepare(reader, screen, teleop)
+            teleop.run(stop, screen)
         except UserError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2
@@ -102,10 +136,11 @@ def main(args: Sequence[str] | None = None) -> int:
             # Ctrl-C again, because leaving took too long: nothing to explain.
             pass
         finally:
+            # First the terminal: what is said from here on must be seen.
+            screen.close()
             if teleop is not None:
                 teleop.close()
             rclpy.try_shutdown()
-            status.close()
     return last_status(stop)
 
 

@@ -6,6 +6,10 @@ from dataclasses import dataclass
 from robot_description.parameters import parameter
 from robot_description.parameters import Parameters
 
+from teleop_keyboard.keymap import IDLE_POLICIES
+from teleop_keyboard.keymap import MODES
+from teleop_keyboard.layouts import LAYOUTS
+
 # A preset's value is in force where a number is 0 or a word is this.
 AS_PRESET = 'preset'
 
@@ -19,7 +23,21 @@ class TeleopParameters(Parameters):
     """What a user may set; 0 and `preset` mean: as the keymap says."""
 
     preset: str = parameter(
-        'mbot', doc='Keymap: mbot, ramps, or the path of a YAML file.', read_only=True
+        'mbot', doc='Keymap: a name (see `wasd keys`) or the path of a YAML file.', read_only=True
+    )
+    layout: str = parameter(
+        'qwerty',
+        doc='Keyboard: a preset means positions of keys, as labelled on qwerty.',
+        choices=LAYOUTS,
+        read_only=True,
+    )
+    mode: str = parameter(
+        AS_PRESET,
+        doc='Motion keys count while down, until the next one, or add a step each.',
+        choices=(AS_PRESET, *MODES),
+    )
+    step_share: float = parameter(
+        0.1, doc='What a press adds in mode step, of full speed.', above=0.0, maximum=1.0
     )
     speed: float = parameter(
         0.0, doc='Full speed; 0: as the preset says.', unit='m/s', minimum=0.0, maximum=100.0
@@ -40,26 +58,40 @@ class TeleopParameters(Parameters):
         0.0, doc="keys_to_twist's name of turn.", unit='rad/s', minimum=0.0, maximum=100.0
     )
     linear_accel: float = parameter(
+        0.0, doc='Speeding up; 0: as the preset says.', unit='m/s^2', minimum=0.0, maximum=1000.0
+    )
+    angular_accel: float = parameter(
+        0.0, doc='Turning up; 0: as the preset says.', unit='rad/s^2', minimum=0.0, maximum=1000.0
+    )
+    linear_decel: float = parameter(
+        0.0, doc='Slowing down; 0: as speeding up.', unit='m/s^2', minimum=0.0, maximum=1000.0
+    )
+    angular_decel: float = parameter(
+        0.0, doc='Turning down; 0: as turning up.', unit='rad/s^2', minimum=0.0, maximum=1000.0
+    )
+    linear_stop: float = parameter(
         0.0,
-        doc='Change of the velocity while it ramps; 0: as the preset says.',
+        doc='Slowing down to a stop with no key; 0: as slowing down.',
         unit='m/s^2',
         minimum=0.0,
         maximum=1000.0,
     )
-    angular_accel: float = parameter(
+    angular_stop: float = parameter(
         0.0,
-        doc='Change of the turn rate while it ramps; 0: as the preset says.',
+        doc='Turning down to a stop with no key; 0: as turning down.',
         unit='rad/s^2',
         minimum=0.0,
         maximum=1000.0,
+    )
+    keep_direction: bool = parameter(
+        False, doc='Ramp all axes at the pace of the slowest: the path of the robot stays.'
     )
     rate: float = parameter(
         0.0, doc='Messages a second; 0: as the preset says.', unit='Hz', minimum=0.0, maximum=500.0
     )
     idle: str = parameter(
         AS_PRESET,
-        doc='While the robot stands: one zero and then silence, or zeros all the time.',
-        choices=(AS_PRESET, 'silent', 'repeat'),
+        doc='While the robot stands: one zero and then silence, zeros, or the last command.',
+        choices=(AS_PRESET, *IDLE_POLICIES),
     )
-    stamped: bool = parameter(False, doc='Publish TwistStamped instead of Twist.', read_only=True)
     frame_id: str = parameter('base_footprint', doc='Frame of stamped messages.')

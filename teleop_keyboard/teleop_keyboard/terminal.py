@@ -24,6 +24,12 @@ INPUT_FLAGS = 0
 LOCAL_FLAGS = 3
 CONTROL_CHARACTERS = 6
 
+# Kitty's keyboard protocol: the question whether a terminal speaks it; on: releases, all keys as
+# sequences, their text (1 + 2 + 8 + 16), and the loss of the focus; off again.
+ASK_KITTY = b'\x1b[?u'
+KITTY_ON = b'\x1b[>27u\x1b[?1004h'
+KITTY_OFF = b'\x1b[?1004l\x1b[<u'
+
 # One read takes everything that a terminal holds [bytes].
 READ_SIZE = 65536
 
@@ -39,7 +45,8 @@ class Terminal:
     Raw mode is entered once, without a flush, so no key is lost; signals (Ctrl-C, Ctrl-Z) and
     output processing stay on. The exact attributes found are put back when the context ends, when
     a deadly signal comes that nobody else handles, when the process is suspended, and at exit.
-    `before_suspend` callables run before Ctrl-Z stops the process, `after_resume` after `fg`.
+    `before_suspend` callables run before Ctrl-Z or a deadly signal stops the process,
+    `after_resume` after `fg`.
     """
 
     def __init__(self, descriptor: int, *, owns_descriptor: bool = False) -> None:
@@ -48,6 +55,7 @@ class Terminal:
         self._saved: list[Any] | None = None
         self._previous_handlers: dict[signal.Signals, Any] = {}
         self._closed = False
+        self._tells_releases = False
         self.before_suspend: list[Callable[[], None]] = []
         self.after_resume: list[Callable[[], None]] = []
 
@@ -55,6 +63,22 @@ class Terminal:
     def closed(self) -> bool:
         """Whether the terminal hung up: nothing more will come."""
         return self._closed
+
+    @property
+    def tells_releases(self) -> bool:
+        """Whether the terminal was told to report when a key is released."""
+        return self._tells_releases
+
+    def ask_kitty(self) -> None:
+        """Ask whether the terminal can report releases; the answer comes among the keys."""
+        if os.environ.get('TERM', '') != 'dumb':
+            self._write(ASK_KITTY)
+
+    def tell_releases(self) -> None:
+        """Have the terminal report releases, until the terminal is given back."""
+        if not self._tells_releases:
+            self._tells_releases = True
+            self._write(KITTY_ON)
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
@@ -100,9 +124,17 @@ class Terminal:
         """Put back the attributes found at the start; harmless when called twice."""
         if self._saved is None:
             return
+        if self._tells_releases:
+            self._tells_releases = False
+            self._write(KITTY_OFF)
         # A terminal that is gone has no attributes to keep.
         with contextlib.suppress(termios.error, OSError):
             termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._saved)
+
+    def _write(self, data: bytes) -> None:
+        # Not a terminal that can be written to, or not any more: then it stays as it is.
+        with contextlib.suppress(OSError):
+            os.write(self._descriptor, data)
 
     def _enter_raw_mode(self) -> None:
         if self._saved is None:
@@ -135,6 +167,8 @@ class Terminal:
         self._previous_handlers.clear()
 
     def _die(self, number: int, frame: FrameType | None) -> None:
+        for callback in self.before_suspend:
+            callback()
         self.restore()
         signal.signal(number, signal.SIG_DFL)
         signal.pthread_kill(threading.get_ident(), number)

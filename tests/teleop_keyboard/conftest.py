@@ -5,6 +5,7 @@ import os
 import pty
 import random
 import select
+import socket
 import subprocess
 import sys
 import termios
@@ -43,6 +44,7 @@ class PtyProcess:
         self.master, self.slave = pty.openpty()
         self.before = termios.tcgetattr(self.slave)
         self.output = b''
+        self.is_gone = False
         self.process = subprocess.Popen(
             [sys.executable, '-c', TAKE_TERMINAL, *arguments],
             stdin=self.slave,
@@ -74,6 +76,14 @@ class PtyProcess:
         """Type bytes, all at once."""
         os.write(self.master, data)
 
+    def hang_up(self):
+        """Close the terminal, as a window that is closed."""
+        self._closing.set()
+        self._reader.join()
+        os.close(self.slave)
+        os.close(self.master)
+        self.is_gone = True
+
     def wait(self):
         """Wait for the end of the process and return its status."""
         return self.process.wait(PATIENCE)
@@ -86,8 +96,9 @@ class PtyProcess:
         # Descriptors are numbers that the next test gets again: nobody may read them then.
         self._closing.set()
         self._reader.join()
-        os.close(self.master)
-        os.close(self.slave)
+        if not self.is_gone:
+            os.close(self.master)
+            os.close(self.slave)
 
 
 @pytest.fixture
@@ -104,10 +115,22 @@ def pty_process():
         process.close()
 
 
+def is_free(domain):
+    """Whether no participant on this machine has the first port of a ROS domain."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', 7410 + 250 * domain))
+        except OSError:
+            return False
+    return True
+
+
 @pytest.fixture
 def ros_domain(monkeypatch):
     """Return the number of a ROS domain that nobody else uses; children inherit it."""
-    domain = random.SystemRandom().randint(1, 100)
+    domains = list(range(1, 101))
+    random.SystemRandom().shuffle(domains)
+    domain = next(domain for domain in domains if is_free(domain))
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     return domain

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
+import math
+
 from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TwistStamped
+import pytest
 from teleop_keyboard.conversions import from_twist
+from teleop_keyboard.conversions import is_finite
+from teleop_keyboard.conversions import to_marker
 from teleop_keyboard.conversions import to_twist
-from teleop_keyboard.conversions import to_twist_stamped
 from teleop_keyboard.ramp import Twist3
 
 VELOCITY = Twist3(0.1, -0.2, 0.3)
@@ -10,11 +15,26 @@ VELOCITY = Twist3(0.1, -0.2, 0.3)
 
 def test_a_velocity_survives_the_way_through_a_message():
     assert from_twist(to_twist(VELOCITY)) == VELOCITY
-    stamped = to_twist_stamped(VELOCITY, Time(sec=3), 'base_footprint')
-    assert from_twist(stamped) == VELOCITY
-    assert (stamped.header.stamp.sec, stamped.header.frame_id) == (3, 'base_footprint')
+    assert from_twist(TwistStamped(twist=to_twist(VELOCITY))) == VELOCITY
 
 
 def test_what_a_plane_lacks_is_zero():
     message = to_twist(VELOCITY)
     assert (message.linear.z, message.angular.x, message.angular.y) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
+def test_a_velocity_with_one_bad_component_is_not_finite(bad):
+    message = to_twist(VELOCITY)
+    assert is_finite(message)
+    message.angular.x = bad
+    assert not is_finite(message)
+
+
+def test_the_marker_points_along_the_chord_of_the_arc():
+    marker = to_marker(to_twist(Twist3(0.5, 0.0, 1.0)), Time(sec=3), 'base')
+    start, tip = marker.points
+    assert (start.x, start.y) == (0.0, 0.0)
+    assert math.hypot(tip.x, tip.y) == pytest.approx(0.5)
+    assert math.atan2(tip.y, tip.x) == pytest.approx(0.5)
+    assert (marker.header.frame_id, marker.header.stamp.sec) == ('base', 3)

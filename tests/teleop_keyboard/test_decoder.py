@@ -118,7 +118,7 @@ def test_an_introducer_alone_is_a_key_with_alt(data, key):
     [
         b'\x1b[99z',  # a final letter that no key has
         b'\x1b[28~',  # a number that no key has
-        b'\x1b[?1u',  # a terminal's reply
+        b'\x1b[?1c',  # a terminal's reply
         b'\x1b[200~',  # bracketed paste
         b'\x1b[I',  # focus
         b'\x1b[<0;10;20M',  # mouse

@@ -83,3 +83,61 @@ def test_a_long_step_releases_and_no_time_releases_nothing():
     assert hold.held == ('i',)
     hold.step(100.0)
     assert hold.held == ()
+
+
+def typed(hold, delay, gap=1 / 30, count=20, key='i'):
+    """Hold a key on a keyboard and let it go; return how long it counted after the last press."""
+    presses = [0.0] + [delay + index * gap for index in range(count)]
+    spans = time_held(hold, presses, presses[-1] + 1.5, key)
+    return spans, presses[-1]
+
+
+@pytest.mark.parametrize('delay', [0.2, 0.25, 0.5])
+def test_the_delay_of_the_keyboard_is_learnt_so_a_tap_counts_no_longer(delay):
+    hold = KeyHold()
+    typed(hold, delay)
+    assert hold.first_timeout == pytest.approx(1.15 * delay + 0.03, abs=0.01)
+    ((_, end),) = time_held(hold, [0.0], 2.0, 'j')
+    assert end == pytest.approx(hold.first_timeout, abs=3 * STEP)
+    # And the next hold has no gap, at the same keyboard.
+    spans, _ = typed(hold, delay, key='j')
+    assert len(spans) == 1
+
+
+def test_a_delay_longer_than_was_thought_stutters_once_and_never_again():
+    hold = KeyHold()
+    spans, _ = typed(hold, 0.66)
+    assert len(spans) == 2
+    spans, _ = typed(hold, 0.66)
+    assert len(spans) == 1
+
+
+def test_quick_taps_are_not_taken_for_a_delay():
+    hold = KeyHold()
+    time_held(hold, [0.0, 0.3, 0.38, 0.55, 0.61, 0.8], 2.0)
+    assert hold.first_timeout == 0.6
+
+
+def test_keys_pressed_together_are_down_together_until_the_last_is_released():
+    hold = KeyHold()
+    hold.press('w')
+    hold.step(0.05)
+    hold.press('d')
+    # Only d repeats from now on.
+    hold.step(0.5)
+    for _ in range(30):
+        hold.press('d')
+        assert hold.held == ('w', 'd')
+        hold.step(1 / 30)
+    for _ in range(70):
+        hold.step(STEP)
+    assert hold.held == ()
+
+
+def test_a_key_pressed_later_ends_the_one_before():
+    hold = KeyHold()
+    hold.press('w')
+    hold.step(0.3)
+    hold.press('d')
+    hold.step(STEP)
+    assert hold.held == ('d',)

@@ -8,6 +8,7 @@ import sys
 import time
 
 import pytest
+from teleop_keyboard.key_script import parse_key_script
 
 pytestmark = pytest.mark.slow
 
@@ -70,6 +71,43 @@ def test_keys_arrive_complete_and_in_order_and_idle_costs_nothing(pty_process, l
     time.sleep(3.0)
     used = processor_time(process.process.pid) - before
     assert used / (time.monotonic() - start) < 0.02
+
+
+def test_raw_publishes_single_characters_as_the_tutorials(pty_process, listener):
+    process = pty_process(*MODULE, '--ros-args', '-p', 'raw:=true')
+    listener.probe(process)
+    process.type(b'w\x1b[A\xc3\xa9\r')
+    listener.settle()
+    assert listener.keys == ['w', '\x1b', '[', 'A', 'é', '\r']
+
+
+def test_keys_are_saved_as_a_script(pty_process, listener, tmp_path):
+    path = tmp_path / 'saved.keys'
+    process = pty_process(*MODULE, '--save-keys', str(path))
+    listener.probe(process, 'i')
+    process.type(b'w \x1b[A*')
+    listener.settle()
+    process.type(b'\x03')
+    assert process.wait() == 0
+    presses = parse_key_script(path.read_text())
+    assert [press.key for press in presses][-4:] == listener.keys == ['w', ' ', 'UP', '*']
+    assert [press.time for press in presses] == sorted(press.time for press in presses)
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        (['--sav'], 'unrecognized arguments: --sav'),
+        (['--save-keys', '/nowhere/a.keys'], '/nowhere/a.keys: cannot write'),
+    ],
+)
+def test_a_wrong_option_is_one_line(pty_process, ros_domain, options, message):
+    process = pty_process(*MODULE, *options)
+    assert process.wait() == 2
+    while message.encode() not in process.output:
+        time.sleep(0.01)
+    assert process.output.startswith(b'error: ')
+    assert process.output.count(b'\n') == 1
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,12 @@ def test_a_file_is_found_by_its_path(tmp_path):
         ("'1': [0, 0, 1]", '{a: b}: [0, 0, 1]', 3, 'motion: a key must be text'),
         ('turn: 1.0', 'turn: 1.0\nstop: [i]', 6, "stop: key 'i' is bound under motion, too"),
         ('turn: 1.0', 'turn: 1.0\nstop: k', 6, 'stop: must be a list of keys'),
-        ('turn: 1.0', 'turn: 1.0\nmode: hodl', 6, "mode: must be hold or latch, got 'hodl'"),
+        (
+            'turn: 1.0',
+            'turn: 1.0\nmode: hodl',
+            6,
+            "mode: must be hold or latch or step, got 'hodl'",
+        ),
         ('turn: 1.0', 'turn: 1.0\nspeed_limits: [0.5, 1]', 4, 'speed: must be within speed_limi'),
         ('turn: 1.0', 'turn: 1.0\nspeed_keys: {q: [0, 1]}', 6, 'q: both factors must be > 0'),
         ('turn: 1.0', 'turn: [1.0', 6, "expected ',' or ']'"),

@@ -112,10 +112,12 @@ def test_any_other_key_stops_mbot_on_the_ramp():
     assert logic.velocity.vx == pytest.approx(0.14)
 
 
-def test_a_new_motion_key_replaces_the_old_one():
+def test_a_new_motion_key_joins_the_old_one_until_that_would_have_repeated():
     logic = teleop()
     run(logic, '0 i*15', 0.5)
     logic.press('j')
+    assert logic.target == (0.2, 0.0, 1.0)
+    logic.step(0.12)
     assert logic.target == (0.0, 0.0, 1.0)
 
 

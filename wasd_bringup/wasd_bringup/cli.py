@@ -7,6 +7,9 @@ import sys
 from typing import NoReturn
 
 from robot_description.errors import UserError
+from teleop_keyboard.keymap_text import describe_keymap
+from teleop_keyboard.keymap_text import list_presets
+from teleop_keyboard.layouts import LAYOUTS
 
 from wasd_bringup.options import add_legged_options
 from wasd_bringup.options import add_run_options
@@ -38,11 +41,23 @@ def make_parser() -> argparse.ArgumentParser:
     demo.add_argument(
         '--output', default='wasd_demo', metavar='DIR', help='where to (default: wasd_demo)'
     )
+    keys = commands.add_parser('keys', help='list keymaps, or print one', allow_abbrev=False)
+    keys.add_argument('preset', nargs='?', metavar='NAME|FILE', help='a preset, or your YAML file')
+    keys.add_argument('--layout', choices=LAYOUTS, default='qwerty', help='keyboard')
     commands.add_parser(
         'test', help='run the test-suite; further arguments go to pytest', add_help=False
     )
     commands.add_parser('bench', help='run the benchmark: a table and JSON', add_help=False)
     return parser
+
+
+def print_keys(arguments: argparse.Namespace) -> int:
+    """Print the presets, or one keymap; return the exit status."""
+    if arguments.preset is None:
+        print('\n'.join([*list_presets(), '', 'wasd keys NAME prints one of them']))
+    else:
+        print('\n'.join(describe_keymap(arguments.preset, arguments.layout)))
+    return 0
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -56,6 +71,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
             return (run_tests if words[0] == 'test' else run_benchmark)(words[1:])
         arguments = make_parser().parse_args(words)
+        if arguments.command == 'keys':
+            return print_keys(arguments)
         if arguments.command == 'demo':
             from mujoco_sim.renderer_choice import choose_renderer
 

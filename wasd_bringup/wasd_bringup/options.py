@@ -40,6 +40,7 @@ class RunOptions:
     speed: float = 1.0
     seed: int = 0
     report: Path | None = None
+    save_keys: str | None = None
     estimator: str = 'kalman'
     limits: str = 'sport'
     interactive: bool = False
@@ -94,6 +95,7 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) ->
         help='real-time factor aimed at; 0: as fast as it goes (default 1)',
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed (default 0)')
+    parser.add_argument('--save-keys', metavar='FILE', help='write the keys, as --play reads them')
     parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
 
 
@@ -150,6 +152,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         speed=_number(arguments.speed, '--speed'),
         seed=arguments.seed,
         report=_writable(arguments.report),
+        save_keys=arguments.save_keys,
         estimator=getattr(arguments, 'estimator', 'kalman'),
         limits=getattr(arguments, 'limits', 'sport'),
     )

@@ -18,8 +18,10 @@ from rclpy.time_source import TimeSource
 from robot_description.node_support import MessagePump
 from robot_description.state_publisher_node import StatePublisherNode
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.key_reader import KeyReader
+from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.status_line import StatusLine
 
 from wasd_bringup.options import AFTERGLOW
@@ -89,6 +91,9 @@ class Session:
         self._state_publisher = StatePublisherNode(loaded.urdf, lock_step=True)
         self._keys = KeyPublisherNode()
         self._keys.receivers.append(self.stack.press)
+        self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
+        if self._writer is not None:
+            self._keys.receivers.append(self._save)
         self._nodes += [*self.stack.nodes, self._state_publisher, self._keys]
         self._pump = MessagePump()
         self._time_source = TimeSource()
@@ -151,6 +156,8 @@ class Session:
         try:
             self.stack.close()
             self._status.close()
+            if self._writer is not None:
+                self._writer.close()
             if self._options.report is not None:
                 write_report(self.report(), self._options.report)
         finally:
@@ -186,6 +193,11 @@ class Session:
         joints = self.world.joints()
         stamp = self.simulator.stamp
         self._state_publisher.publish(self.world.joint_names, joints.position, stamp)
+
+    def _save(self, message: String) -> None:
+        """Write a key at the instant that it is in force from: the one that comes next."""
+        if self._writer is not None:
+            self._writer.write(self.world.time, message.data)
 
     def _poll(self, timeout: float) -> None:
         """Look after everything that lives on wall time: keys, messages, the page, the status."""

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the robot tells of itself, for the dashboard."""
+
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile
+from std_msgs.msg import String
+
+from teleop_keyboard.ramp import Twist3
+
+# Odometry older than this is none [s].
+ODOMETRY_LIFETIME = 1.0
+
+
+class RobotMonitorNode(Node):
+    """Listens to `odom` and `state`; both may be silent."""
+
+    def __init__(self) -> None:
+        super().__init__('robot_monitor')
+        self._velocity: Twist3 | None = None
+        self._heard_at = self.get_clock().now()
+        self.state: str | None = None
+        # The latest is enough: a dashboard shows no past.
+        latest = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._inputs = [
+            self.create_subscription(Odometry, 'odom', self._on_odometry, latest),
+            self.create_subscription(String, 'state', self._on_state, latched),
+        ]
+
+    @property
+    def velocity(self) -> Twist3 | None:
+        """The robot's velocity by its odometry, None when there is none of late."""
+        age = 1e-9 * (self.get_clock().now() - self._heard_at).nanoseconds
+        return self._velocity if age < ODOMETRY_LIFETIME else None
+
+    def _on_odometry(self, message: Odometry) -> None:
+        twist = message.twist.twist
+        self._velocity = Twist3(twist.linear.x, twist.linear.y, twist.angular.z)
+        self._heard_at = self.get_clock().now()
+
+    def _on_state(self, message: String) -> None:
+        self.state = message.data

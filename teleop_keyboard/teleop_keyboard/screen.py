@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A page of a terminal that is rewritten in place, or lines where the output is no terminal."""
+
+from collections.abc import Callable, Sequence
+import shutil
+from typing import TextIO
+
+from teleop_keyboard.dashboard import ASCII
+from teleop_keyboard.dashboard import FULL
+from teleop_keyboard.dashboard import Line
+
+# A page is rewritten at most this often: fluent, and cheap over a slow connection [s].
+REFRESH_PERIOD = 0.05
+# Lines of a log come at most this often [s].
+LOG_PERIOD = 0.5
+
+STYLES = {
+    'title': '\x1b[7;1m',
+    'target': '\x1b[36m',
+    'actual': '\x1b[32m',
+    'warning': '\x1b[33m',
+    'dim': '\x1b[2m',
+}
+NORMAL = '\x1b[0m'
+# The alternate screen, without a cursor; and the user's own again, as it was.
+OPEN = '\x1b[?1049h\x1b[?25l'
+CLOSE = '\x1b[?25h\x1b[?1049l'
+# Terminals that know it show what is between these at once.
+BEGIN = '\x1b[?2026h\x1b[H'
+END = '\x1b[J\x1b[?2026l'
+
+
+class Screen:
+    """
+    Shows a page in place.
+
+    A frame is one write, from the top left, each line cleared behind its end: nothing blinks, and
+    nothing is left over when the window changes its size. `pause` gives the terminal back, e.g.
+    while the process is suspended; the next `show` takes it again.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._is_terminal = stream.isatty()
+        self._is_open = False
+        self._shown: tuple[object, ...] = ()
+        self._shown_at = -LOG_PERIOD
+        self._in_ascii = not _encodes(stream, FULL)
+
+    @property
+    def is_terminal(self) -> bool:
+        """Whether pages are shown at all; else there are only lines."""
+        return self._is_terminal
+
+    def show(self, page: Callable[[int, int], Sequence[Line]], now: float) -> None:
+        """Show the page for the window as it is, unless the last is too young; `now` in [s]."""
+        if not self._is_terminal or now - self._shown_at < REFRESH_PERIOD:
+            return
+        self._shown_at = now
+        size = shutil.get_terminal_size()
+        lines = page(size.columns, size.lines)
+        if self._is_open and self._shown == (size, *lines):
+            return
+        self._shown = (size, *lines)
+        text = '\r\n'.join(self._styled(line) + '\x1b[K' for line in lines)
+        self._write(('' if self._is_open else OPEN) + BEGIN + text + END)
+        self._is_open = True
+
+    def log(self, text: str, now: float) -> None:
+        """Write a new line where the output is no terminal, unless the last is too young."""
+        if self._is_terminal or now - self._shown_at < LOG_PERIOD or self._shown == (text,):
+            return
+        self._shown, self._shown_at = (text,), now
+        self._write(text + '\n')
+
+    def pause(self) -> None:
+        """Give the terminal back as it was."""
+        if self._is_open:
+            self._is_open = False
+            self._write(CLOSE)
+
+    def close(self) -> None:
+        """Give the terminal back as it was."""
+        self.pause()
+
+    def _styled(self, line: Line) -> str:
+        text = line.text.translate(ASCII) if self._in_ascii else line.text
+        style = STYLES.get(line.style, '')
+        return f'{style}{text}{NORMAL}' if style else text
+
+    def _write(self, text: str) -> None:
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except OSError:
+            # The terminal has gone; a robot is not to be left running for that.
+            self._is_terminal = False
+
+
+def _encodes(stream: TextIO, text: str) -> bool:
+    try:
+        text.encode(stream.encoding or 'utf-8')
+    except (UnicodeEncodeError, LookupError):
+        return False
+    return True

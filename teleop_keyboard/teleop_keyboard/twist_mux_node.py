@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node that relays one of several velocity commands, and the executable `twist_mux`."""
+
+from collections.abc import Sequence
+import dataclasses
+import functools
+import sys
+from typing import Any
+
+from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
+from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from robot_description.node_support import run_node
+from robot_description.parameters import InvalidParameter
+from std_msgs.msg import Bool
+from std_msgs.msg import String
+from visualization_msgs.msg import Marker
+
+from teleop_keyboard.conversions import is_finite
+from teleop_keyboard.conversions import to_marker
+from teleop_keyboard.mux import DEFAULT_LOCKS
+from teleop_keyboard.mux import DEFAULT_SOURCES
+from teleop_keyboard.mux import Mux
+from teleop_keyboard.mux import MuxInput
+from teleop_keyboard.twist_output import declare_stamped
+from teleop_keyboard.twist_output import LOOK_PERIOD
+from teleop_keyboard.twist_output import TwistOutput
+from teleop_keyboard.twist_output import type_of
+
+DEPTH = 10
+# How often losses are looked for [s]: so late a zero comes after a time-out.
+STEP_PERIOD = 0.02
+LAST_WORDS_TIMEOUT = 0.3
+
+
+class TwistMuxNode(Node):
+    """
+    Relays the source with the highest priority from its topic to `cmd_vel_out`.
+
+    Sources and locks are twist_mux's parameters `topics.NAME.topic|timeout|priority` and
+    `locks.NAME...`; a table that is not given is twist_mux's default. Each source may send Twist
+    or TwistStamped. `selected` says who drives, `twist_marker` shows where to.
+
+    Raises:
+        InvalidParameter: a table cannot be used.
+    """
+
+    def __init__(self, *, parameter_overrides: list[Parameter] | None = None) -> None:
+        super().__init__('twist_mux', parameter_overrides=parameter_overrides or [])
+        self._frame_id = self.declare_parameter('frame_id', 'base_footprint').value
+        self.output = TwistOutput(
+            self, 'cmd_vel_out', declare_stamped(self), lambda: self._frame_id
+        )
+        self._tables = {
+            'topics': self._declare_table('topics', DEFAULT_SOURCES),
+            'locks': self._declare_table('locks', DEFAULT_LOCKS),
+        }
+        self.mux = Mux(self._tables['topics'], self._tables['locks'])
+        self.add_on_set_parameters_callback(self._on_parameters)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._selected = self.create_publisher(String, 'selected', latched)
+        self._marker = self.create_publisher(Marker, 'twist_marker', 1)
+        self._announced: str | None = None
+        self._inputs: dict[str, Any] = {}
+        self._types: dict[str, type] = {}
+        for source in self._tables['topics']:
+            self._subscribe(source, Twist)
+        self._lock_inputs = [
+            self.create_subscription(
+                Bool, lock.topic, functools.partial(self._on_lock, lock.name), DEPTH
+            )
+            for lock in self._tables['locks']
+        ]
+        wall = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timers_kept = [
+            # Wall time for both: a paused simulation is no reason to ignore a lock.
+            self.create_timer(STEP_PERIOD, self.step, clock=wall),
+            self.create_timer(LOOK_PERIOD, self._follow_types, clock=wall),
+        ]
+        self._announce()
+
+    def step(self) -> None:
+        """Look for losses; publish the zero that they call for."""
+        if self.mux.step(self._now()):
+            self._send(Twist())
+        self._announce()
+
+    def close(self) -> None:
+        """Leave the robot stopped, if we are who drives it."""
+        if self.mux.selected:
+            self._send(Twist())
+            self.output.wait_for_all_acked(LAST_WORDS_TIMEOUT)
+
+    def _now(self) -> float:
+        """Return the node's time [s]: time-outs are simulated time where there is such."""
+        return 1e-9 * self.get_clock().now().nanoseconds
+
+    def _on_twist(self, name: str, message: Twist | TwistStamped) -> None:
+        twist = message.twist if isinstance(message, TwistStamped) else message
+        if not is_finite(twist):
+            self.get_logger().warning(f'{name}: velocity is not finite: ignored', once=True)
+            return
+        if self.mux.offer(name, self._now()):
+            self._send(twist)
+        self._announce()
+
+    def _on_lock(self, name: str, message: Bool) -> None:
+        self.mux.lock(name, message.data, self._now())
+        self.step()
+
+    def _send(self, twist: Twist) -> None:
+        self.output.publish(twist)
+        self._marker.publish(to_marker(twist, self.get_clock().now().to_msg(), self._frame_id))
+
+    def _announce(self) -> None:
+        if self._announced != self.mux.selected:
+            self._announced = self.mux.selected
+            self._selected.publish(String(data=self._announced))
+
+    def _subscribe(self, source: MuxInput, message_type: type) -> None:
+        if source.name in self._inputs:
+            self.destroy_subscription(self._inputs[source.name])
+        callback = functools.partial(self._on_twist, source.name)
+        self._inputs[source.name] = self.create_subscription(
+            message_type, source.topic, callback, DEPTH
+        )
+        self._types[source.name] = message_type
+
+    def _follow_types(self) -> None:
+        """Subscribe to what the publishers of each source send."""
+        for source in self._tables['topics']:
+            topic = self._inputs[source.name].topic_name
+            wanted = type_of(self.get_publishers_info_by_topic(topic))
+            if wanted not in (None, self._types[source.name]):
+                self._subscribe(source, wanted)
+
+    def _declare_table(self, table: str, default: Sequence[MuxInput]) -> list[MuxInput]:
+        """Declare the parameters of a table and return its rows."""
+        given: dict[str, None] = {}
+        for name in self._parameter_overrides:
+            words = name.split('.')
+            if len(words) == 3 and words[0] == table:
+                given[words[1]] = None
+        known = {row.name: row for row in default}
+        rows = [known.get(name) or MuxInput(name=name, topic=name) for name in given]
+        return [self._declare_row(table, row) for row in rows or default]
+
+    def _declare_row(self, table: str, row: MuxInput) -> MuxInput:
+        fixed = ParameterDescriptor(read_only=True)
+        loose = ParameterDescriptor(dynamic_typing=True)  # 1 is a time, too
+        name = f'{table}.{row.name}'
+        topic = self.declare_parameter(f'{name}.topic', row.topic, fixed).value
+        timeout = self.declare_parameter(f'{name}.timeout', row.timeout, loose).value
+        priority = self.declare_parameter(f'{name}.priority', row.priority, loose).value
+        return dataclasses.replace(
+            row, topic=topic, **_checked(timeout=timeout, priority=priority)
+        )
+
+    def _on_parameters(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        tables = {name: {row.name: row for row in rows} for name, rows in self._tables.items()}
+        try:
+            for change in changes:
+                words = change.name.split('.')
+                if len(words) == 3 and words[0] in tables and words[1] in tables[words[0]]:
+                    row = tables[words[0]][words[1]]
+                    value = _checked(**{words[2]: change.value})
+                    tables[words[0]][words[1]] = dataclasses.replace(row, **value)
+                elif change.name == 'frame_id':
+                    self._frame_id = str(change.value)
+        except (InvalidParameter, TypeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._tables = {name: list(rows.values()) for name, rows in tables.items()}
+        self.mux.configure(self._tables['topics'], self._tables['locks'])
+        return SetParametersResult(successful=True)
+
+
+def _checked(**values: Any) -> dict[str, Any]:
+    """Return the numbers of a row under their right type."""
+    for name, value in values.items():
+        if name == 'priority' and type(value) is not int:
+            raise InvalidParameter(f'priority must be a whole number, got {value!r}')
+        if name == 'timeout' and type(value) not in (int, float):
+            raise InvalidParameter(f'timeout must be a number, got {value!r}')
+    return {name: float(v) if name == 'timeout' else v for name, v in values.items()}
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `twist_mux`; return the exit status."""
+    return run_node(TwistMuxNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+import pytest
+from teleop_keyboard.keymap import KeymapError
+from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap import preset_names
+from teleop_keyboard.keymap_reader import read_keymap
+from teleop_keyboard.keymap_text import describe_keymap
+from teleop_keyboard.keymap_text import list_presets
+from teleop_keyboard.layouts import LAYOUTS
+from teleop_keyboard.layouts import on_layout
+from teleop_keyboard.layouts import places
+from wasd_bringup.cli import main
+
+
+@pytest.mark.parametrize(
+    ('layout', 'names'), [('azerty', 'zqsd'), ('dvorak', ',aoe'), ('qwerty', 'wasd')]
+)
+def test_wasd_is_where_the_hand_is(layout, names):
+    assert ''.join(on_layout(key, layout) for key in 'wasd') == names
+    motion = load_preset('wasd', layout).motion
+    assert motion[names[0]] == (1, 0, 0)
+    assert motion[names[1]] == (0, 0, 1)
+
+
+@pytest.mark.parametrize('layout', LAYOUTS)
+def test_a_layout_gives_every_place_a_name_of_its_own(layout):
+    table = places(layout)
+    assert len(set(table.values())) == len(table)
+
+
+def test_other_keys_and_modifiers_stay():
+    assert on_layout('UP', 'dvorak') == 'UP'
+    assert on_layout('1', 'azerty') == '1'
+    assert on_layout('CTRL+W', 'azerty') == 'CTRL+Z'
+    assert on_layout('W', 'azerty') == 'Z'
+
+
+@pytest.mark.parametrize('layout', LAYOUTS)
+@pytest.mark.parametrize('name', preset_names())
+def test_every_preset_works_and_explains_itself_on_every_keyboard(name, layout):
+    keymap = load_preset(name, layout)
+    there = load_preset(name)
+    assert len(keymap.motion) == len(there.motion)
+    assert list(keymap.motion.values()) == list(there.motion.values())
+    text = '\n'.join(keymap.help_lines)
+    assert all(key in text for key in [*keymap.motion, *keymap.speed_keys])
+    assert all(len(line) < 80 for line in keymap.help_lines)
+
+
+def test_two_keys_that_become_one_are_an_error(tmp_path, monkeypatch):
+    path = tmp_path / 'mine.yaml'
+    path.write_text(
+        "motion: {'[': [1, 0, 0], '^': [-1, 0, 0]}\n"
+        'speed: 1\nturn: 1\nlinear_accel: 1\nangular_accel: 1\n'
+    )
+    assert read_keymap(path.read_text(), 'mine.yaml', 'mine').motion
+    with pytest.raises(KeymapError, match=r'mine: \[ and \^ are one key on azerty'):
+        load_preset(str(path), 'azerty')
+
+
+def test_wasd_keys_lists_the_presets(capsys):
+    assert main(['keys']) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in ('arrows', 'go2', 'mbot', 'ramps', 'wasd'))
+    assert all(len(line) < 80 for line in list_presets())
+
+
+def test_wasd_keys_prints_a_keymap_for_a_keyboard(capsys):
+    assert main(['keys', 'wasd', '--layout', 'azerty']) == 0
+    shown = capsys.readouterr().out
+    assert '  z            forward\n' in shown
+    assert '  q            turn left\n' in shown
+    assert '  SPACE        stop at once\n' in shown
+
+
+def test_wasd_keys_says_what_is_wrong_in_one_line(capsys):
+    assert main(['keys', 'wsad']) == 2
+    assert capsys.readouterr().err.startswith("error: unknown preset 'wsad', did you mean wasd?")
+
+
+def test_each_meaning_of_a_keymap_is_a_line():
+    lines = describe_keymap('go2', 'qwerty')
+    assert '  f            forward + left' in lines
+    assert '  z            back + turn right' in lines
+    assert '  u            speed +10 %' in lines

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keys that were saved give the same velocities again."""
+
+import random
+
+import pytest
+from rclpy.parameter import Parameter
+from robot_description.errors import UserError
+from std_msgs.msg import String
+from teleop_keyboard.command_line import read_options
+from teleop_keyboard.key_names import NAMED_KEYS
+from teleop_keyboard.key_script import KeyScriptError
+from teleop_keyboard.key_script import KeyScriptWriter
+from teleop_keyboard.key_script import parse_key_script
+from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+
+KEYS = ['i', 'j', ' ', '*', '#', '+', 'é', 'CTRL+*', 'ALT+#', 'SHIFT+UP', 'CTRL+SPACE']
+EVENTS = ['HELD+i', 'RELEASE+i', 'HELD+SPACE', 'RELEASE+UP', 'HELD+#', 'RELEASE+*']
+
+
+@pytest.mark.parametrize('key', [*KEYS, *EVENTS, *sorted(NAMED_KEYS)])
+def test_every_key_is_read_back_as_it_was(tmp_path, key):
+    path = tmp_path / 'saved.keys'
+    with KeyScriptWriter(str(path)) as writer:
+        writer.write(0.1, key)
+    assert parse_key_script(path.read_text()) == [(0.1, key)]
+
+
+def test_a_replay_gives_identical_messages(ros_domain, spawn, tmp_path):
+    def drive(presses, save=None):
+        node = spawn(
+            KeysToTwistNode(
+                lock_step=True, parameter_overrides=[Parameter('preset', value='wasd')]
+            )
+        )
+        sent = []
+        node.receivers.append(sent.append)
+        waiting = list(presses)
+        for index in range(3000):
+            now = index * 0.002
+            while waiting and waiting[0][0] <= now:
+                _, key = waiting.pop(0)
+                node.keys.put(String(data=key))
+                if save is not None:
+                    save.write(now, key)
+            node.step(0.002)
+        return sent
+
+    generator = random.Random(4)
+    times = sorted(generator.uniform(0.0, 5.0) for _ in range(200))
+    names = ['w', 'a', 'd', 'q', 'r', 'HELD+w', 'RELEASE+w', ' ', 'x']
+    typed = [(time, generator.choice(names)) for time in times]
+    path = tmp_path / 'saved.keys'
+    with KeyScriptWriter(str(path)) as writer:
+        first = drive(typed, writer)
+    assert len(first) > 100
+    second = drive(parse_key_script(path.read_text()))
+    third = drive(parse_key_script(path.read_text()))
+    assert first == second == third
+
+
+def test_a_file_that_cannot_be_written_is_one_line():
+    with pytest.raises(KeyScriptError, match='/nowhere/a.keys: cannot write: No such file'):
+        KeyScriptWriter('/nowhere/a.keys')
+
+
+def test_options_are_ours_up_to_ros_args():
+    options = read_options('teleop', ['--save-keys', 'a', '--ros-args', '-p', 'speed:=0.3'])
+    assert options == ('a', ['--ros-args', '-p', 'speed:=0.3'])
+    with pytest.raises(UserError, match='unrecognized arguments: --sav a'):
+        read_options('teleop', ['--sav', 'a'])

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which type of message velocities have, and what is said when nobody can take it."""
+
+from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from robot_description.parameters import InvalidParameter
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+
+
+@pytest.fixture
+def teleop_of(ros_domain, spawn):
+    def make(**parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        node = spawn(KeysToTwistNode(parameter_overrides=overrides))
+        node.warnings = []
+        node.get_logger().warning = lambda text, **_: node.warnings.append(text)
+        return node
+
+    return make
+
+
+@pytest.fixture
+def subscribers_of(ros_domain):
+    nodes, contexts = [], []
+
+    def make(*message_types):
+        counts = []
+        for message_type in message_types:
+            name = f'robot_{message_type.__name__.lower()}'
+            # Each has a process of its own, as it were: one cannot have a topic of two types.
+            contexts.append(rclpy.Context())
+            rclpy.init(context=contexts[-1], domain_id=ros_domain)
+            nodes.append(rclpy.create_node(name, context=contexts[-1]))
+            nodes[-1].create_subscription(message_type, 'cmd_vel', counts.append, 10)
+        return nodes
+
+    yield make
+    for node, context in zip(nodes, contexts, strict=True):
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
+
+
+@pytest.mark.parametrize('message_type', [Twist, TwistStamped])
+def test_auto_follows_the_subscriber(teleop_of, subscribers_of, spawn, spin_until, message_type):
+    subscribers_of(message_type)
+    teleop = teleop_of(stamped='auto')
+    spin_until(spawn.pump, lambda: teleop.has_subscriber)
+    sent = []
+    teleop.receivers.append(sent.append)
+    teleop.keys.put(String(data='i'))
+    assert type(sent[-1]) is message_type
+    for _ in range(10):
+        teleop._output.look()
+    assert teleop.warnings == []
+
+
+@pytest.mark.parametrize(
+    ('stamped', 'robot', 'ours'), [(False, TwistStamped, 'Twist'), (True, Twist, 'TwistStamped')]
+)
+def test_a_mismatch_is_told_once_within_two_seconds(
+    teleop_of, subscribers_of, spawn, spin_until, stamped, robot, ours
+):
+    teleop = teleop_of(stamped=stamped)
+    subscribers_of(robot)
+    spin_until(spawn.pump, lambda: teleop.warnings)
+    for _ in range(10):
+        teleop._output.look()
+    (warning,) = teleop.warnings
+    name = f'robot_{robot.__name__.lower()}'
+    assert warning == (
+        f'/cmd_vel: {name} wants {robot.__name__}, this sends {ours}: see the parameter stamped'
+    )
+    assert not teleop.has_subscriber
+
+
+def test_subscribers_that_disagree_are_told_of_too(teleop_of, subscribers_of, spawn, spin_until):
+    teleop = teleop_of()
+    subscribers_of(Twist, TwistStamped)
+    spin_until(spawn.pump, lambda: teleop.warnings)
+    assert 'robot_twiststamped wants TwistStamped' in teleop.warnings[0]
+
+
+def test_anything_else_is_rejected(teleop_of):
+    with pytest.raises(InvalidParameter, match="stamped must be one of auto, true, false, got 'x"):
+        teleop_of(stamped='x')
+
+
+@pytest.mark.parametrize(
+    ('idle', 'before', 'after'), [('silent', 0, 1), ('zeros', 0, 100), ('repeat', 100, 100)]
+)
+def test_the_idle_policy_says_what_a_standing_robot_hears(ros_domain, spawn, idle, before, after):
+    node = spawn(
+        KeysToTwistNode(lock_step=True, parameter_overrides=[Parameter('idle', value=idle)])
+    )
+    sent = []
+    node.receivers.append(sent.append)
+
+    def wait(seconds):
+        sent.clear()
+        for _ in range(round(seconds / 0.02)):
+            node.step(0.02)
+        return len(sent)
+
+    assert wait(2.0) == pytest.approx(before, abs=2)
+    node.keys.put(String(data='i'))
+    wait(0.5)
+    node.keys.put(String(data='k'))
+    assert wait(2.0) == pytest.approx(after, abs=2)
+
+
+def test_stamps_and_ramps_are_simulated_time_and_a_pause_brings_no_burst(
+    teleop_of, context, spawn, spin_until
+):
+    teleop = teleop_of(use_sim_time=True, stamped=True)
+    simulator = rclpy.create_node('simulator', context=context)
+    clock = simulator.create_publisher(Clock, 'clock', 10)
+    sent = []
+    teleop.receivers.append(sent.append)
+    now = Clock()
+
+    def tick_to(nanoseconds):
+        now.clock.sec, now.clock.nanosec = divmod(nanoseconds, 10**9)
+
+        def publish():
+            clock.publish(now)
+
+        spin_until(
+            spawn.pump, lambda: teleop.get_clock().now().nanoseconds == nanoseconds, 10.0, publish
+        )
+
+    tick_to(10 * 10**9)
+    teleop.keys.put(String(data='i'))
+    assert sent[-1].header.stamp.sec == 10
+    first = sent[-1].twist.linear.x
+    count = len(sent)
+    # Time stands still: nothing comes, and nothing has piled up when it goes on.
+    for _ in range(50):
+        spawn.pump.handle(0.002)
+    assert len(sent) == count
+    tick_to(10 * 10**9 + 10**8)
+    spin_until(spawn.pump, lambda: len(sent) > count)
+    assert len(sent) <= count + 3
+    assert sent[-1].twist.linear.x == pytest.approx(first + 0.6 * 0.1, abs=1e-9)
+    simulator.destroy_node()

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""However a teleoperation ends, or is cut off, the robot stands soon after."""
+
+import signal
+import subprocess
+import sys
+import time
+
+from nav_msgs.msg import Odometry
+import pytest
+from teleop_keyboard.conversions import from_twist
+from teleop_keyboard.ramp import STANDSTILL
+
+pytestmark = pytest.mark.slow
+
+TELEOP = ('-m', 'teleop_keyboard.teleop_node')
+
+# A shell with job control: it starts the program as its foreground job, waits until the job is
+# stopped, says so, and brings it back to the foreground when a line comes on descriptor 3.
+SHELL = """
+import os, signal, sys
+signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+job = os.fork()
+if job == 0:
+    os.setpgid(0, 0)
+    os.tcsetpgrp(0, os.getpgrp())
+    signal.signal(signal.SIGTTOU, signal.SIG_DFL)
+    os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+while True:
+    _, status = os.waitpid(job, os.WUNTRACED)
+    if not os.WIFSTOPPED(status):
+        break
+    os.tcsetpgrp(0, os.getpgrp())
+    print('SUSPENDED', flush=True)
+    while not os.path.exists(os.environ['RESUME']):
+        pass
+    os.tcsetpgrp(0, job)
+    os.kill(job, signal.SIGCONT)
+os.tcsetpgrp(0, os.getpgrp())
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+
+
+def wait_until(condition, timeout=20.0):
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, 'waited in vain'
+        time.sleep(0.01)
+
+
+def velocities(listener):
+    return [from_twist(message) for message in listener.twists]
+
+
+def drive(process, listener, key=b'i'):
+    """Hold a key until the robot is told to move."""
+
+    def moves():
+        process.type(key)
+        time.sleep(1 / 30)
+        return any(velocity.vx > 0.1 for velocity in velocities(listener))
+
+    wait_until(moves)
+
+
+def stands(listener):
+    return velocities(listener)[-1] == STANDSTILL
+
+
+def test_ctrl_backslash_stops_the_robot_and_restores_the_terminal(pty_process, listener):
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+    drive(process, listener)
+    process.type(b'\x1c')
+    assert process.wait() == -signal.SIGQUIT
+    wait_until(lambda: stands(listener))
+    listener.settle()
+    assert stands(listener)
+    assert process.attributes == process.before
+    assert process.output.rstrip().endswith(b'\x1b[?1049l')
+
+
+def test_a_closed_terminal_stops_the_robot(pty_process, listener):
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+    drive(process, listener)
+    process.hang_up()
+    assert process.wait() in (128 + signal.SIGHUP, 0, 1)
+    wait_until(lambda: stands(listener))
+    listener.settle()
+    assert stands(listener)
+
+
+def test_ctrl_z_stops_the_robot_and_fg_goes_on(pty_process, listener, tmp_path):
+    resume = tmp_path / 'resume'
+    process = pty_process('-c', SHELL, *TELEOP, environment={'RESUME': str(resume)})
+    listener.probe(process)
+    drive(process, listener)
+    process.type(b'\x1a')
+    wait_until(lambda: b'SUSPENDED' in process.output)
+    wait_until(lambda: stands(listener))
+    listener.settle()
+    assert stands(listener)
+    assert process.attributes == process.before
+    assert b'\x1b[?1049l' in process.output[: process.output.index(b'SUSPENDED')]
+    count = len(listener.twists)
+    listener.settle()
+    assert len(listener.twists) == count
+
+    process.output = b''
+    resume.touch()
+    wait_until(lambda: process.is_raw)
+    wait_until(lambda: b'\x1b[?1049h' in process.output)
+    assert stands(listener)
+    listener.twists.clear()
+    drive(process, listener)
+    process.type(b'\x03')
+    assert process.wait() == 0
+    wait_until(lambda: stands(listener))
+    assert process.attributes == process.before
+
+
+@pytest.fixture
+def background():
+    """Return a function that starts a module as a process without a terminal."""
+    processes = []
+
+    def start(module, *arguments):
+        processes.append(
+            subprocess.Popen(
+                [sys.executable, '-m', module, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        )
+        return processes[-1]
+
+    yield start
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def test_the_loss_of_keys_stops_the_robot(pty_process, listener, background):
+    background('teleop_keyboard.keys_to_twist_node')
+    process = pty_process('-m', 'teleop_keyboard.key_publisher_node')
+    listener.probe(process)
+    drive(process, listener)
+    process.process.send_signal(signal.SIGKILL)
+    killed = time.monotonic()
+    wait_until(lambda: stands(listener))
+    # 0.6 s for a key that was pressed once, and the ramp of 1/3 s; the rest is a busy machine.
+    assert time.monotonic() - killed < 0.6 + 0.4 + 1.0
+    listener.settle()
+    assert stands(listener)
+
+
+def test_the_robot_stops_when_teleop_is_killed_outright(pty_process, listener, background):
+    speeds = []
+    listener.node.create_subscription(
+        Odometry, 'ground_truth/odom', lambda m: speeds.append(m.twist.twist.linear.x), 10
+    )
+    background('mujoco_sim.simulator_node')
+    background('diff_drive_sim.diff_drive_controller_node')
+    wait_until(lambda: speeds, 60.0)
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+
+    def drives():
+        process.type(b'i')
+        time.sleep(1 / 30)
+        return max(speeds[-10:]) > 0.1
+
+    wait_until(drives, 60.0)
+    process.process.send_signal(signal.SIGKILL)
+    process.process.wait()
+    # Nobody says stop: the last command is the one to drive.
+    listener.settle()
+    assert velocities(listener)[-1].vx > 0.0
+    wait_until(lambda: max(map(abs, speeds[-25:])) < 1e-3, 30.0)
+    count = len(speeds)
+    wait_until(lambda: len(speeds) > count + 50, 30.0)
+    assert max(map(abs, speeds[count:])) < 1e-3
+
+
+def test_without_a_terminal_on_its_input_it_takes_the_controlling_one(pty_process, listener):
+    """As `ros2 launch` starts a node: standard input is a pipe, or nothing at all."""
+    inner = (
+        'import signal, subprocess, sys; signal.signal(signal.SIGINT, lambda *_: None);'
+        'sys.exit(subprocess.call([sys.executable, *sys.argv[1:]], stdin=subprocess.DEVNULL))'
+    )
+    process = pty_process('-c', inner, *TELEOP)
+    listener.probe(process)
+    drive(process, listener, b'i')
+    process.type(b'\x03')
+    # The signal goes to both processes; the inner one may be the last to leave.
+    process.wait()
+    wait_until(lambda: stands(listener))
+    wait_until(lambda: process.attributes == process.before)

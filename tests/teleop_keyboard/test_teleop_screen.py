@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The dashboard of `teleop` on a real pseudo-terminal, and what there is without one."""
+
+import fcntl
+import struct
+import subprocess
+import sys
+import termios
+import time
+
+from nav_msgs.msg import Odometry
+import pytest
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from std_msgs.msg import String
+
+pytestmark = pytest.mark.slow
+
+TELEOP = ('-m', 'teleop_keyboard.teleop_node')
+
+
+def shows(process, text, since=0):
+    deadline = time.monotonic() + 20.0
+    while text.encode() not in process.output[since:]:
+        assert time.monotonic() < deadline, process.output.decode()
+        time.sleep(0.01)
+
+
+def resize(process, columns, lines):
+    size = struct.pack('HHHH', lines, columns, 0, 0)
+    fcntl.ioctl(process.slave, termios.TIOCSWINSZ, size)
+
+
+def test_it_shows_keys_robot_and_connection_and_follows_the_window(pty_process, listener):
+    odometry = listener.node.create_publisher(Odometry, 'odom', 10)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    listener.node.create_publisher(String, 'state', latched).publish(String(data='trotting'))
+    message = Odometry()
+    message.twist.twist.linear.x = 0.17
+    process = pty_process(*TELEOP, environment={'COLUMNS': '', 'LINES': ''})
+    resize(process, 80, 24)
+    listener.probe(process)
+    shows(process, 'robot   trotting')
+    shows(process, '1 subscriber, Twist')
+    end = time.monotonic() + 20.0
+    while b'+0.17 m/s' not in process.output:
+        assert time.monotonic() < end
+        process.type(b'i')
+        odometry.publish(message)
+        time.sleep(1 / 30)
+    shows(process, '[i]')
+    frames = process.output.decode().split('\x1b[?2026h\x1b[H')[1:]
+    assert all(frame.count('\r\n') < 24 for frame in frames)
+    assert '\x1b[2J' not in process.output.decode()
+    before = len(process.output)
+    resize(process, 40, 10)
+    shows(process, '\x1b[?2026h', before)
+    process.type(b'q')
+    shows(process, '0.22 m/s', before)
+    frame = process.output[before:].decode().split('\x1b[?2026h\x1b[H')[-1]
+    assert frame.count('\r\n') < 10
+    process.type(b'\x03')
+    assert process.wait() == 0
+    shows(process, '\x1b[?25h\x1b[?1049l')
+
+
+def test_releases_of_a_terminal_that_tells_them_end_a_motion_at_once(pty_process, listener):
+    process = pty_process(*TELEOP, environment={'TERM': 'xterm-kitty'})
+    shows(process, '\x1b[?u')
+    process.type(b'\x1b[?0u')
+    shows(process, '\x1b[>27u')
+    # Now the test is a terminal that speaks kitty's protocol.
+    deadline = time.monotonic() + 20.0
+    while not (listener.twists and 'HELD+i' in listener.keys):
+        assert time.monotonic() < deadline
+        process.type(b'\x1b[105;;105u')
+        time.sleep(0.2)
+    process.type(b'\x1b[105;1:3u')
+    while 'RELEASE+i' not in listener.keys:
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    released, speed = time.monotonic(), listener.twists[-1].linear.x
+    while listener.twists[-1].linear.x >= speed:
+        # 50 ms, and what a busy machine needs.
+        assert time.monotonic() - released < 1.0
+        time.sleep(0.005)
+    process.type(b'\x1b[99;5u')
+    assert process.wait() == 0
+    shows(process, '\x1b[<u')
+    assert process.attributes == process.before
+
+
+def test_without_a_terminal_for_the_output_there_are_plain_lines(listener):
+    result = subprocess.run(
+        [sys.executable, *TELEOP], input=b'iii', capture_output=True, timeout=30.0,
+        start_new_session=True,
+    )  # fmt: skip
+    assert result.returncode == 0
+    assert b'\x1b' not in result.stdout
+    assert b'Control mbot!' in result.stdout
+    assert b'target +0.20' in result.stdout

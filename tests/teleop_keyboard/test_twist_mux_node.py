@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`twist_mux` in this process; who sends to it and listens to it lives in another context."""
+
+from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from robot_description.parameters import InvalidParameter
+from std_msgs.msg import Bool
+from std_msgs.msg import String
+from teleop_keyboard.twist_mux_node import TwistMuxNode
+from visualization_msgs.msg import Marker
+
+
+class Peer:
+    """The rest of the robot: sends velocities and locks, hears what comes of it."""
+
+    def __init__(self, context, output_type):
+        self.node = rclpy.create_node('peer', context=context)
+        self.executor = SingleThreadedExecutor(context=context)
+        self.executor.add_node(self.node)
+        self.out, self.selected, self.markers = [], [], []
+        latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        create = self.node.create_subscription
+        create(output_type, 'cmd_vel_out', self.out.append, 100)
+        create(String, 'selected', lambda m: self.selected.append(m.data), latched)
+        create(Marker, 'twist_marker', self.markers.append, 10)
+
+    def publisher(self, message_type, topic):
+        return self.node.create_publisher(message_type, topic, 10)
+
+    def speeds(self):
+        twists = [getattr(message, 'twist', message) for message in self.out]
+        return [twist.linear.x for twist in twists]
+
+
+@pytest.fixture
+def peer_of(context):
+    peers = []
+
+    def make(output_type=Twist):
+        peers.append(Peer(context, output_type))
+        return peers[-1]
+
+    yield make
+    for peer in peers:
+        peer.executor.shutdown()
+        peer.node.destroy_node()
+
+
+@pytest.fixture
+def mux(ros_domain, spawn):
+    return spawn(TwistMuxNode())
+
+
+@pytest.fixture
+def run_until(spawn, spin_until):
+    def run(condition, peer, step=None):
+        def both():
+            if step is not None:
+                step()
+            peer.executor.spin_once(timeout_sec=0.005)
+
+        spin_until(spawn.pump, condition, 20.0, both)
+
+    return run
+
+
+def stamped(x):
+    message = TwistStamped()
+    message.twist.linear.x = x
+    return message
+
+
+def plain(x):
+    message = Twist()
+    message.linear.x = x
+    return message
+
+
+def test_both_types_are_relayed_and_a_loss_ends_in_one_zero(mux, peer_of, run_until):
+    peer = peer_of()
+    keyboard, joystick = peer.publisher(Twist, 'key_vel'), peer.publisher(TwistStamped, 'joy_vel')
+    run_until(lambda: 0.1 in peer.speeds(), peer, lambda: keyboard.publish(plain(0.1)))
+    assert mux.mux.selected == 'keyboard'
+    run_until(lambda: 0.2 in peer.speeds(), peer, lambda: joystick.publish(stamped(0.2)))
+    assert mux.mux.selected == 'joystick'
+    run_until(lambda: mux.mux.selected == '', peer)
+    run_until(lambda: peer.selected[-1:] == [''] and 0.0 in peer.speeds(), peer)
+    assert [name for name in peer.selected if name] == ['keyboard', 'joystick']
+    assert peer.speeds().count(0.0) == 1
+    assert peer.speeds()[-1] == 0.0
+    assert peer.markers[-1].type == Marker.ARROW
+    assert peer.markers[-1].header.frame_id == 'base_footprint'
+
+
+def test_an_e_stop_stops_within_a_cycle_and_holds(mux, peer_of, run_until):
+    peer = peer_of()
+    keyboard, e_stop = peer.publisher(Twist, 'key_vel'), peer.publisher(Bool, 'e_stop')
+    run_until(lambda: 0.1 in peer.speeds(), peer, lambda: keyboard.publish(plain(0.1)))
+    run_until(lambda: mux.mux.closed_locks(0.0), peer, lambda: e_stop.publish(Bool(data=True)))
+    run_until(lambda: peer.speeds()[-1] == 0.0, peer)
+    count = len(peer.out)
+    sent = []
+    run_until(lambda: len(sent) > 30, peer, lambda: sent.append(keyboard.publish(plain(0.3))))
+    assert len(peer.out) == count
+    e_stop.publish(Bool(data=False))
+    run_until(lambda: 0.3 in peer.speeds(), peer, lambda: keyboard.publish(plain(0.3)))
+
+
+def test_the_output_follows_a_stamped_subscriber(mux, peer_of, run_until):
+    peer = peer_of(TwistStamped)
+    keyboard = peer.publisher(Twist, 'key_vel')
+    run_until(lambda: 0.1 in peer.speeds(), peer, lambda: keyboard.publish(plain(0.1)))
+    assert peer.out[-1].header.frame_id == 'base_footprint'
+    assert peer.out[-1].header.stamp.sec > 0
+
+
+def test_a_velocity_that_is_no_number_is_not_relayed(mux):
+    relayed = []
+    mux.output.receivers.append(relayed.append)
+    mux._on_twist('keyboard', plain(float('nan')))
+    assert relayed == []
+    assert mux.mux.selected == ''
+
+
+def test_tables_are_twist_muxs_parameters(spawn):
+    node = spawn(
+        TwistMuxNode(
+            parameter_overrides=[
+                Parameter('topics.web.topic', value='web_vel'),
+                Parameter('topics.web.timeout', value=1),
+                Parameter('topics.web.priority', value=20),
+                Parameter('topics.nav.topic', value='nav_cmd'),
+                Parameter('topics.nav.priority', value=10),
+            ]
+        )
+    )
+    assert node.get_parameter('topics.web.timeout').value == 1
+    assert node.mux.offer('nav', 0.0)
+    assert node.mux.offer('web', 0.0)
+    (result,) = node.set_parameters([Parameter('topics.nav.priority', value=30)])
+    assert result.successful
+    assert node.mux.offer('nav', 0.1)
+    (result,) = node.set_parameters([Parameter('topics.nav.priority', value=300)])
+    assert not result.successful
+    assert 'priority must be 0 .. 255' in result.reason
+    (result,) = node.set_parameters([Parameter('topics.nav.topic', value='other')])
+    assert not result.successful
+
+
+def test_a_wrong_table_is_named(spawn):
+    with pytest.raises(InvalidParameter, match=r'priority must be a whole number, got 1\.5'):
+        TwistMuxNode(
+            parameter_overrides=[
+                Parameter('topics.web.topic', value='web_vel'),
+                Parameter('topics.web.priority', value=1.5),
+            ]
+        )
