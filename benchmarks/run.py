@@ -17,8 +17,9 @@ import go2
 import mbot
 from table import describe_machine
 from table import format_table
+import teleop
 
-ROBOTS = {'mbot': mbot.measure, 'go2': go2.measure}
+PARTS = {'mbot': mbot.measure, 'go2': go2.measure, 'teleop': teleop.measure}
 
 
 def note(text: str) -> None:
@@ -28,18 +29,18 @@ def note(text: str) -> None:
 
 
 def main() -> int:
-    """Run the benchmark of one robot or of both."""
+    """Run the benchmark of one part or of all."""
     parser = argparse.ArgumentParser(prog='wasd bench', description=__doc__)
-    parser.add_argument('robot', nargs='?', choices=list(ROBOTS), help='default: both')
+    parser.add_argument('part', nargs='?', choices=list(PARTS), help='default: all')
     parser.add_argument('--json', default='wasd_bench.json', metavar='FILE', help='what to write')
     parser.add_argument('--quick', action='store_true', help='fewer seeds: at most 5 minutes')
     arguments = parser.parse_args()
     # Runs go side by side, perhaps beside somebody's robot: none is to hear another's cmd_vel.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
     begin = time.monotonic()
-    names = [arguments.robot] if arguments.robot else list(ROBOTS)
+    names = [arguments.part] if arguments.part else list(PARTS)
     try:
-        rows = [row for name in names for row in ROBOTS[name](arguments.quick, note)]
+        rows = [row for name in names for row in PARTS[name](arguments.quick, note)]
     except KeyboardInterrupt:
         return 130
     finally:
