@@ -85,10 +85,12 @@ def test_the_go2_is_seen_standing_up_and_walking(
     browser.get(run.url)
     lying = wait_for(picture, lambda image: is_dog(image).mean() > 0.005, 'the dog')
     press('2')
-    standing = wait_for(
-        picture, lambda image: height_of_dog(image) > 1.25 * height_of_dog(lying), 'a stand'
-    )
-    press('4' + 8 * 'w')
+    wait_for(picture, lambda image: height_of_dog(image) > 1.25 * height_of_dog(lying), 'a stand')
+    time.sleep(2.0)  # until it is up
+    standing = picture()
+    press('4')
+    time.sleep(1.0)  # sticks are centred when the state is entered
+    press(8 * 'w')
     walking = wait_for(picture, lambda image: changed(standing, image) > 0.15, 'a walk')
     assert is_dog(walking).mean() > 0.5 * is_dog(standing).mean()
     log = browser.get_log('browser')
@@ -96,6 +98,7 @@ def test_the_go2_is_seen_standing_up_and_walking(
     assert size > LEAST_MODEL
     errors = [entry['message'] for entry in log if entry['level'] == 'SEVERE']
     assert [error for error in errors if 'favicon' not in error] == []
+    time.sleep(1.5)
     run.end()
     report = json.loads((tmp_path / 'report.json').read_text())
     assert report['falls'] == 0
