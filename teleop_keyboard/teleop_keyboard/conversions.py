@@ -9,26 +9,27 @@ from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 from visualization_msgs.msg import Marker
 
-from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.ramp import Velocity
 
 # The marker floats so high above the robot, as twist_mux's, and is so thick [m].
 MARKER_HEIGHT = 2.0
 MARKER_WIDTH = 0.1
 
 
-def to_twist(velocity: Twist3) -> Twist:
-    """Return the message of a velocity; the components that a plane lacks are zero."""
+def to_twist(velocity: Velocity) -> Twist:
+    """Return the message of a velocity; rolling and pitching are zero."""
     message = Twist()
     message.linear.x = velocity.vx
     message.linear.y = velocity.vy
+    message.linear.z = velocity.vz
     message.angular.z = velocity.wz
     return message
 
 
-def from_twist(message: Twist | TwistStamped) -> Twist3:
-    """Return the planar part of a message."""
+def from_twist(message: Twist | TwistStamped) -> Velocity:
+    """Return the velocity of a message, without rolling and pitching."""
     twist = message.twist if isinstance(message, TwistStamped) else message
-    return Twist3(twist.linear.x, twist.linear.y, twist.angular.z)
+    return Velocity(twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z)
 
 
 def is_finite(twist: Twist) -> bool:
@@ -47,10 +48,13 @@ def to_marker(twist: Twist, stamp: Time, frame_id: str) -> Marker:
     # Half of the turn of a second: the chord of the arc that the robot drives.
     heading += 0.5 * twist.angular.z
     length = max(speed, abs(twist.angular.z) * MARKER_WIDTH)
-    tip = (length * math.cos(heading), length * math.sin(heading))
     marker.points = [
         Point(x=0.0, y=0.0, z=MARKER_HEIGHT),
-        Point(x=tip[0], y=tip[1], z=MARKER_HEIGHT),
+        Point(
+            x=length * math.cos(heading),
+            y=length * math.sin(heading),
+            z=MARKER_HEIGHT + twist.linear.z,
+        ),
     ]
     # Diameters of the shaft and of the head.
     marker.scale.x = MARKER_WIDTH

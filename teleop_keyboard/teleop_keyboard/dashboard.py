@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 from teleop_keyboard.keymap_text import key_words
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.ramp import Velocity
 
 # A dashboard is no wider than one can look at.
 WIDEST = 100
 # Columns of a bar's label and of the number behind it.
 LABEL_WIDTH = 17
 NUMBER_WIDTH = 14
+AXES = (('forward', 'm/s'), ('left', 'm/s'), ('up', 'm/s'), ('turn', 'rad/s'))
 FULL, EMPTY, MIDDLE, RULE = '█', '·', '│', '─'
 # The same where the terminal's encoding lacks them.
 ASCII = str.maketrans({FULL: '#', EMPTY: '.', MIDDLE: '|', RULE: '-'})
@@ -29,7 +30,7 @@ class Line(NamedTuple):
 class Surroundings:
     """What a teleoperation knows of the robot: its velocity and state, None while it is silent."""
 
-    velocity: Twist3 | None = None
+    velocity: Velocity | None = None
     state: str | None = None
     subscribers: int = 0
     message_type: str = 'Twist'
@@ -52,11 +53,13 @@ def dashboard(logic: KeysToTwist, around: Surroundings, width: int, height: int)
 
 def plain_line(logic: KeysToTwist, around: Surroundings) -> str:
     """Return the same in one line, for an output that is not a terminal."""
-    target = logic.target
+    target = ' '.join(
+        f'{AXES[axis][0]} {round(logic.target[axis], 2) + 0.0:+.2f}' for axis in logic.keymap.axes
+    )
     keys = ' '.join(map(key_words, logic.keys_down)) or key_words(logic.last_key) or '-'
     text = (
         f'keys {keys}  full {logic.speed:.2f} m/s {logic.turn:.2f} rad/s  '
-        f'target {target.vx:+.2f} {target.vy:+.2f} {target.wz:+.2f}  {_connection(around).text}'
+        f'target {target}  {_connection(around).text.strip()}'
     )
     return text if around.state is None else f'{text}  robot {around.state}'
 
@@ -97,20 +100,14 @@ def _connection(around: Surroundings) -> Line:
 
 def _bars(logic: KeysToTwist, around: Surroundings, columns: int) -> list[Line]:
     """Return two bars for each axis that the keymap moves: wanted and actual."""
-    ways = logic.keymap.motion.values()
-    axes = [
-        (0, 'forward', 'm/s', logic.speed, any(way.x for way in ways)),
-        (1, 'left', 'm/s', logic.speed, any(way.y for way in ways)),
-        (2, 'turn', 'rad/s', logic.turn, any(way.yaw for way in ways)),
-    ]
     # Without odometry the ramp is the best that is known.
     actual = logic.velocity if around.velocity is None else around.velocity
     source = 'ramp' if around.velocity is None else 'actual'
     width = max(columns - LABEL_WIDTH - NUMBER_WIDTH, 3)
     lines = []
-    for axis, name, unit, full, is_used in axes:
-        if not is_used:
-            continue
+    for axis in logic.keymap.axes:
+        name, unit = AXES[axis]
+        full = logic.turn if unit == 'rad/s' else logic.speed
         rows = ((name, 'target', logic.target[axis]), ('', source, actual[axis]))
         for label, kind, value in rows:
             number = round(value, 2) + 0.0  # no -0.00

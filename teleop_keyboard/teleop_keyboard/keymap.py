@@ -24,10 +24,11 @@ class KeymapError(InvalidParameter):
 
 
 class Direction(NamedTuple):
-    """Shares of the full speed and turn, in [-1, 1]: forward, to the left, counter-clockwise."""
+    """Shares of full speed and turn, in [-1, 1]: forward, to the left, up, counter-clockwise."""
 
     x: float = 0.0
     y: float = 0.0
+    z: float = 0.0
     yaw: float = 0.0
 
 
@@ -80,6 +81,12 @@ class Keymap:
     angular_accel: float  # [rad/s^2]
 
     @property
+    def axes(self) -> tuple[int, ...]:
+        """Indices into a direction of the axes that some key moves."""
+        columns = zip(*self.motion.values(), strict=True)
+        return tuple(axis for axis, shares in enumerate(columns) if any(shares))
+
+    @property
     def keys(self) -> tuple[str, ...]:
         """All keys that mean something."""
         return *self.motion, *self.speed_keys, *sorted(self.stop_keys)
@@ -109,7 +116,7 @@ def load_preset(name_or_path: str, layout: str = 'qwerty') -> Keymap:
 def _moved(keymap: Keymap, layout: str) -> Keymap:
     """Return the keymap with its keys at the same places of another keyboard."""
     # Here, because it needs the classes above.
-    from teleop_keyboard.keymap_text import table_lines
+    from teleop_keyboard.keymap_text import help_table
 
     names = {key: on_layout(key, layout) for key in keymap.keys}
     if len(set(names.values())) < len(names):
@@ -122,7 +129,7 @@ def _moved(keymap: Keymap, layout: str) -> Keymap:
         stop_keys=frozenset(names[key] for key in keymap.stop_keys),
     )
     title = *keymap.help_lines[:1], f'keyboard {layout}'
-    return dataclasses.replace(moved, help_lines=(', '.join(title), *table_lines(moved)))
+    return dataclasses.replace(moved, help_lines=(', '.join(title), *help_table(moved)))
 
 
 def _load(name_or_path: str) -> Keymap:

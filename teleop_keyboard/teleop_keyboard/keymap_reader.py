@@ -129,10 +129,16 @@ class _KeymapReader:
             self._fail(node, repr(text), str(error))
 
     def _direction(self, node: yaml.Node, key: str) -> Direction:
-        values = self._numbers(node, key, 3, '[forward, left, counter-clockwise]')
-        if any(abs(value) > 1.0 for value in values):
-            self._fail(node, key, f'each share must be within -1 and 1, got {values}')
-        return Direction(*values)
+        """Read [forward, left, counter-clockwise], or four shares, of which the third is up."""
+        if isinstance(node, yaml.SequenceNode) and len(node.value) == 4:
+            x, y, z, yaw = self._numbers(node, key, 4, '')
+        else:
+            x, y, yaw = self._numbers(node, key, 3, '[forward, left, counter-clockwise]')
+            z = 0.0
+        direction = Direction(x, y, z, yaw)
+        if any(abs(share) > 1.0 for share in direction):
+            self._fail(node, key, f'each share must be within -1 and 1, got {[*direction]}')
+        return direction
 
     def _speed_factor(self, node: yaml.Node, key: str) -> SpeedFactor:
         values = self._numbers(node, key, 2, '[factor of speed, factor of turn]')

@@ -2,6 +2,8 @@
 """Keymaps in words: what `wasd keys` prints, and the help of a keymap on another keyboard."""
 
 from collections.abc import Mapping
+import itertools
+import math
 
 from teleop_keyboard.keymap import Direction
 from teleop_keyboard.keymap import Keymap
@@ -19,6 +21,7 @@ def direction_words(direction: Direction) -> str:
     parts = [
         ('forward', 'back')[direction.x < 0] if direction.x else '',
         ('left', 'right')[direction.y < 0] if direction.y else '',
+        ('up', 'down')[direction.z < 0] if direction.z else '',
         ('turn left', 'turn right')[direction.yaw < 0] if direction.yaw else '',
     ]
     return ' + '.join(part for part in parts if part) or 'stand'
@@ -26,6 +29,8 @@ def direction_words(direction: Direction) -> str:
 
 def factor_words(factor: SpeedFactor) -> str:
     """Return what a speed key does."""
+    if factor.linear == factor.angular != 1.0:
+        return f'both {100.0 * (factor.linear - 1.0):+.0f} %'
     parts = [
         f'{name} {100.0 * (value - 1.0):+.0f} %'
         for name, value in zip(('speed', 'turn'), factor, strict=True)
@@ -41,6 +46,24 @@ def key_words(key: str) -> str:
 
 def table_lines(keymap: Keymap) -> list[str]:
     """Return one line for each meaning, with the keys that have it."""
+    return [f'  {keys:12} {meaning}'[:LINE_WIDTH] for keys, meaning in _rows(keymap)]
+
+
+def help_table(keymap: Keymap) -> list[str]:
+    """Return the same in as many columns as fit: a help that leaves room for a dashboard."""
+    cells = [f'{keys:3} {meaning}'[:LINE_WIDTH] for keys, meaning in _rows(keymap)]
+    for count in (3, 2, 1):
+        height = math.ceil(len(cells) / count)
+        columns = [cells[start : start + height] for start in range(0, len(cells), height)]
+        widths = [max(map(len, column)) + 2 for column in columns]
+        if sum(widths) - 2 <= LINE_WIDTH:
+            break
+    rows = itertools.zip_longest(*columns, fillvalue='')
+    return [''.join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def _rows(keymap: Keymap) -> list[tuple[str, str]]:
+    """Return the keys of each meaning and the meaning, in the order of the keymap."""
     rows = [
         *_grouped({key: direction_words(way) for key, way in keymap.motion.items()}),
         *_grouped({key: factor_words(way) for key, way in keymap.speed_keys.items()}),
@@ -49,8 +72,7 @@ def table_lines(keymap: Keymap) -> list[str]:
         rows.append((sorted(keymap.stop_keys), 'stop at once'))
     if keymap.other_keys == 'stop':
         rows.append((['any other'], 'stop on the ramp'))
-    lines = [f'  {" ".join(map(key_words, keys)):12} {meaning}' for keys, meaning in rows]
-    return [line[:LINE_WIDTH] for line in lines]
+    return [(' '.join(map(key_words, keys)), meaning) for keys, meaning in rows]
 
 
 def _grouped(meanings: Mapping[str, str]) -> list[tuple[list[str], str]]:
@@ -91,5 +113,5 @@ def list_presets() -> list[str]:
         keymap = load_preset(name)
         title = keymap.help_lines[0] if keymap.help_lines else ''
         speeds = f'{keymap.speed:g} m/s, {keymap.turn:g} rad/s'
-        lines.append(f'{name:8} {keymap.mode:6} {speeds:22} {title}'[:LINE_WIDTH])
+        lines.append(f'{name:14} {keymap.mode:6} {speeds:22} {title}'[:LINE_WIDTH])
     return lines

@@ -13,7 +13,7 @@ from teleop_keyboard.motion import Motion
 from teleop_keyboard.ramp import Pace
 from teleop_keyboard.ramp import ramped_twist
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.teleop_parameters import AS_PRESET
 from teleop_keyboard.teleop_parameters import SPEED_NAMES
 from teleop_keyboard.teleop_parameters import TeleopParameters
@@ -81,15 +81,14 @@ class KeysToTwist:
         return self._motion.keys_down
 
     @property
-    def target(self) -> Twist3:
+    def target(self) -> Velocity:
         """The velocity that the ramp moves toward."""
         direction = self._motion.direction
-        return Twist3(
-            direction.x * self._speed, direction.y * self._speed, direction.yaw * self._turn
-        )
+        x, y, z = (share * self._speed for share in direction[:3])
+        return Velocity(x, y, z, direction.yaw * self._turn)
 
     @property
-    def velocity(self) -> Twist3:
+    def velocity(self) -> Velocity:
         """The velocity commanded now."""
         return self._velocity
 
@@ -167,7 +166,7 @@ class KeysToTwist:
         self._is_silent = self._idle != 'repeat'
         self._since_publish = math.inf
 
-    def step(self, dt: float) -> Twist3 | None:
+    def step(self, dt: float) -> Velocity | None:
         """
         Let `dt` [s] pass and return the command to publish at its end, None if there is none.
 

@@ -16,7 +16,7 @@ from teleop_keyboard.conversions import to_twist
 from teleop_keyboard.keymap import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.teleop_parameters import TeleopParameters
 from teleop_keyboard.twist_output import declare_stamped
 from teleop_keyboard.twist_output import TwistOutput
@@ -134,7 +134,7 @@ class KeysToTwistNode(Node):
     def _make_timer(self) -> Any:
         return self.create_timer(1.0 / self.logic.rate, self._on_timer)
 
-    def _send(self, velocity: Twist3) -> None:
+    def _send(self, velocity: Velocity) -> None:
         self._output.publish(to_twist(velocity))
 
 

@@ -7,24 +7,18 @@ from teleop_keyboard.key_names import MODIFIERS
 
 LAYOUTS = ('qwerty', 'azerty', 'dvorak')
 
-# The same places, row by row; digits and other keys are where they are on qwerty.
+# The same places, row by row, and again with Shift; digits and others are where qwerty has them.
 _PLACES = {
-    'qwerty': "qwertyuiop[]asdfghjkl;'zxcvbnm,./-=",
+    'qwerty': ("qwertyuiop[]asdfghjkl;'zxcvbnm,./-=", 'QWERTYUIOP{}ASDFGHJKL:"ZXCVBNM<>?_+'),
     # Without the keys of its digits' row, which Shift makes digits.
-    'azerty': 'azertyuiop^$qsdfghjklmùwxcvbn,;:!)=',
-    'dvorak': "',.pyfgcrl/=aoeuidhtns-;qjkxbmwvz[]",
+    'azerty': ('azertyuiop^$qsdfghjklmùwxcvbn,;:!)=', 'AZERTYUIOP¨£QSDFGHJKLM%WXCVBN?./§°+'),
+    'dvorak': ("',.pyfgcrl/=aoeuidhtns-;qjkxbmwvz[]", '"<>PYFGCRL?+AOEUIDHTNS_:QJKXBMWVZ{}'),
 }
 
 
 def places(layout: str) -> Mapping[str, str]:
-    """Return what the keys of qwerty are called on a layout, capitals included."""
-    pairs = dict(zip(_PLACES['qwerty'], _PLACES[layout], strict=True))
-    capitals = {
-        key.upper(): name.upper()
-        for key, name in pairs.items()
-        if key.isalpha() and name.isalpha()
-    }
-    return {**pairs, **capitals}
+    """Return what the keys of qwerty are called on a layout, without and with Shift."""
+    return dict(zip(''.join(_PLACES['qwerty']), ''.join(_PLACES[layout]), strict=True))
 
 
 def on_layout(key: str, layout: str) -> str:

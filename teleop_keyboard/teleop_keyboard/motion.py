@@ -14,15 +14,13 @@ def combine(directions: Iterable[Direction]) -> Direction:
     """
     Return the sum of directions within full speed.
 
-    Opposites cancel; a diagonal is no faster than straight on: (forward, left) has at most length
-    1. Turning has its own limit.
+    Opposites cancel; a diagonal is no faster than straight on: (forward, left, up) has at most
+    length 1. Turning has its own limit.
     """
-    x = y = yaw = 0.0
-    for direction in directions:
-        x, y, yaw = x + direction.x, y + direction.y, yaw + direction.yaw
-    x, y, yaw = (min(max(value, -1.0), 1.0) for value in (x, y, yaw))
-    length = max(math.hypot(x, y), 1.0)
-    return Direction(x / length, y / length, yaw)
+    sums = map(sum, zip(NOWHERE, *directions, strict=True))
+    x, y, z, yaw = (min(max(value, -1.0), 1.0) for value in sums)
+    length = max(math.hypot(x, y, z), 1.0)
+    return Direction(x / length, y / length, z / length, yaw)
 
 
 class Motion:

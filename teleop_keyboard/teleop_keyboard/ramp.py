@@ -8,15 +8,16 @@ from typing import NamedTuple
 ARRIVED = 1e-12
 
 
-class Twist3(NamedTuple):
-    """Planar velocity in the robot's frame: forward and left [m/s], counter-clockwise [rad/s]."""
+class Velocity(NamedTuple):
+    """In the robot's frame: forward, left and up [m/s], counter-clockwise [rad/s]."""
 
     vx: float = 0.0
     vy: float = 0.0
+    vz: float = 0.0
     wz: float = 0.0
 
 
-STANDSTILL = Twist3()
+STANDSTILL = Velocity()
 
 
 def ramped_velocity(previous: float, target: float, acceleration: float, dt: float) -> float:
@@ -46,7 +47,7 @@ class Pace:
     keep_direction: bool = False
 
 
-def ramped_twist(previous: Twist3, target: Twist3, pace: Pace, dt: float) -> Twist3:
+def ramped_twist(previous: Velocity, target: Velocity, pace: Pace, dt: float) -> Velocity:
     """
     Return the velocity reachable from `previous` in `dt` [s], moving toward `target`.
 
@@ -56,12 +57,13 @@ def ramped_twist(previous: Twist3, target: Twist3, pace: Pace, dt: float) -> Twi
     is_stop = target == STANDSTILL
     linear = pace.linear_accel, pace.linear_stop if is_stop else pace.linear_decel
     angular = pace.angular_accel, pace.angular_stop if is_stop else pace.angular_decel
+    limits = linear, linear, linear, angular
     axes = [
-        _axis(before, after, *limits, dt)
-        for before, after, limits in zip(previous, target, (linear, linear, angular), strict=True)
+        _axis(before, after, accel, decel, dt)
+        for before, after, (accel, decel) in zip(previous, target, limits, strict=True)
     ]
     if not pace.keep_direction:
-        return Twist3(*axes)
+        return Velocity(*axes)
     # The share of its way that an axis covers; the smallest holds for all.
     ways = zip(previous, target, axes, strict=True)
     share = min(
@@ -74,7 +76,7 @@ def ramped_twist(previous: Twist3, target: Twist3, pace: Pace, dt: float) -> Twi
     )
     if share >= 1.0 - ARRIVED:
         return target
-    return Twist3(*(b + share * (a - b) for b, a in zip(previous, target, strict=True)))
+    return Velocity(*(b + share * (a - b) for b, a in zip(previous, target, strict=True)))
 
 
 def _axis(previous: float, target: float, accel: float, decel: float, dt: float) -> float:

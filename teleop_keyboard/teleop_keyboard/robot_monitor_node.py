@@ -8,7 +8,8 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
-from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.conversions import from_twist
+from teleop_keyboard.ramp import Velocity
 
 # Odometry older than this is none [s].
 ODOMETRY_LIFETIME = 1.0
@@ -19,7 +20,7 @@ class RobotMonitorNode(Node):
 
     def __init__(self) -> None:
         super().__init__('robot_monitor')
-        self._velocity: Twist3 | None = None
+        self._velocity: Velocity | None = None
         self._heard_at = self.get_clock().now()
         self.state: str | None = None
         # The latest is enough: a dashboard shows no past.
@@ -31,14 +32,13 @@ class RobotMonitorNode(Node):
         ]
 
     @property
-    def velocity(self) -> Twist3 | None:
+    def velocity(self) -> Velocity | None:
         """The robot's velocity by its odometry, None when there is none of late."""
         age = 1e-9 * (self.get_clock().now() - self._heard_at).nanoseconds
         return self._velocity if age < ODOMETRY_LIFETIME else None
 
     def _on_odometry(self, message: Odometry) -> None:
-        twist = message.twist.twist
-        self._velocity = Twist3(twist.linear.x, twist.linear.y, twist.angular.z)
+        self._velocity = from_twist(message.twist.twist)
         self._heard_at = self.get_clock().now()
 
     def _on_state(self, message: String) -> None:

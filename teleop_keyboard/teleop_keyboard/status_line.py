@@ -4,8 +4,6 @@
 import shutil
 from typing import TextIO
 
-from teleop_keyboard.keys_to_twist import KeysToTwist
-
 # The line is rewritten at most this often: readable, and cheap over a slow connection [s].
 REFRESH_PERIOD = 0.1
 
@@ -47,13 +45,3 @@ class StatusLine:
         except OSError:
             # The terminal has gone; a robot is not to be left running for that.
             self._is_terminal = False
-
-
-def describe(logic: KeysToTwist) -> str:
-    """Return the status of a teleoperation in words of fixed width."""
-    target, velocity = logic.target, logic.velocity
-    key = {'': '-', ' ': 'SPACE'}.get(logic.last_key, logic.last_key)
-    return (
-        f'{key[:9]:<9} full {logic.speed:.2f} m/s {logic.turn:.2f} rad/s  '
-        f'target {target.vx:+.2f} {target.wz:+.2f}  now {velocity.vx:+.2f} {velocity.wz:+.2f}'
-    )

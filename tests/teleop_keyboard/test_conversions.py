@@ -8,9 +8,9 @@ from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.conversions import is_finite
 from teleop_keyboard.conversions import to_marker
 from teleop_keyboard.conversions import to_twist
-from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.ramp import Velocity
 
-VELOCITY = Twist3(0.1, -0.2, 0.3)
+VELOCITY = Velocity(0.1, -0.2, 0.4, 0.3)
 
 
 def test_a_velocity_survives_the_way_through_a_message():
@@ -18,9 +18,9 @@ def test_a_velocity_survives_the_way_through_a_message():
     assert from_twist(TwistStamped(twist=to_twist(VELOCITY))) == VELOCITY
 
 
-def test_what_a_plane_lacks_is_zero():
+def test_rolling_and_pitching_are_zero():
     message = to_twist(VELOCITY)
-    assert (message.linear.z, message.angular.x, message.angular.y) == (0.0, 0.0, 0.0)
+    assert (message.linear.z, message.angular.x, message.angular.y) == (0.4, 0.0, 0.0)
 
 
 @pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
@@ -32,9 +32,10 @@ def test_a_velocity_with_one_bad_component_is_not_finite(bad):
 
 
 def test_the_marker_points_along_the_chord_of_the_arc():
-    marker = to_marker(to_twist(Twist3(0.5, 0.0, 1.0)), Time(sec=3), 'base')
+    marker = to_marker(to_twist(Velocity(0.5, 0.0, 0.3, 1.0)), Time(sec=3), 'base')
     start, tip = marker.points
     assert (start.x, start.y) == (0.0, 0.0)
     assert math.hypot(tip.x, tip.y) == pytest.approx(0.5)
     assert math.atan2(tip.y, tip.x) == pytest.approx(0.5)
+    assert tip.z - start.z == pytest.approx(0.3)
     assert (marker.header.frame_id, marker.header.stamp.sec) == ('base', 3)

@@ -10,12 +10,13 @@ from teleop_keyboard.dashboard import Surroundings
 from teleop_keyboard.keymap import load_preset
 from teleop_keyboard.keymap import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.layouts import LAYOUTS
+from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.screen import CLOSE
 from teleop_keyboard.screen import OPEN
 from teleop_keyboard.screen import Screen
 
-ROBOT = Surroundings(velocity=Twist3(0.1, 0.0, -0.5), state='trotting', subscribers=1)
+ROBOT = Surroundings(velocity=Velocity(vx=0.1, wz=-0.5), state='trotting', subscribers=1)
 
 
 class Terminal(io.StringIO):
@@ -37,12 +38,14 @@ def text(lines):
     return '\n'.join(line.text for line in lines)
 
 
+@pytest.mark.parametrize('layout', LAYOUTS)
 @pytest.mark.parametrize('preset', preset_names())
-def test_every_preset_fits_80_by_24(preset):
-    lines = dashboard(driving(preset, 'w'), ROBOT, 80, 24)
+def test_every_preset_fits_80_by_24(preset, layout):
+    keymap = load_preset(preset, layout)
+    lines = dashboard(KeysToTwist(keymap), ROBOT, 80, 24)
     assert len(lines) < 24
     assert all(len(line.text) < 80 for line in lines)
-    assert load_preset(preset).help_lines[-1] in text(lines)
+    assert all(line in text(lines) for line in keymap.help_lines)
 
 
 @pytest.mark.parametrize(('width', 'height'), [(1, 1), (20, 5), (40, 10), (300, 100)])
@@ -64,6 +67,14 @@ def test_it_shows_keys_velocities_state_and_connection():
         ['+1.00', 'rad/s'],
         ['-0.50', 'rad/s'],
     ]
+
+
+def test_it_shows_the_axes_that_the_keys_move():
+    shown = text(dashboard(driving('twist_keyboard', 'b'), ROBOT, 80, 24))
+    names = [row.split()[0] for row in shown.splitlines() if ' target ' in row]
+    assert names == ['forward', 'left', 'up', 'turn']
+    (row,) = (row for row in shown.splitlines() if row.startswith(' up '))
+    assert row.split()[-2:] == ['-0.50', 'm/s']
 
 
 def test_it_says_when_nobody_listens_and_nothing_is_known():
@@ -152,7 +163,7 @@ def test_without_a_terminal_there_are_plain_lines_and_only_new_ones():
         screen.log(plain_line(logic, ROBOT), float(now))
     (line,) = stream.getvalue().splitlines()
     assert line == (
-        'keys i  full 0.20 m/s 1.00 rad/s  target +0.20 +0.00 +0.00   cmd_vel 1 subscriber, Twist'
-        '  robot trotting'
+        'keys i  full 0.20 m/s 1.00 rad/s  target forward +0.20 turn +0.00  '
+        'cmd_vel 1 subscriber, Twist  robot trotting'
     )
     assert '\x1b' not in line

@@ -76,6 +76,12 @@ def test_a_digit_stays_the_key_that_it_is():
     assert set(read_keymap(GOOD, 'mine.yaml', 'mine').motion) == {'i', '1'}
 
 
+def test_a_fourth_share_is_up():
+    keymap = read_keymap(GOOD.replace('[1, 0, 0]', '[0.5, 0, 1, -1]'), 'mine.yaml', 'mine')
+    assert keymap.motion['i'] == (0.5, 0, 1, -1)
+    assert keymap.axes == (0, 2, 3)
+
+
 def test_a_file_is_found_by_its_path(tmp_path):
     path = tmp_path / 'mine.yaml'
     path.write_text(GOOD)
@@ -91,6 +97,8 @@ def test_a_file_is_found_by_its_path(tmp_path):
         ('speed: 0.2', 'speed: .nan', 4, "speed: must be a number, got '.nan'"),
         ('linear_accel: 0.6', 'linear_accel: 0', 6, 'linear_accel: must be > 0, got 0'),
         ('i: [1, 0, 0]', 'i: [1, 0]', 2, 'i: must be a list of 3 numbers'),
+        ('i: [1, 0, 0]', 'i: [1, 0, 0, 0, 0]', 2, 'i: must be a list of 3 numbers'),
+        ('i: [1, 0, 0]', 'i: [1, 0, -2, 0]', 2, 'i: each share must be within -1 and 1'),
         ('i: [1, 0, 0]', 'i: [2, 0, 0]', 2, 'i: each share must be within -1 and 1'),
         ('i: [1, 0, 0]', 'i: [x, 0, 0]', 2, "i: must be a number, got 'x'"),
         ('i: [1, 0, 0]', 'UPP: [1, 0, 0]', 2, "'UPP': unknown key 'UPP', did you mean UP?"),

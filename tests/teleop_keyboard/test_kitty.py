@@ -133,11 +133,11 @@ def test_a_release_ends_a_motion_at_once_and_keys_count_together():
         logic.step(0.1)
         logic.press('HELD+i')
         logic.press('HELD+j')
-    assert logic.target == (0.2, 0.0, 1.0)
+    assert logic.target == (0.2, 0.0, 0.0, 1.0)
     logic.press('RELEASE+i')
-    assert logic.target == (0.0, 0.0, 1.0)
+    assert logic.target == (0.0, 0.0, 0.0, 1.0)
     logic.press('RELEASE+j')
-    assert logic.target == (0.0, 0.0, 0.0)
+    assert logic.target == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_a_key_whose_release_is_never_told_is_given_up():
@@ -145,4 +145,4 @@ def test_a_key_whose_release_is_never_told_is_given_up():
     logic.press('i')
     logic.press('HELD+i')
     logic.step(0.36)
-    assert logic.target == (0.0, 0.0, 0.0)
+    assert logic.target == (0.0, 0.0, 0.0, 0.0)

@@ -18,14 +18,14 @@ from wasd_bringup.cli import main
 def test_wasd_is_where_the_hand_is(layout, names):
     assert ''.join(on_layout(key, layout) for key in 'wasd') == names
     motion = load_preset('wasd', layout).motion
-    assert motion[names[0]] == (1, 0, 0)
-    assert motion[names[1]] == (0, 0, 1)
+    assert motion[names[0]] == (1, 0, 0, 0)
+    assert motion[names[1]] == (0, 0, 0, 1)
 
 
 @pytest.mark.parametrize('layout', LAYOUTS)
 def test_a_layout_gives_every_place_a_name_of_its_own(layout):
     table = places(layout)
-    assert len(set(table.values())) == len(table)
+    assert len(set(table.values())) == len(table) == 70
 
 
 def test_other_keys_and_modifiers_stay():
@@ -33,6 +33,7 @@ def test_other_keys_and_modifiers_stay():
     assert on_layout('1', 'azerty') == '1'
     assert on_layout('CTRL+W', 'azerty') == 'CTRL+Z'
     assert on_layout('W', 'azerty') == 'Z'
+    assert [on_layout(key, 'azerty') for key in 'M<>'] == ['?', '.', '/']
 
 
 @pytest.mark.parametrize('layout', LAYOUTS)

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import itertools
 import math
 
 import pytest
@@ -37,6 +38,29 @@ GO2_SPEED = {
 }
 
 
+# teleop_twist_keyboard's moveBindings, key -> (x, y, z, th).
+TWIST_KEYBOARD_MOTION = {
+    'i': (1, 0, 0, 0),
+    'o': (1, 0, 0, -1),
+    'j': (0, 0, 0, 1),
+    'l': (0, 0, 0, -1),
+    'u': (1, 0, 0, 1),
+    ',': (-1, 0, 0, 0),
+    '.': (-1, 0, 0, 1),
+    'm': (-1, 0, 0, -1),
+    'O': (1, -1, 0, 0),
+    'I': (1, 0, 0, 0),
+    'J': (0, 1, 0, 0),
+    'L': (0, -1, 0, 0),
+    'U': (1, 1, 0, 0),
+    '<': (-1, 0, 0, 0),
+    '>': (-1, -1, 0, 0),
+    'M': (-1, 1, 0, 0),
+    't': (0, 0, 1, 0),
+    'b': (0, 0, -1, 0),
+}
+
+
 def teleop(preset, **parameters):
     return KeysToTwist(load_preset(preset), TeleopParameters(preset=preset, **parameters))
 
@@ -58,9 +82,9 @@ def sign(value):
 def test_each_motion_key_of_go2_has_its_exact_signs(key):
     logic = teleop('go2')
     hold(logic, [key], 1.5)
-    vx, vy, wz = logic.velocity
+    vx, vy, vz, wz = logic.velocity
     x, y, z, turn = GO2_MOTION[key]
-    assert (sign(vx), sign(vy), 0, sign(wz)) == (x, y, z, turn)
+    assert (sign(vx), sign(vy), sign(vz), sign(wz)) == (x, y, z, turn)
     assert abs(wz) in (0.0, 0.8)
     # A diagonal is no faster than straight on.
     assert math.hypot(vx, vy) == pytest.approx(0.8 if (x or y) else 0.0)
@@ -68,9 +92,32 @@ def test_each_motion_key_of_go2_has_its_exact_signs(key):
 
 def test_go2_has_the_keys_of_the_tutorial_and_no_more():
     keymap = load_preset('go2')
-    assert {k: (d.x, d.y, 0, d.yaw) for k, d in keymap.motion.items()} == GO2_MOTION
+    assert dict(keymap.motion) == GO2_MOTION
     assert dict(keymap.speed_keys) == GO2_SPEED
     assert (keymap.speed, keymap.turn) == (0.8, 0.8)
+
+
+@pytest.mark.parametrize(('key', 'way'), TWIST_KEYBOARD_MOTION.items())
+def test_each_key_of_twist_keyboard_drives_strafes_or_lifts(key, way):
+    logic = teleop('twist_keyboard')
+    hold(logic, [key], 1.5)
+    assert tuple(map(sign, logic.velocity)) == way
+    assert math.hypot(*logic.velocity[:3]) == pytest.approx(0.5 if any(way[:3]) else 0.0)
+
+
+def test_twist_keyboard_has_the_keys_of_ros_2_and_no_more():
+    keymap = load_preset('twist_keyboard')
+    assert dict(keymap.motion) == TWIST_KEYBOARD_MOTION
+    assert set(keymap.speed_keys) == set('qzwxec')
+    assert (keymap.speed, keymap.turn) == (0.5, 1.0)
+
+
+def test_up_counts_with_forward_and_ramps_as_it():
+    logic = teleop('twist_keyboard', linear_accel=0.4)
+    hold(logic, 'it', 0.5)
+    assert logic.velocity.vx == logic.velocity.vz == pytest.approx(0.4 * 0.5)
+    hold(logic, 'it', 1.0)
+    assert math.hypot(*logic.velocity[:3]) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize('key', GO2_SPEED)
@@ -87,7 +134,7 @@ def test_the_speed_keys_of_go2_clamp_two_axes_and_never_move(key):
 def test_two_keys_are_an_arc_opposites_cancel_and_diagonals_are_no_faster():
     logic = teleop('wasd')
     hold(logic, 'wd', 1.0)
-    assert logic.velocity == (logic.speed, 0.0, -logic.turn)
+    assert logic.velocity == (logic.speed, 0.0, 0.0, -logic.turn)
     logic = teleop('wasd')
     hold(logic, 'ws', 1.0)
     assert logic.velocity == STANDSTILL
@@ -98,11 +145,11 @@ def test_two_keys_are_an_arc_opposites_cancel_and_diagonals_are_no_faster():
 
 
 def test_the_sum_of_any_directions_stays_within_full_speed():
-    ways = [Direction(x, y, yaw) for x in (-1, 0, 1) for y in (-1, 0, 1) for yaw in (-1, 1)]
+    ways = [Direction(*way) for way in itertools.product((-1, 0, 1), repeat=4)]
     for first in ways:
         for second in ways:
             both = combine([first, second])
-            assert math.hypot(both.x, both.y) <= 1.0 + 1e-12
+            assert math.hypot(both.x, both.y, both.z) <= 1.0 + 1e-12
             assert abs(both.yaw) <= 1.0
             assert both == combine([second, first])
 

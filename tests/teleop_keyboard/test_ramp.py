@@ -7,7 +7,7 @@ from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.ramp import Pace
 from teleop_keyboard.ramp import ramped_twist
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.ramp import Twist3
+from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.teleop_parameters import TeleopParameters
 
 
@@ -26,13 +26,14 @@ def pace(**changes):
 @pytest.mark.parametrize(
     ('previous', 'target', 'reached'),
     [
-        (Twist3(0, 0, 0), Twist3(1, -1, 1), (0.1, -0.1, 0.2)),  # speeding up
-        (Twist3(1, -1, 1), Twist3(0.5, -0.5, 0.5), (0.7, -0.7, 0.6)),  # slowing down
-        (Twist3(1, -1, 1), STANDSTILL, (0.5, -0.5, 0.4)),  # stopping
-        (Twist3(1, 0, 0), Twist3(-1, 0, 0), (0.7, 0, 0)),  # reversing
+        (STANDSTILL, Velocity(1, -1, 0.5, 1), (0.1, -0.1, 0.1, 0.2)),  # speeding up
+        # Slowing down, stopping, reversing.
+        (Velocity(1, -1, 1, 1), Velocity(0.5, -0.5, 0.5, 0.5), (0.7, -0.7, 0.7, 0.6)),
+        (Velocity(1, -1, -1, 1), STANDSTILL, (0.5, -0.5, -0.5, 0.4)),
+        (Velocity(1, 0, 1, 0), Velocity(-1, 0, -1, 0), (0.7, 0, 0.7, 0)),
         # To zero in 0.05 s at 3 m/s^2, then 0.05 s of speeding up.
-        (Twist3(0.15, 0, 0), Twist3(-1, 0, 0), (-0.05, 0, 0)),
-        (Twist3(0.05, 0, 0), Twist3(0.1, 0, 0), (0.1, 0, 0)),  # arriving
+        (Velocity(vx=0.15), Velocity(vx=-1), (-0.05, 0, 0, 0)),
+        (Velocity(vx=0.05), Velocity(vx=0.1), (0.1, 0, 0, 0)),  # arriving
     ],
 )
 def test_each_axis_speeds_up_slows_down_and_stops_at_its_own_pace(previous, target, reached):
@@ -40,12 +41,13 @@ def test_each_axis_speeds_up_slows_down_and_stops_at_its_own_pace(previous, targ
 
 
 def test_keeping_the_direction_keeps_the_path():
-    velocity, target = STANDSTILL, Twist3(0.4, 0.1, 1.0)
+    velocity, target = STANDSTILL, Velocity(0.4, 0.1, -0.2, 1.0)
     even = pace(keep_direction=True)
     for _ in range(39):
         velocity = ramped_twist(velocity, target, even, 0.01)
         assert velocity.wz / velocity.vx == pytest.approx(target.wz / target.vx)
         assert velocity.vy / velocity.vx == pytest.approx(target.vy / target.vx)
+        assert velocity.vz / velocity.vx == pytest.approx(target.vz / target.vx)
     # As fast as the slowest axis: wz to 1 at 2 rad/s^2 takes 0.5 s, vx to 0.4 takes 0.4 s.
     assert velocity.wz == pytest.approx(0.39 * 2.0)
     for _ in range(20):
@@ -56,7 +58,7 @@ def test_keeping_the_direction_keeps_the_path():
 def test_no_time_changes_nothing_and_much_time_arrives():
     for keep in (False, True):
         ramps = pace(keep_direction=keep)
-        start, target = Twist3(0.3, -0.2, 0.1), Twist3(-0.3, 0.2, 0.5)
+        start, target = Velocity(0.3, -0.2, 0.2, 0.1), Velocity(-0.3, 0.2, 0.0, 0.5)
         assert ramped_twist(start, target, ramps, 0.0) == start
         assert ramped_twist(start, target, ramps, 1e3) == target
 
@@ -67,7 +69,7 @@ def test_slopes_by_parameter_are_kept_at_any_cadence_and_a_stop_key_bypasses_the
     logic = KeysToTwist(load_preset('mbot'), parameters)
     speeds = []
     for index in range(300):
-        if index % (300 // cadence * 2 // 6) == 0:
+        if index % (1000 // cadence) == 0:
             logic.press('i')
         logic.step(0.001)
         speeds.append(logic.velocity.vx)

@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import io
 
-import pytest
-from teleop_keyboard.keymap import load_preset
-from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.status_line import describe
 from teleop_keyboard.status_line import StatusLine
 
 
@@ -43,13 +39,3 @@ def test_nothing_is_written_where_no_terminal_is():
     line.show('one', 0.0)
     line.close()
     assert stream.getvalue() == ''
-
-
-@pytest.mark.parametrize('key', ['i', ' ', 'q', 'UP', 'CTRL+ALT+SHIFT+DOWN'])
-def test_the_status_has_one_width_and_fits_an_80_column_window(key):
-    logic = KeysToTwist(load_preset('mbot'))
-    empty = describe(logic)
-    logic.press(key)
-    logic.step(0.1)
-    assert len(describe(logic)) == len(empty)
-    assert len(empty) < 80

@@ -98,4 +98,4 @@ def test_without_a_terminal_for_the_output_there_are_plain_lines(listener):
     assert result.returncode == 0
     assert b'\x1b' not in result.stdout
     assert b'Control mbot!' in result.stdout
-    assert b'target +0.20' in result.stdout
+    assert b'target forward +0.20' in result.stdout
