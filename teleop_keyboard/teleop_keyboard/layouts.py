@@ -23,7 +23,16 @@ def places(layout: str) -> Mapping[str, str]:
 
 def on_layout(key: str, layout: str) -> str:
     """Return the name that a key of qwerty has on a layout; modifiers stay."""
+    return _renamed(key, places(layout))
+
+
+def on_qwerty(key: str, layout: str) -> str:
+    """Return what the key that a layout calls `key` is called on qwerty; modifiers stay."""
+    return _renamed(key, {name: place for place, name in places(layout).items()})
+
+
+def _renamed(key: str, names: Mapping[str, str]) -> str:
     head, plus, base = key.rpartition('+')
     if plus and base and all(word in MODIFIERS for word in head.split('+')):
-        return f'{head}+{places(layout).get(base, base)}'
-    return places(layout).get(key, key)
+        return f'{head}+{names.get(base, base)}'
+    return names.get(key, key)

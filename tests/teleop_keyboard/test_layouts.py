@@ -8,6 +8,7 @@ from teleop_keyboard.keymap_text import describe_keymap
 from teleop_keyboard.keymap_text import list_presets
 from teleop_keyboard.layouts import LAYOUTS
 from teleop_keyboard.layouts import on_layout
+from teleop_keyboard.layouts import on_qwerty
 from teleop_keyboard.layouts import places
 from wasd_bringup.cli import main
 
@@ -26,6 +27,12 @@ def test_wasd_is_where_the_hand_is(layout, names):
 def test_a_layout_gives_every_place_a_name_of_its_own(layout):
     table = places(layout)
     assert len(set(table.values())) == len(table) == 70
+
+
+@pytest.mark.parametrize('layout', LAYOUTS)
+def test_the_way_back_to_qwerty_undoes_a_layout(layout):
+    for key in [*places(layout), 'UP', ' ', '1', 'CTRL+W', 'ALT+SHIFT+UP']:
+        assert on_qwerty(on_layout(key, layout), layout) == key
 
 
 def test_other_keys_and_modifiers_stay():
@@ -62,7 +69,7 @@ def test_two_keys_that_become_one_are_an_error(tmp_path, monkeypatch):
 def test_wasd_keys_lists_the_presets(capsys):
     assert main(['keys']) == 0
     shown = capsys.readouterr().out
-    assert all(name in shown for name in ('arrows', 'go2', 'mbot', 'ramps', 'wasd'))
+    assert all(name in shown for name in ('arrows', 'go2', 'mbot', 'ramps', 'unitree', 'wasd'))
     assert all(len(line) < 80 for line in list_presets())
 
 
@@ -72,6 +79,13 @@ def test_wasd_keys_prints_a_keymap_for_a_keyboard(capsys):
     assert '  z            forward\n' in shown
     assert '  q            turn left\n' in shown
     assert '  SPACE        stop at once\n' in shown
+
+
+def test_wasd_keys_prints_the_go2s_own_keys(capsys):
+    assert main(['keys', 'unitree', '--layout', 'dvorak']) == 0
+    shown = capsys.readouterr().out
+    assert ',/o forward, backward   a/e left, right   h/n turn   c/t height' in shown
+    assert 'then ,.' in shown
 
 
 def test_wasd_keys_says_what_is_wrong_in_one_line(capsys):

@@ -13,6 +13,8 @@ from teleop_keyboard.layouts import LAYOUTS
 
 from wasd_bringup.options import add_legged_options
 from wasd_bringup.options import add_run_options
+from wasd_bringup.unitree_keys import unitree_help
+from wasd_bringup.unitree_keys import UNITREE_PRESET
 
 
 class _Parser(argparse.ArgumentParser):
@@ -54,7 +56,10 @@ def make_parser() -> argparse.ArgumentParser:
 def print_keys(arguments: argparse.Namespace) -> int:
     """Print the presets, or one keymap; return the exit status."""
     if arguments.preset is None:
-        print('\n'.join([*list_presets(), '', 'wasd keys NAME prints one of them']))
+        unitree = f"{UNITREE_PRESET:14} the Go2's own, with its states and sticks"
+        print('\n'.join([*list_presets(), unitree, '', 'wasd keys NAME prints one of them']))
+    elif arguments.preset == UNITREE_PRESET:
+        print('\n'.join(unitree_help(arguments.layout)))
     else:
         print('\n'.join(describe_keymap(arguments.preset, arguments.layout)))
     return 0

@@ -18,17 +18,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from teleop_keyboard.layouts import on_qwerty
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
+from wasd_bringup.unitree_keys import unitree_help
+from wasd_bringup.unitree_keys import UNITREE_PRESET
 
-UNITREE_PRESET = 'unitree'
-UNITREE_HELP = (
-    '2 stand   4 trot   5 move base (cmd_vel)   1 passive',
-    '3 free stand   0 balance test   9 swing test   8 step test',
-    'w/s forward, backward   a/d left, right   j/l turn   i/k height   space: centre',
-    'Ctrl-C quits. First 2, then 4, then w.',
-)
 # States in which the robot is being driven.
 DRIVEN = ('trotting', 'move base')
 
@@ -46,6 +42,7 @@ class Go2Stack:
     def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
         self.estimator = options.estimator
         self._world = world
+        self._layout = options.layout
         self._trunk = loaded.robot.root
         self._legs = LegControllerNode(
             loaded.urdf,
@@ -61,7 +58,11 @@ class Go2Stack:
         self.nodes: list[Node] = [self._legs]
         if options.preset != UNITREE_PRESET:
             self._teleop = KeysToTwistNode(
-                lock_step=True, parameter_overrides=[Parameter('preset', value=options.preset)]
+                lock_step=True,
+                parameter_overrides=[
+                    Parameter('preset', value=options.preset),
+                    Parameter('layout', value=options.layout),
+                ],
             )
             self._teleop.receivers.append(self._legs.cmd_vel.put)
             self.nodes.append(self._teleop)
@@ -79,10 +80,10 @@ class Go2Stack:
     @property
     def help_lines(self) -> tuple[str, ...]:
         """The keys, for the terminal and the page."""
+        lines = unitree_help(self._layout)
         if self._teleop is None:
-            return UNITREE_HELP
-        states = UNITREE_HELP[:2]
-        return (*self._teleop.logic.keymap.help_lines, *states, 'First 2, then 5, then drive.')
+            return lines
+        return (*self._teleop.logic.keymap.help_lines, *lines[:2], 'First 2, then 5, then drive.')
 
     @property
     def state(self) -> str:
@@ -90,8 +91,8 @@ class Go2Stack:
         return self._legs.controller.state
 
     def press(self, message: String) -> None:
-        """Take a key."""
-        self._legs.keys.put(message)
+        """Take a key; the leg controller knows those of qwerty."""
+        self._legs.keys.put(String(data=on_qwerty(message.data, self._layout)))
         if self._teleop is not None:
             self._teleop.keys.put(message)
 

@@ -50,7 +50,11 @@ class MbotStack:
         self._command = np.zeros((len(JointCommand._fields), len(world.motor_names)))
         self._wheel_links = [loaded.robot.joints[name].child for name in wheels]
         self._teleop = KeysToTwistNode(
-            lock_step=True, parameter_overrides=[Parameter('preset', value=options.preset)]
+            lock_step=True,
+            parameter_overrides=[
+                Parameter('preset', value=options.preset),
+                Parameter('layout', value=options.layout),
+            ],
         )
         self._driver = DiffDriveControllerNode(geometry, lock_step=True)
         self._teleop.receivers.append(self._driver.cmd_vel.put)

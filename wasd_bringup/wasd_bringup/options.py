@@ -9,6 +9,7 @@ from pathlib import Path
 
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
+from teleop_keyboard.layouts import LAYOUTS
 
 from wasd_bringup.errors import UsageError
 from wasd_bringup.scripts import parse_push
@@ -31,6 +32,7 @@ class RunOptions:
     package_path: tuple[Path, ...] = ()
     world: str = 'flat'
     preset: str = ''
+    layout: str = 'qwerty'
     viewer: str | None = None
     port: int = 0
     keys: tuple[KeyPress, ...] | None = None
@@ -77,6 +79,9 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) ->
     )
     parser.add_argument(
         '--preset', default=preset, metavar='NAME', help=f'keymap (default: {preset})'
+    )
+    parser.add_argument(
+        '--layout', choices=LAYOUTS, default='qwerty', help='your keyboard (default: qwerty)'
     )
     parser.add_argument('--play', metavar='FILE', help='scripted keys: lines "t key [key ...]"')
     parser.add_argument('--twist', metavar='FILE', help='scripted velocities: "t vx vy wz"')
@@ -143,6 +148,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         package_path=_folders(arguments.package_path),
         world=arguments.world,
         preset=arguments.preset,
+        layout=arguments.layout,
         viewer=arguments.viewer,
         port=arguments.port,
         keys=keys,
