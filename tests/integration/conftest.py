@@ -34,11 +34,11 @@ FLAGS = (
 )
 
 
-def private_environment(folder: Path) -> dict[str, str]:
+def private_environment(folder: Path, domain: int | None = None) -> dict[str, str]:
     """Return an environment that no other ROS program on this machine shares."""
     return {
         **os.environ,
-        'ROS_DOMAIN_ID': str(random.SystemRandom().randint(1, 100)),
+        'ROS_DOMAIN_ID': str(domain or random.SystemRandom().randint(1, 100)),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'ROS_LOG_DIR': str(folder / 'log'),
     }
@@ -67,6 +67,22 @@ class Runner:
         )
         self.said = done.stderr
         return done
+
+    def start(self, *arguments: str, **options: Any) -> 'subprocess.Popen[str]':
+        """Start with arguments and do not wait; nothing is captured unless asked for."""
+        return subprocess.Popen(
+            [*WASD, *arguments],
+            env=self._environment,
+            cwd=self.folder,
+            text=True,
+            start_new_session=True,
+            **{
+                'stdin': subprocess.DEVNULL,
+                'stdout': subprocess.DEVNULL,
+                'stderr': subprocess.DEVNULL,
+                **options,
+            },
+        )
 
     def report(
         self,
@@ -101,12 +117,16 @@ def wasd(environment: dict[str, str], tmp_path: Path) -> Runner:
 
 
 @pytest.fixture(scope='session')
-def new_runner(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Runner]:
-    """Return a function that makes a Runner, for runs that several tests look at."""
+def new_runner(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Runner]:
+    """
+    Return a function that makes a Runner, for runs that several tests look at.
 
-    def make() -> Runner:
+    It takes the ROS domain to run in; without, the Runner has one of its own.
+    """
+
+    def make(domain: int | None = None) -> Runner:
         folder = tmp_path_factory.mktemp('run')
-        return Runner(folder, private_environment(folder))
+        return Runner(folder, private_environment(folder, domain))
 
     return make
 

@@ -6,3 +6,7 @@ from robot_description.errors import UserError
 
 class UsageError(UserError):
     """The command line or a file it names is wrong; the text is one line: what, got, wanted."""
+
+
+class NotFound(UserError):
+    """A topic, service, node or parameter is not there; the text says what is."""

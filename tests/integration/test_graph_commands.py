@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`wasd topics`, `echo`, `hz`, `call` and `params` against a robot in another process."""
+
+from collections.abc import Callable, Iterator
+import re
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+import pytest
+from rclpy.qos import qos_profile_sensor_data
+from std_msgs.msg import String
+import yaml
+
+WASD = (sys.executable, '-m', 'wasd_bringup.cli')
+Ask = Callable[..., 'subprocess.CompletedProcess[str]']
+
+
+@pytest.fixture(scope='module')
+def robot(new_runner: Any) -> Iterator[Any]:
+    """A running mbot; yields the runner whose `wasd` commands see it."""
+    runner = new_runner()
+    process = runner.start('mbot', '--viewer', 'none', '--duration', '3600')
+    yield runner
+    process.terminate()
+    process.wait(10.0)
+
+
+@pytest.fixture(scope='module')
+def ask(robot: Any) -> Ask:
+    """Return a function that runs `wasd`, at first until the robot is there."""
+    deadline = time.monotonic() + 30.0
+    while robot('echo', '--once', 'odom').returncode:
+        assert time.monotonic() < deadline, robot.said
+    return robot
+
+
+def test_topics_lists_every_topic_with_its_type(ask: Ask) -> None:
+    lines = ask('topics', '-t').stdout.splitlines()
+    assert '/joint_states [sensor_msgs/msg/JointState]' in lines
+    assert '/clock [rosgraph_msgs/msg/Clock]' in lines
+    assert lines == sorted(lines)
+    assert not any('/_' in line for line in lines)
+
+
+def test_echo_prints_a_message_as_yaml(ask: Ask) -> None:
+    done = ask('echo', '--once', 'joint_states')
+    assert done.returncode == 0
+    assert done.stdout.endswith('\n---\n')
+    (message, _) = yaml.safe_load_all(done.stdout)
+    assert message['name'][:2] == ['left_wheel_joint', 'right_wheel_joint']
+    assert len(message['position']) == len(message['name'])
+
+
+def test_echo_gets_what_was_latched_before_it_came(ask: Ask) -> None:
+    done = ask('echo', '--once', '--full-length', '--field', 'data', 'robot_description')
+    assert done.stdout.startswith('<?xml')
+    assert done.stdout.endswith('</robot>\n\n---\n')
+
+
+def test_hz_measures_the_rate_until_ctrl_c(robot: Any, ask: Ask) -> None:
+    process = robot.start('hz', '/odom', stdout=subprocess.PIPE)
+    first = process.stdout.readline() + process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    assert process.wait(5.0) == 0
+    form = r'average rate: ([\d.]+)\n\tmin: [\d.]+s max: [\d.]+s std dev: [\d.]+s window: \d+\n'
+    found = re.fullmatch(form, first)
+    assert found, first
+    assert float(found[1]) == pytest.approx(50.0, rel=0.3)
+
+
+def test_call_pauses_the_simulation(ask: Ask) -> None:
+    done = ask('call', '/simulator/pause', 'std_srvs/srv/SetBool', '{data: true}')
+    assert done.stdout == (
+        'requester: making request: std_srvs.srv.SetBool_Request(data=True)\n\n'
+        "response:\nstd_srvs.srv.SetBool_Response(success=True, message='paused')\n\n"
+    )
+    # Without a type: it is looked up; and without the leading slash.
+    assert "message='running'" in ask('call', 'simulator/pause', '{data: false}').stdout
+
+
+def test_params_lists_gets_and_sets(ask: Ask) -> None:
+    listed = ask('params', '/simulator').stdout.splitlines()
+    assert '  state_rate' in listed
+    assert listed == sorted(listed)
+    assert ask('params', 'simulator', 'world').stdout == 'String value is: flat\n'
+    assert ask('params', 'simulator', 'speed', '2').stdout == 'Set parameter successful\n'
+    assert ask('params', 'simulator', 'speed').stdout == 'Double value is: 2.0\n'
+    refused = ask('params', 'simulator', 'speed', '-1')
+    assert (refused.returncode, refused.stdout) == (1, '')
+    assert refused.stderr == 'Setting parameter failed: speed must be >= 0, got -1.0\n'
+
+
+MISSING = {
+    ('echo', '/odon'): 'no topic /odon; did you mean /odom?',
+    ('hz', 'joint_state'): 'no topic /joint_state; did you mean /joint_states?',
+    ('call', '/simulator/paus'): 'no service /simulator/paus; did you mean /simulator/pause',
+    ('params', '/simulater'): 'no node /simulater; did you mean /simulator?',
+    ('params', 'simulator', 'sped', '1'): "no parameter 'sped'; did you mean speed",
+}
+
+
+def test_what_is_missing_is_said_in_one_line_within_seconds(robot: Any, ask: Ask) -> None:
+    started = time.monotonic()
+    processes = {words: robot.start(*words, stderr=subprocess.PIPE) for words in MISSING}
+    for words, process in processes.items():
+        _, said = process.communicate(timeout=30.0)
+        assert process.returncode == 1, words
+        assert len(said.splitlines()) == 1, said
+        assert MISSING[words] in said
+    assert time.monotonic() - started < 20.0
+
+
+WRONG = {
+    ('call', 'simulator/pause', '{data: 3}'): 'data: wanted boolean, got 3',
+    ('call', 'simulator/pause', '{data: '): 'not YAML',
+    ('call', 'simulator/pause', 'std_srvs/srv/Trigger'): 'is a std_srvs/srv/SetBool',
+    ('echo', 'odom', 'nav_msgs/msg/Odometer'): "nav_msgs has no msg 'Odometer'",
+    ('echo', 'odom', '--field', 'pose.pos'): '--field pose.pos',
+    ('echo', 'not a name'): "'not a name'",
+    ('hz', 'odom', '-w', '0'): '-w',
+}
+
+
+def test_what_is_wrong_is_said_in_one_line(robot: Any, ask: Ask) -> None:
+    processes = {words: robot.start(*words, stderr=subprocess.PIPE) for words in WRONG}
+    for words, process in processes.items():
+        _, said = process.communicate(timeout=30.0)
+        assert process.returncode == 2, words
+        assert len(said.splitlines()) == 1, said
+        assert said.startswith('error: ')
+        assert WRONG[words] in said
+
+
+def test_echo_hears_a_best_effort_publisher_and_ends_with_its_pipe(
+    spawn: Any, new_runner: Any, spin_until: Any, isolated_ros: int
+) -> None:
+    import rclpy
+
+    node = spawn(rclpy.create_node('talker'))
+    publisher = node.create_publisher(String, 'chatter', qos_profile_sensor_data)
+    process = new_runner(isolated_ros).start('echo', 'chatter', stdout=subprocess.PIPE)
+    spin_until(spawn.pump, publisher.get_subscription_count)
+    publisher.publish(String(data='hello'))
+    assert process.stdout.readline() == 'data: hello\n'
+    process.stdout.close()
+
+    def talk() -> bool:
+        publisher.publish(String(data='again'))
+        return process.poll() is not None
+
+    spin_until(spawn.pump, talk)
+    assert process.returncode == 0

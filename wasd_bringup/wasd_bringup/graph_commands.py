@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`wasd topics`, `echo`, `hz`, `call` and `params`: what ros2cli does, where there is none."""
+
+import argparse
+from collections.abc import Callable
+import functools
+import os
+import re
+import sys
+import time
+from typing import Any
+
+from rclpy.parameter import Parameter
+from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+import yaml
+
+from wasd_bringup.errors import NotFound
+from wasd_bringup.errors import UsageError
+from wasd_bringup.message_rate import RateMeter
+from wasd_bringup.message_text import field_of
+from wasd_bringup.message_text import fill
+from wasd_bringup.message_text import SHOWN_LENGTH
+from wasd_bringup.message_text import to_yaml
+from wasd_bringup.ros_graph import find_type
+from wasd_bringup.ros_graph import full_name
+from wasd_bringup.ros_graph import Interrupted
+from wasd_bringup.ros_graph import RosGraph
+from wasd_bringup.suggestions import suggest
+from wasd_bringup.topic_listener import TopicListener
+
+# A rate is printed so often [s].
+HZ_PERIOD = 1.0
+TYPE_NAME = re.compile(r'\w+(/srv)?/[A-Z]\w*')
+# How `ros2 param get` calls the types of rcl_interfaces/ParameterType, in their order.
+KINDS = (
+    'Parameter not set.',
+    'Boolean value is:',
+    'Integer value is:',
+    'Double value is:',
+    'String value is:',
+    'Byte values are:',
+    'Boolean values are:',
+    'Integer values are:',
+    'Double values are:',
+    'String values are:',
+)
+
+
+def run_graph_command(arguments: argparse.Namespace) -> int:
+    """
+    Run one of the commands; return the exit status: 1 where what was asked for is not there.
+
+    Raises:
+        UsageError: a name, a type or a value is malformed.
+    """
+    graph = RosGraph()
+    try:
+        with graph:
+            return COMMANDS[arguments.command](graph, arguments)
+    except NotFound as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 1
+    except Interrupted:
+        return graph.stop.exit_status
+    except BrokenPipeError:  # `wasd echo ... | head`
+        # Python would complain again when it flushes standard output at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def list_topics(graph: RosGraph, arguments: argparse.Namespace) -> int:
+    """Print every topic."""
+    for name, kinds in graph.topics().items():
+        print(f'{name} [{", ".join(kinds)}]' if arguments.show_types else name)
+    return 0
+
+
+def echo(graph: RosGraph, arguments: argparse.Namespace) -> int:
+    """Print messages until Ctrl-C, or one."""
+    topic = full_name(arguments.topic)
+    kind = find_type(arguments.type or graph.topic_type(topic), 'msg')
+    longest = None if arguments.full_length else SHOWN_LENGTH
+    if arguments.field:
+        field_of(kind(), re.sub(r'\[-?\d+\]', '', arguments.field))  # a typing error shows now
+    received: list[Any] = []
+    listener = TopicListener(graph.node, topic, kind, received.append)
+    while True:
+        listener.look()
+        graph.spin()
+        while received:
+            message = received.pop(0)
+            value = field_of(message, arguments.field) if arguments.field else message
+            print(f'{to_yaml(value, longest)}---', flush=True)
+            if arguments.once:
+                return 0
+
+
+def hz(graph: RosGraph, arguments: argparse.Namespace) -> int:
+    """Print once a second how often messages come, in wall time."""
+    topic = full_name(arguments.topic)
+    kind = find_type(graph.topic_type(topic), 'msg')
+    meter = RateMeter(arguments.window)
+    came = 0
+
+    def count(_: bytes) -> None:
+        nonlocal came
+        came += 1
+        meter.add(time.monotonic())
+
+    listener = TopicListener(graph.node, topic, kind, count, raw=True)
+    due, printed = time.monotonic() + HZ_PERIOD, 0
+    while True:
+        listener.look()
+        graph.spin()
+        if time.monotonic() >= due:
+            due += HZ_PERIOD
+            rate = meter.rate()
+            if rate is not None and came > printed:
+                printed = came
+                print(rate, flush=True)
+
+
+def call(graph: RosGraph, arguments: argparse.Namespace) -> int:
+    """Call a service and print what it answers."""
+    service, rest = full_name(arguments.service), list(arguments.rest)
+    given = rest.pop(0) if rest and TYPE_NAME.fullmatch(rest[0]) else None
+    if len(rest) > 1:
+        raise UsageError(f'call: got {" ".join(rest)!r}, wanted [TYPE] [YAML]; quote the YAML')
+    offered = graph.service_type(service)
+    kind: Any = find_type(given or offered, 'srv')
+    if given is not None and find_type(offered, 'srv') is not kind:
+        raise UsageError(f'{service} is a {offered}, not a {given}')
+    request = kind.Request()
+    fill(request, _read_yaml(rest[0] if rest else '{}'), functools.partial(find_type, kind='msg'))
+    client = graph.node.create_client(kind, service)
+    if not client.service_is_ready():
+        print('waiting for service to become available...', flush=True)
+    _wait_until_ready(graph, client, service)
+    print(f'requester: making request: {request!r}\n', flush=True)
+    print(f'response:\n{_answer(graph, client.call_async(request), client.service_is_ready)!r}\n')
+    return 0
+
+
+def params(graph: RosGraph, arguments: argparse.Namespace) -> int:
+    """List a node's parameters, or get or set one."""
+    node = full_name(arguments.node)
+    graph.require_node(node)
+    client = AsyncParameterClient(graph.node, node)
+    there = client.services_are_ready
+    if graph.wait(lambda: there() or None) is None:
+        raise NotFound(f'node {node} has no parameter services')
+    names = sorted(_answer(graph, client.list_parameters(), there).result.names)
+    name = arguments.name
+    if name is None:
+        print('\n'.join(f'  {one}' for one in names))
+        return 0
+    if name not in names:
+        raise NotFound(f'node {node} has no parameter {name!r}{suggest(name, names)}')
+    value = _answer(graph, client.get_parameters([name]), there).values[0]
+    if arguments.value is None:
+        print(KINDS[value.type], *([parameter_value_to_python(value)] if value.type else ()))
+        return 0
+    change = _parameter(name, arguments.value, type(parameter_value_to_python(value)))
+    return _set(graph, client, change)
+
+
+COMMANDS = {'topics': list_topics, 'echo': echo, 'hz': hz, 'call': call, 'params': params}
+
+
+def _set(graph: RosGraph, client: AsyncParameterClient, change: Parameter) -> int:
+    (result,) = _answer(graph, client.set_parameters([change]), client.services_are_ready).results
+    reason = f': {result.reason}' if result.reason else ''
+    if not result.successful:
+        print(f'Setting parameter failed{reason}', file=sys.stderr)
+        return 1
+    print(f'Set parameter successful{reason}')
+    return 0
+
+
+def _parameter(name: str, text: str, kind: type) -> Parameter:
+    """Return a parameter with the value that a text stands for where a `kind` has been so far."""
+    value = text if kind is str else _read_yaml(text)
+    if kind is float and type(value) is int:
+        value = float(value)
+    try:
+        return Parameter(name, value=value)
+    except TypeError:
+        raise UsageError(f'{name}: no parameter can be {text!r}') from None
+
+
+def _read_yaml(text: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        reason = ' '.join(str(error).split())
+        raise UsageError(f'not YAML: {text!r}: {reason}') from None
+
+
+def _wait_until_ready(graph: RosGraph, client: Any, service: str) -> None:
+    if graph.wait(lambda: client.service_is_ready() or None) is None:
+        raise NotFound(f'service {service} does not answer')
+
+
+def _answer(graph: RosGraph, future: Any, is_there: Callable[[], bool]) -> Any:
+    """Return what a call brings, waiting as long as whoever was asked is there."""
+    while not future.done():
+        graph.spin()
+        if not (future.done() or is_there()):
+            raise NotFound('gone before it has answered')
+    return future.result()
