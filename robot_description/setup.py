@@ -30,6 +30,7 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
+            'describe = robot_description.describe_command:main',
             'state_publisher = robot_description.state_publisher_node:main',
         ],
     },

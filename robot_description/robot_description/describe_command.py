@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The `describe` command: what a xacro or URDF file is, says, and gets wrong."""
+
+import argparse
+from collections.abc import Sequence
+import json
+from pathlib import Path
+import sys
+from typing import NoReturn
+
+from robot_description.errors import UserError
+
+# What a xacro argument looks like on the command line.
+ASSIGNMENT = ':='
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UserError(f'{message} (see: {self.prog} --help)')
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = _Parser(
+        prog='describe',
+        description='Expand, check, mend and show robot descriptions (xacro or URDF).',
+        epilog='Words like name:=value are xacro arguments.',
+        allow_abbrev=False,
+    )
+    commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
+    _add_expand(commands)
+    _add_info(commands)
+    return parser
+
+
+def _add(commands: 'argparse._SubParsersAction[_Parser]', name: str, text: str) -> _Parser:
+    parser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+    parser.add_argument('path', metavar='PATH', help='a xacro or URDF file, or go2, or mbot')
+    parser.add_argument(
+        '--package-path',
+        action='append',
+        default=[],
+        type=_folder,
+        metavar='DIR',
+        help='where package:// and $(find) look first (repeatable)',
+    )
+    return parser
+
+
+def _add_expand(commands: 'argparse._SubParsersAction[_Parser]') -> None:
+    parser = _add(commands, 'expand', 'print the URDF of a xacro file')
+    parser.add_argument('--output', type=Path, metavar='FILE', help='write it there instead')
+    parser.set_defaults(run=_expand)
+
+
+def _add_info(commands: 'argparse._SubParsersAction[_Parser]') -> None:
+    parser = _add(commands, 'info', 'print the tree, masses, joints and meshes')
+    parser.add_argument('--picture', type=Path, metavar='FILE.png', help='draw the robot, too')
+    parser.add_argument('--json', action='store_true', help='print JSON')
+    parser.set_defaults(run=_info)
+
+
+def _folder(text: str) -> Path:
+    if not Path(text).is_dir():
+        raise argparse.ArgumentTypeError(f'{text}: no such folder')
+    return Path(text)
+
+
+def _expand(options: argparse.Namespace) -> int:
+    from robot_description.expand import expand
+
+    urdf = expand(options.path, options.arguments, options.package_path)
+    if options.output is None:
+        sys.stdout.write(urdf)
+    else:
+        write_file(options.output, urdf)
+    return 0
+
+
+def _info(options: argparse.Namespace) -> int:
+    from robot_description.info import describe_info
+
+    info = describe_info(options.path, options.arguments, options.package_path, options.picture)
+    print(json.dumps(info.record(), indent=2) if options.json else '\n'.join(info.lines()))
+    return 0
+
+
+def write_file(path: Path, text: str) -> None:
+    """
+    Write a result that was asked for.
+
+    Raises:
+        UserError: why it cannot be written.
+    """
+    try:
+        path.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise UserError(f'--output {path}: {error.strerror}') from None
+
+
+def read_command_line(words: Sequence[str]) -> argparse.Namespace:
+    """
+    Return the options; `arguments` holds the xacro arguments, from wherever they stood.
+
+    Raises:
+        UserError: an option or word that is not known.
+    """
+    parser = make_parser()
+    options, rest = parser.parse_known_args(list(words))
+    unknown = [word for word in rest if not word.partition(ASSIGNMENT)[0].isidentifier()]
+    unknown += [word for word in rest if ASSIGNMENT not in word and word not in unknown]
+    if unknown:
+        raise UserError(f'unrecognized arguments: {" ".join(unknown)} (see: describe --help)')
+    options.arguments = {name: value for name, _, value in (w.partition(ASSIGNMENT) for w in rest)}
+    return options
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; return the exit status: 0, 1 with findings, 2 for a mistake."""
+    from robot_description.robots import description_path
+
+    try:
+        options = read_command_line(sys.argv[1:] if argv is None else argv)
+        options.path = description_path(options.path)
+        return int(options.run(options))
+    except UserError as error:
+        print(f'error: {error}', file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader, `head` perhaps, has seen enough
+        sys.stderr.close()
+        return 0
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == '__main__':
+    sys.exit(main())
