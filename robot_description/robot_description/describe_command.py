@@ -5,6 +5,7 @@ import argparse
 from collections.abc import Sequence
 import json
 from pathlib import Path
+import re
 import sys
 from typing import NoReturn
 
@@ -12,6 +13,8 @@ from robot_description.errors import UserError
 
 # What a xacro argument looks like on the command line.
 ASSIGNMENT = ':='
+# The option whose value looks the same.
+RENAME = '--rename'
 
 
 class _Parser(argparse.ArgumentParser):
@@ -107,13 +110,21 @@ def read_command_line(words: Sequence[str]) -> argparse.Namespace:
     Raises:
         UserError: an option or word that is not known.
     """
-    parser = make_parser()
-    options, rest = parser.parse_known_args(list(words))
-    unknown = [word for word in rest if not word.partition(ASSIGNMENT)[0].isidentifier()]
-    unknown += [word for word in rest if ASSIGNMENT not in word and word not in unknown]
-    if unknown:
-        raise UserError(f'unrecognized arguments: {" ".join(unknown)} (see: describe --help)')
-    options.arguments = {name: value for name, _, value in (w.partition(ASSIGNMENT) for w in rest)}
+    # They are taken out first: argparse would take one that stands before PATH for the path.
+    words = list(words)
+    after_option = {index + 1 for index, word in enumerate(words) if word == RENAME}
+    assignments = [
+        word
+        for index, word in enumerate(words)
+        if re.match(r'[^\W\d]\w*:=', word) and index not in after_option
+    ]
+    rest = [
+        word
+        for index, word in enumerate(words)
+        if word not in assignments or index in after_option
+    ]
+    options = make_parser().parse_args(rest)
+    options.arguments = dict(word.split(ASSIGNMENT, 1) for word in assignments)
     return options
 
 
