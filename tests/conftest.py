@@ -2,9 +2,11 @@
 """What all tests share: a ROS domain of their own, rclpy in this process, waiting."""
 
 from collections.abc import Callable, Iterator
+import importlib.util
 import os
 from pathlib import Path
 import random
+import sys
 import time
 from typing import Any
 
@@ -99,6 +101,20 @@ def spawn(ros: None) -> Iterator[Spawner]:
     spawner = Spawner()
     yield spawner
     spawner.close()
+
+
+@pytest.fixture(scope='session')
+def launch_file() -> Callable[[Path], Any]:
+    """Return a function that reads a launch file; see launch_files.py."""
+    name = 'launch_files'
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f'{name}.py'))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look themselves up there
+    spec.loader.exec_module(module)
+    read: Callable[[Path], Any] = module.LaunchFile
+    return read
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -256,6 +256,8 @@ def test_the_wheel_makes_its_environment_an_ament_prefix(package, wheel):
     assert f'share/ament_index/resource_index/packages/{package}' in shared
     descriptions = {name for name in data_files(package) if fnmatch(name, 'urdf/*')}
     assert {f'share/{package}/{name}' for name in descriptions} <= shared
+    launches = {path.name for path in (ROOT / package).glob('launch/*')} - {'__pycache__'}
+    assert {f'share/{package}/launch/{name}' for name in launches} <= shared
 
 
 def test_the_wheel_holds_the_executables_and_nothing_foreign(wheel):

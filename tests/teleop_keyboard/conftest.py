@@ -174,6 +174,10 @@ class Listener:
         self.keys.clear()
         self.twists.clear()
 
+    def wait_for_keys(self, count):
+        """Wait until so many keys have come."""
+        wait_until(lambda: len(self.keys) >= count)
+
     def settle(self, quiet=0.4):
         """Wait until nothing has come for a while [s]."""
         count = -1
