@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from robot_description.errors import DescriptionError
 from robot_description.expand import expand
 from robot_description.meshes import find_mesh
 from robot_description.mujoco_model import to_mujoco
@@ -18,16 +19,16 @@ from mujoco_sim.world import World
 
 
 class LoadedRobot(NamedTuple):
-    """A robot's description: its URDF text, what it says, and where its meshes are looked for."""
+    """A robot's description: its file, URDF text and content, and where its meshes are sought."""
 
+    path: Path
     urdf: str
     robot: Robot
-    folder: Path
     search: tuple[Path, ...] = ()
 
     def find_mesh(self, url: str) -> Path | None:
         """Return the file that a mesh URL of this description means, or None."""
-        return find_mesh(url, self.folder, self.search)
+        return find_mesh(url, self.path.absolute().parent, self.search)
 
 
 def load_robot(name_or_path: str, search: Sequence[Path] = ()) -> LoadedRobot:
@@ -39,7 +40,11 @@ def load_robot(name_or_path: str, search: Sequence[Path] = ()) -> LoadedRobot:
     """
     path = description_path(name_or_path)
     urdf = expand(path, search=search)
-    return LoadedRobot(urdf, parse_urdf(urdf), path.absolute().parent, tuple(search))
+    try:
+        robot = parse_urdf(urdf)
+    except DescriptionError as error:
+        raise DescriptionError(f'{path}: {error}') from None
+    return LoadedRobot(path, urdf, robot, tuple(search))
 
 
 def build_world(
@@ -56,6 +61,9 @@ def build_world(
         DescriptionError: MuJoCo cannot read the robot.
         SimulationError: there is no such world, or the two do not compile.
     """
-    spec = to_mujoco(loaded.urdf, loaded.robot, loaded.find_mesh if visuals else None)
+    try:
+        spec = to_mujoco(loaded.urdf, loaded.robot, loaded.find_mesh, visuals)
+    except DescriptionError as error:
+        raise DescriptionError(f'{loaded.path}: {error}') from None
     furnish(spec, world, seed)
-    return World(spec, loaded.robot.root, seed, setup)
+    return World(spec, loaded.robot.base, seed, setup)

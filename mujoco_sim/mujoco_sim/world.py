@@ -89,7 +89,7 @@ class World:
         self, spec: mujoco.MjSpec, root: str, seed: int = 0, setup: RobotSetup | None = None
     ) -> None:
         """
-        Compile the specification; `root` is the body on the free joint.
+        Compile the specification; `root` is the body on the free joint, or held in place.
 
         Raises:
             SimulationError: what the compiler says, in one line.
@@ -106,6 +106,7 @@ class World:
         self.rejected_commands = 0
         joints = [self.model.joint(i) for i in range(self.model.njnt)]
         hinges = [joint for joint in joints if joint.type[0] != mujoco.mjtJoint.mjJNT_FREE]
+        self._floats = bool(joints) and joints[0].type[0] == mujoco.mjtJoint.mjJNT_FREE
         self.joint_names = tuple(joint.name for joint in hinges)
         self.motor_names = tuple(self.model.actuator(i).name for i in range(self.model.nu))
         self.time_step = float(self.model.opt.timestep)
@@ -137,7 +138,8 @@ class World:
         mujoco.mj_resetData(self.model, self.data)
         for name, position in self.setup.joint_positions.items():
             self.data.joint(name).qpos[0] = position
-        self.data.qpos[2] = self.setup.height
+        if self._floats:
+            self.data.qpos[2] = self.setup.height
         noise = self.setup.noise
         self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
         self._reading: tuple[int, Reading] | None = None
@@ -189,6 +191,9 @@ class World:
 
     def base(self) -> BaseState:
         """Return the root frame as it is, without noise."""
+        if not self._floats:
+            pose = self.data.xpos[self.root].copy(), self.data.xquat[self.root].copy()
+            return BaseState(*pose, np.zeros(3), np.zeros(3))
         return BaseState(
             self.data.qpos[0:3].copy(),
             self.data.qpos[3:7].copy(),
@@ -289,8 +294,5 @@ class World:
         return TorqueSpeedCurve(torque, np.array([limits[name] for name in self.motor_names]))
 
     def _true_imu(self) -> ImuReading:
-        return ImuReading(
-            self.data.qpos[3:7].copy(),
-            self.data.sensor('gyro').data.copy(),
-            self.data.sensor('accelerometer').data.copy(),
-        )
+        gyro, accelerometer = self.data.sensor('gyro'), self.data.sensor('accelerometer')
+        return ImuReading(self.base().orientation, gyro.data.copy(), accelerometer.data.copy())

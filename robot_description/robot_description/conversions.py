@@ -7,7 +7,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 import numpy as np
 
-from robot_description.urdf import Pose
+from robot_description.pose import Pose
 
 
 def to_transform(pose: Pose, parent: str, child: str, stamp: Time) -> TransformStamped:

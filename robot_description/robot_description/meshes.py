@@ -34,7 +34,7 @@ def find_mesh(url: str, base: Path, search: Sequence[Path] = ()) -> Path | None:
     relative to `base`.
     """
     if url.startswith('package://'):
-        package, _, relative = url[len('package://') :].partition('/')
+        package, _, relative = url[len('package://') :].lstrip('/').partition('/')
         try:
             folder = share_directory(package, search)
         except PackageNotFound:

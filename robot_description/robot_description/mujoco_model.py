@@ -5,10 +5,11 @@ import mujoco
 import numpy as np
 
 from robot_description.errors import DescriptionError
+from robot_description.mujoco_urdf import for_mujoco
 from robot_description.mujoco_visuals import COLLISION_GROUP
 from robot_description.mujoco_visuals import fill_meshes
+from robot_description.mujoco_visuals import find_nothing
 from robot_description.mujoco_visuals import FindMesh
-from robot_description.mujoco_visuals import rename_meshes
 from robot_description.mujoco_visuals import sort_geoms
 from robot_description.mujoco_visuals import strip_visuals
 from robot_description.urdf import Robot
@@ -23,24 +24,28 @@ REFLECTED_INERTIA = 0.01
 IMU_LINKS = ('imu', 'imu_link')
 
 
-def to_mujoco(urdf: str, robot: Robot, find_mesh: FindMesh | None = None) -> mujoco.MjSpec:
+def to_mujoco(
+    urdf: str, robot: Robot, find_mesh: FindMesh = find_nothing, visuals: bool = False
+) -> mujoco.MjSpec:
     """
-    Return the robot as a MuJoCo model specification, free to move, nothing around it.
+    Return the robot as a MuJoCo model specification, nothing around it.
 
+    It is free to move unless it hangs on a link called `world`.
     `robot` is the parsed `urdf`. Joints with an effort limit get a motor of the joint's name;
     the others swing freely. Colliding geoms are called `LINK/0`, `LINK/1`, ... and stay so when
-    their link is welded into its parent. Without `find_mesh` nothing is there to be drawn.
+    their link is welded into its parent. Without `visuals` nothing is there to be drawn.
 
     Raises:
         DescriptionError: what MuJoCo says about the URDF, in one line.
     """
-    text, urls = rename_meshes(urdf)
-    spec = _parse(text)
-    root = spec.body(robot.root)
-    if root is None:
-        raise DescriptionError(f'MuJoCo found no body {robot.root!r} in the description')
-    # Before compilation: without it the root is welded to the world and its mass lost.
-    root.add_freejoint(name=ROOT_JOINT)
+    prepared = for_mujoco(urdf, robot)
+    spec = _parse(prepared.text)
+    if robot.is_fixed:
+        # Welded to the world, the base would lose its mass.
+        spec.compiler.fusestatic = False
+    else:
+        # Before compilation, for the same reason.
+        spec.body(robot.root).add_freejoint(name=ROOT_JOINT)
     sort_geoms(spec)
     _name_collisions(spec, robot)
     _set_contacts(spec, robot)
@@ -53,19 +58,15 @@ def to_mujoco(urdf: str, robot: Robot, find_mesh: FindMesh | None = None) -> muj
     for link in IMU_LINKS:
         if link in robot.links:
             _add_imu(spec, robot, link)
-    if find_mesh is None:
+    if not visuals:
         strip_visuals(spec)
-    else:
-        fill_meshes(spec, urls, find_mesh)
+    fill_meshes(spec, prepared.meshes, find_mesh)
     return spec
 
 
 def _parse(urdf: str) -> mujoco.MjSpec:
-    # Visual shapes are dropped while parsing unless the file itself asks for them.
-    options = '<mujoco><compiler discardvisual="false"/></mujoco>'
-    head, end, tail = urdf.rpartition('</robot>')
     try:
-        return mujoco.MjSpec.from_string(head + options + end + tail)
+        return mujoco.MjSpec.from_string(urdf)
     except ValueError as error:
         raise DescriptionError(f'MuJoCo: {" ".join(str(error).split())}') from None
 

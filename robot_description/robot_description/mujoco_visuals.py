@@ -3,11 +3,13 @@
 
 from collections.abc import Callable
 from pathlib import Path
-import xml.etree.ElementTree as ElementTree
 
 import mujoco
+import numpy as np
 
+from robot_description.errors import DescriptionError
 from robot_description.meshes import load_mesh
+from robot_description.mujoco_urdf import MeshUse
 
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
@@ -16,24 +18,15 @@ COLLISION_GROUP = 3
 FindMesh = Callable[[str], Path | None]
 
 
-def rename_meshes(urdf: str) -> tuple[str, dict[str, str]]:
-    """
-    Return the URDF with its visual meshes under plain names, and the URL of each name.
-
-    MuJoCo reads neither `package://` nor Collada; it only has to keep the names apart.
-    """
-    tree = ElementTree.fromstring(urdf)
-    names: dict[str, str] = {}
-    for tag in tree.iterfind('.//visual/geometry/mesh'):
-        name = names.setdefault(tag.get('filename', ''), f'visual_{len(names)}')
-        tag.set('filename', f'{name}.obj')
-    urls = {name: url for url, name in names.items()}
-    return ElementTree.tostring(tree, encoding='unicode'), urls
+def find_nothing(_: str) -> Path | None:
+    """Find no mesh: primitives only."""
+    return None
 
 
 def sort_geoms(spec: mujoco.MjSpec) -> None:
-    """Put what is drawn and what collides into groups of their own."""
+    """Put what is drawn and what collides into groups of their own; neither weighs anything."""
     for geom in spec.geoms:
+        geom.mass = 0.0  # else MuJoCo weighs the shapes of links without an inertial
         collides = bool(geom.contype or geom.conaffinity)
         geom.group = COLLISION_GROUP if collides else VISUAL_GROUP
 
@@ -43,41 +36,47 @@ def strip_visuals(spec: mujoco.MjSpec) -> None:
     for geom in list(spec.geoms):
         if geom.group == VISUAL_GROUP:
             spec.delete(geom)
+    used = {geom.meshname for geom in spec.geoms}
     for mesh in list(spec.meshes):
-        spec.delete(mesh)
+        if mesh.name not in used:
+            spec.delete(mesh)
 
 
-def fill_meshes(spec: mujoco.MjSpec, urls: dict[str, str], find: FindMesh) -> list[str]:
+def fill_meshes(spec: mujoco.MjSpec, meshes: dict[str, MeshUse], find: FindMesh) -> None:
     """
-    Load the meshes under the names of `urls`; return the URLs that could not be loaded.
+    Load the meshes that the specification has under the names of `meshes`.
 
-    Links whose mesh is missing show what they collide with instead.
+    Links whose visual mesh is missing show what they collide with instead.
+
+    Raises:
+        DescriptionError: a mesh that something collides with is missing or cannot be read.
     """
-    missing = []
-    for name, url in urls.items():
+    for target in list(spec.meshes):
+        url, scale = meshes[target.name]
         path = find(url)
         try:
-            mesh = load_mesh(path) if path is not None else None
-        except ValueError:
-            mesh = None
-        if mesh is None:
-            missing.append(url)
-            _show_primitives(spec, name)
+            if path is None:
+                raise ValueError(f'mesh {url} not found')
+            mesh = load_mesh(path)
+        except ValueError as error:
+            _do_without(spec, target, str(error))
             continue
-        target = spec.mesh(name)
         target.file = ''
-        target.uservert = mesh.vertices.flatten()
-        target.userface = mesh.faces.flatten()
-        # A drawing has no inertia; computed from its volume, an open surface is an error.
+        target.uservert = (mesh.vertices * np.array(scale, np.float32)).flatten()
+        # A mirror image is inside out unless its triangles turn the other way.
+        faces = mesh.faces[:, ::-1] if np.prod(scale) < 0.0 else mesh.faces
+        target.userface = faces.flatten()
+        # Masses are the URDF's; computed from its volume, an open surface is an error.
         target.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    return missing
 
 
-def _show_primitives(spec: mujoco.MjSpec, mesh: str) -> None:
-    for geom in list(spec.geoms):
-        if geom.meshname == mesh:
-            for other in geom.parent.geoms:
-                if other.group == COLLISION_GROUP:
-                    other.group = VISUAL_GROUP
-            spec.delete(geom)
-    spec.delete(spec.mesh(mesh))
+def _do_without(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh, why: str) -> None:
+    """Show what the links of a missing visual mesh collide with."""
+    for geom in [geom for geom in spec.geoms if geom.meshname == mesh.name]:
+        if geom.group == COLLISION_GROUP:
+            raise DescriptionError(f'link {geom.parent.name!r} collides with what is not: {why}')
+        for other in geom.parent.geoms:
+            if other.group == COLLISION_GROUP:
+                other.group = VISUAL_GROUP
+        spec.delete(geom)
+    spec.delete(mesh)

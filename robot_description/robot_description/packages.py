@@ -19,6 +19,7 @@ OWN_PACKAGES = (
     'teleop_keyboard',
     'wasd_bringup',
 )
+EXAMPLE_ROBOT_DATA = 'example-robot-data'
 
 
 def share_directory(name: str, search: Sequence[Path] = ()) -> Path:
@@ -39,6 +40,8 @@ def share_directory(name: str, search: Sequence[Path] = ()) -> Path:
     if name in OWN_PACKAGES and (own := _import_folder(name)) is not None:
         return own
     for folder in _data_folders():
+        if name == EXAMPLE_ROBOT_DATA:
+            return folder.parent
         if (folder / name).is_dir():
             return folder / name
     prefixes = _ament_prefixes()
@@ -58,7 +61,7 @@ def _import_folder(name: str) -> Path | None:
 
 def _data_folders() -> list[Path]:
     """Return where example-robot-data keeps its robots: as a wheel, or in an ament prefix."""
-    relative = Path('share/example-robot-data/robots')
+    relative = Path('share', EXAMPLE_ROBOT_DATA, 'robots')
     wheel = Path(sysconfig.get_path('purelib')) / 'cmeel.prefix'
     roots = [wheel, *_ament_prefixes()]
     return [root / relative for root in roots if (root / relative).is_dir()]

@@ -2,6 +2,7 @@
 """A URDF as data: links, joints and where they are; geometry and masses have their home here."""
 
 from dataclasses import dataclass
+from functools import cached_property
 import math
 from typing import TypeVar
 import xml.etree.ElementTree as ElementTree
@@ -9,6 +10,10 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 
 from robot_description.errors import DescriptionError
+from robot_description.pose import axis_angle
+from robot_description.pose import IDENTITY
+from robot_description.pose import Pose
+from robot_description.pose import rpy_matrix
 
 MOVABLE = ('revolute', 'continuous', 'prismatic')
 # Attributes that give a primitive's size, in URDF's order, and how many numbers they are.
@@ -18,39 +23,41 @@ SIZES = {
     'sphere': (('radius',), 1),
     'mesh': ((), 0),
 }
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Position [m], shape (3,), and rotation matrix, shape (3, 3), of a frame in its parent."""
-
-    position: np.ndarray
-    rotation: np.ndarray
-
-    def __matmul__(self, other: 'Pose') -> 'Pose':
-        """Compose: `T_a_b @ T_b_c` is `T_a_c`."""
-        return Pose(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
-
-
-IDENTITY = Pose(np.zeros(3), np.eye(3))
+# The upper triangle of an inertia, row by row.
+INERTIA_COMPONENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+# A root link of this name is no part of the robot: what hangs on it does not float.
+WORLD_LINK = 'world'
 
 
 @dataclass(frozen=True)
 class Shape:
-    """One collision shape: kind, size in URDF's order [m] (none for a mesh), pose in its link."""
+    """
+    What is drawn or what collides: kind, size in URDF's order [m], pose in its link.
+
+    A mesh has no size but a URL and a scale along x, y and z.
+    """
 
     kind: str
     size: tuple[float, ...]
     pose: Pose
+    url: str = ''
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Link:
-    """A link: its mass [kg], 0 without an inertial, and its collision shapes."""
+    """
+    A link: its mass [kg], what collides and what is drawn.
+
+    `inertia` (3, 3) [kg m^2] is about its centre of mass, in the axes of its inertial frame. Both
+    are 0 without an inertial.
+    """
 
     name: str
     mass: float
+    inertia: np.ndarray
     collisions: tuple[Shape, ...]
+    visuals: tuple[Shape, ...]
 
 
 @dataclass(frozen=True)
@@ -94,37 +101,50 @@ class Robot:
         return sum(link.mass for link in self.links.values())
 
     @property
+    def is_fixed(self) -> bool:
+        """Whether the robot hangs on a link called `world`."""
+        return self.root == WORLD_LINK
+
+    @property
+    def base(self) -> str:
+        """The link that carries the others: the root, or what hangs on the world first."""
+        if not self.is_fixed:
+            return self.root
+        return next((j.child for j in self.joints.values() if j.parent == self.root), self.root)
+
+    @property
     def movable_joints(self) -> tuple[Joint, ...]:
         """Joints with a degree of freedom, in the order of the file."""
         return tuple(joint for joint in self.joints.values() if joint.kind in MOVABLE)
 
+    @cached_property
+    def parent_joints(self) -> dict[str, Joint]:
+        """The joint that holds each link but the root."""
+        return {joint.child: joint for joint in self.joints.values()}
+
+    @cached_property
+    def links_from_root(self) -> tuple[str, ...]:
+        """The links, each after its parent, brothers in the order of the file."""
+        children: dict[str, list[str]] = {link: [] for link in self.links}
+        for joint in self.joints.values():
+            children[joint.parent].append(joint.child)
+        order = []
+        waiting = [self.root]
+        while waiting:
+            order.append(link := waiting.pop())
+            waiting += reversed(children[link])
+        return tuple(order)
+
     def pose_of(self, link: str) -> Pose:
         """Return a link's pose in the root with every joint at 0."""
         chain = []
-        by_child = {joint.child: joint for joint in self.joints.values()}
         while link != self.root:
-            chain.append(by_child[link])
-            link = by_child[link].parent
+            chain.append(self.parent_joints[link])
+            link = chain[-1].parent
         pose = IDENTITY
         for joint in reversed(chain):
             pose = pose @ joint.pose
         return pose
-
-
-def axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Return the rotation by `angle` [rad] about a unit axis (Rodrigues), shape (3, 3)."""
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    rotation: np.ndarray = np.eye(3) + math.sin(angle) * skew
-    rotation += (1.0 - math.cos(angle)) * skew @ skew
-    return rotation
-
-
-def rpy_matrix(roll: float, pitch: float, yaw: float) -> np.ndarray:
-    """Return URDF's fixed-axis rotation Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
-    x, y, z = np.eye(3)
-    rotation: np.ndarray = axis_angle(z, yaw) @ axis_angle(y, pitch) @ axis_angle(x, roll)
-    return rotation
 
 
 def parse_urdf(text: str) -> Robot:
@@ -185,22 +205,43 @@ def _find_root(links: dict[str, Link], joints: dict[str, Joint]) -> str:
 def _link(tag: ElementTree.Element) -> Link:
     name = tag.get('name', '')
     where = f'link {name!r}'
-    shapes = (_shape(collision, where) for collision in tag.findall('collision'))
     return Link(
         name=name,
         mass=float(_numbers(tag.find('inertial/mass'), 'value', '0', where)[0]),
-        collisions=tuple(shape for shape in shapes if shape is not None),
+        inertia=_inertia(tag.find('inertial/inertia'), where),
+        collisions=tuple(_shape(shape, where) for shape in shape_tags(tag, 'collision')),
+        visuals=tuple(_shape(shape, where) for shape in shape_tags(tag, 'visual')),
     )
 
 
-def _shape(tag: ElementTree.Element, where: str) -> Shape | None:
-    for kind, (attributes, count) in SIZES.items():
-        geometry = tag.find(f'geometry/{kind}')
-        if geometry is not None:
-            text = ' '.join(geometry.get(attribute, '') for attribute in attributes)
-            size = _parse(text, count, f'{where}: {kind}')
-            return Shape(kind, tuple(size.tolist()), _origin(tag, where))
-    return None
+def _inertia(tag: ElementTree.Element | None, where: str) -> np.ndarray:
+    xx, xy, xz, yy, yz, zz = (float(_numbers(tag, c, '0', where)[0]) for c in INERTIA_COMPONENTS)
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def shape_tags(link: ElementTree.Element, tag: str) -> list[ElementTree.Element]:
+    """Return the `visual` or `collision` tags of a link that have a geometry of URDF's."""
+    return [
+        shape
+        for shape in link.findall(tag)
+        if any(shape.find(f'geometry/{kind}') is not None for kind in SIZES)
+    ]
+
+
+def _shape(tag: ElementTree.Element, where: str) -> Shape:
+    kind, geometry = next(
+        (kind, found) for kind in SIZES if (found := tag.find(f'geometry/{kind}')) is not None
+    )
+    attributes, count = SIZES[kind]
+    text = ' '.join(geometry.get(attribute, '') for attribute in attributes)
+    size = tuple(_parse(text, count, f'{where}: {kind}').tolist())
+    pose = _origin(tag, where)
+    if kind != 'mesh':
+        return Shape(kind, size, pose)
+    scale = geometry.get('scale', '1')
+    count = 1 if len(scale.split()) == 1 else 3
+    x, y, z = np.broadcast_to(_parse(scale, count, f'{where}: scale'), 3).tolist()
+    return Shape(kind, size, pose, geometry.get('filename', ''), (x, y, z))
 
 
 def _joint(tag: ElementTree.Element) -> Joint:

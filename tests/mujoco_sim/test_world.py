@@ -9,7 +9,7 @@ from mujoco_sim.world import JointCommand
 from mujoco_sim.world import World
 import numpy as np
 import pytest
-from robot_description.urdf import rpy_matrix
+from robot_description.pose import rpy_matrix
 
 GRAVITY = 9.81
 WHEELS = ('left_wheel_joint', 'right_wheel_joint')

@@ -12,7 +12,7 @@ from robot_description.expand import expand
 from robot_description.meshes import find_mesh
 from robot_description.meshes import load_mesh
 from robot_description.mujoco_model import to_mujoco
-from robot_description.mujoco_visuals import rename_meshes
+from robot_description.mujoco_urdf import for_mujoco
 from robot_description.mujoco_visuals import VISUAL_GROUP
 from robot_description.packages import share_directory
 from robot_description.robots import description_path
@@ -142,8 +142,8 @@ def test_what_is_no_mesh_is_a_value_error_in_one_line(tmp_path, name):
 
 
 def test_renaming_keeps_links_apart_and_meshes_together(urdf):
-    renamed, urls = rename_meshes(urdf)
-    assert sorted(urls.values()) == sorted(
+    renamed, meshes, _ = for_mujoco(urdf, parse_urdf(urdf))
+    assert sorted(mesh.url for mesh in meshes.values()) == sorted(
         URL.format(name)
         for name in ('base', 'hip', 'thigh', 'thigh_mirror', 'calf', 'calf_mirror', 'foot')
     )
@@ -185,13 +185,13 @@ def test_a_missing_mesh_shows_primitives_instead(urdf):
     def find(url):
         return None if 'thigh' in url else find_mesh(url, Path())
 
-    model = to_mujoco(urdf, parse_urdf(urdf), find).compile()
+    model = to_mujoco(urdf, parse_urdf(urdf), find, visuals=True).compile()
     assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]
     assert mujoco.mjtGeom.mjGEOM_MESH in shown(model, 'FL_calf')
 
 
 def test_without_any_mesh_it_loads_and_shows_primitives(urdf):
-    model = to_mujoco(urdf, parse_urdf(urdf), lambda url: None).compile()
+    model = to_mujoco(urdf, parse_urdf(urdf), visuals=True).compile()
     assert model.nmesh == 0
     assert model.body_mass.sum() == pytest.approx(16.086)
     for body in ('base', 'FL_hip', 'RR_thigh', 'RL_calf'):
@@ -201,6 +201,6 @@ def test_without_any_mesh_it_loads_and_shows_primitives(urdf):
 def test_a_mesh_that_cannot_be_read_shows_primitives_too(urdf, tmp_path):
     broken = tmp_path / 'broken.dae'
     broken.write_text('<COLLADA>')
-    model = to_mujoco(urdf, parse_urdf(urdf), lambda url: broken).compile()
+    model = to_mujoco(urdf, parse_urdf(urdf), lambda url: broken, visuals=True).compile()
     assert model.nmesh == 0
     assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]

@@ -32,7 +32,7 @@ def urdf():
 
 @pytest.fixture(scope='module')
 def spec(urdf):
-    return to_mujoco(urdf, parse_urdf(urdf), lambda url: None)
+    return to_mujoco(urdf, parse_urdf(urdf), visuals=True)
 
 
 @pytest.fixture(scope='module')

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from robot_description.conversions import to_quaternion
 from robot_description.conversions import to_transform
-from robot_description.urdf import axis_angle
-from robot_description.urdf import Pose
-from robot_description.urdf import rpy_matrix
+from robot_description.pose import axis_angle
+from robot_description.pose import Pose
+from robot_description.pose import rpy_matrix
 
 RNG = np.random.default_rng(2)
 AXES = RNG.normal(size=(6, 3)).tolist() + np.eye(3).tolist()

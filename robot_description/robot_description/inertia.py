@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inertias that no distribution of mass has, and the nearest that one does."""
+
+import numpy as np
+
+# A second moment below this share of their sum counts as impossible: MuJoCo refuses it.
+SMALLEST_SHARE = 1e-9
+# What it is raised to, and the radius of gyration [m] of a mass without any extent.
+RAISED_SHARE = 1e-6
+SMALLEST_RADIUS = 1e-4
+# Nothing to MuJoCo, whose limit is lower by two digits [kg m^2].
+SMALLEST_MOMENT = 1e-12
+
+
+def possible_inertia(inertia: np.ndarray, mass: float) -> np.ndarray | None:
+    """
+    Return the inertia (3, 3) [kg m^2] nearest to an impossible one; None when it is possible.
+
+    A body's second moments of mass S = tr(I)/2 1 - I cannot be negative along any direction,
+    which says at once that principal inertias are positive and obey the triangle inequality.
+    Negative ones are raised to next to nothing [Wensing2018, eq. 9].
+    """
+    moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    values, directions = np.linalg.eigh(moments)
+    total = float(np.abs(values).sum())
+    if values[0] > max(SMALLEST_SHARE * total, 0.1 * SMALLEST_MOMENT):
+        return None
+    floor = max(RAISED_SHARE * total, mass * SMALLEST_RADIUS**2, SMALLEST_MOMENT)
+    raised = directions @ np.diag(np.maximum(values, floor)) @ directions.T
+    mended: np.ndarray = np.trace(raised) * np.eye(3) - raised
+    return mended

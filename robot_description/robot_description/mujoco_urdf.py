@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A URDF as MuJoCo's reader can take it: meshes under plain names, one plain colour a shape."""
+
+from typing import NamedTuple
+import xml.etree.ElementTree as ElementTree
+
+from robot_description.mujoco_masses import mend_inertials
+from robot_description.urdf import MOVABLE
+from robot_description.urdf import Robot
+from robot_description.urdf import shape_tags
+
+GREY = '0.7 0.7 0.7 1'
+
+
+class MeshUse(NamedTuple):
+    """A mesh as shapes use it: its URL and its scale along x, y and z."""
+
+    url: str
+    scale: tuple[float, float, float]
+
+
+class MujocoUrdf(NamedTuple):
+    """
+    URDF text for MuJoCo's reader, and what the mesh names in it stand for.
+
+    `impossible` are links whose inertia no body can have; the text has the nearest.
+    """
+
+    text: str
+    meshes: dict[str, MeshUse]
+    impossible: list[str]
+
+
+def for_mujoco(urdf: str, robot: Robot) -> MujocoUrdf:
+    """
+    Return the URDF without what MuJoCo's reader trips over; `robot` is the parsed `urdf`.
+
+    MuJoCo reads neither `package://` nor Collada, so each mesh and scale gets a plain name; it
+    refuses a second material in a shape (Unitree's flat Go2 has five), a repeated shape name and
+    a material without a colour. Shapes of a kind that URDF does not know are left out.
+    """
+    tree = ElementTree.fromstring(urdf)
+    for extension in tree.findall('mujoco'):
+        tree.remove(extension)
+    _drop_idle_words(tree)
+    colours = _colours(tree)
+    for material in tree.findall('material'):
+        tree.remove(material)
+    impossible = mend_inertials(tree, robot)
+    names: dict[MeshUse, str] = {}
+    for link in tree.findall('link'):
+        parsed = robot.links[link.get('name', '')]
+        for kind, shapes in (('visual', parsed.visuals), ('collision', parsed.collisions)):
+            known = shape_tags(link, kind)
+            for tag in link.findall(kind):
+                if tag not in known:
+                    link.remove(tag)
+            for tag, shape in zip(known, shapes, strict=True):
+                tag.attrib.pop('name', None)
+                _simplify_material(tag, colours)
+                mesh = tag.find('geometry/mesh')
+                if mesh is not None:
+                    use = MeshUse(shape.url, shape.scale)
+                    mesh.attrib.clear()
+                    mesh.set('filename', f'{names.setdefault(use, f"mesh_{len(names)}")}.obj')
+    options = ElementTree.SubElement(ElementTree.SubElement(tree, 'mujoco'), 'compiler')
+    # Visual shapes are dropped while parsing unless the file itself asks for them.
+    options.set('discardvisual', 'false')
+    text = ElementTree.tostring(tree, encoding='unicode')
+    return MujocoUrdf(text, {name: use for use, name in names.items()}, impossible)
+
+
+def _drop_idle_words(tree: ElementTree.Element) -> None:
+    """Drop what MuJoCo ignores with a warning: limits of no width, imitation of nothing."""
+    movable = {
+        joint.get('name') for joint in tree.findall('joint') if joint.get('type') in MOVABLE
+    }
+    for joint in tree.findall('joint'):
+        mimic, limit = joint.find('mimic'), joint.find('limit')
+        if mimic is not None and not {joint.get('name'), mimic.get('joint')} <= movable:
+            joint.remove(mimic)
+        if limit is not None and float(limit.get('lower', '0')) == float(limit.get('upper', '0')):
+            limit.attrib.pop('lower', None)
+            limit.attrib.pop('upper', None)
+
+
+def _colours(tree: ElementTree.Element) -> dict[str, str]:
+    """Return the colours by the names of the materials that define them, wherever they do."""
+    return {
+        material.get('name', ''): colour.get('rgba', GREY)
+        for material in tree.iter('material')
+        if (colour := material.find('color')) is not None
+    }
+
+
+def _simplify_material(shape: ElementTree.Element, colours: dict[str, str]) -> None:
+    """Leave the first colour of a shape; a texture alone counts as grey."""
+    materials = shape.findall('material')
+    found = [
+        colour.get('rgba', GREY)
+        if (colour := material.find('color')) is not None
+        else colours.get(material.get('name', ''))
+        for material in materials
+    ]
+    for material in materials:
+        shape.remove(material)
+    rgba = next((colour for colour in found if colour is not None), GREY)
+    if shape.tag == 'visual':
+        material = ElementTree.SubElement(shape, 'material', name=f'rgba {rgba}')
+        ElementTree.SubElement(material, 'color', rgba=rgba)

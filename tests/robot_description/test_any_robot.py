@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Robots as other people describe them load into MuJoCo, or are refused in one line."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+from mujoco_sim.loading import build_world
+from mujoco_sim.loading import load_robot
+import numpy as np
+import pytest
+from robot_description.errors import DescriptionError
+from robot_description.inertia import possible_inertia
+from robot_description.mujoco_model import to_mujoco
+from robot_description.packages import share_directory
+from robot_description.urdf import parse_urdf
+
+ROBOTS = share_directory('example-robot-data') / 'robots'
+# What cannot be loaded, and why.
+REFUSED = {
+    'romeo_description/urdf/romeo.urdf': "'LFinger11Link' moves (joint 'LHand') but has no mass",
+    'romeo_description/urdf/romeo_laas_small.urdf': "'l_gripper' moves",
+    'ur_description/urdf/ur3.urdf': 'the description has no links',
+}
+# One of each robot.
+DESCRIPTIONS = {
+    path.relative_to(ROBOTS).parts[0]: str(path.relative_to(ROBOTS))
+    for path in sorted(ROBOTS.rglob('*.urdf'), reverse=True)
+    if str(path.relative_to(ROBOTS)) not in REFUSED
+}
+QUADRUPEDS = ('a1', 'go1')
+
+MASS = '<mass value="1"/>'
+INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'
+INERTIAL = f'<inertial>{MASS}{INERTIA}</inertial>'
+TETRAHEDRON = 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n'
+
+
+def link(name, inside=INERTIAL):
+    return f'<link name="{name}">{inside}</link>'
+
+
+def joint(parent, child, kind='continuous', inside=''):
+    return (
+        f'<joint name="{parent}_{child}" type="{kind}">'
+        f'<parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
+    )
+
+
+def load(*elements, find_mesh=lambda url: None, visuals=False):
+    text = f'<robot name="r">{"".join(elements)}</robot>'
+    return to_mujoco(text, parse_urdf(text), find_mesh, visuals).compile()
+
+
+def mesh(kind, filename='package://x/m.obj', scale='1 1 1'):
+    geometry = f'<geometry><mesh filename="{filename}" scale="{scale}"/></geometry>'
+    return f'<{kind}>{geometry}</{kind}>'
+
+
+@pytest.fixture(scope='module', autouse=True)
+def cache(tmp_path_factory) -> Iterator[None]:
+    """Keep the cache of these tests to themselves."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.mktemp('cache')))
+        yield
+
+
+@pytest.fixture
+def tetrahedron(tmp_path) -> Path:
+    path = tmp_path / 'tetrahedron.obj'
+    path.write_text(TETRAHEDRON)
+    return path
+
+
+@pytest.mark.parametrize('name', DESCRIPTIONS.values())
+def test_a_robot_of_example_robot_data_loads_with_its_mass(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    loaded = load_robot(str(ROBOTS / name))
+    model = build_world(loaded).model
+    assert model.body_mass.sum() == pytest.approx(loaded.robot.mass, abs=1e-6)
+    hinges = {joint.name for joint in loaded.robot.movable_joints}
+    assert {model.joint(i).name for i in range(model.njnt)} - {'root'} == hinges
+    # MuJoCo leaves its warnings in a file where the user happens to be.
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(('name', 'said'), REFUSED.items())
+def test_what_cannot_be_loaded_is_said_in_one_line(name, said):
+    with pytest.raises(DescriptionError) as caught:
+        build_world(load_robot(str(ROBOTS / name)))
+    assert said in str(caught.value)
+    assert str(caught.value).startswith(str(ROBOTS / name))
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('name', QUADRUPEDS)
+def test_a_quadruped_floats_on_twelve_motors_and_shows_its_meshes(name):
+    loaded = load_robot(str(ROBOTS / f'{name}_description/urdf/{name}.urdf'))
+    model = build_world(loaded, visuals=True).model
+    assert (model.nq, model.nv, model.nu) == (19, 18, 12)
+    wanted = {shape.url for link in loaded.robot.links.values() for shape in link.visuals}
+    assert model.nmesh >= len(wanted - {''})
+
+
+def test_what_collides_with_a_mesh_does_so_unseen_too(tetrahedron):
+    elements = [link('a', INERTIAL + mesh('collision', scale='0.1 0.1 0.1'))]
+    for visuals in (False, True):
+        model = load(*elements, find_mesh=lambda url: tetrahedron, visuals=visuals)
+        assert model.nmesh == 1
+        assert model.geom_contype.tolist() == [1]
+        np.testing.assert_allclose(model.geom_rbound, [0.1], rtol=0.3)
+
+
+def test_a_missing_collision_mesh_is_said_with_its_link_and_url():
+    with pytest.raises(DescriptionError, match=r"'a' collides .* package://x/m.obj not found"):
+        load(link('a', INERTIAL + mesh('collision')))
+
+
+def test_a_mirrored_mesh_is_not_inside_out(tetrahedron):
+    model = load(
+        link('a', INERTIAL + mesh('visual') + mesh('visual', scale='1 -1 1')),
+        find_mesh=lambda url: tetrahedron,
+        visuals=True,
+    )
+    assert model.nmesh == 2
+    for index in range(2):
+        vertices = model.mesh(index).vertadr[0] + np.arange(model.mesh(index).vertnum[0])
+        faces = model.mesh(index).faceadr[0] + np.arange(model.mesh(index).facenum[0])
+        corners = model.mesh_vert[vertices][model.mesh_face[faces]].astype(float)
+        # The signed volume is positive when all triangles face outwards.
+        assert np.linalg.det(corners).sum() / 6.0 == pytest.approx(1 / 6, rel=1e-5)
+
+
+def test_several_materials_in_one_visual_count_as_the_first():
+    # As in Unitree's flat Go2 description since 2025.
+    materials = ''.join(
+        f'<material name="{name}"><color rgba="{rgba}"/></material>'
+        for name, rgba in (('红', '1 0 0 1'), ('绿', '0 1 0 1'), ('蓝', '0 0 1 1'))
+    )
+    box = f'<visual><geometry><box size="1 1 1"/></geometry>{materials}</visual>'
+    model = load(link('a', INERTIAL + box), visuals=True)
+    np.testing.assert_allclose(model.geom_rgba, [[1.0, 0.0, 0.0, 1.0]])
+
+
+def test_a_material_may_be_defined_elsewhere_or_nowhere():
+    visual = '<visual><geometry><box size="1 1 1"/></geometry><material name="{}"/></visual>'
+    known = '<material name="leaf"><color rgba="0 1 0 1"/></material>'
+    shapes = visual.format('leaf') + visual.format('moon')
+    model = load(known, link('a', INERTIAL + shapes), visuals=True)
+    np.testing.assert_allclose(model.geom_rgba[0], [0.0, 1.0, 0.0, 1.0])
+    assert model.ngeom == 2
+
+
+def test_links_without_an_inertial_weigh_nothing_whatever_their_shape():
+    box = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
+    model = load(link('a'), link('b', box), joint('a', 'b', 'fixed'))
+    assert model.body_mass.sum() == 1.0
+
+
+@pytest.mark.parametrize('empty', ['', '<inertial><mass value="0"/></inertial>'])
+def test_a_wheel_without_mass_is_refused_with_a_cure(empty):
+    with pytest.raises(DescriptionError, match=r"'b' moves \(joint 'a_b'\) .* <inertial>"):
+        load(link('a'), link('b', empty), joint('a', 'b'))
+
+
+def test_a_link_between_two_joints_may_be_without_mass():
+    # A hip of two crossing axes, as human models have it.
+    model = load(link('a'), link('b', ''), link('c'), joint('a', 'b'), joint('b', 'c'))
+    assert model.nv == 6 + 2
+    assert model.body_mass.sum() == pytest.approx(2.0, abs=1e-6)
+
+
+def test_a_root_without_mass_takes_that_of_what_is_welded_to_it():
+    model = load(link('base', ''), link('trunk'), joint('base', 'trunk', 'fixed'))
+    assert (model.nq, model.body_mass.sum()) == (7, 1.0)
+
+
+def test_a_robot_that_hangs_on_the_world_stays_there_with_its_whole_mass():
+    model = load(
+        link('world', ''), link('a'), link('b'), joint('world', 'a', 'fixed'), joint('a', 'b')
+    )
+    assert (model.nq, model.nv) == (1, 1)
+    assert model.body_mass.sum() == 2.0
+    assert model.body('a').weldid == model.body('world').id
+
+
+@pytest.mark.parametrize(
+    'principal', [(1.0, 1.0, 3.0), (-1.0, 1.0, 1.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)]
+)
+def test_an_impossible_inertia_becomes_the_nearest_possible(principal):
+    mended = possible_inertia(np.diag(principal), 1.0)
+    assert mended is not None
+    a, b, c = np.linalg.eigvalsh(mended)
+    assert a > 0.0
+    assert a + b > c
+    assert possible_inertia(mended, 1.0) is None
+
+
+@pytest.mark.parametrize('principal', [(1.0, 1.0, 1.0), (1.0, 1.0, 1.999), (2e-7, 3e-7, 4e-7)])
+def test_a_possible_inertia_stays_as_it_is(principal):
+    assert possible_inertia(np.diag(principal), 1.0) is None
+
+
+def test_a_point_mass_loads():
+    zero = INERTIA.replace('1e-3', '0')
+    model = load(link('a', f'<inertial>{MASS}{zero}</inertial>'))
+    assert model.body_mass.sum() == 1.0
+    assert (model.body_inertia[1] > 0.0).all()
+    assert mujoco.MjData(model).qpos.shape == (7,)
