@@ -57,7 +57,8 @@ class StatePublisherNode(Node):
         self._description.publish(String(data=urdf))
         self._static = TfBroadcaster(self, static=True)
         self._moving = TfBroadcaster(self)
-        self._static.send(self._fixed_transforms(self.get_clock().now().to_msg()))
+        # Stamp 0: true at any time, whichever clock a listener goes by.
+        self._static.send(self._fixed_transforms(Time()))
         if not lock_step:
             self.create_subscription(JointState, 'joint_states', self._on_joint_states, 10)
 

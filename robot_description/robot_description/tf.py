@@ -10,6 +10,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
 
+from robot_description.node_support import has_listener
+
 
 def tf_message_type() -> type[Any] | None:
     """Return tf2_msgs/TFMessage, or None where tf2_msgs is not installed (the wheels lack it)."""
@@ -26,10 +28,14 @@ class TfBroadcaster:
 
     def __init__(self, node: Node, static: bool = False) -> None:
         self._type = tf_message_type()
+        self._static = static
         if self._type is None:
             if not TfBroadcaster._reported:
                 TfBroadcaster._reported = True
-                node.get_logger().info('tf2_msgs is not installed: /tf is not published')
+                node.get_logger().info(
+                    'tf2_msgs is not installed: /tf is not published '
+                    '(python -m robot_description.build_tf2_msgs makes it)'
+                )
             return
         if static:
             latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -39,10 +45,10 @@ class TfBroadcaster:
 
     @property
     def available(self) -> bool:
-        """Whether transforms can be sent; otherwise they need not be made."""
-        return self._type is not None
+        """Whether transforms reach anybody, now or later; otherwise they need not be made."""
+        return self._type is not None and (self._static or has_listener(self._publisher))
 
     def send(self, transforms: Iterable[TransformStamped]) -> None:
-        """Publish the transforms in one message; a generator is not run where that cannot be."""
-        if self._type is not None:
+        """Publish the transforms in one message; a generator is not run where nobody listens."""
+        if self.available:
             self._publisher.publish(self._type(transforms=list(transforms)))

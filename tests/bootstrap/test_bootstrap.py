@@ -44,6 +44,14 @@ if (: >&9) 2>/dev/null; then echo locked; else echo free; fi
     assert checkout.run().stdout == 'free\n'
 
 
+def test_without_a_compiler_everything_but_tf_is_installed(checkout):
+    (checkout.fake / 'no-compiler').touch()
+    result = checkout.run('mbot')
+    assert (result.returncode, result.stdout.splitlines()[0]) == (0, 'argument: mbot')
+    assert 'error: no compiler' in result.stderr.splitlines()
+    assert checkout.run().stderr == ''
+
+
 def test_help_is_the_command_s_own(checkout):
     assert 'argument: --help' in checkout.run('--help').stdout
 
@@ -55,8 +63,12 @@ def test_a_later_start_says_nothing_and_starts_no_other_python(checkout):
     assert (result.returncode, result.stderr, checkout.calls()) == (0, '', [])
 
 
-@pytest.mark.parametrize('changed', ['pyproject.toml', 'package/package.xml'])
+@pytest.mark.parametrize(
+    'changed', ['pyproject.toml', 'package/package.xml', 'package/package/build_tf2_msgs.py']
+)
 def test_a_changed_project_is_installed_again_into_the_same_environment(changed, checkout):
+    (checkout.folder / 'package/package').mkdir()
+    (checkout.folder / 'package/package/build_tf2_msgs.py').touch()
     checkout.run()
     checkout.calls()
     with open(checkout.folder / changed, 'a') as file:

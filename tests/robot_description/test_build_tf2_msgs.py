@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""tf2_msgs made from the wheels' generators: the type is ROS' own, and an install is whole."""
+
+import json
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+import sysconfig
+
+import pytest
+
+from robot_description import build_tf2_msgs
+from robot_description import code_of_tf2_msgs
+
+# What `ros2 topic info -v /tf` shows on any ROS 2: the name of the type's exact layout.
+TYPE_HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
+RESOURCES = Path(sys.prefix) / 'share/rosidl_generator_py/resource'
+COMPILERS = [name for name in ('g++', 'c++', 'clang++') if shutil.which(name)]
+HEADER = Path(sysconfig.get_path('include')) / 'Python.h'
+
+wheels = pytest.mark.skipif(not RESOURCES.is_dir(), reason='ROS does not come as wheels here')
+can_build = pytest.mark.skipif(
+    not (RESOURCES.is_dir() and COMPILERS and HEADER.is_file()),
+    reason='no wheels of ROS, no C++ compiler or no Python.h',
+)
+
+
+class Prefix:
+    """An empty environment that tf2_msgs is installed into; the wheels stay where they are."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.folder = folder
+        self.site = folder / 'site-packages'
+        for made in (self.site, folder / 'lib'):
+            made.mkdir()
+        for kind in ('packages', 'rosidl_interfaces'):
+            (folder / 'share/ament_index/resource_index' / kind).mkdir(parents=True)
+        monkeypatch.setattr(build_tf2_msgs, 'PREFIX', folder)
+        monkeypatch.setattr(build_tf2_msgs, 'SITE_PACKAGES', self.site)
+        # What this Python has is not what the new environment has.
+        monkeypatch.setattr(build_tf2_msgs, 'is_importable', lambda: False)
+
+    def run(self, code: str) -> 'subprocess.CompletedProcess[str]':
+        """Run code in a Python that finds what was installed here."""
+        libraries = [str(self.folder / 'lib'), os.environ.get('LD_LIBRARY_PATH', '')]
+        environment = {
+            **os.environ,
+            'PYTHONPATH': str(self.site),
+            'LD_LIBRARY_PATH': os.pathsep.join(libraries),
+        }
+        command = [sys.executable, '-c', code]
+        return subprocess.run(command, env=environment, capture_output=True, text=True)
+
+    def files(self) -> list[str]:
+        """Return what is installed."""
+        return sorted(
+            path.relative_to(self.folder).as_posix()
+            for path in self.folder.rglob('*')
+            if path.is_file()
+        )
+
+
+@pytest.fixture
+def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Prefix:
+    return Prefix(tmp_path, monkeypatch)
+
+
+@can_build
+def test_what_is_built_is_ros_own_message_and_is_built_once(prefix, capfd):
+    assert build_tf2_msgs.main() == 0
+    assert 'tf2_msgs built in' in capfd.readouterr().out
+    described = json.loads((prefix.folder / 'share/tf2_msgs/msg/TFMessage.json').read_text())
+    hashes = {item['type_name']: item['hash_string'] for item in described['type_hashes']}
+    assert hashes['tf2_msgs/msg/TFMessage'] == TYPE_HASH
+    used = prefix.run(
+        'from tf2_msgs.msg import TFMessage; import tf2_msgs\n'
+        'from rclpy.serialization import serialize_message\n'
+        'print(tf2_msgs.__path__[0], len(serialize_message(TFMessage())))'
+    )
+    # Four bytes of CDR header and an empty sequence's length.
+    assert used.stdout.split() == [f'{prefix.site}/tf2_msgs', '8'], used.stderr
+    before = prefix.files()
+    assert build_tf2_msgs.main() == 0
+    assert 'tf2_msgs is there' in capfd.readouterr().out
+    assert prefix.files() == before
+    assert not [name for name in before if name.endswith(('.c', '.cpp', '.h', '.new'))]
+    assert 'share/ament_index/resource_index/packages/tf2_msgs' in before
+
+
+@can_build
+def test_an_interrupted_install_leaves_nothing_that_can_be_imported(
+    prefix, monkeypatch, tmp_path_factory
+):
+    made = tmp_path_factory.mktemp('made')
+    code_of_tf2_msgs.generate(made)
+    (made / 'lib').mkdir()
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(shutil, 'copytree', interrupted)
+        build_tf2_msgs.install(made)
+    assert list(prefix.site.iterdir()) == []
+    assert build_tf2_msgs.state() == 'missing'
+    build_tf2_msgs.install(made)
+    assert build_tf2_msgs.state() == 'current'
+
+
+def test_a_build_by_another_recipe_is_stale(prefix):
+    (prefix.site / 'tf2_msgs').mkdir()
+    stamp = prefix.site / 'tf2_msgs' / build_tf2_msgs.STAMP
+    stamp.write_text('an older recipe\n')
+    assert build_tf2_msgs.state() == 'stale'
+    stamp.write_text(build_tf2_msgs.fingerprint())
+    assert build_tf2_msgs.state() == 'current'
+
+
+def test_a_tf2_msgs_of_somebody_else_is_left_alone(prefix, monkeypatch, capfd):
+    monkeypatch.setattr(build_tf2_msgs, 'is_importable', lambda: True)
+    assert build_tf2_msgs.main() == 0
+    assert capfd.readouterr().out == 'tf2_msgs is there\n'
+    assert prefix.files() == []
+
+
+@wheels
+@pytest.mark.parametrize('header', [HEADER, Path('/no such/Python.h')])
+def test_without_a_compiler_one_line_says_what_to_install(prefix, monkeypatch, capfd, header):
+    monkeypatch.setenv('PATH', '')
+    monkeypatch.setattr(code_of_tf2_msgs, 'HEADER', header)
+    assert build_tf2_msgs.main() == 2
+    said = capfd.readouterr().err
+    assert said.startswith('error: no tf2_msgs, so no /tf: no C++ compiler')
+    assert 'sudo apt install g++ python3-dev; then: ' in said
+    assert said.endswith('python -m robot_description.build_tf2_msgs\n')
+    assert (said.count('\n'), f'no {header}' in said) == (1, not header.is_file())
+    assert prefix.files() == []
+
+
+@can_build
+def test_a_compiler_that_fails_is_quoted(prefix, monkeypatch, capfd, tmp_path):
+    compiler = tmp_path / 'bad++'
+    compiler.write_text('#!/bin/sh\necho "x.c:1: error: out of luck" >&2; exit 1\n')
+    compiler.chmod(0o755)
+    monkeypatch.setenv('CXX', str(compiler))
+    assert build_tf2_msgs.main() == 2
+    said = capfd.readouterr().err
+    assert (said.count('\n'), 'error: out of luck' in said) == (1, True)
+    assert prefix.site not in [path.parent for path in prefix.folder.rglob('tf2_msgs')]
