@@ -37,6 +37,7 @@ from mujoco_sim.loading import build_world
 from mujoco_sim.loading import load_robot
 from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.parameters import SimulatorParameters
+from mujoco_sim.sensor_publisher import SensorPublisher
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.usual_setup import usual_setup
@@ -94,6 +95,9 @@ class SimulatorNode(Node):
         if world.has_imu:
             self._imu = self.create_publisher(Imu, 'imu/data', 10)
         self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
+        noise, scale = self.settings.sensor_noise, self.settings.camera_scale
+        self._sensors = SensorPublisher(self, robot, world, noise, scale)
+        self.simulation.on_reset.append(self._sensors.reset)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
@@ -113,6 +117,8 @@ class SimulatorNode(Node):
         schedule = self.simulation.schedule
         schedule.at_rate('clock_rate', self.settings.clock_rate, self._publish_clock)
         schedule.at_rate('state_rate', self.settings.state_rate, self._publish_states)
+        # As often as possible without making physics stop more often.
+        schedule.every(schedule.stride * self._world.time_step, self._sensors.step)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long the controller's ticks take, and its state."""
@@ -137,6 +143,7 @@ class SimulatorNode(Node):
     def close(self) -> None:
         """Leave the motors braking."""
         self._world.brake()
+        self._sensors.close()
 
     def _build_world(self, robot: LoadedRobot) -> World:
         setup = usual_setup(robot.robot, self.settings.sensor_noise)
@@ -241,6 +248,7 @@ class SimulatorNode(Node):
         self.simulation.advance(1)
         self._publish_clock()
         self._publish_states()
+        self._sensors.step()
         response.success = True
         response.message = f'time is {self._world.time:.3f} s'
         return response
