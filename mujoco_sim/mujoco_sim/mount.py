@@ -4,7 +4,7 @@
 from typing import NamedTuple
 
 import mujoco
-from robot_description.urdf import Pose
+from robot_description.pose import Pose
 from robot_description.urdf import Robot
 
 from mujoco_sim.world import World

@@ -7,7 +7,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from robot_description.urdf import Pose
+from robot_description.pose import Pose
 
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.renderer_choice import find_renderer

@@ -8,9 +8,9 @@ import math
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from robot_description.urdf import Pose
+from robot_description.pose import Pose
+from robot_description.pose import rpy_matrix
 from robot_description.urdf import Robot
-from robot_description.urdf import rpy_matrix
 
 from mujoco_sim.errors import SimulationError
 
