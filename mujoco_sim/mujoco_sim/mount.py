@@ -35,26 +35,28 @@ def find_mount(world: World, robot: Robot, link: str, pose: Pose) -> Mount:
 
 class Snapshot:
     """
-    The bodies' poses of one instant, computed aside: what physics works on is left as it is.
+    Poses and velocities of one instant, computed aside: what physics works on is left as it is.
 
     `take` is free when asked again in the same instant.
     """
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._tick: tuple[int, bytes] | None = None
-        self.data = mujoco.MjData(world.model)
+        self._state: tuple[bytes, bytes] | None = None
+        self._data: mujoco.MjData | None = None
 
     def take(self) -> mujoco.MjData:
-        """Return data with the poses of bodies, geoms and lights of now."""
+        """Return data with bodies, geoms and lights as they are and move now."""
         model, now = self._world.model, self._world.data
-        key = (self._world.tick, now.qpos.tobytes())
-        if key != self._tick:
-            self._tick = key
-            self.data.qpos[:] = now.qpos
-            self.data.mocap_pos[:] = now.mocap_pos
-            self.data.mocap_quat[:] = now.mocap_quat
-            mujoco.mj_kinematics(model, self.data)
-            mujoco.mj_comPos(model, self.data)
-            mujoco.mj_camlight(model, self.data)
-        return self.data
+        if self._data is None:
+            self._data = mujoco.MjData(model)
+        state = (now.qpos.tobytes(), now.qvel.tobytes())
+        if state != self._state:
+            self._state = state
+            self._data.qpos[:], self._data.qvel[:] = now.qpos, now.qvel
+            self._data.mocap_pos[:], self._data.mocap_quat[:] = now.mocap_pos, now.mocap_quat
+            mujoco.mj_kinematics(model, self._data)
+            mujoco.mj_comPos(model, self._data)
+            mujoco.mj_comVel(model, self._data)
+            mujoco.mj_camlight(model, self._data)
+        return self._data

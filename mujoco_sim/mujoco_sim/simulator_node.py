@@ -6,7 +6,6 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,7 +27,6 @@ from trajectory_msgs.msg import JointTrajectory
 from mujoco_sim.conversions import from_joint_commands
 from mujoco_sim.conversions import to_diagnostics
 from mujoco_sim.conversions import to_foot_contacts
-from mujoco_sim.conversions import to_ground_truth
 from mujoco_sim.conversions import to_imu
 from mujoco_sim.conversions import to_joint_state
 from mujoco_sim.conversions import to_stamp
@@ -40,6 +38,7 @@ from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.sensor_publisher import SensorPublisher
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.statistics import TickStatistics
+from mujoco_sim.truth_publisher import TruthPublisher
 from mujoco_sim.usual_setup import usual_setup
 from mujoco_sim.world import World
 
@@ -88,7 +87,7 @@ class SimulatorNode(Node):
         self._clock_tick = self._states_tick = -1
         self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
         self._joint_states = self.create_publisher(JointState, 'joint_states', 10)
-        self._truth = self.create_publisher(Odometry, 'ground_truth/odom', 10)
+        self._truth = TruthPublisher(self, world, robot.robot)
         self._feet = tuple(name for name in robot.robot.links if name.endswith('_foot'))
         if self._feet:
             self._contacts = self.create_publisher(JointState, 'foot_contacts', 10)
@@ -118,7 +117,9 @@ class SimulatorNode(Node):
         schedule.at_rate('clock_rate', self.settings.clock_rate, self._publish_clock)
         schedule.at_rate('state_rate', self.settings.state_rate, self._publish_states)
         # As often as possible without making physics stop more often.
-        schedule.every(schedule.stride * self._world.time_step, self._sensors.step)
+        instant = schedule.stride * self._world.time_step
+        schedule.every(instant, self._truth.remember)
+        schedule.every(instant, self._sensors.step)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long the controller's ticks take, and its state."""
@@ -175,8 +176,7 @@ class SimulatorNode(Node):
         if has_listener(self._joint_states):
             names = self._world.joint_names
             self._joint_states.publish(to_joint_state(names, reading.joints, stamp))
-        if has_listener(self._truth):
-            self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
+        self._truth.publish()
 
     def _on_command(self, message: JointTrajectory) -> None:
         try:
