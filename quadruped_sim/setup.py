@@ -23,8 +23,7 @@ setup(
         ('share/' + NAME, ['package.xml']),
         *(
             (os.path.join('share', NAME, os.path.dirname(path)), [path])
-            for folder in ('config', 'launch', 'rviz')
-            for path in glob.glob(folder + '/*.*')
+            for path in glob.glob('launch/*.launch.py')
         ),
     ],
     install_requires=['setuptools'],

@@ -4,11 +4,12 @@
 from collections import deque
 from collections.abc import Callable
 import time
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 
 Message = TypeVar('Message')
@@ -33,6 +34,9 @@ class Inlet(Generic[Message]):
     for it. While nobody spins the node that time stands still: echoes are waiting, too.
     """
 
+    # Told of every message that came from another process, and of the inlet that took it.
+    witnesses: ClassVar[list[Callable[['Inlet[Any]', Any], None]]] = []
+
     def __init__(
         self,
         node: Node,
@@ -52,6 +56,16 @@ class Inlet(Generic[Message]):
             0.25 * ECHO_LIFETIME, self._forget, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
 
+    @property
+    def topic(self) -> str:
+        """The topic's full name."""
+        return str(self._subscription.topic_name)
+
+    @property
+    def qos_profile(self) -> QoSProfile:
+        """The quality of service asked for."""
+        return self._subscription.qos_profile
+
     def put(self, message: Message) -> None:
         """Hand over a message that this process is publishing, too."""
         self._pending.append((time.monotonic(), serialize_message(message)))
@@ -59,6 +73,8 @@ class Inlet(Generic[Message]):
 
     def _on_message(self, message: Message) -> None:
         if not self._is_echo(message):
+            for tell in self.witnesses:
+                tell(self, message)
             self._callback(message)
 
     def _is_echo(self, message: Message) -> bool:

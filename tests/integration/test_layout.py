@@ -42,6 +42,7 @@ EXECUTABLES = {
 ROSDEP_KEYS = {
     'PIL': 'python3-pil',
     'daqp': None,
+    'mcap': None,
     'mujoco': None,
     'numba': None,
     'numpy': 'python3-numpy',

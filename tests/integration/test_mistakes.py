@@ -34,6 +34,8 @@ MISTAKES = [
     (['mbot', '--duration', '1', '--description', 'brick.urdf'], 'needs 2 driven wheels'),
     (['mbot', '--duration', '1', '--preset', 'piano'], 'piano'),
     (['mbot', '--duration', '1', '--report', 'no/such/folder/r.json'], '--report'),
+    (['mbot', '--duration', '1', '--record', 'no/such/folder/r.mcap'], '--record no/such'),
+    (['mbot', '--duration', '1', '--record', '/dev/full'], 'No space left'),
     (['mbot', '--duration', '1', '--package-path', 'nowhere'], '--package-path nowhere'),
     (['demo', '--output', 'broken.twist'], '--output'),
 ]

@@ -56,6 +56,18 @@ def test_a_message_from_outside_is_delivered(receiver, outside, spawn, spin_unti
     spin_until(spawn.pump, lambda: receiver.received == [0.7])
 
 
+def test_witnesses_are_told_of_what_came_from_outside_only(
+    receiver, outside, spawn, spin_until, monkeypatch
+):
+    told = []
+    witness = lambda inlet, message: told.append((inlet.topic, message.linear.x))  # noqa: E731
+    monkeypatch.setattr(Inlet, 'witnesses', [witness])
+    receiver.send(0.4)
+    outside.publish(twist(0.7))
+    spin_until(spawn.pump, lambda: receiver.received == [0.4, 0.7])
+    assert told == [('/cmd_vel', 0.7)]
+
+
 def test_the_echo_of_a_message_put_in_is_dropped(receiver, outside, spawn, spin_until):
     for index in range(20):
         receiver.send(0.1 * index)

@@ -10,3 +10,7 @@ class UsageError(UserError):
 
 class NotFound(UserError):
     """A topic, service, node or parameter is not there; the text says what is."""
+
+
+class RecordingError(UserError):
+    """A recording cannot be written or read; the text is one line with its path."""

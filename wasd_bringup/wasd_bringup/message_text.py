@@ -11,14 +11,11 @@ import numpy as np
 import yaml
 
 from wasd_bringup.errors import UsageError
+from wasd_bringup.field_types import parse_field_type
 from wasd_bringup.suggestions import suggest
 
 # Longer arrays and texts are cut unless asked for whole, as ros2cli does.
 SHOWN_LENGTH = 128
-# A message's name in a field's type: package/Name.
-_NESTED = re.compile(r'\w+/\w+')
-_SEQUENCE = re.compile(r'sequence<(?P<item>[^,>]+(?:<\d+>)?)(?:, \d+)?>')
-_ARRAY = re.compile(r'(?P<item>.+)\[(?P<length>\d+)\]')
 
 FindType = Callable[[str], type[Any]]
 
@@ -104,20 +101,20 @@ def _field_names(value: Any) -> list[str]:
 
 def _from_plain(value: Any, kind: str, find_type: FindType, where: str) -> Any:
     """Return a value as the type of a field wants it."""
-    several = _SEQUENCE.fullmatch(kind) or _ARRAY.fullmatch(kind)
-    if several is not None:
-        length = several.groupdict().get('length')
-        if not isinstance(value, list) or length not in (None, str(len(value))):
+    field = parse_field_type(kind)
+    if not field.is_single:
+        if not isinstance(value, list) or field.length not in (None, len(value)):
             raise UsageError(f'{where}: wanted {kind}, got {value!r}')
-        item = several['item']
         return [
-            _from_plain(one, item, find_type, f'{where}[{index}]')
+            _from_plain(one, field.item, find_type, f'{where}[{index}]')
             for index, one in enumerate(value)
         ]
-    if _NESTED.fullmatch(kind):
+    if field.is_message:
         nested = find_type(kind)()
         fill(nested, value, find_type, where)
         return nested
+    if field.is_string and isinstance(value, (str, int, float)):
+        return str(value)
     return _primitive(value, kind, where)
 
 
@@ -129,8 +126,6 @@ def _primitive(value: Any, kind: str, where: str) -> Any:
         return float(value)
     if kind.startswith(('int', 'uint')) and is_number and value == int(value):
         return int(value)
-    if kind.startswith(('string', 'wstring')) and isinstance(value, (str, int, float)):
-        return str(value)
     if kind == 'octet' and is_number and 0 <= value <= 255:
         return bytes([int(value)])
     raise UsageError(f'{where}: wanted {kind}, got {value!r}')

@@ -41,6 +41,7 @@ class RunOptions:
     duration: float = math.inf
     speed: float = 1.0
     seed: int = 0
+    record: Path | None = None
     report: Path | None = None
     save_keys: str | None = None
     estimator: str = 'kalman'
@@ -101,6 +102,7 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) ->
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed (default 0)')
     parser.add_argument('--save-keys', metavar='FILE', help='write the keys, as --play reads them')
+    parser.add_argument('--record', metavar='FILE.mcap', help='record every topic')
     parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
 
 
@@ -157,7 +159,8 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         duration=duration,
         speed=_number(arguments.speed, '--speed'),
         seed=arguments.seed,
-        report=_writable(arguments.report),
+        record=_writable(arguments.record, '--record'),
+        report=_writable(arguments.report, '--report'),
         save_keys=arguments.save_keys,
         estimator=getattr(arguments, 'estimator', 'kalman'),
         limits=getattr(arguments, 'limits', 'sport'),
@@ -190,11 +193,11 @@ def _folders(paths: Sequence[str]) -> tuple[Path, ...]:
     return tuple(Path(path).resolve() for path in paths)
 
 
-def _writable(path: str | None) -> Path | None:
-    """Return where the report goes; says now, not after the run, that it cannot be written."""
+def _writable(path: str | None, option: str) -> Path | None:
+    """Return where a file goes; says now, not after the run, that it cannot be written."""
     if path is None:
         return None
     target = Path(path)
     if target.is_dir() or not target.absolute().parent.is_dir():
-        raise UsageError(f'--report {path}: wanted a file in a folder that exists')
+        raise UsageError(f'{option} {path}: wanted a file in a folder that exists')
     return target

@@ -15,9 +15,11 @@ from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.terminal import NoTerminal
 
+from wasd_bringup.bag_recorder import BagRecorder
 from wasd_bringup.errors import UsageError
 from wasd_bringup.options import read_options
 from wasd_bringup.options import RunOptions
+from wasd_bringup.recorded_run import describe_run
 from wasd_bringup.session import Session
 
 
@@ -39,18 +41,23 @@ def run_command(arguments: argparse.Namespace) -> int:
     with StopSignals() as stop, reader or contextlib.nullcontext():
         os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', _discovery_range(options))
         init_ros([])
-        session = None
+        session = recorder = None
         try:
             options = dataclasses.replace(options, interactive=_is_interactive(reader))
-            session = Session(options, reader, visuals=viewer != 'none')
+            if options.record is not None:
+                recorder = BagRecorder(options.record, describe_run(options))
+            session = Session(options, reader, viewer != 'none', recorder)
             where = session.open_view(viewer)
             if _is_interactive(reader) or viewer != 'none':
                 _greet(session, where)
             session.run(stop)
         finally:
-            if session is not None:
-                session.close()
-            rclpy.try_shutdown()
+            with contextlib.ExitStack() as last:
+                last.callback(rclpy.try_shutdown)
+                if recorder is not None:
+                    last.callback(recorder.close)
+                if session is not None:
+                    session.close()
     with contextlib.suppress(OSError):  # the terminal may have gone
         print(_summary(session, options), flush=True)
     return stop.exit_status
@@ -93,4 +100,5 @@ def _summary(session: Session, options: RunOptions) -> str:
         f'{report["sim_time"]:.1f} s simulated in {report["wall_time"]:.1f} s '
         f'(x{report["real_time_factor"]:.1f}); {options.robot} at {x:.3f} {y:.3f} m'
     )
-    return f'{text}; report in {options.report}' if options.report else text
+    written = {'recorded to': options.record, 'report in': options.report}
+    return '; '.join([text, *(f'{what} {path}' for what, path in written.items() if path)])

@@ -92,6 +92,11 @@ def parse_push(text: str) -> ScriptedPush:
     return push
 
 
+def push_text(push: ScriptedPush) -> str:
+    """Return a push as `parse_push` reads it, every digit kept."""
+    return ' '.join(map(repr, (push.time, *push.force, push.duration)))
+
+
 def _seconds(word: str) -> float:
     value = float(word)
     if not (math.isfinite(value) and value >= 0.0):

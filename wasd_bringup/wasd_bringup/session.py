@@ -24,6 +24,7 @@ from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.status_line import StatusLine
 
+from wasd_bringup.bag_recorder import BagRecorder
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import build_report
@@ -63,16 +64,23 @@ class Session:
     """
 
     def __init__(
-        self, options: RunOptions, reader: KeyReader | None = None, visuals: bool = False
+        self,
+        options: RunOptions,
+        reader: KeyReader | None = None,
+        visuals: bool = False,
+        recorder: BagRecorder | None = None,
     ) -> None:
         """
         Load the robot and build everything; `visuals` are what viewers and pictures show.
+
+        A `recorder` is told the simulated time; whoever made it closes it after the session.
 
         Raises:
             UserError: what is wrong with what was asked for, in one line.
         """
         self._options = options
         self._reader = reader
+        self._bag = recorder
         self._view: View | None = None
         self._nodes: list[Node] = []
         self._wall_time = 0.0
@@ -104,6 +112,9 @@ class Session:
         self._recorder = Recorder(self.world)
         self._schedule()
         self.simulation.on_reset.append(self.stack.reset)
+        if recorder is not None:
+            recorder.now = lambda: round(self.world.time * 1e9)
+            self.simulation.on_reset.append(lambda: recorder.event('reset'))
 
     def open_view(self, kind: str) -> str:
         """
@@ -163,7 +174,6 @@ class Session:
         finally:
             if self._view is not None:
                 self._view.close()
-            self.simulator.close()
             self._pump.shutdown(timeout_sec=0.0)
             for node in self._nodes:
                 node.destroy_node()
@@ -216,6 +226,8 @@ class Session:
             self._view.sync()
             for key in self._view.pressed_keys():
                 self._keys.publish_key(key)
+        if self._bag is not None:
+            self._bag.save_if_due()
         self._status.show('  '.join(self._status_words()), now)
 
     def _each_second(self) -> None:

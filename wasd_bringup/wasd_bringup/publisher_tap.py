@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hears every message of this process when it is published, and what comes from others."""
+
+from collections.abc import Callable
+import importlib
+from typing import Any
+
+from rclpy.publisher import Publisher
+from rclpy.serialization import serialize_message
+from robot_description.inlet import Inlet
+
+from wasd_bringup.cdr_padding import clear_padding
+
+# Given the topic, its type, its quality of service and the message as CDR.
+Hear = Callable[[str, str, Any, bytes], None]
+# Bears stamps of the wall clock and tells of nodes, not of robots.
+IGNORED = '/parameter_events'
+
+
+class PublisherTap:
+    """
+    Stands between all publishers of this process and the middleware until `remove`.
+
+    A subscription would hear messages later, in an order of its own, and lose some at full speed;
+    here they come in the order and at the simulated instant of their publishing. It counts as a
+    listener: what is made only for listeners is made. A message that another process sent to one
+    of our inlets is heard once, when the inlet takes it.
+    """
+
+    def __init__(self, hear: Hear) -> None:
+        self._hear = hear
+        self._topics: dict[Publisher, tuple[str, str]] = {}
+        self._first: dict[str, Inlet[Any]] = {}
+        self._publish = Publisher.publish
+        self._count = Publisher.get_subscription_count
+        # rclpy has no hook for this; its publishers are plain Python.
+        Publisher.publish = lambda publisher, message: self._on_publish(publisher, message)
+        Publisher.get_subscription_count = lambda publisher: self._count(publisher) + 1
+        Inlet.witnesses.append(self._on_inlet)
+
+    def remove(self) -> None:
+        """Let messages pass unheard again."""
+        Publisher.publish = self._publish
+        Publisher.get_subscription_count = self._count
+        Inlet.witnesses.remove(self._on_inlet)
+
+    def _on_publish(self, publisher: Publisher, message: Any) -> None:
+        self._publish(publisher, message)
+        if publisher not in self._topics:
+            self._topics[publisher] = publisher.topic_name, type_name(publisher.msg_type)
+        topic, kind = self._topics[publisher]
+        if topic != IGNORED:
+            if not isinstance(message, bytes):
+                message = to_bytes(message)
+            self._hear(topic, kind, publisher.qos_profile, message)
+
+    def _on_inlet(self, inlet: 'Inlet[Any]', message: Any) -> None:
+        topic = inlet.topic
+        # Several nodes may take the same topic; one of them tells.
+        if self._first.setdefault(topic, inlet) is inlet:
+            self._hear(topic, type_name(type(message)), inlet.qos_profile, to_bytes(message))
+
+
+def to_bytes(message: Any) -> bytes:
+    """Return a message as CDR; equal messages are equal bytes."""
+    return clear_padding(serialize_message(message), type(message), _find_message)
+
+
+def _find_message(name: str) -> Any:
+    package, _, last = name.partition('/')
+    return getattr(importlib.import_module(f'{package}.msg'), last)
+
+
+def type_name(kind: type[Any]) -> str:
+    """Return `package/msg/Name` of a message class."""
+    package, interface, *_ = kind.__module__.split('.')
+    return f'{package}/{interface}/{kind.__name__}'
