@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a robot's name and a world's name to a World."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from robot_description.errors import DescriptionError
 from robot_description.expand import expand
-from robot_description.meshes import find_mesh
+from robot_description.mesh_report import MeshReport
+from robot_description.mesh_resolver import resolve_meshes
 from robot_description.mujoco_model import to_mujoco
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
@@ -19,32 +20,38 @@ from mujoco_sim.world import World
 
 
 class LoadedRobot(NamedTuple):
-    """A robot's description: its file, URDF text and content, and where its meshes are sought."""
+    """A robot's description: its file, URDF text and content, and what became of its meshes."""
 
     path: Path
     urdf: str
     robot: Robot
-    search: tuple[Path, ...] = ()
-
-    def find_mesh(self, url: str) -> Path | None:
-        """Return the file that a mesh URL of this description means, or None."""
-        return find_mesh(url, self.path.absolute().parent, self.search)
+    meshes: MeshReport
 
 
-def load_robot(name_or_path: str, search: Sequence[Path] = ()) -> LoadedRobot:
+def load_robot(
+    name_or_path: str,
+    search: Sequence[Path] = (),
+    arguments: Mapping[str, str] | None = None,
+    strict: bool = False,
+) -> LoadedRobot:
     """
-    Expand and parse a description.
+    Expand and parse a description and find its meshes.
+
+    `search` are folders in which packages are looked for first, `arguments` are xacro arguments;
+    with `strict` every mesh has to be where the description says.
 
     Raises:
         DescriptionError: what is wrong with it, in one line.
     """
     path = description_path(name_or_path)
-    urdf = expand(path, search=search)
+    urdf = expand(path, arguments, search)
     try:
         robot = parse_urdf(urdf)
+        meshes = resolve_meshes(robot, path, search)
+        meshes.check(strict)
     except DescriptionError as error:
         raise DescriptionError(f'{path}: {error}') from None
-    return LoadedRobot(path, urdf, robot, tuple(search))
+    return LoadedRobot(path, urdf, robot, meshes)
 
 
 def build_world(
@@ -62,7 +69,7 @@ def build_world(
         SimulationError: there is no such world, or the two do not compile.
     """
     try:
-        spec = to_mujoco(loaded.urdf, loaded.robot, loaded.find_mesh, visuals)
+        spec = to_mujoco(loaded.urdf, loaded.robot, loaded.meshes.files.get, visuals)
     except DescriptionError as error:
         raise DescriptionError(f'{loaded.path}: {error}') from None
     furnish(spec, world, seed)

@@ -11,7 +11,7 @@ import xacro
 from xacro import substitution_args
 
 from robot_description.errors import DescriptionError
-from robot_description.packages import share_directory
+from robot_description.packages import PackageFinder
 
 
 def expand(
@@ -28,7 +28,7 @@ def expand(
     if not path.is_file():
         raise DescriptionError(f'{path}: no such file')
     try:
-        with _own_find(search):
+        with _own_find(PackageFinder(search, path)):
             document = xacro.process_file(str(path), mappings=dict(arguments or {}))
     except Exception as error:  # xacro raises a dozen unrelated types
         raise DescriptionError(f'{path}: {_included(path)}{_reason(error)}') from None
@@ -36,11 +36,11 @@ def expand(
 
 
 @contextlib.contextmanager
-def _own_find(search: Sequence[Path]) -> Iterator[None]:
+def _own_find(finder: PackageFinder) -> Iterator[None]:
     """Answer `$(find pkg)` from our search path; xacro itself asks ament_index_python only."""
 
     def find(package: str) -> str:
-        return str(share_directory(package, search))
+        return str(finder.find(package))
 
     module: Any = substitution_args
     previous = module._eval_find

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Visual meshes: found by their URL, read with trimesh, kept in the user's cache."""
+"""Mesh files as triangles: read with trimesh, kept in the user's cache."""
 
-from collections.abc import Sequence
 import hashlib
 import os
 from pathlib import Path
@@ -10,9 +9,6 @@ from typing import NamedTuple
 import zipfile
 
 import numpy as np
-
-from robot_description.errors import PackageNotFound
-from robot_description.packages import share_directory
 
 # Raise it when what is cached changes.
 CACHE_VERSION = 1
@@ -23,28 +19,6 @@ class Mesh(NamedTuple):
 
     vertices: np.ndarray
     faces: np.ndarray
-
-
-def find_mesh(url: str, base: Path, search: Sequence[Path] = ()) -> Path | None:
-    """
-    Return the file that a mesh URL means, or None.
-
-    `package://name/path` is looked up in the package and, when it is not at that path, by a name
-    that is unique in it (packages move their mesh folders); `file://` and plain paths are taken
-    relative to `base`.
-    """
-    if url.startswith('package://'):
-        package, _, relative = url[len('package://') :].lstrip('/').partition('/')
-        try:
-            folder = share_directory(package, search)
-        except PackageNotFound:
-            return None
-        if (folder / relative).is_file():
-            return folder / relative
-        moved = list(folder.rglob(Path(relative).name))
-        return moved[0] if len(moved) == 1 else None
-    path = base / url.removeprefix('file://')
-    return path if path.is_file() else None
 
 
 def load_mesh(path: Path) -> Mesh:

@@ -3,7 +3,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-import math
 from typing import TypeVar
 import xml.etree.ElementTree as ElementTree
 
@@ -14,6 +13,8 @@ from robot_description.pose import axis_angle
 from robot_description.pose import IDENTITY
 from robot_description.pose import Pose
 from robot_description.pose import rpy_matrix
+from robot_description.urdf_numbers import parse_numbers
+from robot_description.urdf_numbers import read_numbers
 
 MOVABLE = ('revolute', 'continuous', 'prismatic')
 # Attributes that give a primitive's size, in URDF's order, and how many numbers they are.
@@ -135,6 +136,16 @@ class Robot:
             waiting += reversed(children[link])
         return tuple(order)
 
+    @property
+    def welded_to_root(self) -> set[str]:
+        """The root and the links that cannot move against it."""
+        welded = {self.root}
+        for link in self.links_from_root[1:]:
+            joint = self.parent_joints[link]
+            if joint.kind == 'fixed' and joint.parent in welded:
+                welded.add(link)
+        return welded
+
     def pose_of(self, link: str) -> Pose:
         """Return a link's pose in the root with every joint at 0."""
         chain = []
@@ -162,7 +173,7 @@ def parse_urdf(text: str) -> Robot:
     links = _by_name([_link(tag) for tag in tree.findall('link')])
     joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
     friction = {
-        str(tag.get('reference')): float(_parse(str(tag.findtext('mu1')), 1, 'mu1')[0])
+        str(tag.get('reference')): float(parse_numbers(str(tag.findtext('mu1')), 1, 'mu1')[0])
         for tag in tree.findall('gazebo')
         if tag.get('reference') and tag.findtext('mu1')
     }
@@ -207,7 +218,7 @@ def _link(tag: ElementTree.Element) -> Link:
     where = f'link {name!r}'
     return Link(
         name=name,
-        mass=float(_numbers(tag.find('inertial/mass'), 'value', '0', where)[0]),
+        mass=float(read_numbers(tag.find('inertial/mass'), 'value', '0', where)[0]),
         inertia=_inertia(tag.find('inertial/inertia'), where),
         collisions=tuple(_shape(shape, where) for shape in shape_tags(tag, 'collision')),
         visuals=tuple(_shape(shape, where) for shape in shape_tags(tag, 'visual')),
@@ -215,7 +226,9 @@ def _link(tag: ElementTree.Element) -> Link:
 
 
 def _inertia(tag: ElementTree.Element | None, where: str) -> np.ndarray:
-    xx, xy, xz, yy, yz, zz = (float(_numbers(tag, c, '0', where)[0]) for c in INERTIA_COMPONENTS)
+    xx, xy, xz, yy, yz, zz = (
+        float(read_numbers(tag, c, '0', where)[0]) for c in INERTIA_COMPONENTS
+    )
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
@@ -234,13 +247,13 @@ def _shape(tag: ElementTree.Element, where: str) -> Shape:
     )
     attributes, count = SIZES[kind]
     text = ' '.join(geometry.get(attribute, '') for attribute in attributes)
-    size = tuple(_parse(text, count, f'{where}: {kind}').tolist())
+    size = tuple(parse_numbers(text, count, f'{where}: {kind}').tolist())
     pose = _origin(tag, where)
     if kind != 'mesh':
         return Shape(kind, size, pose)
     scale = geometry.get('scale', '1')
     count = 1 if len(scale.split()) == 1 else 3
-    x, y, z = np.broadcast_to(_parse(scale, count, f'{where}: scale'), 3).tolist()
+    x, y, z = np.broadcast_to(parse_numbers(scale, count, f'{where}: scale'), 3).tolist()
     return Shape(kind, size, pose, geometry.get('filename', ''), (x, y, z))
 
 
@@ -248,7 +261,7 @@ def _joint(tag: ElementTree.Element) -> Joint:
     name = tag.get('name', '')
     where = f'joint {name!r}'
     kind = tag.get('type', 'fixed')
-    axis = _numbers(tag.find('axis') if kind in MOVABLE else None, 'xyz', '1 0 0', where)
+    axis = read_numbers(tag.find('axis') if kind in MOVABLE else None, 'xyz', '1 0 0', where)
     if not axis.any():
         raise DescriptionError(f'{where}: its axis is zero')
     limit = tag.find('limit')
@@ -259,8 +272,8 @@ def _joint(tag: ElementTree.Element) -> Joint:
         child=_name_of(tag, 'child'),
         pose=_origin(tag, where),
         axis=axis / np.linalg.norm(axis),
-        effort=float(_numbers(limit, 'effort', '0', where)[0]),
-        velocity=float(_numbers(limit, 'velocity', '0', where)[0]),
+        effort=float(read_numbers(limit, 'effort', '0', where)[0]),
+        velocity=float(read_numbers(limit, 'velocity', '0', where)[0]),
     )
 
 
@@ -271,24 +284,5 @@ def _name_of(joint: ElementTree.Element, end: str) -> str:
 
 def _origin(tag: ElementTree.Element, where: str) -> Pose:
     origin = tag.find('origin')
-    roll, pitch, yaw = _numbers(origin, 'rpy', '0 0 0', where)
-    return Pose(_numbers(origin, 'xyz', '0 0 0', where), rpy_matrix(roll, pitch, yaw))
-
-
-def _numbers(
-    tag: ElementTree.Element | None, attribute: str, default: str, where: str
-) -> np.ndarray:
-    """Return an attribute's numbers, as many as its default has."""
-    text = tag.get(attribute, default) if tag is not None else default
-    return _parse(text, len(default.split()), f'{where}: {attribute}')
-
-
-def _parse(text: str, count: int, where: str) -> np.ndarray:
-    try:
-        numbers = np.array([float(number) for number in text.split()])
-    except ValueError:
-        numbers = np.array([math.nan])
-    if len(numbers) != count or not np.isfinite(numbers).all():
-        wanted = 'a number' if count == 1 else f'{count} numbers'
-        raise DescriptionError(f'{where} needs {wanted}, got {text!r}')
-    return numbers
+    roll, pitch, yaw = read_numbers(origin, 'rpy', '0 0 0', where)
+    return Pose(read_numbers(origin, 'xyz', '0 0 0', where), rpy_matrix(roll, pitch, yaw))

@@ -9,18 +9,16 @@ from mujoco_sim.loading import load_robot
 import numpy as np
 import pytest
 from robot_description.expand import expand
-from robot_description.meshes import find_mesh
 from robot_description.meshes import load_mesh
 from robot_description.mujoco_model import to_mujoco
 from robot_description.mujoco_urdf import for_mujoco
 from robot_description.mujoco_visuals import VISUAL_GROUP
-from robot_description.packages import share_directory
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
 
 from robot_description import meshes
 
-URL = 'package://go2_description/meshes/{}.dae'
+URL = 'package://example-robot-data/robots/go2_description/visuals/{}.dae'
 TETRAHEDRON = 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n'
 
 
@@ -50,43 +48,11 @@ def shown(model, body):
     return [int(model.geom_type[g]) for g in geoms if model.geom_group[g] == VISUAL_GROUP]
 
 
-@pytest.mark.parametrize(
-    'name', ['base', 'hip', 'thigh', 'thigh_mirror', 'calf', 'calf_mirror', 'foot']
-)
-def test_the_go2s_meshes_are_found_though_the_package_calls_their_folder_visuals(name):
-    found = find_mesh(URL.format(name), Path('nowhere'))
-    assert found is not None
-    assert found == share_directory('go2_description') / f'visuals/{name}.dae'
-
-
-def test_a_users_clone_comes_before_the_installed_package(tmp_path):
-    mesh = tmp_path / 'go2_description/meshes/base.dae'
-    mesh.parent.mkdir(parents=True)
-    mesh.touch()
-    assert find_mesh(URL.format('base'), Path('nowhere'), [tmp_path]) == mesh
-
-
-def test_a_moved_mesh_whose_name_is_not_unique_is_not_guessed(tmp_path):
-    for folder in ('low', 'high'):
-        (tmp_path / 'robot' / folder).mkdir(parents=True)
-        (tmp_path / 'robot' / folder / 'leg.stl').touch()
-    assert find_mesh('package://robot/meshes/leg.stl', Path('nowhere'), [tmp_path]) is None
-    (tmp_path / 'robot/low/leg.stl').unlink()
-    found = find_mesh('package://robot/meshes/leg.stl', Path('nowhere'), [tmp_path])
-    assert found == tmp_path / 'robot/high/leg.stl'
-
-
-@pytest.mark.parametrize(
-    'url',
-    ['package://no_such_package/a.dae', 'package://go2_description/no.dae', 'no.obj', '', '.'],
-)
-def test_what_is_not_there_is_none(url, tmp_path):
-    assert find_mesh(url, tmp_path) is None
-
-
-def test_plain_paths_and_file_urls_are_relative_to_the_description(tetrahedron):
-    assert find_mesh('tetrahedron.obj', tetrahedron.parent) == tetrahedron
-    assert find_mesh(f'file://{tetrahedron}', Path('nowhere')) == tetrahedron
+def test_our_own_robots_meshes_are_where_their_descriptions_say():
+    for name, count in (('go2', 7), ('mbot', 0)):
+        report = load_robot(name, strict=True).meshes
+        assert report.repairs == ()
+        assert len(report.files) == count
 
 
 def test_a_mesh_is_triangles_in_metres(tetrahedron):
@@ -97,8 +63,7 @@ def test_a_mesh_is_triangles_in_metres(tetrahedron):
 
 
 def test_the_go2s_trunk_has_the_size_of_a_go2():
-    path = find_mesh(URL.format('base'), Path())
-    assert path is not None
+    path = load_robot('go2').meshes.files[URL.format('base')]
     size = np.ptp(load_mesh(path).vertices, axis=0)
     # Longer than the hips are apart (0.39 m), shorter than the whole Go2 (0.70 m); z is up.
     np.testing.assert_allclose(size, [0.46, 0.19, 0.19], atol=0.02)
@@ -182,8 +147,10 @@ def test_drawing_does_not_change_what_happens():
 
 
 def test_a_missing_mesh_shows_primitives_instead(urdf):
+    files = load_robot('go2').meshes.files
+
     def find(url):
-        return None if 'thigh' in url else find_mesh(url, Path())
+        return None if 'thigh' in url else files.get(url)
 
     model = to_mujoco(urdf, parse_urdf(urdf), find, visuals=True).compile()
     assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the mesh URLs of a description to files, by rules; it only ever reads."""
+
+from collections.abc import Iterator, Sequence
+from functools import cache
+import os
+from pathlib import Path
+from pathlib import PurePosixPath
+from typing import NamedTuple
+
+from robot_description.errors import DescriptionError
+from robot_description.mesh_files import best_format
+from robot_description.mesh_files import closest
+from robot_description.mesh_files import in_any_case
+from robot_description.mesh_files import mesh_files
+from robot_description.mesh_files import only
+from robot_description.mesh_files import with_other_extension
+from robot_description.mesh_names import near_name
+from robot_description.mesh_report import AMBIGUOUS
+from robot_description.mesh_report import EXACT
+from robot_description.mesh_report import MeshRecord
+from robot_description.mesh_report import MeshReport
+from robot_description.mesh_report import MISSING
+from robot_description.mesh_url import MeshUrl
+from robot_description.mesh_url import read_url
+from robot_description.package_tree import dependencies
+from robot_description.package_tree import manifest_name
+from robot_description.package_tree import own_folder
+from robot_description.package_tree import own_package
+from robot_description.packages import OWN_PACKAGES
+from robot_description.packages import PackageFinder
+from robot_description.urdf import Robot
+
+# Where absolute paths begin.
+ROOT = Path('/')
+
+
+class Place(NamedTuple):
+    """A folder and a path in it where a mesh may be; `kinds` are the repairs so far."""
+
+    folder: Path
+    path: PurePosixPath
+    kinds: tuple[str, ...] = ()
+
+    @property
+    def file(self) -> Path:
+        """The two joined; `..` is taken out by name, so that it cannot climb through links."""
+        return Path(os.path.normpath(self.folder / self.path))
+
+
+class Found(NamedTuple):
+    """What a search came to: a file, or files among which it cannot decide."""
+
+    kinds: tuple[str, ...]
+    file: Path | None
+    candidates: tuple[Path, ...] = ()
+
+
+def resolve_meshes(robot: Robot, description: Path, search: Sequence[Path] = ()) -> MeshReport:
+    """
+    Find the files of all meshes of a robot.
+
+    `description` is the file it was read from, `search` are folders the user gave.
+
+    Raises:
+        DescriptionError: a URL leads out of the folders that a description may use.
+    """
+    return MeshResolver(robot, description, search).report()
+
+
+class MeshResolver:
+    """
+    Finds mesh files for one description.
+
+    Tried in this order: the file as named in any folder it may mean; other upper and lower case;
+    another format of the same name; a unique file of the name elsewhere in the package; and when
+    all others are known, the only unused one whose name is near.
+    """
+
+    def __init__(self, robot: Robot, description: Path, search: Sequence[Path] = ()) -> None:
+        self._robot = robot
+        self._folder = description.absolute().parent
+        self._own = own_folder(description)
+        self._package = own_package(description)
+        self._finder = PackageFinder(search, description)
+        self._files = cache(mesh_files)
+        self._carriers = robot.welded_to_root
+
+    def report(self) -> MeshReport:
+        """Return what became of every mesh of every link."""
+        uses = [
+            (shape.url, link.name, use)
+            for link in self._robot.links.values()
+            for use, shapes in (('visual', link.visuals), ('collision', link.collisions))
+            for shape in shapes
+            if shape.kind == 'mesh'
+        ]
+        links = {url: link for url, link, _ in reversed(uses)}
+        found = {url: self._resolve(url, links[url]) for url in links}
+        used = {one.file for one in found.values() if one.file is not None}
+        for url, one in found.items():
+            if one.file is None and not one.candidates:
+                found[url] = self._guess(url, links[url], used)
+        return MeshReport(
+            tuple(self._record(url, link, use, found[url]) for url, link, use in uses)
+        )
+
+    def _record(self, url: str, link: str, use: str, found: Found) -> MeshRecord:
+        if found.file is not None:
+            kind = '+'.join(found.kinds) or EXACT
+        else:
+            kind = AMBIGUOUS if found.candidates else MISSING
+        return MeshRecord(url, link, use, kind, found.file, found.candidates)
+
+    def _resolve(self, url: str, link: str) -> Found:
+        places = [place for reading in read_url(url) for place in self._places(reading)]
+        inside = [place for place in places if self._may_use(place)]
+        for place in inside:
+            if place.file.is_file():
+                return Found(place.kinds, place.file)
+        for place in inside:
+            if (same := in_any_case(place.folder, place.path)) is not None:
+                return Found((*place.kinds, 'case'), same)
+        for place in inside:
+            if (other := with_other_extension(place.file)) is not None:
+                return Found((*place.kinds, 'extension'), other)
+        for place in inside:
+            if place.folder != ROOT and (found := self._moved(place)) is not None:
+                return found
+        # An absolute path that is not there leads nowhere: it is somebody else's.
+        outside = [place for place in places if place not in inside]
+        if any(place.folder != ROOT or place.file.is_file() for place in outside):
+            raise DescriptionError(
+                f'link {link!r}: mesh {url!r} leads out of {self._own} and of the packages it '
+                'names; --package-path DIR allows a folder'
+            )
+        return Found((), None)
+
+    def _places(self, url: MeshUrl) -> Iterator[Place]:
+        """Yield where the file of a URL may be, the likelier place first."""
+        if url.package is not None:
+            yield from self._in_package(url.package, url.path, url.kinds)
+        elif url.path.is_absolute():
+            yield Place(ROOT, url.path.relative_to('/'), url.kinds)
+            yield from self._re_rooted(url)
+        else:
+            yield Place(self._folder, url.path, url.kinds)
+            tail = PurePosixPath(*(part for part in url.path.parts if part != '..'))
+            for folder in (self._own, self._own / 'meshes'):
+                yield Place(folder, tail, (*url.kinds, 'package-root'))
+
+    def _in_package(
+        self, package: str, path: PurePosixPath, kinds: tuple[str, ...]
+    ) -> Iterator[Place]:
+        known = False
+        for folder in self._finder.folders(package):
+            known = True
+            foreign = ('foreign-package',) if self._is_foreign(package, folder) else ()
+            yield Place(folder, path, (*kinds, *foreign))
+        if not known:
+            yield Place(self._own, path, (*kinds, 'own-package'))
+
+    def _re_rooted(self, url: MeshUrl) -> Iterator[Place]:
+        """Yield an absolute path's tails below the description's package, the longest first."""
+        kinds = (*url.kinds, 're-rooted')
+        parts = url.path.parts[1:]
+        for index in range(1, len(parts)):
+            yield Place(self._own, PurePosixPath(*parts[index:]), kinds)
+
+    def _is_foreign(self, package: str, folder: Path) -> bool:
+        """Whether a package is another robot's that the description's own does not ask for."""
+        if self._package is None or folder == self._package or folder in self._finder.search:
+            return False
+        own = manifest_name(self._package)
+        if own in (None, package) or own in OWN_PACKAGES:
+            return False
+        return package not in dependencies(self._package)
+
+    def _may_use(self, place: Place) -> bool:
+        """Whether a place is in a folder that the user, the description or a package names."""
+        roots = [self._own, *self._finder.search]
+        if place.folder not in (ROOT, self._folder):
+            roots.append(place.folder)
+        if any(place.file.is_relative_to(root) for root in roots):
+            return True
+        package = own_package(place.file)
+        name = manifest_name(package) if package is not None else None
+        return name is not None and any(package == known for known in self._finder.folders(name))
+
+    def _moved(self, place: Place) -> Found | None:
+        """Look for the file's name anywhere in the folder's package."""
+        root = self._own if place.folder == self._folder else place.folder
+        name = place.path.name
+        everywhere = self._files(root)
+        matches = [path for path in everywhere if path.name == name]
+        kinds = (*place.kinds, 'moved')
+        if not matches:
+            kinds = (*kinds, 'case')
+            matches = [path for path in everywhere if path.name.lower() == name.lower()]
+        if matches:
+            return _decided(kinds, closest(matches, place.path))
+        stem = place.path.stem.lower()
+        alike = closest((path for path in everywhere if path.stem.lower() == stem), place.path)
+        best = best_format(alike)
+        if best is not None:
+            return Found((*place.kinds, 'moved', 'extension'), best)
+        return Found((), None, tuple(alike)) if alike else None
+
+    def _guess(self, url: str, link: str, used: set[Path]) -> Found:
+        """Choose among the meshes that nothing else uses, when only one has a name that fits."""
+        for reading in read_url(url):
+            for place in self._places(reading):
+                if not self._may_use(place) or place.folder == ROOT:
+                    continue
+                root = place.file.parent
+                if not place.path.parent.parts or not root.is_dir():
+                    root = self._own if place.folder == self._folder else place.folder
+                stems = {path.stem for path in used if path.is_relative_to(root)}
+                unused = [path for path in self._files(root) if path.stem not in stems]
+                near = near_name(place.path.stem, unused, link in self._carriers)
+                best = best_format(near)
+                if best is not None and len({path.stem for path in near}) == 1:
+                    return Found((*place.kinds, 'near-name'), best)
+                return Found((), None, near)
+        return Found((), None)
+
+
+def _decided(kinds: tuple[str, ...], matches: list[Path]) -> Found:
+    file = only(matches)
+    return Found(kinds, file) if file is not None else Found((), None, tuple(matches))

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A mesh that is nowhere, or out of bounds, is said; a folder is never written to."""
+
+import json
+import os
+
+import pytest
+from robot_description.errors import DescriptionError
+from robot_description.mesh_report import MeshRecord
+from robot_description.mesh_report import MeshReport
+from robot_description.mesh_resolver import resolve_meshes
+from robot_description.urdf import parse_urdf
+
+
+def first(report):
+    """Return the kind and file of a report's first record."""
+    return report.records[0].kind, report.records[0].file
+
+
+@pytest.mark.parametrize('url', ['package://dog/m/no.stl', 'package://no/m/no.stl', '', '.', '%'])
+def test_a_missing_visual_is_left_out_and_a_missing_collision_refused(resolve, url):
+    report = resolve(url)
+    assert first(report) == ('missing', None)
+    report.check()
+    assert 'left out' in report.repairs[0].line()
+    with pytest.raises(DescriptionError, match=r"collision mesh .* of link 'link_0': missing"):
+        resolve(url, use='collision').check()
+
+
+@pytest.mark.parametrize('url', ['http://host/a.stl', 'https://host/m/a.stl'])
+def test_nothing_is_fetched(resolve, package, url, put):
+    put(package / 'm/a.stl')
+    assert first(resolve(url))[0] == 'missing'
+
+
+def test_strict_refuses_the_first_repair_and_counts_the_rest(resolve, package, put):
+    put(package / 'm/a.stl', package / 'm/b.stl', package / 'm/c.stl')
+    report = resolve('package://dog/m/A.stl', 'package://dog/m/b.dae', 'package://dog/m/c.stl')
+    with pytest.raises(DescriptionError, match=r'--strict: .*A.stl.*: case: .*\(and 1 more\)$'):
+        report.check(strict=True)
+
+
+@pytest.mark.parametrize(
+    'url',
+    [
+        '../../secret/a.stl',
+        'package://dog/../../../secret/a.stl',
+        'package://dog/%2e%2e/secret/a.stl',
+        '$(find dog)/../secret/a.stl',
+        'file://{}/a.stl',
+        '{}/a.stl',
+    ],
+)
+def test_a_url_that_leads_out_is_refused_with_a_cure(resolve, package, url, put):
+    secret = package.parent / 'secret'
+    put(secret / 'a.stl')
+    if '../../../' in url:
+        put(package.parents[1] / 'secret/a.stl')
+    with pytest.raises(DescriptionError, match=r'leads out of .* --package-path DIR') as caught:
+        resolve(url.format(secret))
+    assert '\n' not in str(caught.value)
+
+
+def test_a_folder_that_the_user_gave_may_be_used(resolve, package, put):
+    secret = package.parent / 'secret'
+    put(secret / 'a.stl')
+    assert first(resolve(f'file://{secret}/a.stl', search=[secret])) == ('exact', secret / 'a.stl')
+
+
+def test_a_neighbour_package_may_be_named_by_its_path(resolve, package, make_package):
+    make_package(package.parent / 'cat', 'm/a.stl')
+    assert first(resolve('../../cat/m/a.stl'))[1] == package.parent / 'cat/m/a.stl'
+
+
+def test_links_in_a_circle_end(resolve, package, put):
+    os.symlink(package, package / 'again')
+    os.symlink(package / 'loop.stl', package / 'loop.stl')
+    put(package / 'x/a.stl')
+    assert first(resolve('package://dog/m/a.stl')) == ('moved', package / 'x/a.stl')
+    assert first(resolve('package://dog/loop.stl'))[1] is None
+
+
+def test_without_a_package_the_folder_and_its_neighbours_are_used(tmp_path, put):
+    put(tmp_path / 'bare/urdf/r.urdf', tmp_path / 'bare/meshes/a.stl')
+    visual = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
+    text = f'<robot name="r"><link name="a">{visual}</link></robot>'
+    for url in ('../meshes/a.stl', 'package://bare/meshes/a.stl'):
+        report = resolve_meshes(parse_urdf(text.format(url)), tmp_path / 'bare/urdf/r.urdf')
+        assert first(report) == ('exact', tmp_path / 'bare/meshes/a.stl')
+
+
+def test_the_report_is_json(resolve, package, put):
+    put(package / 'm/base.stl')
+    (record,) = resolve('package://dog/m/trunk.stl').repairs
+    assert json.loads(json.dumps(record.record())) == {
+        'url': 'package://dog/m/trunk.stl',
+        'link': 'link_0',
+        'use': 'visual',
+        'kind': 'near-name',
+        'file': str(package / 'm/base.stl'),
+        'candidates': [],
+    }
+
+
+def test_the_source_is_left_as_it_was(resolve, package, put):
+    put(package / 'm/base.dae')
+    before = sorted(path for path in package.parents[1].rglob('*'))
+    resolve('package://dog/m/trunk.dae', 'package://dog/M/BASE.dae')
+    assert sorted(path for path in package.parents[1].rglob('*')) == before
+
+
+def test_a_url_used_twice_is_said_once():
+    twice = [MeshRecord('a', link, 'visual', 'missing') for link in ('one', 'two')]
+    assert MeshReport(tuple(twice)).repairs == (twice[0],)
