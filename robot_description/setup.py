@@ -23,7 +23,12 @@ setup(
         ('share/' + NAME, ['package.xml']),
         *(
             (os.path.join('share', NAME, os.path.dirname(path)), [path])
-            for path in glob.glob('launch/*.launch.py')
+            for folder in ('config', 'launch', 'rviz')
+            for path in glob.glob(folder + '/*.*')
+        ),
+        *(
+            (os.path.join('share', os.path.dirname(path)), [path])
+            for path in glob.glob(NAME + '/urdf/*/*.*')
         ),
     ],
     install_requires=['setuptools'],

@@ -23,7 +23,8 @@ setup(
         ('share/' + NAME, ['package.xml']),
         *(
             (os.path.join('share', NAME, os.path.dirname(path)), [path])
-            for path in glob.glob('launch/*.launch.py')
+            for folder in ('config', 'launch', 'rviz')
+            for path in glob.glob(folder + '/*.*')
         ),
     ],
     install_requires=['setuptools'],

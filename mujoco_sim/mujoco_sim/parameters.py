@@ -35,7 +35,16 @@ class SimulatorParameters(Parameters):
         read_only=True,
     )
     sensor_noise: bool = parameter(
-        True, doc='Whether the sensors of a legged robot have noise', read_only=True
+        True,
+        doc='Whether lidars, cameras and the sensors of a legged robot have noise',
+        read_only=True,
+    )
+    camera_scale: float = parameter(
+        1.0,
+        doc='Size of camera images, as a share of what the description says',
+        above=0.0,
+        maximum=1.0,
+        read_only=True,
     )
     command_timeout: float = parameter(
         0.1, doc='Motors brake when joint_commands is silent for so long', unit='s', above=0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which library renders pictures without a display; to be asked before mujoco is imported."""
+"""Which library renders pictures without a display."""
 
 import ctypes.util
 import os
@@ -10,16 +10,30 @@ _LIBRARIES = {'EGL': 'egl', 'OSMesa': 'osmesa'}
 _OFF = ('disable', 'disabled', 'off', 'false', '0')
 
 
+def find_renderer() -> str | None:
+    """
+    Return `egl` or `osmesa`, whichever this machine has, or None.
+
+    MUJOCO_GL decides where the user has set it to one of them, or to off.
+    """
+    wanted = os.environ.get('MUJOCO_GL', '').lower()
+    if wanted in _OFF:
+        return None
+    if wanted in _LIBRARIES.values():
+        return wanted
+    return next((n for lib, n in _LIBRARIES.items() if ctypes.util.find_library(lib)), None)
+
+
 def choose_renderer() -> bool:
     """
     Set MUJOCO_GL to what this machine has, unless the user has set it; return whether it has any.
 
-    mujoco reads the variable once, when it is imported for the first time.
+    mujoco.Renderer needs it; mujoco reads the variable once, when it is imported for the first
+    time.
     """
     if 'MUJOCO_GL' in os.environ:
         return os.environ['MUJOCO_GL'].lower() not in _OFF
-    for library, name in _LIBRARIES.items():
-        if ctypes.util.find_library(library):
-            os.environ['MUJOCO_GL'] = name
-            return True
-    return False
+    name = find_renderer()
+    if name is not None:
+        os.environ['MUJOCO_GL'] = name
+    return name is not None

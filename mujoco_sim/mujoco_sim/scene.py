@@ -90,7 +90,7 @@ def _flat(spec: mujoco.MjSpec) -> None:
 
 
 def _room(spec: mujoco.MjSpec) -> None:
-    """Build four walls, ROOM_SIZE metres apart, around the origin."""
+    """Build four walls, ROOM_SIZE metres apart, around the origin, and furnish it."""
     _flat(spec)
     half = ROOM_SIZE / 2.0
     thickness = 0.05
@@ -106,6 +106,19 @@ def _room(spec: mujoco.MjSpec) -> None:
             ],
             rgba=[0.75, 0.72, 0.66, 1.0],
         )
+    _add_furniture(spec)
+
+
+def _add_furniture(spec: mujoco.MjSpec) -> None:
+    """Put something to see into each corner of the room; its middle stays free."""
+    box, cylinder = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
+    for name, kind, place, size, rgba in (
+        ('crate', box, [1.9, 1.7, 0.3], [0.3, 0.3, 0.3], [0.80, 0.45, 0.15, 1.0]),
+        ('shelf', box, [-1.2, -2.4, 0.4], [0.7, 0.2, 0.4], [0.30, 0.45, 0.55, 1.0]),
+        ('pillar', cylinder, [-1.6, 1.5, 0.4], [0.15, 0.4, 0.0], [0.70, 0.20, 0.20, 1.0]),
+        ('bin', cylinder, [1.6, -1.8, 0.2], [0.2, 0.2, 0.0], [0.25, 0.55, 0.30, 1.0]),
+    ):
+        spec.worldbody.add_geom(name=name, type=kind, pos=place, size=size, rgba=rgba)
 
 
 WORLDS: dict[str, Callable[[mujoco.MjSpec], None]] = {'flat': _flat, 'room': _room}

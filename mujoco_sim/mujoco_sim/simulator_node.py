@@ -6,7 +6,6 @@ import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -28,7 +27,6 @@ from trajectory_msgs.msg import JointTrajectory
 from mujoco_sim.conversions import from_joint_commands
 from mujoco_sim.conversions import to_diagnostics
 from mujoco_sim.conversions import to_foot_contacts
-from mujoco_sim.conversions import to_ground_truth
 from mujoco_sim.conversions import to_imu
 from mujoco_sim.conversions import to_joint_state
 from mujoco_sim.conversions import to_stamp
@@ -37,8 +35,10 @@ from mujoco_sim.loading import build_world
 from mujoco_sim.loading import load_robot
 from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.parameters import SimulatorParameters
+from mujoco_sim.sensor_publisher import SensorPublisher
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.statistics import TickStatistics
+from mujoco_sim.truth_publisher import TruthPublisher
 from mujoco_sim.usual_setup import usual_setup
 from mujoco_sim.world import World
 
@@ -87,13 +87,16 @@ class SimulatorNode(Node):
         self._clock_tick = self._states_tick = -1
         self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
         self._joint_states = self.create_publisher(JointState, 'joint_states', 10)
-        self._truth = self.create_publisher(Odometry, 'ground_truth/odom', 10)
+        self._truth = TruthPublisher(self, world, robot.robot)
         self._feet = tuple(name for name in robot.robot.links if name.endswith('_foot'))
         if self._feet:
             self._contacts = self.create_publisher(JointState, 'foot_contacts', 10)
         if world.has_imu:
             self._imu = self.create_publisher(Imu, 'imu/data', 10)
         self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
+        noise, scale = self.settings.sensor_noise, self.settings.camera_scale
+        self._sensors = SensorPublisher(self, robot, world, noise, scale)
+        self.simulation.on_reset.append(self._sensors.reset)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
@@ -113,6 +116,10 @@ class SimulatorNode(Node):
         schedule = self.simulation.schedule
         schedule.at_rate('clock_rate', self.settings.clock_rate, self._publish_clock)
         schedule.at_rate('state_rate', self.settings.state_rate, self._publish_states)
+        # As often as possible without making physics stop more often.
+        instant = schedule.stride * self._world.time_step
+        schedule.every(instant, self._truth.remember)
+        schedule.every(instant, self._sensors.step)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long the controller's ticks take, and its state."""
@@ -137,6 +144,7 @@ class SimulatorNode(Node):
     def close(self) -> None:
         """Leave the motors braking."""
         self._world.brake()
+        self._sensors.close()
 
     def _build_world(self, robot: LoadedRobot) -> World:
         setup = usual_setup(robot.robot, self.settings.sensor_noise)
@@ -168,8 +176,7 @@ class SimulatorNode(Node):
         if has_listener(self._joint_states):
             names = self._world.joint_names
             self._joint_states.publish(to_joint_state(names, reading.joints, stamp))
-        if has_listener(self._truth):
-            self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
+        self._truth.publish()
 
     def _on_command(self, message: JointTrajectory) -> None:
         try:
@@ -241,6 +248,7 @@ class SimulatorNode(Node):
         self.simulation.advance(1)
         self._publish_clock()
         self._publish_states()
+        self._sensors.step()
         response.success = True
         response.message = f'time is {self._world.time:.3f} s'
         return response

@@ -6,7 +6,12 @@ from pathlib import Path
 from robot_description.errors import DescriptionError
 from robot_description.packages import share_directory
 
-DESCRIPTIONS = {'go2': 'urdf/go2/go2.urdf.xacro', 'mbot': 'urdf/mbot/mbot.urdf.xacro'}
+DESCRIPTIONS = {
+    'go2': 'urdf/go2/go2.urdf.xacro',
+    'mbot': 'urdf/mbot/mbot.urdf.xacro',
+    'mbot_bare': 'urdf/mbot/mbot_bare.urdf.xacro',
+    'mbot_kinect': 'urdf/mbot/mbot_kinect.urdf.xacro',
+}
 
 
 def description_path(name_or_path: str) -> Path:

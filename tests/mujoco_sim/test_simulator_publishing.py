@@ -11,8 +11,14 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from mujoco_sim import simulator_node
+from mujoco_sim import truth_publisher
 
-PARTS = ('to_joint_state', 'to_ground_truth', 'to_imu', 'to_foot_contacts')
+PARTS = (
+    (simulator_node, 'to_joint_state'),
+    (truth_publisher, 'to_ground_truth'),
+    (simulator_node, 'to_imu'),
+    (simulator_node, 'to_foot_contacts'),
+)
 
 
 @pytest.fixture(scope='module')
@@ -32,8 +38,8 @@ def simulate(spawn, go2, steps=100):
 
 
 def test_without_listeners_no_message_is_made(spawn, go2, monkeypatch):
-    for part in PARTS:
-        monkeypatch.setattr(simulator_node, part, lambda *_, **__: pytest.fail('nobody listens'))
+    for module, part in PARTS:
+        monkeypatch.setattr(module, part, lambda *_, **__: pytest.fail('nobody listens'))
     simulate(spawn, go2)
 
 

@@ -28,16 +28,37 @@ def test_it_is_called_mbot_and_stands_on_its_footprint(mbot):
     assert (mbot.name, mbot.root) == ('mbot', 'base_footprint')
 
 
-def test_it_has_the_links_and_joints_of_the_courses_robot(mbot):
+def test_without_sensors_it_has_the_links_and_joints_of_the_courses_robot():
+    mbot = parse_urdf(expand(description_path('mbot_bare')))
     sides = ('left_wheel', 'right_wheel', 'front_caster', 'back_caster')
     assert set(mbot.links) == {'base_footprint', 'base_link', *(f'{s}_link' for s in sides)}
     kinds = {joint.name: joint.kind for joint in mbot.joints.values()}
     assert kinds == {'base_footprint_joint': 'fixed'} | {f'{s}_joint': 'continuous' for s in sides}
 
 
-def test_it_weighs_1_8_kg(mbot):
+@pytest.mark.parametrize('variant', ['mbot', 'mbot_bare', 'mbot_kinect'])
+def test_it_weighs_1_8_kg_whatever_it_carries(variant):
+    mbot = parse_urdf(expand(description_path(variant)))
     assert mbot.mass == pytest.approx(1.8, abs=1e-12)
     assert mbot.links['base_link'].mass == 1.0
+
+
+def test_its_sensors_are_where_the_course_has_them(mbot):
+    def place(link):
+        return mbot.pose_of(link).position - mbot.pose_of('base_link').position
+
+    np.testing.assert_allclose(place('laser_link'), [0.0, 0.0, 0.105])
+    np.testing.assert_allclose(place('camera_link'), [0.17, 0.0, 0.10])
+
+
+@pytest.mark.parametrize('variant', ['mbot', 'mbot_kinect'])
+def test_an_optical_frame_looks_along_z_with_y_down(variant):
+    mbot = parse_urdf(expand(description_path(variant)))
+    (frame,) = (link for link in mbot.links if link.endswith('_optical_frame'))
+    right, down, ahead = mbot.pose_of(frame).rotation.T
+    np.testing.assert_allclose(ahead, [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(right, [0.0, -1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(down, [0.0, 0.0, -1.0], atol=1e-12)
 
 
 def test_left_is_at_plus_y_and_front_at_plus_x(mbot):

@@ -73,7 +73,7 @@ def test_what_is_drawn_does_not_collide_and_what_collides_is_not_drawn(model):
         model.geom_group, np.where(collides, COLLISION_GROUP, VISUAL_GROUP)
     )
     assert collides.sum() == 5  # drum, two wheels, two casters
-    assert (~collides).sum() == 8  # and a nose and two spokes to see it move
+    assert (~collides).sum() == 10  # and a nose, two spokes, the lidar and the camera
 
 
 def test_a_wheel_collides_as_an_ellipsoid_of_its_own_size(model):

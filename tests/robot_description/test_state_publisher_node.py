@@ -37,9 +37,11 @@ def test_the_description_reaches_who_comes_late(spawn, spin_until):
 
 def test_fixed_joints_are_sent_once_at_start(sent, spawn):
     spawn(StatePublisherNode(lock_step=True))
-    ((fixed,),) = sent
-    assert (fixed.header.frame_id, fixed.child_frame_id) == ('base_footprint', 'base_link')
-    assert fixed.transform.translation.z == pytest.approx(0.11)
+    (fixed,) = sent
+    places = {message.child_frame_id: message for message in fixed}
+    assert set(places) == {'base_link', 'laser_link', 'camera_link', 'camera_optical_frame'}
+    assert places['base_link'].header.frame_id == 'base_footprint'
+    assert places['base_link'].transform.translation.z == pytest.approx(0.11)
 
 
 def test_a_joint_turns_its_child_about_its_axis(sent, spawn):

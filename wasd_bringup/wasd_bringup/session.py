@@ -174,6 +174,7 @@ class Session:
         finally:
             if self._view is not None:
                 self._view.close()
+            self.simulator.close()
             self._pump.shutdown(timeout_sec=0.0)
             for node in self._nodes:
                 node.destroy_node()

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a sensor is: its link may be welded into the body that MuJoCo knows."""
+
+from typing import NamedTuple
+
+import mujoco
+from robot_description.pose import Pose
+from robot_description.urdf import Robot
+
+from mujoco_sim.world import World
+
+
+class Mount(NamedTuple):
+    """A frame that is fixed in a body: the body's number and the frame's pose in it."""
+
+    body: int
+    pose: Pose
+
+    def in_world(self, data: mujoco.MjData) -> Pose:
+        """Return the frame's pose in the world, by the bodies' poses in `data`."""
+        rotation = data.xmat[self.body].reshape(3, 3)
+        return Pose(data.xpos[self.body].copy(), rotation) @ self.pose
+
+
+def find_mount(world: World, robot: Robot, link: str, pose: Pose) -> Mount:
+    """Return where a frame with this pose in a link is in the compiled model."""
+    joints = {joint.child: joint for joint in robot.joints.values()}
+    while True:
+        body = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_BODY, link)
+        if body >= 0:
+            return Mount(body, pose)
+        pose = joints[link].pose @ pose
+        link = joints[link].parent
+
+
+class Snapshot:
+    """
+    Poses and velocities of one instant, computed aside: what physics works on is left as it is.
+
+    `take` is free when asked again in the same instant.
+    """
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._state: tuple[bytes, bytes] | None = None
+        self._data: mujoco.MjData | None = None
+
+    def take(self) -> mujoco.MjData:
+        """Return data with bodies, geoms and lights as they are and move now."""
+        model, now = self._world.model, self._world.data
+        if self._data is None:
+            self._data = mujoco.MjData(model)
+        state = (now.qpos.tobytes(), now.qvel.tobytes())
+        if state != self._state:
+            self._state = state
+            self._data.qpos[:], self._data.qvel[:] = now.qpos, now.qvel
+            self._data.mocap_pos[:], self._data.mocap_quat[:] = now.mocap_pos, now.mocap_quat
+            mujoco.mj_kinematics(model, self._data)
+            mujoco.mj_comPos(model, self._data)
+            mujoco.mj_comVel(model, self._data)
+            mujoco.mj_camlight(model, self._data)
+        return self._data

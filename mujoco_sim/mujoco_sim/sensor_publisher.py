@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Publishes the lidars and cameras of a robot, each at its rate, for whoever listens."""
+
+from typing import Any
+
+from builtin_interfaces.msg import Time
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from robot_description.node_support import has_listener
+from sensor_msgs.msg import CameraInfo
+from sensor_msgs.msg import Image
+from sensor_msgs.msg import LaserScan
+
+from mujoco_sim.camera import Camera
+from mujoco_sim.conversions import to_stamp
+from mujoco_sim.errors import SimulationError
+from mujoco_sim.lidar import Lidar
+from mujoco_sim.loading import LoadedRobot
+from mujoco_sim.mount import Snapshot
+from mujoco_sim.offscreen import Offscreen
+from mujoco_sim.sensor_conversions import ENCODINGS
+from mujoco_sim.sensor_conversions import to_camera_info
+from mujoco_sim.sensor_conversions import to_image
+from mujoco_sim.sensor_conversions import to_laser_scan
+from mujoco_sim.sensor_tags import read_sensor_tags
+from mujoco_sim.world import World
+
+# What noise is drawn with; None where sensors tell the truth.
+Random = np.random.Generator | None
+
+
+class _Beat:
+    """Counts instants at a rate [Hz] of simulated time, however often it is asked."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self.restart(0.0)
+
+    def restart(self, now: float) -> None:
+        """Count from a simulated time [s] on."""
+        self._start = now
+        self._last = -1
+
+    def strike(self, now: float) -> int | None:
+        """Return the number of the instant that has come since this was asked last, or None."""
+        number = int((now - self._start) * self._rate + 1e-6)
+        if number == self._last:
+            return None
+        self._last = number
+        return number
+
+
+class SensorPublisher:
+    """
+    Measures and publishes on simulated time, only what somebody has subscribed to.
+
+    While a picture is rendered, simulated time waits: what is seen does not depend on the
+    machine. The noise of a measurement is drawn by seed, sensor and number of the measurement,
+    so it does not depend on who listened before.
+    """
+
+    def __init__(
+        self, node: Node, loaded: LoadedRobot, world: World, noise: bool, camera_scale: float
+    ) -> None:
+        """
+        Find the sensors in the robot's description; nothing is rendered yet.
+
+        Raises:
+            SimulationError: a sensor that cannot be, in one line.
+        """
+        self._world = world
+        self._noise = noise
+        lidars, cameras = read_sensor_tags(loaded.urdf, loaded.robot)
+        robot, snapshot = loaded.robot, Snapshot(world)
+        found = [Camera(tag, world, robot, snapshot, camera_scale) for tag in cameras]
+        self._darkroom = _Darkroom(node, world, found)
+        outputs: list[_Scan | _Film] = []
+        outputs += [_Scan(node, Lidar(tag, world, robot, snapshot)) for tag in lidars]
+        outputs += [_Film(node, camera, self._darkroom) for camera in found]
+        self._outputs = [(_Beat(output.rate), output) for output in outputs]
+
+    def step(self) -> None:
+        """Publish what is due now."""
+        now = self._world.time
+        for index, (beat, output) in enumerate(self._outputs):
+            number = beat.strike(now)
+            if number is not None and output.wanted:
+                seed = [self._world.seed, index, number]
+                random = np.random.default_rng(seed) if self._noise else None
+                output.publish(random, to_stamp(now))
+
+    def reset(self) -> None:
+        """Draw the noise again from its beginning, as the robot is back at its own."""
+        for beat, _ in self._outputs:
+            beat.restart(self._world.time)
+
+    def close(self) -> None:
+        """Release the renderer, if there is one."""
+        self._darkroom.close()
+
+
+class _Scan:
+    """A lidar and its topic."""
+
+    def __init__(self, node: Node, lidar: Lidar) -> None:
+        self.rate = lidar.tag.rate
+        self._lidar = lidar
+        self._scan = node.create_publisher(LaserScan, lidar.tag.topic, qos_profile_sensor_data)
+
+    @property
+    def wanted(self) -> bool:
+        return has_listener(self._scan)
+
+    def publish(self, random: Random, stamp: Time) -> None:
+        self._scan.publish(to_laser_scan(self._lidar, self._lidar.scan(random), stamp))
+
+
+class _Film:
+    """A camera and its topics: images, and what one has to know of the lens."""
+
+    def __init__(self, node: Node, camera: Camera, darkroom: '_Darkroom') -> None:
+        def publishers(kind: type, *topics: str) -> list[Any]:
+            return [
+                node.create_publisher(kind, topic, qos_profile_sensor_data) if topic else None
+                for topic in topics
+            ]
+
+        self.rate = camera.tag.rate
+        self._camera = camera
+        self._darkroom = darkroom
+        tag = camera.tag
+        self._images = publishers(Image, tag.colour_topic, tag.depth_topic)
+        infos = dict.fromkeys((tag.colour_info_topic, tag.depth_info_topic))
+        self._infos = publishers(CameraInfo, *infos)
+
+    @property
+    def wanted(self) -> bool:
+        return any(map(_is_heard, self._images + self._infos))
+
+    def publish(self, random: Random, stamp: Time) -> None:
+        for info in filter(_is_heard, self._infos):
+            info.publish(to_camera_info(self._camera, stamp))
+        colour, depth = map(_is_heard, self._images)
+        offscreen = self._darkroom.open() if colour or depth else None
+        if offscreen is None:
+            return
+        picture = self._camera.take(offscreen, colour, depth, random)
+        frame = self._camera.tag.frame
+        for publisher, pixels, encoding in zip(self._images, picture, ENCODINGS, strict=True):
+            if pixels is not None:
+                publisher.publish(to_image(pixels, encoding, frame, stamp))
+
+
+class _Darkroom:
+    """The one renderer of all cameras, made when the first picture is wanted."""
+
+    def __init__(self, node: Node, world: World, cameras: list[Camera]) -> None:
+        self._node = node
+        self._world = world
+        self._width = max((camera.width for camera in cameras), default=0)
+        self._height = max((camera.height for camera in cameras), default=0)
+        self._offscreen: Offscreen | None = None
+        self._works = True
+
+    def open(self) -> Offscreen | None:
+        """Return the renderer; None, and one line in the log, where there cannot be one."""
+        if self._offscreen is None and self._works:
+            try:
+                self._offscreen = Offscreen(self._world, self._width, self._height)
+            except SimulationError as error:
+                self._works = False
+                self._node.get_logger().error(f'cameras have no pictures: {error}')
+        return self._offscreen
+
+    def close(self) -> None:
+        """Release it."""
+        if self._offscreen is not None:
+            self._offscreen.close()
+            self._offscreen = None
+
+
+def _is_heard(publisher: Any) -> bool:
+    return publisher is not None and has_listener(publisher)

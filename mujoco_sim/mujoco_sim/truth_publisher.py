@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What only a simulator can tell: where the robot is, how far off its odometry is, what slips."""
+
+from collections import OrderedDict
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from robot_description.node_support import has_listener
+from robot_description.urdf import Robot
+from sensor_msgs.msg import JointState
+
+from mujoco_sim.conversions import to_ground_truth
+from mujoco_sim.conversions import to_odometry_error
+from mujoco_sim.conversions import to_stamp
+from mujoco_sim.conversions import to_wheel_slip
+from mujoco_sim.mount import Snapshot
+from mujoco_sim.wheel_slip import WheelSlip
+from mujoco_sim.world import BaseState
+from mujoco_sim.world import World
+
+# Odometry may arrive so many instants after the one that it is about.
+REMEMBERED = 2000
+
+
+class TruthPublisher:
+    """
+    Publishes `ground_truth/odom` and `wheel_slip`, and answers each `odom` with its `odom_error`.
+
+    The truth of an instant is kept until the odometry of that instant arrives: the error is
+    exact, wherever the odometry comes from and however late. `odom` is subscribed to only while
+    somebody listens to `odom_error`.
+    """
+
+    def __init__(self, node: Node, world: World, robot: Robot) -> None:
+        self._node = node
+        self._world = world
+        self._root = robot.root
+        self._truth = node.create_publisher(Odometry, 'ground_truth/odom', 10)
+        self._error = node.create_publisher(Odometry, 'odom_error', 10)
+        self._odometry: Any = None
+        self._past: OrderedDict[tuple[int, int], BaseState] = OrderedDict()
+        self._slip = WheelSlip(world, robot, Snapshot(world))
+        if self._slip.joints:
+            self._slips = node.create_publisher(JointState, 'wheel_slip', 10)
+
+    def publish(self) -> None:
+        """Publish the truth of now."""
+        stamp = to_stamp(self._world.time)
+        if has_listener(self._truth):
+            self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
+        if self._slip.joints and has_listener(self._slips):
+            self._slips.publish(to_wheel_slip(self._slip.joints, self._slip.measure(), stamp))
+
+    def remember(self) -> None:
+        """Keep the truth of now for odometry that is under way; to be called in each instant."""
+        if not has_listener(self._error):
+            if self._odometry is not None:
+                self._node.destroy_subscription(self._odometry)
+                self._odometry = None
+                self._past.clear()
+            return
+        if self._odometry is None:
+            self._odometry = self._node.create_subscription(
+                Odometry, 'odom', self._on_odometry, 10
+            )
+        self._past[_key(to_stamp(self._world.time))] = self._world.base()
+        if len(self._past) > REMEMBERED:
+            self._past.popitem(last=False)
+
+    def _on_odometry(self, odometry: Odometry) -> None:
+        stamp = odometry.header.stamp
+        base = self._past.get(_key(stamp))
+        if base is None:
+            self._node.get_logger().warning(
+                f'odom of {stamp.sec + 1e-9 * stamp.nanosec:.3f} s has no stamp of this '
+                f'simulation (it is at {self._world.time:.3f} s): no odom_error',
+                throttle_duration_sec=10.0,
+            )
+            return
+        truth = to_ground_truth(base, self._root, stamp)
+        self._error.publish(to_odometry_error(truth, odometry))
+
+
+def _key(stamp: Time) -> tuple[int, int]:
+    return stamp.sec, stamp.nanosec

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`colcon build`, sourced: every executable starts, answers its parameters and stops cleanly."""
+
+import json
+from pathlib import Path
+import tomllib
+
+import pytest
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import GetParameters
+from rcl_interfaces.srv import ListParameters
+from rclpy.node import Node
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
+EXECUTABLES = {name: target.partition('.')[0] for name, target in SCRIPTS.items()}
+PACKAGES = sorted(set(EXECUTABLES.values()))
+# Where the node is not called like its executable.
+NODES = {'teleop': 'keys_to_twist', 'wasd': 'simulator'}
+ARGUMENTS = {'wasd': ('mbot', '--viewer', 'none')}
+COMMANDS = {'describe': ('info', 'mbot')}  # no node: it ends by itself
+# Compiling the leg controller for a new place takes some 10 s of a core.
+PATIENCE = 90.0
+
+WHERE = """
+import importlib, json, sys
+from robot_description.packages import share_directory
+names = sys.argv[1:]
+print(json.dumps({name: importlib.import_module(name).__file__ for name in names}))
+"""
+
+
+def test_each_package_is_imported_from_the_workspace(workspace):
+    done = workspace.run('python3', '-c', WHERE, *PACKAGES)
+    assert done.returncode == 0, done.stderr
+    for name, path in json.loads(done.stdout).items():
+        build = workspace.install.parent
+        assert Path(path).is_relative_to(build), f'{name} is imported from {path}'
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_share_has_what_ros_tools_look_for(package, workspace):
+    share = workspace.install / package / 'share' / package
+    index = workspace.install / package / 'share/ament_index/resource_index/packages' / package
+    assert (share / 'package.xml').is_file()
+    assert index.is_file()
+    for folder in ('config', 'launch', 'rviz'):
+        names = {path.name for path in (ROOT / package).glob(f'{folder}/*.*')}
+        assert {path.name for path in (share / folder).glob('*.*')} == names
+
+
+def test_the_descriptions_are_where_rviz_looks_for_them(workspace):
+    share = workspace.install / 'robot_description/share/robot_description'
+    made = {path.relative_to(share).as_posix() for path in share.rglob('*.xacro')}
+    source = ROOT / 'robot_description/robot_description'
+    assert made == {path.relative_to(source).as_posix() for path in source.rglob('*.xacro')}
+
+
+@pytest.mark.parametrize('executable', COMMANDS)
+def test_a_command_works_from_the_workspace(executable, workspace):
+    package = EXECUTABLES[executable]
+    path = workspace.install / package / 'lib' / package / executable
+    done = workspace.run(str(path), *COMMANDS[executable])
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout
+
+
+@pytest.mark.parametrize('executable', sorted(set(EXECUTABLES) - set(COMMANDS)))
+def test_an_executable_answers_its_parameters_and_stops_cleanly(
+    executable, start, spawn, spin_until
+):
+    program = start(EXECUTABLES[executable], executable, *ARGUMENTS.get(executable, ()))
+    node = NODES.get(executable, executable)
+    asker = spawn(Node('asker'))
+    lister = asker.create_client(ListParameters, f'/{node}/list_parameters')
+    getter = asker.create_client(GetParameters, f'/{node}/get_parameters')
+
+    def answer(client, request):
+        future = client.call_async(request)
+        spin_until(spawn.pump, future.done)
+        return future.result()
+
+    def is_there():
+        assert program.process.poll() is None, program.said
+        return lister.service_is_ready() and getter.service_is_ready()
+
+    spin_until(spawn.pump, is_there, timeout=PATIENCE)
+    names = answer(lister, ListParameters.Request()).result.names
+    values = answer(getter, GetParameters.Request(names=names)).values
+    assert 'use_sim_time' in names
+    assert len(values) == len(names)
+    assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
+    assert program.interrupt() == 0, program.said
+    assert 'Traceback' not in program.said

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+import math
+
+from mujoco_sim.lidar import Lidar
+from mujoco_sim.loading import build_world
+from mujoco_sim.loading import load_robot
+from mujoco_sim.mount import Snapshot
+from mujoco_sim.scene import ROOM_SIZE
+from mujoco_sim.sensor_tags import read_sensor_tags
+import numpy as np
+import pytest
+
+# From its joint in the course's URDF: on the axis of the robot, above its lid.
+LIDAR_HEIGHT = 0.11 + 0.105
+
+
+@pytest.fixture
+def room(loaded):
+    return build_world(loaded, 'room')
+
+
+@pytest.fixture
+def make(loaded):
+    """Return a function that puts mbot's lidar, changed as wanted, into a world."""
+
+    def make(world, robot=loaded, **changes):
+        ((tag,), _) = read_sensor_tags(robot.urdf, robot.robot)
+        return Lidar(replace(tag, **changes), world, robot.robot, Snapshot(world))
+
+    return make
+
+
+def place(world, x, y, yaw):
+    world.data.qpos[:2] = x, y
+    world.data.qpos[3:7] = math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
+
+
+def ray_at(lidar, angle):
+    return round((angle - lidar.tag.min_angle) / lidar.angle_increment)
+
+
+@pytest.mark.parametrize('yaw', [0.0, 0.4, -0.7])
+def test_the_walls_of_the_room_are_where_they_are(room, make, yaw):
+    place(room, 0.5, -0.3, yaw)
+    lidar = make(room)
+    ranges = lidar.scan(None)
+    half = ROOM_SIZE / 2.0
+    for heading, wall in (
+        (0.0, half - 0.5),
+        (math.pi / 2, half + 0.3),
+        (-math.pi / 2, half - 0.3),
+    ):
+        ray = ray_at(lidar, heading - yaw)
+        angle = lidar.tag.min_angle + ray * lidar.angle_increment - (heading - yaw)
+        assert ranges[ray] == pytest.approx(wall / math.cos(angle), abs=0.006)
+
+
+def test_every_ray_hits_the_rectangle_of_the_walls_or_something_before_it(room, make):
+    lidar = make(room, resolution=0.0)
+    angles = np.linspace(-3.0, 3.0, 360)
+    walls = 0.5 * ROOM_SIZE / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
+    ranges = lidar.true_ranges()
+    assert (ranges <= walls + 1e-4).all()
+    on_the_wall = np.abs(ranges - walls) < 1e-4
+    assert 0.5 < on_the_wall.mean() < 0.9  # the rest are the crate, the shelf, the pillar, the bin
+
+
+def test_the_same_is_seen_when_the_robot_is_there_to_be_looked_at(loaded, make):
+    bare, drawn = (build_world(loaded, 'room', visuals=visuals) for visuals in (False, True))
+    np.testing.assert_array_equal(make(bare).true_ranges(), make(drawn).true_ranges())
+
+
+def test_it_does_not_see_itself(world, make):
+    assert np.isinf(make(world).true_ranges()).all()
+
+
+def test_beyond_and_below_its_range_it_says_so(room, make):
+    lidar = make(room)
+    ray = ray_at(lidar, 0.0)
+    assert np.isposinf(make(room, max_range=2.9).scan(None)[ray])
+    place(room, 2.95, 0.0, 0.0)
+    assert np.isneginf(lidar.scan(None)[ray])
+
+
+def test_noise_has_its_spread_and_no_bias(room, make):
+    lidar = make(room)
+    true = lidar.true_ranges()
+    scans = [lidar.scan(np.random.default_rng([7, count])) for count in range(100)]
+    errors = np.array(scans) - true
+    # 36 000 draws: the mean is known to 0.05 mm; rounding to 1 cm adds 2.9 mm in quadrature.
+    assert abs(errors.mean()) < 0.0003
+    assert errors.std() == pytest.approx(math.hypot(0.01, 0.01 / math.sqrt(12.0)), rel=0.02)
+    np.testing.assert_allclose(np.array(scans) / 0.01, np.round(np.array(scans) / 0.01), atol=1e-6)
+
+
+def test_measuring_leaves_physics_as_it_is(loaded, make):
+    watched, alone = (build_world(loaded, 'room') for _ in range(2))
+    lidar = make(watched)
+    for world in (watched, alone):
+        world.push([5.0, 3.0, 0.0], 0.1)
+    for _ in range(100):
+        lidar.true_ranges()
+        watched.step(2)
+        alone.step(2)
+    np.testing.assert_array_equal(watched.data.qpos, alone.data.qpos)
+    np.testing.assert_array_equal(watched.data.qvel, alone.data.qvel)
+
+
+HEAD = """
+<robot name="pan"><link name="base"><inertial><mass value="1"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<joint name="pan_joint" type="revolute"><parent link="base"/><child link="head"/>
+<origin xyz="0 0 0.2"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/>
+</joint>
+<link name="head"><inertial><mass value="0.1"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<joint name="eye_joint" type="fixed"><parent link="head"/><child link="eye"/>
+<origin xyz="0.1 0 0" rpy="0 0 1.5707963267948966"/></joint><link name="eye"/>
+<gazebo reference="eye"><sensor type="ray" name="eye"><ray><scan><horizontal><samples>1</samples>
+<min_angle>0</min_angle><max_angle>0</max_angle></horizontal></scan></ray></sensor></gazebo></robot>
+"""
+
+
+def test_a_lidar_on_a_head_that_turns_turns_with_it(tmp_path, make):
+    path = tmp_path / 'pan.urdf'
+    path.write_text(HEAD)
+    robot = load_robot(str(path))
+    world = build_world(robot, 'room')
+    lidar = make(world, robot, samples=1, min_angle=0.0, max_angle=0.0)
+    # The eye looks to the left of the head, 10 cm before its axis.
+    assert lidar.true_ranges()[0] == pytest.approx(3.0, abs=1e-6)
+    world.data.joint('pan_joint').qpos[0] = -math.pi / 2
+    assert lidar.true_ranges()[0] == pytest.approx(3.0, abs=1e-6)
+    world.data.joint('pan_joint').qpos[0] = math.pi / 2
+    assert lidar.true_ranges()[0] == pytest.approx(3.0, abs=1e-6)
+    world.data.joint('pan_joint').qpos[0] = math.pi / 4
+    # From (0.1, 0.1) / sqrt(2), at 135 degrees to the wall at y = 3 or x = -3.
+    reach = (3.0 - 0.1 / math.sqrt(2.0)) * math.sqrt(2.0)
+    assert lidar.true_ranges()[0] == pytest.approx(reach, abs=1e-6)

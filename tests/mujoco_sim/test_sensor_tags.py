@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+from mujoco_sim.errors import SimulationError
+from mujoco_sim.loading import load_robot
+from mujoco_sim.sensor_tags import read_sensor_tags
+import numpy as np
+import pytest
+from robot_description.urdf import parse_urdf
+
+LIDAR = """
+<sensor type="{kind}" name="{name}"><update_rate>10</update_rate><pose>0 0 0.1 0 0 {yaw}</pose>
+<{word}><scan><horizontal><samples>{samples}</samples><min_angle>-1</min_angle>
+<max_angle>1</max_angle></horizontal></scan><range><min>0.1</min><max>5</max></range></{word}>
+{plugin}</sensor>
+"""
+
+
+def read(sensors, link='head'):
+    """Return the lidars and cameras of a robot of one link with these sensors on it."""
+    urdf = (
+        f'<robot name="r"><link name="head"/><gazebo reference="{link}">{sensors}</gazebo></robot>'
+    )
+    return read_sensor_tags(urdf, parse_urdf(urdf))
+
+
+def lidar(kind='ray', word='ray', plugin='', name='eye', samples=3, yaw=0):
+    return LIDAR.format(kind=kind, word=word, plugin=plugin, name=name, samples=samples, yaw=yaw)
+
+
+@pytest.fixture(scope='module')
+def mbot():
+    loaded = load_robot('mbot')
+    return read_sensor_tags(loaded.urdf, loaded.robot)
+
+
+def test_mbots_lidar_is_the_courses(mbot):
+    ((lidar,), _) = mbot
+    assert (lidar.topic, lidar.frame, lidar.rate, lidar.samples) == (
+        'scan',
+        'laser_link',
+        5.5,
+        360,
+    )
+    assert (lidar.min_angle, lidar.max_angle) == (-3.0, 3.0)
+    assert (lidar.min_range, lidar.max_range) == (0.1, 6.0)
+    assert (lidar.resolution, lidar.noise) == (0.01, 0.01)
+
+
+def test_mbots_camera_is_the_courses_with_depth_beside_it(mbot):
+    colour, depth = mbot[1]
+    assert (colour.colour_topic, colour.colour_info_topic) == (
+        'camera/image_raw',
+        'camera/camera_info',
+    )
+    assert (colour.width, colour.height, colour.rate, colour.noise) == (1280, 720, 30.0, 0.007)
+    assert (colour.field_of_view, colour.near, colour.far) == (1.3962634, 0.02, 300.0)
+    assert (depth.depth_topic, depth.depth_info_topic) == (
+        'camera/depth/image_raw',
+        'camera/depth/camera_info',
+    )
+    assert (depth.width, depth.height) == (640, 480)
+    assert depth.field_of_view == pytest.approx(math.radians(60.0))
+    assert (colour.depth_topic, depth.colour_topic) == ('', '')
+    assert {colour.frame, depth.frame} == {'camera_optical_frame'}
+
+
+def test_a_kinect_has_colour_and_depth():
+    loaded = load_robot('mbot_kinect')
+    _, (kinect,) = read_sensor_tags(loaded.urdf, loaded.robot)
+    assert kinect.colour_topic == 'kinect/rgb/image_raw'
+    assert kinect.colour_info_topic == 'kinect/rgb/camera_info'
+    assert kinect.depth_topic == 'kinect/depth/image_raw'
+
+
+def test_a_robot_without_sensors_has_none():
+    loaded = load_robot('mbot_bare')
+    assert read_sensor_tags(loaded.urdf, loaded.robot) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ('kind', 'word', 'plugin', 'topic', 'frame'),
+    [
+        ('ray', 'ray', '', 'scan', 'head'),
+        (
+            'ray',
+            'ray',
+            '<plugin><topicName>/laser/scan</topicName><frameName>f</frameName></plugin>',
+            'laser/scan',
+            'f',
+        ),
+        (
+            'ray',
+            'ray',
+            '<plugin><ros><remapping>~/out:=front</remapping></ros><frame_name>f</frame_name>'
+            '</plugin>',
+            'front',
+            'f',
+        ),
+        (
+            'gpu_lidar',
+            'lidar',
+            '<topic>/points</topic><gz_frame_id>f</gz_frame_id>',
+            'points',
+            'f',
+        ),
+    ],
+)
+def test_a_lidar_is_read_in_gazebos_dialects(kind, word, plugin, topic, frame):
+    ((found,), _) = read(lidar(kind, word, plugin, yaw=math.pi / 2))
+    assert (found.topic, found.frame, found.samples) == (topic, frame, 3)
+    np.testing.assert_allclose(found.pose.position, [0.0, 0.0, 0.1])
+    np.testing.assert_allclose(found.pose.rotation[:, 0], [0.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_two_lidars_of_one_topic_are_kept_apart_by_their_names():
+    lidars, _ = read(lidar(name='left') + lidar(name='right'))
+    assert [found.topic for found in lidars] == ['left/scan', 'right/scan']
+
+
+def test_a_camera_without_a_plugin_is_called_as_its_sensor():
+    _, (found,) = read('<sensor type="rgbd_camera" name="eye"><camera/></sensor>')
+    assert (found.colour_topic, found.depth_topic) == ('eye/image_raw', 'eye/depth/image_raw')
+    assert (found.colour_info_topic, found.depth_info_topic) == (
+        'eye/camera_info',
+        'eye/depth/camera_info',
+    )
+
+
+def test_other_sensors_are_left_to_others():
+    assert read('<sensor type="imu" name="imu"/><sensor type="contact" name="c"/>') == ([], [])
+
+
+@pytest.mark.parametrize(
+    ('sensors', 'link', 'words'),
+    [
+        (
+            lidar(samples='many'),
+            'head',
+            "'eye': ray/scan/horizontal/samples must be a number >= 1",
+        ),
+        (lidar(samples=0), 'head', "got '0'"),
+        (lidar(), 'tail', "sensor 'eye' is on link 'tail', not defined"),
+        (lidar().replace('0 0 0.1', 'up'), 'head', "'eye': pose must be 6 numbers"),
+        (
+            '<sensor type="camera" name="c"><camera><image><width>99999</width></image></camera>'
+            '</sensor>',
+            'head',
+            "'c': camera/image/width must be a number >= 1 and <= 4096, got '99999'",
+        ),
+    ],
+)
+def test_what_cannot_be_is_one_line_that_names_the_sensor(sensors, link, words):
+    with pytest.raises(SimulationError) as caught:
+        read(sensors, link)
+    assert words in str(caught.value)
+    assert '\n' not in str(caught.value)

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+from mujoco_sim.errors import SimulationError
+from mujoco_sim.loading import build_world
+from mujoco_sim.renderer_choice import find_renderer
+from mujoco_sim.simulator_node import SimulatorNode
+import numpy as np
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import CameraInfo
+from sensor_msgs.msg import Image
+from sensor_msgs.msg import LaserScan
+
+from mujoco_sim import sensor_publisher
+
+SMALL = Parameter('camera_scale', value=0.25)
+
+
+def seconds(message):
+    return message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+
+
+@pytest.fixture
+def start(spawn, loaded):
+    """Return a function that starts a simulator of mbot in a room."""
+
+    def start(*parameters, seed=0):
+        world = build_world(loaded, 'room', seed)
+        overrides = [SMALL, *parameters]
+        node = spawn(SimulatorNode(loaded, world, parameter_overrides=overrides))
+        node.schedule_publishing()
+        return node
+
+    return start
+
+
+@pytest.fixture
+def listen(spawn, spin_until):
+    """Return a function that subscribes to a topic and returns the list of what comes."""
+    peer = spawn(Node('peer'))
+
+    def listen(kind, topic):
+        heard = []
+        peer.create_subscription(kind, topic, heard.append, qos_profile_sensor_data)
+        spin_until(spawn.pump, lambda: peer.count_publishers(topic) > 0)
+        return heard
+
+    return listen
+
+
+@pytest.fixture
+def run(spawn, spin_until):
+    """Return a function that simulates for so many steps and handles messages meanwhile."""
+
+    def run(node, steps, publisher_of=()):
+        for topic in publisher_of:
+            spin_until(spawn.pump, lambda topic=topic: is_heard(node, topic))
+        for _ in range(steps // 10):
+            node.simulation.advance(10)
+            spawn.pump.handle(0.001)
+
+    return run
+
+
+def is_heard(node, topic):
+    (publisher,) = (p for p in node.publishers if p.topic_name == f'/{topic}')
+    return publisher.get_subscription_count() > 0
+
+
+def test_a_scan_comes_5_5_times_a_second_and_sees_the_room(start, listen, run, spawn, spin_until):
+    node = start(Parameter('sensor_noise', value=False))
+    scans = listen(LaserScan, 'scan')
+    run(node, 2000, ['scan'])
+    spin_until(spawn.pump, lambda: len(scans) == 11)
+    times = [seconds(scan) for scan in scans]
+    np.testing.assert_allclose(times, np.arange(11) / 5.5, atol=0.0011)
+    scan = scans[0]
+    assert scan.header.frame_id == 'laser_link'
+    assert (scan.angle_min, scan.angle_max, len(scan.ranges)) == (-3.0, 3.0, 360)
+    assert scan.angle_increment == pytest.approx(6.0 / 359.0)
+    assert scan.ranges[180] == pytest.approx(3.0, abs=0.01)
+    assert scan.range_min == pytest.approx(0.1) and scan.range_max == 6.0
+
+
+def test_the_same_seed_gives_the_same_scans_whenever_one_begins_to_listen(
+    start, listen, run, spawn, spin_until
+):
+    def scans_of(seed, silent):
+        node = start(seed=seed)
+        run(node, silent)
+        scans = listen(LaserScan, 'scan')
+        run(node, 1000 - silent, ['scan'])
+        spin_until(spawn.pump, lambda: scans and seconds(scans[-1]) > 0.9)
+        last = scans[-1].ranges
+        node.destroy_node()
+        return np.array(last)
+
+    first = scans_of(3, 0)
+    np.testing.assert_array_equal(first, scans_of(3, 500))
+    assert (first != scans_of(4, 0)).any()
+
+
+def test_a_reset_begins_the_noise_again(start, listen, run, spawn, spin_until):
+    node = start()
+    scans = listen(LaserScan, 'scan')
+    run(node, 500, ['scan'])
+    spin_until(spawn.pump, lambda: len(scans) == 3)
+    node.simulation.reset()
+    run(node, 500)
+    spin_until(spawn.pump, lambda: len(scans) == 6)
+    np.testing.assert_array_equal(scans[0].ranges, scans[3].ranges)
+    np.testing.assert_array_equal(scans[2].ranges, scans[5].ranges)
+
+
+def test_nothing_is_measured_or_rendered_while_nobody_listens(start, run, monkeypatch):
+    def fail(*_):
+        raise AssertionError('nobody has asked for that')
+
+    monkeypatch.setattr(sensor_publisher, 'Offscreen', fail)
+    monkeypatch.setattr('mujoco_sim.lidar.Lidar.scan', fail)
+    run(start(), 500)
+
+
+def test_what_is_known_of_the_lens_needs_no_renderer(
+    start, listen, run, spawn, spin_until, monkeypatch
+):
+    monkeypatch.setattr(sensor_publisher, 'Offscreen', None)
+    node = start()
+    infos = listen(CameraInfo, 'camera/camera_info')
+    run(node, 100, ['camera/camera_info'])
+    spin_until(spawn.pump, lambda: infos)
+    info = infos[0]
+    assert (info.width, info.height, info.header.frame_id) == (320, 180, 'camera_optical_frame')
+    focal = 160.0 / math.tan(0.5 * 1.3962634)
+    np.testing.assert_allclose(info.k, [focal, 0, 159.5, 0, focal, 89.5, 0, 0, 1])
+    np.testing.assert_allclose(np.reshape(info.p, (3, 4))[:, :3], np.reshape(info.k, (3, 3)))
+
+
+@pytest.mark.skipif(find_renderer() is None, reason='no EGL or OSMesa')
+def test_pictures_come_30_times_a_second_and_depth_is_in_metres(
+    start, listen, run, spawn, spin_until
+):
+    node = start()
+    colours = listen(Image, 'camera/image_raw')
+    depths = listen(Image, 'camera/depth/image_raw')
+    run(node, 500, ['camera/image_raw', 'camera/depth/image_raw'])
+    spin_until(spawn.pump, lambda: len(colours) == 15 and len(depths) == 10)
+    times = [seconds(image) for image in colours]
+    np.testing.assert_allclose(times, np.arange(15) / 30.0, atol=0.0011)
+    colour, depth = colours[0], depths[0]
+    assert (colour.encoding, colour.width, colour.height, colour.step) == ('rgb8', 320, 180, 960)
+    assert len(colour.data) == 960 * 180
+    assert (depth.encoding, depth.width, depth.height, depth.step) == ('32FC1', 160, 120, 640)
+    assert depth.header.frame_id == 'camera_optical_frame'
+    metres = np.frombuffer(depth.data.tobytes(), dtype=np.float32).reshape(120, 160)
+    assert metres[60, 80] == pytest.approx(3.0 - 0.17, abs=0.01)
+    node.close()
+
+
+def test_without_a_renderer_it_says_so_once_and_goes_on(start, listen, run, monkeypatch, capfd):
+    def fail(*_):
+        raise SimulationError('no EGL or OSMesa library')
+
+    monkeypatch.setattr(sensor_publisher, 'Offscreen', fail)
+    node = start()
+    listen(Image, 'camera/image_raw')
+    run(node, 200, ['camera/image_raw'])
+    said = capfd.readouterr().err
+    assert said.count('cameras have no pictures: no EGL or OSMesa library') == 1
+    assert node.simulation.world.tick == 200

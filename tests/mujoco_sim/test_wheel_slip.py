@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+
+from mujoco_sim.mount import Snapshot
+from mujoco_sim.wheel_slip import slip
+from mujoco_sim.wheel_slip import WheelSlip
+import pytest
+
+RADIUS, HALF_TRACK = 0.06, 0.19
+
+
+@pytest.mark.parametrize(
+    ('rolling', 'moving', 'ratio'),
+    [
+        (0.5, 0.5, 0.0),
+        (-0.5, -0.5, 0.0),
+        (0.5, 0.0, 1.0),  # spins in place
+        (-0.5, 0.0, 1.0),
+        (0.0, 0.5, -1.0),  # slides, locked
+        (0.0, -0.5, -1.0),
+        (0.5, 0.4, 0.2),  # drives: a fifth of the turning is lost
+        (0.4, 0.5, -0.2),  # brakes
+        (0.5, -0.5, 2.0),
+        (0.0005, 0.0, 0.0),
+    ],
+)
+def test_the_ratio_is_the_difference_over_the_faster_of_the_two(rolling, moving, ratio):
+    assert slip(rolling, moving).ratio == pytest.approx(ratio)
+    assert slip(rolling, moving).speed == rolling - moving
+
+
+@pytest.fixture
+def measured(world, loaded):
+    """Return a function that measures mbot's slip at a speed, a yaw rate and wheel speeds."""
+    wheels = WheelSlip(world, loaded.robot, Snapshot(world))
+    assert wheels.joints == ('left_wheel_joint', 'right_wheel_joint')
+
+    def measure(linear, angular, left, right, sideways=0.0):
+        yaw = 0.7
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        world.data.qpos[3:7] = math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
+        world.data.qvel[:2] = linear * cos - sideways * sin, linear * sin + sideways * cos
+        world.data.qvel[5] = angular
+        for name, speed in (('left', left), ('right', right)):
+            world.data.joint(f'{name}_wheel_joint').qvel[0] = speed
+        return wheels.measure()
+
+    return measure
+
+
+def test_wheels_that_roll_along_an_arc_do_not_slip(measured):
+    linear, angular = 0.4, 1.3
+    left = (linear - HALF_TRACK * angular) / RADIUS
+    right = (linear + HALF_TRACK * angular) / RADIUS
+    for wheel in measured(linear, angular, left, right):
+        assert wheel.ratio == pytest.approx(0.0, abs=1e-12)
+        assert wheel.speed == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_wheel_that_spins_in_place_slips_by_all_it_turns(measured):
+    left, right = measured(0.0, 0.0, 5.0, -5.0)
+    assert (left.ratio, right.ratio) == (pytest.approx(1.0), pytest.approx(1.0))
+    assert (left.speed, right.speed) == (pytest.approx(0.3), pytest.approx(-0.3))
+
+
+def test_a_robot_that_slides_with_its_wheels_locked_slips_by_all_it_moves(measured):
+    for wheel in measured(0.5, 0.0, 0.0, 0.0):
+        assert wheel.ratio == pytest.approx(-1.0)
+        assert wheel.speed == pytest.approx(-0.5)
+
+
+def test_at_rest_nothing_slips(measured):
+    assert [wheel.ratio for wheel in measured(0.0, 0.0, 0.0, 0.0)] == [0.0, 0.0]
+
+
+def test_a_robot_pushed_sideways_does_not_slip_along_its_wheels(measured):
+    for wheel in measured(0.0, 0.0, 0.0, 0.0, sideways=0.5):
+        assert wheel.speed == pytest.approx(0.0, abs=1e-12)
