@@ -72,13 +72,15 @@ def _folder(text: str) -> Path:
 
 
 def _expand(options: argparse.Namespace) -> int:
-    from robot_description.expand import expand
+    from robot_description.expand import expand_document
 
-    urdf = expand(options.path, options.arguments, options.package_path)
+    expansion = expand_document(options.path, options.arguments, options.package_path)
+    for place, text in expansion.warnings:
+        print(f'warning: {place or options.path}: {text}', file=sys.stderr)
     if options.output is None:
-        sys.stdout.write(urdf)
+        sys.stdout.write(expansion.urdf)
     else:
-        write_file(options.output, urdf)
+        write_file(options.output, expansion.urdf)
     return 0
 
 

@@ -1,17 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """Xacro to URDF with our own `$(find)`, so that it works with and without a ROS installation."""
 
-from collections.abc import Iterator, Mapping, Sequence
-import contextlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-import xml.parsers.expat
-
-import xacro
-from xacro import substitution_args
+from typing import NamedTuple
+from xml.dom import minidom
 
 from robot_description.errors import DescriptionError
-from robot_description.packages import PackageFinder
+from robot_description.places import LocatedError
+from robot_description.places import Place
+from robot_description.reach import Reach
+from robot_description.safe_reading import check_xml
+from robot_description.safe_reading import read_file
+from robot_description.xacro_session import XacroSession
+
+LONGEST_REASON = 300
+
+
+class Expansion(NamedTuple):
+    """An expanded file: its elements know their places; `warnings` are xacro's."""
+
+    document: minidom.Document
+    warnings: tuple[tuple[Place | None, str], ...]
+
+    @property
+    def urdf(self) -> str:
+        """The URDF text."""
+        return str(self.document.toprettyxml(indent='  '))
 
 
 def expand(
@@ -23,45 +38,55 @@ def expand(
     `arguments` are xacro args; `search` are folders in which `$(find)` looks first.
 
     Raises:
-        DescriptionError: one line with the file, and the included file where it went wrong.
+        DescriptionError: one line with the file and, where there is one, the line.
     """
-    if not path.is_file():
-        raise DescriptionError(f'{path}: no such file')
+    return expand_document(path, arguments, search).urdf
+
+
+def expand_document(
+    path: Path, arguments: Mapping[str, str] | None = None, search: Sequence[Path] = ()
+) -> Expansion:
+    """
+    Return what a xacro or URDF file expands to, as elements that know their places.
+
+    Raises:
+        DescriptionError: see `expand`.
+    """
+    check_xml(read_file(path), path)
+    session = XacroSession(path, arguments or {}, Reach(path, search))
     try:
-        with _own_find(PackageFinder(search, path)):
-            document = xacro.process_file(str(path), mappings=dict(arguments or {}))
+        document = session.run()
     except Exception as error:  # xacro raises a dozen unrelated types
-        raise DescriptionError(f'{path}: {_included(path)}{_reason(error)}') from None
-    return str(document.toprettyxml(indent='  '))
+        raise _located(error, session, path) from None
+    return Expansion(document, tuple(session.warnings))
 
 
-@contextlib.contextmanager
-def _own_find(finder: PackageFinder) -> Iterator[None]:
-    """Answer `$(find pkg)` from our search path; xacro itself asks ament_index_python only."""
-
-    def find(package: str) -> str:
-        return str(finder.find(package))
-
-    module: Any = substitution_args
-    previous = module._eval_find
-    module._eval_find = module._eval_dict['find'] = find
-    try:
-        yield
-    finally:
-        module._eval_find = module._eval_dict['find'] = previous
-
-
-def _included(path: Path) -> str:
-    """Return the file that xacro was reading, unless it is `path` itself."""
-    deepest = (xacro.filestack or [None])[-1]
-    return f'in {deepest}: ' if deepest and Path(deepest) != path else ''
+def _located(error: Exception, session: XacroSession, path: Path) -> DescriptionError:
+    """Return the error with the place where xacro was."""
+    place = session.failed_at or Place(path, 1)
+    if isinstance(error, LocatedError):  # in a file that was to be included there
+        return LocatedError(error.place, error.reason, place)
+    via = session.called_from if place.file != path else None
+    return LocatedError(place, _reason(error), via)
 
 
 def _reason(error: BaseException) -> str:
     """Return what went wrong in one line, without the layers that xacro wraps around it."""
-    cause = getattr(error, 'exc', None)
-    if isinstance(cause, DescriptionError):
-        return _reason(cause)
-    text = ' '.join(str(error).split()) or type(error).__name__
-    is_syntax = isinstance(error, xml.parsers.expat.ExpatError)
-    return f'not well-formed XML: {text}' if is_syntax else text
+    suffix = ''
+    while (cause := getattr(error, 'exc', None)) is not None:
+        message = str(error.args[0] or '') if error.args else ''
+        if (
+            message
+            and not message.startswith('<class')
+            and not isinstance(cause, DescriptionError)
+        ):
+            break
+        suffix = suffix or str(getattr(error, 'suffix', None) or '')
+        error = cause
+    if isinstance(error, RecursionError):
+        return 'nested too deep'
+    if isinstance(error, MemoryError):
+        return 'needs too much memory'
+    text = ' '.join(f'{error} {suffix}'.replace('(<expression>, line 1)', '').split())
+    text = text or type(error).__name__
+    return text if len(text) <= LONGEST_REASON else f'{text[:LONGEST_REASON]} ...'

@@ -112,6 +112,12 @@ def share_directory(
     return PackageFinder(search, description).find(name)
 
 
+def installed_folders() -> list[Path]:
+    """Return the folders under which installed packages keep their shared files."""
+    own = [folder for name in OWN_PACKAGES if (folder := _import_folder(name)) is not None]
+    return [*own, *_data_folders(), *(prefix / 'share' for prefix in _ament_prefixes())]
+
+
 def _import_folder(name: str) -> Path | None:
     found = importlib.util.find_spec(name)
     if found is None or not found.submodule_search_locations:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robots that come with the project, by name."""
 
+import os
 from pathlib import Path
 
 from robot_description.errors import DescriptionError
@@ -16,7 +17,7 @@ DESCRIPTIONS = {
 
 def description_path(name_or_path: str) -> Path:
     """
-    Return the description of a built-in robot, or the path itself when it is a file.
+    Return the description of a built-in robot, or the path itself when something is there.
 
     Raises:
         DescriptionError: when it is neither; lists the names.
@@ -24,7 +25,7 @@ def description_path(name_or_path: str) -> Path:
     if name_or_path in DESCRIPTIONS:
         return share_directory('robot_description') / DESCRIPTIONS[name_or_path]
     path = Path(name_or_path)
-    if path.is_file():
+    if os.path.lexists(path):
         return path
     raise DescriptionError(
         f'{name_or_path}: no such file, and no robot of that name; '

@@ -13,6 +13,7 @@ from robot_description.pose import axis_angle
 from robot_description.pose import IDENTITY
 from robot_description.pose import Pose
 from robot_description.pose import rpy_matrix
+from robot_description.safe_reading import check_xml
 from robot_description.urdf_numbers import parse_numbers
 from robot_description.urdf_numbers import read_numbers
 
@@ -166,10 +167,8 @@ def parse_urdf(text: str) -> Robot:
         DescriptionError: not XML, no links, a name or a child used twice, a joint to a link that
             does not exist, no or several roots, a loop, or something that is not a number.
     """
-    try:
-        tree = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise DescriptionError(f'not well-formed XML: {error}') from None
+    check_xml(text)
+    tree = ElementTree.fromstring(text)
     links = _by_name([_link(tag) for tag in tree.findall('link')])
     joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
     friction = {
@@ -205,10 +204,13 @@ def _find_root(links: dict[str, Link], joints: dict[str, Joint]) -> str:
     roots = sorted(set(links) - set(parents))
     if len(roots) != 1:
         raise DescriptionError(f'the links need one root, found {len(roots)}: {", ".join(roots)}')
-    reached = set(roots)
-    while found := {link for link in parents if parents[link] in reached} - reached:
-        reached |= found
-    if loop := sorted(set(links) - reached):
+    children: dict[str, list[str]] = {link: [] for link in links}
+    for child, parent in parents.items():
+        children[parent].append(child)
+    reached = list(roots)
+    for link in reached:  # which grows meanwhile
+        reached += children[link]
+    if loop := sorted(set(links) - set(reached)):
         raise DescriptionError(f'joints run in a circle through {", ".join(loop)}')
     return roots[0]
 

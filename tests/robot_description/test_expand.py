@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 from pathlib import Path
+import subprocess
+import sys
 
 import pytest
 from robot_description.errors import DescriptionError
 from robot_description.errors import PackageNotFound
 from robot_description.expand import expand
+from robot_description.expand import expand_document
 from robot_description.packages import share_directory
 from robot_description.robots import description_path
 
@@ -25,13 +28,13 @@ def write(tmp_path):
 
 
 def error_of(path, **options):
-    """Return the one line that a failing expansion says."""
+    """Return the one line that a failing expansion says, without the path it begins with."""
     with pytest.raises(DescriptionError) as caught:
         expand(path, **options)
     text = str(caught.value)
     assert '\n' not in text
-    assert text.startswith(f'{path}: ')
-    return text.removeprefix(f'{path}: ')
+    assert text.startswith(f'{path}:')
+    return text.removeprefix(f'{path}:')
 
 
 def test_properties_are_evaluated(write):
@@ -67,6 +70,56 @@ def test_find_asks_the_ament_index(write, tmp_path, monkeypatch):
     assert str(tmp_path / 'share/arm') in expand(write('<link name="$(find arm)"/>'))
 
 
+def test_find_knows_the_package_around_the_file_and_those_beside_it(write, tmp_path):
+    (tmp_path / 'robots/dog/xacro').mkdir(parents=True)
+    (tmp_path / 'robots/cat').mkdir()
+    for name in ('dog', 'cat'):
+        manifest = tmp_path / f'robots/{name}/package.xml'
+        manifest.write_text(f'<package><name>{name}</name></package>')
+    path = write('<link name="$(find dog) $(find cat)"/>', 'robots/dog/xacro/dog.xacro')
+    assert f'name="{tmp_path}/robots/dog {tmp_path}/robots/cat"' in expand(path)
+
+
+def test_dirname_is_the_folder_of_the_file_it_stands_in(write, tmp_path):
+    write('<link name="$(dirname)"/>', 'parts/part.xacro')
+    path = write('<xacro:include filename="$(dirname)/parts/part.xacro"/>')
+    assert f'name="{tmp_path}/parts"' in expand(path)
+
+
+def test_an_optional_include_may_be_missing(write):
+    path = write('<xacro:include filename="nope.xacro" optional="true"/><link name="a"/>')
+    assert '<link name="a"/>' in expand(path)
+
+
+EXPAND_WITHOUT_AMENT = """
+import sys, types
+class Ament(types.ModuleType):
+    def __getattr__(self, name):
+        raise AssertionError('asked for ' + name)
+for name in ('ament_index_python', 'ament_index_python.packages'):
+    sys.modules[name] = Ament(name) if sys.argv[1] == 'with' else None
+from robot_description.expand import expand
+from robot_description.expand import expand_document
+from robot_description.robots import description_path
+for name in ('go2', 'mbot'):
+    print(expand(description_path(name)))
+"""
+
+
+def test_the_expansion_is_the_same_with_and_without_ament():
+    texts = [
+        subprocess.run(
+            [sys.executable, '-c', EXPAND_WITHOUT_AMENT, how],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        for how in ('with', 'without')
+    ]
+    assert texts[0] == texts[1]
+    assert texts[0].count('<robot ') == 2
+
+
 def test_find_takes_the_current_folder_as_search_path(write, tmp_path, monkeypatch):
     write('<link name="x"/>', 'arm/part.xacro')
     monkeypatch.chdir(tmp_path / 'arm')
@@ -80,15 +133,15 @@ def test_a_package_not_found_says_where_was_looked(tmp_path):
 
 def test_a_package_not_found_is_one_line_without_the_machinery(write):
     path = write('<xacro:include filename="$(find nope)/part.xacro"/>')
-    assert error_of(path).startswith("package 'nope' not found; looked in ")
+    assert error_of(path).startswith("1: package 'nope' not found; looked in ")
 
 
 def test_no_such_file(tmp_path):
-    assert error_of(tmp_path / 'robot.xacro') == 'no such file'
+    assert error_of(tmp_path / 'robot.xacro') == ' no such file'
 
 
-def test_a_folder_is_no_such_file(tmp_path):
-    assert error_of(tmp_path) == 'no such file'
+def test_a_folder_is_no_file(tmp_path):
+    assert error_of(tmp_path) == ' is a folder, wanted a file'
 
 
 @pytest.mark.parametrize(
@@ -99,17 +152,63 @@ def test_a_folder_is_no_such_file(tmp_path):
         ('<link name="${nope}"/>', 'nope'),
         ('<link name="$(arg nope)"/>', 'Undefined substitution argument nope'),
         ('<xacro:include filename="nope.xacro"/>', 'nope.xacro'),
-        ('<link>', 'not well-formed XML: mismatched tag: line 1'),
+        ('<link>', '1: not well-formed XML: mismatched tag'),
     ],
 )
 def test_an_error_in_the_file_is_one_line(write, body, message):
     assert message in error_of(write(body))
 
 
+@pytest.mark.parametrize(
+    'body',
+    [
+        '<xacro:wheel/>',
+        '<link name="${nope}"/>',
+        '<link name="$(arg nope)"/>',
+        '<xacro:if value="maybe"/>',
+        '<a><b>${nope}</b></a>',
+        '<xacro:include filename="nope.xacro"/>',
+        '<xacro:property name="1a" value="2"/>',
+    ],
+)
+def test_an_error_has_the_line_of_the_element(write, body):
+    assert error_of(write(f'<a/>\n<b/>\n\n{body}\n<c/>')).startswith('4: ')
+
+
+def test_an_error_in_a_macro_has_the_line_in_the_macro(write):
+    macro = '<xacro:macro name="m" params="a">\n<link name="${a/0}"/></xacro:macro>'
+    assert error_of(write(f'{macro}\n\n<xacro:m a="1"/>')).startswith('2: division by zero')
+
+
+def test_a_macro_in_another_file_is_reached_from_this_one(write):
+    part = write('<xacro:macro name="m">\n<link name="${nope}"/></xacro:macro>', 'part.xacro')
+    path = write('<xacro:include filename="part.xacro"/>\n<xacro:m/>')
+    with pytest.raises(DescriptionError) as caught:
+        expand(path)
+    assert str(caught.value).startswith(f"{part}:2: name 'nope' is not defined")
+    assert str(caught.value).endswith(f'(reached from {path}:2)')
+
+
+def test_an_argument_the_file_does_not_have_is_a_warning(write):
+    path = write('<xacro:arg name="side" default="left"/>')
+    ((_, text),) = expand_document(path, {'sied': 'right'}).warnings
+    assert text == "no argument 'sied' here; it has: side"
+
+
+def test_a_warning_of_xacro_has_its_line(write):
+    path = write('\n<xacro:property name="pi" value="3"/>')
+    ((place, text),) = expand_document(path).warnings
+    assert place == (path, 2)
+    assert text == 'redefining global symbol: pi'
+
+
 def test_an_error_in_an_included_file_names_that_file(write, tmp_path):
-    part = write('<link>', 'part.xacro')
-    path = write('<xacro:include filename="part.xacro"/>')
-    assert error_of(path).startswith(f'in {part}: not well-formed XML: ')
+    part = write('\n\n<link>', 'part.xacro')
+    path = write('\n<xacro:include filename="part.xacro"/>')
+    with pytest.raises(DescriptionError) as caught:
+        expand(path)
+    assert str(caught.value).startswith(f'{part}:3: not well-formed XML: ')
+    assert str(caught.value).endswith(f'(reached from {path}:2)')
 
 
 def test_a_file_that_is_no_text_is_an_error(tmp_path):

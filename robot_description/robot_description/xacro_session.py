@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One run of xacro, with our own rules for what it finds, reads, evaluates and says."""
+
+from collections.abc import Iterator, Mapping
+import contextlib
+import io
+import os
+from pathlib import Path
+import sys
+from typing import Any
+from xml.dom import minidom
+
+import xacro
+from xacro import substitution_args
+
+from robot_description.errors import DescriptionError
+from robot_description.expressions import Evaluator
+from robot_description.places import parse_with_places
+from robot_description.places import Place
+from robot_description.places import place_of
+from robot_description.reach import Reach
+from robot_description.safe_reading import check_xml
+from robot_description.safe_reading import MOST_ELEMENTS
+from robot_description.safe_reading import read_file
+
+# Macros that unroll a loop call themselves; more often than this none has been seen to.
+DEEPEST_MACRO = 150
+# All attributes and texts of a robot together [characters].
+MOST_TEXT = 10_000_000
+FRAMES = 6000
+
+
+class _Arguments(dict[str, str]):
+    """Xacro arguments that remember which of them the file asked for."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.asked: set[str] = set()
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.asked.add(name)
+        return super().__getitem__(name)
+
+
+class XacroSession:
+    """
+    Runs xacro on one file; `warnings` are what it had to say, with places.
+
+    Xacro asks ament_index_python for packages, opens any file, evaluates anything Python can and
+    does not know line numbers; here it does none of this.
+    """
+
+    def __init__(self, path: Path, arguments: Mapping[str, str], reach: Reach) -> None:
+        self.warnings: list[tuple[Place | None, str]] = []
+        self._path = path
+        self._arguments = _Arguments(arguments)
+        self._reach = reach
+        self._evaluator = Evaluator()
+        self._elements = 0
+        self._text = 0
+        # What is being processed: elements around elements; and the tag looked at last.
+        self._stack: list[Any] = []
+        self._detail: Any = None
+        self._eval_all = xacro.eval_all
+        self._eval_text = xacro.eval_text
+        self._handle_macro_call = xacro.handle_macro_call
+        self._check_attributes = xacro.check_attrs
+
+    def run(self) -> minidom.Document:
+        """
+        Return the expanded document, whose elements know their places.
+
+        Raises:
+            Exception: whatever xacro raises; `failed_at` says where.
+        """
+        with self._rules():
+            document: minidom.Document = xacro.process_file(
+                str(self._path), mappings=self._arguments
+            )
+        for name in sorted(set(self._arguments) - self._arguments.asked):
+            known = ', '.join(sorted(self._arguments.asked)) or 'none'
+            self.warnings.append((None, f'no argument {name!r} here; it has: {known}'))
+        return document
+
+    @property
+    def failed_at(self) -> Place | None:
+        """Where xacro was."""
+        return place_of(self._detail or (self._stack[-1] if self._stack else None))
+
+    @property
+    def called_from(self) -> Place | None:
+        """Where in the given file it had come from."""
+        places = (place_of(node) for node in reversed(self._stack))
+        return next((place for place in places if place and place.file == self._path), None)
+
+    @contextlib.contextmanager
+    def _rules(self) -> Iterator[None]:
+        """Put our functions in place of xacro's; both names of `find` are asked."""
+        limit = sys.getrecursionlimit()
+        functions = {
+            'parse': self._parse,
+            'open': self._open,
+            'safe_eval': self._evaluator.evaluate,
+            'eval_all': self._visit,
+            'eval_text': self._measure,
+            'handle_macro_call': self._call_macro,
+            'check_attrs': self._look_at,
+            'warning': self._warn,
+            'print_location': lambda: None,
+            'root_dir': os.curdir,
+        }
+        substitutions = {
+            '_eval_find': self._find,
+            '_eval_dirname': self._folder,
+            'eval': self._evaluator.evaluate_substitution,
+        }
+        with (
+            _replaced(vars(xacro), functions),
+            _replaced(vars(substitution_args), substitutions),
+            _replaced(substitution_args._eval_dict, {'find': self._find}),
+            _replaced(xacro.substitution_args_context, {'filename': str(self._path)}),
+        ):
+            sys.setrecursionlimit(max(limit, FRAMES))
+            try:
+                yield
+            finally:
+                sys.setrecursionlimit(limit)
+
+    def _find(self, package: str) -> str:
+        return str(self._reach.package(package))
+
+    def _folder(self, _: str) -> str:
+        return str(os.path.dirname(os.path.abspath(xacro.filestack[-1])))
+
+    def _parse(self, _: None, filename: str) -> minidom.Document:
+        """Stand in for xacro.parse, which opens what it is told to."""
+        path = Path(filename)
+        if len(xacro.filestack) > 1:
+            self._check_include(path)
+        data = read_file(path)
+        check_xml(data, path)
+        return parse_with_places(data, path)
+
+    def _check_include(self, path: Path) -> None:
+        self._reach.check(path)
+        if not os.path.lexists(path):
+            xacro.filestack.pop()  # as xacro does: the caller of an optional include relies on it
+            missing = FileNotFoundError(f'{path}: no such file')
+            raise xacro.XacroException(exc=missing)
+        before = [Path(file).resolve() for file in xacro.filestack[:-1]]
+        if path.resolve() in before:
+            circle = [*before[before.index(path.resolve()) :], path]
+            chain = ' -> '.join(file.name for file in circle)
+            raise DescriptionError(f'files include each other in a circle: {chain}')
+
+    def _open(self, filename: str) -> io.StringIO:
+        """Stand in for the `open` of load_yaml."""
+        return io.StringIO(read_file(self._reach.check(Path(filename))).decode())
+
+    def _visit(self, node: Any, macros: Any, symbols: Any) -> None:
+        self._elements += 1
+        if self._elements > MOST_ELEMENTS:
+            raise DescriptionError(f'it grows to more than {MOST_ELEMENTS} elements')
+        with self._inside(node):
+            self._eval_all(node, macros, symbols)
+
+    def _call_macro(self, node: Any, macros: Any, symbols: Any) -> bool:
+        if len(xacro.macrostack) > DEEPEST_MACRO:
+            raise DescriptionError(
+                f'macros call each other without end: {node.tagName} more than '
+                f'{DEEPEST_MACRO} deep'
+            )
+        with self._inside(node):
+            return bool(self._handle_macro_call(node, macros, symbols))
+
+    @contextlib.contextmanager
+    def _inside(self, node: Any) -> Iterator[None]:
+        """Remember the node while it is processed, and after an error."""
+        depth = len(self._stack)
+        self._stack.append(node)
+        self._detail = None
+        yield
+        del self._stack[depth:]
+        self._detail = None
+
+    def _look_at(self, tag: Any, required: list[str], optional: list[str]) -> Any:
+        self._detail = tag
+        return self._check_attributes(tag, required, optional)
+
+    def _measure(self, text: str, symbols: Any) -> Any:
+        value = self._eval_text(text, symbols)
+        if isinstance(value, str):
+            self._text += len(value)
+            if self._text > MOST_TEXT:
+                raise DescriptionError(f'it grows to more than {MOST_TEXT} characters')
+        return value
+
+    def _warn(self, text: str) -> None:
+        self.warnings.append((self.failed_at, ' '.join(text.split())))
+
+
+@contextlib.contextmanager
+def _replaced(names: dict[str, Any], values: Mapping[str, Any]) -> Iterator[None]:
+    """Give names other values for a while; names that were not there go away again."""
+    before = {name: names[name] for name in values if name in names}
+    names.update(values)
+    try:
+        yield
+    finally:
+        for name in values:
+            del names[name]
+        names.update(before)
