@@ -6,8 +6,8 @@ from typing import Any
 from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
 from robot_description.node_support import has_listener
+from robot_description.qos import RELIABLE
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan
@@ -106,7 +106,7 @@ class _Scan:
     def __init__(self, node: Node, lidar: Lidar) -> None:
         self.rate = lidar.tag.rate
         self._lidar = lidar
-        self._scan = node.create_publisher(LaserScan, lidar.tag.topic, qos_profile_sensor_data)
+        self._scan = node.create_publisher(LaserScan, lidar.tag.topic, RELIABLE)
 
     @property
     def wanted(self) -> bool:
@@ -122,8 +122,7 @@ class _Film:
     def __init__(self, node: Node, camera: Camera, darkroom: '_Darkroom') -> None:
         def publishers(kind: type, *topics: str) -> list[Any]:
             return [
-                node.create_publisher(kind, topic, qos_profile_sensor_data) if topic else None
-                for topic in topics
+                node.create_publisher(kind, topic, RELIABLE) if topic else None for topic in topics
             ]
 
         self.rate = camera.tag.rate

@@ -9,7 +9,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import qos_profile_sensor_data
 from robot_description.errors import UserError
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import has_listener
@@ -17,6 +16,8 @@ from robot_description.node_support import init_ros
 from robot_description.node_support import MessagePump
 from robot_description.node_support import StopSignals
 from robot_description.parameters import Parameters
+from robot_description.qos import RELIABLE
+from robot_description.qos import SENSOR_DATA
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
@@ -85,15 +86,15 @@ class SimulatorNode(Node):
         self._is_braking = True
         # Instants that have been published: a step by hand may end where one is due.
         self._clock_tick = self._states_tick = -1
-        self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
-        self._joint_states = self.create_publisher(JointState, 'joint_states', 10)
+        self._clock_publisher = self.create_publisher(Clock, '/clock', RELIABLE)
+        self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._truth = TruthPublisher(self, world, robot.robot)
         self._feet = tuple(name for name in robot.robot.links if name.endswith('_foot'))
         if self._feet:
-            self._contacts = self.create_publisher(JointState, 'foot_contacts', 10)
+            self._contacts = self.create_publisher(JointState, 'foot_contacts', RELIABLE)
         if world.has_imu:
-            self._imu = self.create_publisher(Imu, 'imu/data', 10)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
+            self._imu = self.create_publisher(Imu, 'imu/data', RELIABLE)
+        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', RELIABLE)
         noise, scale = self.settings.sensor_noise, self.settings.camera_scale
         self._sensors = SensorPublisher(self, robot, world, noise, scale)
         self.simulation.on_reset.append(self._sensors.reset)
@@ -102,7 +103,7 @@ class SimulatorNode(Node):
         self.create_service(Trigger, '~/step', self._on_step)
         if not lock_step:
             self.create_subscription(
-                JointTrajectory, 'joint_commands', self._on_command, qos_profile_sensor_data
+                JointTrajectory, 'joint_commands', self._on_command, SENSOR_DATA
             )
             self.simulation.schedule.every(world.time_step, self._watch_commands)
 

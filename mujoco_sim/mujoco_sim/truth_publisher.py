@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from robot_description.node_support import has_listener
+from robot_description.qos import RELIABLE
 from robot_description.urdf import Robot
 from sensor_msgs.msg import JointState
 
@@ -37,13 +38,13 @@ class TruthPublisher:
         self._node = node
         self._world = world
         self._root = robot.root
-        self._truth = node.create_publisher(Odometry, 'ground_truth/odom', 10)
-        self._error = node.create_publisher(Odometry, 'odom_error', 10)
+        self._truth = node.create_publisher(Odometry, 'ground_truth/odom', RELIABLE)
+        self._error = node.create_publisher(Odometry, 'odom_error', RELIABLE)
         self._odometry: Any = None
         self._past: OrderedDict[tuple[int, int], BaseState] = OrderedDict()
         self._slip = WheelSlip(world, robot, Snapshot(world))
         if self._slip.joints:
-            self._slips = node.create_publisher(JointState, 'wheel_slip', 10)
+            self._slips = node.create_publisher(JointState, 'wheel_slip', RELIABLE)
 
     def publish(self) -> None:
         """Publish the truth of now."""
@@ -63,7 +64,7 @@ class TruthPublisher:
             return
         if self._odometry is None:
             self._odometry = self._node.create_subscription(
-                Odometry, 'odom', self._on_odometry, 10
+                Odometry, 'odom', self._on_odometry, RELIABLE
             )
         self._past[_key(to_stamp(self._world.time))] = self._world.base()
         if len(self._past) > REMEMBERED:

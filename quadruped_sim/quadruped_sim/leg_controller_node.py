@@ -14,13 +14,14 @@ from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import qos_profile_sensor_data
-from rclpy.qos import QoSProfile
 from robot_description.inlet import Inlet
 from robot_description.mujoco_model import IMU_LINKS
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
+from robot_description.qos import EVENTS
+from robot_description.qos import LATCHED
+from robot_description.qos import RELIABLE
+from robot_description.qos import SENSOR_DATA
 from robot_description.tf import TfBroadcaster
 from robot_description.urdf import parse_urdf
 from sensor_msgs.msg import Imu
@@ -86,11 +87,10 @@ class LegControllerNode(Node):
         warm_up(urdf)
         self._said: str | None = None
         self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
-        self.keys = Inlet(self, String, 'keys', self._on_key, depth=100)
+        self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
         self.cmd_vel = Inlet(self, Twist, 'cmd_vel', self._on_twist)
-        self._odometry = self.create_publisher(Odometry, 'odom', 10)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._state = self.create_publisher(String, 'state', latched)
+        self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
+        self._state = self.create_publisher(String, 'state', LATCHED)
         self._published_state = ''
         self._tf = TfBroadcaster(self)
         self.create_service(Trigger, '~/e_stop', self._on_e_stop)
@@ -171,18 +171,15 @@ class LegControllerNode(Node):
 
     def _listen(self) -> None:
         """Take readings from topics and command the motors by one."""
-        self._commands = self.create_publisher(
-            JointTrajectory, 'joint_commands', qos_profile_sensor_data
-        )
+        self._commands = self.create_publisher(JointTrajectory, 'joint_commands', RELIABLE)
         self._imu: Imu | None = None
         self._truth: BaseState | None = None
         self._last: float | None = None
         self._next_odometry = 0.0
-        sensors = qos_profile_sensor_data
-        self.create_subscription(Imu, 'imu/data', self._on_imu, sensors)
-        self.create_subscription(JointState, 'joint_states', self._on_joint_states, sensors)
+        self.create_subscription(Imu, 'imu/data', self._on_imu, SENSOR_DATA)
+        self.create_subscription(JointState, 'joint_states', self._on_joint_states, SENSOR_DATA)
         if self.settings.estimator == 'truth':
-            self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, sensors)
+            self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, SENSOR_DATA)
 
     def _on_imu(self, message: Imu) -> None:
         self._imu = message

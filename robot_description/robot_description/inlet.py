@@ -12,6 +12,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 
+from robot_description.qos import RELIABLE
+
 Message = TypeVar('Message')
 
 # How long the middleware may take to bring back what this process published itself [s].
@@ -43,12 +45,12 @@ class Inlet(Generic[Message]):
         message_type: type[Message],
         topic: str,
         callback: Callable[[Message], None],
-        depth: int = 10,
+        qos: QoSProfile = RELIABLE,
     ) -> None:
         self._callback = callback
         self._pending: deque[tuple[float, bytes]] = deque(maxlen=1000)
         self._subscription: Any = node.create_subscription(
-            message_type, topic, self._on_message, depth
+            message_type, topic, self._on_message, qos
         )
         # On wall time, as the middleware is. It moves nothing: lock-step stays lock-step.
         self._looked_at = time.monotonic()

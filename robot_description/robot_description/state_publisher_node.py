@@ -8,8 +8,6 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 import numpy as np
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -19,6 +17,8 @@ from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.parameters import parameter
 from robot_description.parameters import Parameters
+from robot_description.qos import LATCHED
+from robot_description.qos import SENSOR_DATA
 from robot_description.robots import description_path
 from robot_description.tf import TfBroadcaster
 from robot_description.urdf import parse_urdf
@@ -52,15 +52,15 @@ class StatePublisherNode(Node):
         urdf = urdf or expand(description_path(self.settings.description))
         self._robot = parse_urdf(urdf)
         self._unknown: set[str] = set()
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._description = self.create_publisher(String, 'robot_description', latched)
+        self._description = self.create_publisher(String, 'robot_description', LATCHED)
         self._description.publish(String(data=urdf))
         self._static = TfBroadcaster(self, static=True)
         self._moving = TfBroadcaster(self)
         # Stamp 0: true at any time, whichever clock a listener goes by.
         self._static.send(self._fixed_transforms(Time()))
         if not lock_step:
-            self.create_subscription(JointState, 'joint_states', self._on_joint_states, 10)
+            joints = self._on_joint_states
+            self.create_subscription(JointState, 'joint_states', joints, SENSOR_DATA)
 
     def publish(self, names: tuple[str, ...], positions: np.ndarray, stamp: Time) -> None:
         """Send where the children of the named joints are at positions [rad] or [m]."""

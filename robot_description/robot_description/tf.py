@@ -7,10 +7,10 @@ from typing import Any
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
 
 from robot_description.node_support import has_listener
+from robot_description.qos import TF
+from robot_description.qos import TF_STATIC
 
 
 def tf_message_type() -> type[Any] | None:
@@ -38,10 +38,9 @@ class TfBroadcaster:
                 )
             return
         if static:
-            latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-            self._publisher = node.create_publisher(self._type, '/tf_static', latched)
+            self._publisher = node.create_publisher(self._type, '/tf_static', TF_STATIC)
         else:
-            self._publisher = node.create_publisher(self._type, '/tf', QoSProfile(depth=100))
+            self._publisher = node.create_publisher(self._type, '/tf', TF)
 
     @property
     def available(self) -> bool:

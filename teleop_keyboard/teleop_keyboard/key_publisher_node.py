@@ -15,6 +15,7 @@ from rclpy.node import Node
 from robot_description.errors import UserError
 from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
+from robot_description.qos import EVENTS
 from std_msgs.msg import String
 
 from teleop_keyboard.command_line import read_options
@@ -22,8 +23,6 @@ from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.key_script import KeyScriptWriter
 
-# Messages kept for a receiver that is slow: a burst of typing must not lose a key.
-QUEUE_DEPTH = 100
 # How long one wait for keys lasts [s]; keys end it at once, signals are seen after it.
 POLL_PERIOD = 0.05
 # How often services (parameters) are answered [s]; each look costs more than a wait for keys.
@@ -49,7 +48,7 @@ class KeyPublisherNode(Node):
             description='One message for each character, as the tutorials.', read_only=True
         )
         self.raw: bool = self.declare_parameter('raw', False, described).value
-        self._publisher = self.create_publisher(String, 'keys', QUEUE_DEPTH)
+        self._publisher = self.create_publisher(String, 'keys', EVENTS)
 
     @property
     def has_subscriber(self) -> bool:

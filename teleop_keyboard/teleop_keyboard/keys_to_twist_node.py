@@ -10,6 +10,7 @@ from rclpy.parameter import Parameter
 from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
+from robot_description.qos import EVENTS
 from std_msgs.msg import String
 
 from teleop_keyboard.conversions import to_twist
@@ -21,7 +22,6 @@ from teleop_keyboard.teleop_parameters import TeleopParameters
 from teleop_keyboard.twist_output import declare_stamped
 from teleop_keyboard.twist_output import TwistOutput
 
-KEYS_DEPTH = 100
 # A longer pause than this was no driving time: the process slept, or the clock jumped [s].
 LONGEST_STEP = 0.2
 # The zero that ends it all is sent this often, and may take this long to leave [s].
@@ -63,7 +63,7 @@ class KeysToTwistNode(Node):
         self._lock_step = lock_step
         self._last_time = self.get_clock().now()
         self._timer = None if lock_step else self._make_timer()
-        self.keys = Inlet(self, String, 'keys', self._on_key, KEYS_DEPTH)
+        self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
 
     @property
     def has_subscriber(self) -> bool:

@@ -3,9 +3,8 @@
 
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import qos_profile_sensor_data
-from rclpy.qos import QoSProfile
+from robot_description.qos import LATCHED
+from robot_description.qos import LATEST
 from std_msgs.msg import String
 
 from teleop_keyboard.conversions import from_twist
@@ -23,12 +22,9 @@ class RobotMonitorNode(Node):
         self._velocity: Velocity | None = None
         self._heard_at = self.get_clock().now()
         self.state: str | None = None
-        # The latest is enough: a dashboard shows no past.
-        latest = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._inputs = [
-            self.create_subscription(Odometry, 'odom', self._on_odometry, latest),
-            self.create_subscription(String, 'state', self._on_state, latched),
+            self.create_subscription(Odometry, 'odom', self._on_odometry, LATEST),
+            self.create_subscription(String, 'state', self._on_state, LATCHED),
         ]
 
     @property

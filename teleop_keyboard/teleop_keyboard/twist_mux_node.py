@@ -15,10 +15,10 @@ from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
 from robot_description.node_support import run_node
 from robot_description.parameters import InvalidParameter
+from robot_description.qos import LATCHED
+from robot_description.qos import RELIABLE
 from std_msgs.msg import Bool
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
@@ -34,7 +34,6 @@ from teleop_keyboard.twist_output import LOOK_PERIOD
 from teleop_keyboard.twist_output import TwistOutput
 from teleop_keyboard.twist_output import type_of
 
-DEPTH = 10
 # How often losses are looked for [s]: so late a zero comes after a time-out.
 STEP_PERIOD = 0.02
 LAST_WORDS_TIMEOUT = 0.3
@@ -64,9 +63,8 @@ class TwistMuxNode(Node):
         }
         self.mux = Mux(self._tables['topics'], self._tables['locks'])
         self.add_on_set_parameters_callback(self._on_parameters)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._selected = self.create_publisher(String, 'selected', latched)
-        self._marker = self.create_publisher(Marker, 'twist_marker', 1)
+        self._selected = self.create_publisher(String, 'selected', LATCHED)
+        self._marker = self.create_publisher(Marker, 'twist_marker', RELIABLE)
         self._announced: str | None = None
         self._inputs: dict[str, Any] = {}
         self._types: dict[str, type] = {}
@@ -74,7 +72,7 @@ class TwistMuxNode(Node):
             self._subscribe(source, Twist)
         self._lock_inputs = [
             self.create_subscription(
-                Bool, lock.topic, functools.partial(self._on_lock, lock.name), DEPTH
+                Bool, lock.topic, functools.partial(self._on_lock, lock.name), RELIABLE
             )
             for lock in self._tables['locks']
         ]
@@ -129,7 +127,7 @@ class TwistMuxNode(Node):
             self.destroy_subscription(self._inputs[source.name])
         callback = functools.partial(self._on_twist, source.name)
         self._inputs[source.name] = self.create_subscription(
-            message_type, source.topic, callback, DEPTH
+            message_type, source.topic, callback, RELIABLE
         )
         self._types[source.name] = message_type
 

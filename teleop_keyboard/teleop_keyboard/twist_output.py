@@ -12,8 +12,8 @@ from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from robot_description.parameters import InvalidParameter
+from robot_description.qos import RELIABLE
 
-DEPTH = 10
 # How often the subscribers' types are looked at [s of wall time].
 LOOK_PERIOD = 0.25
 TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
@@ -72,7 +72,7 @@ class TwistOutput:
         self._frame_id = frame_id
         self._has_warned = False
         self.type: type = TwistStamped if stamped == 'true' else Twist
-        self._publisher = node.create_publisher(self.type, topic, DEPTH)
+        self._publisher = node.create_publisher(self.type, topic, RELIABLE)
         self.receivers: list[Callable[[Any], None]] = []
         if follow:
             # Wall time: simulated time may stand still while somebody subscribes.
@@ -118,5 +118,5 @@ class TwistOutput:
 
     def _change_type(self, wanted: type) -> None:
         self._node.destroy_publisher(self._publisher)
-        self._publisher = self._node.create_publisher(wanted, self._topic, DEPTH)
+        self._publisher = self._node.create_publisher(wanted, self._topic, RELIABLE)
         self.type = wanted

@@ -16,6 +16,7 @@ from quadruped_sim.rotations import rpy_from_matrix
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.qos import RELIABLE
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.layouts import on_qwerty
@@ -53,7 +54,7 @@ class Go2Stack:
                 Parameter('limits', value=options.limits),
             ],
         )
-        self._twists = self._legs.create_publisher(Twist, 'cmd_vel', 10)
+        self._twists = self._legs.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._teleop: KeysToTwistNode | None = None
         self.nodes: list[Node] = [self._legs]
         if options.preset != UNITREE_PRESET:

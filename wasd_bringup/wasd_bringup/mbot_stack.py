@@ -16,6 +16,7 @@ from mujoco_sim.world import World
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.qos import RELIABLE
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 
@@ -58,7 +59,7 @@ class MbotStack:
         )
         self._driver = DiffDriveControllerNode(geometry, lock_step=True)
         self._teleop.receivers.append(self._driver.cmd_vel.put)
-        self._twists = self._teleop.create_publisher(Twist, 'cmd_vel', 10)
+        self._twists = self._teleop.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self.nodes: list[Node] = [self._driver, self._teleop]
         self.press: Callable[[String], None] = self._teleop.keys.put
         self.ticks = TickStatistics(self.period)
