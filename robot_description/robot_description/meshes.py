@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mesh files as triangles: read with trimesh, kept in the user's cache."""
 
+import contextlib
 import hashlib
 import os
 from pathlib import Path
@@ -10,12 +11,16 @@ import zipfile
 
 import numpy as np
 
+from robot_description.mesh_axes import to_metres_z_up
+
 # Raise it when what is cached changes.
-CACHE_VERSION = 1
+CACHE_VERSION = 2
+# The largest mesh in example-robot-data, the Go1's trunk, has 29 MB.
+LARGEST_FILE = 200_000_000
 
 
 class Mesh(NamedTuple):
-    """Triangles of a mesh in its link's frame: vertices (n, 3) [m], faces (m, 3)."""
+    """Triangles of a mesh as its file has them: vertices (n, 3) [m], z up, and faces (m, 3)."""
 
     vertices: np.ndarray
     faces: np.ndarray
@@ -25,9 +30,14 @@ def load_mesh(path: Path) -> Mesh:
     """
     Return the triangles of a mesh file in metres, z up, from the cache when it is there.
 
+    What its nodes place and scale is where it belongs. Several processes may share the cache.
+
     Raises:
         ValueError: the file cannot be read as a mesh.
     """
+    size = path.stat().st_size
+    if size > LARGEST_FILE:
+        raise ValueError(f'{path}: {size / 1e6:.0f} MB, at most {LARGEST_FILE / 1e6:.0f} are read')
     cached = _cache_folder() / f'{_digest(path)}.npz'
     mesh = _read_cache(cached)
     if mesh is None:
@@ -41,17 +51,21 @@ def _read_mesh(path: Path) -> Mesh:
     import trimesh
 
     try:
-        scene = trimesh.load_scene(path)
-        merged = scene.to_mesh()
+        merged = trimesh.load_scene(path).to_mesh()
+        axes = to_metres_z_up(path)
     except Exception as error:  # every decoder raises its own
         raise ValueError(f'{path}: {" ".join(str(error).split())}') from None
     if not len(merged.faces):
         raise ValueError(f'{path}: no triangles in it')
-    return Mesh(np.asarray(merged.vertices, np.float32), np.asarray(merged.faces, np.int32))
+    vertices = np.asarray(merged.vertices) @ axes.T
+    if not np.isfinite(vertices).all():
+        raise ValueError(f'{path}: some of its points are no numbers')
+    return Mesh(vertices.astype(np.float32), np.asarray(merged.faces, np.int32))
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(b'%d' % CACHE_VERSION + path.read_bytes()).hexdigest()[:32]
+    kind = f'{CACHE_VERSION}{path.suffix.lower()}'.encode()
+    return hashlib.sha256(kind + path.read_bytes()).hexdigest()[:32]
 
 
 def _cache_folder() -> Path:
@@ -69,11 +83,13 @@ def _read_cache(path: Path) -> Mesh | None:
 
 def _write_cache(path: Path, mesh: Mesh) -> None:
     """Write whole or not at all; a cache that cannot be written is none."""
-    try:
+    with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix='.npz')
-        with os.fdopen(handle, 'wb') as file:
-            np.savez(file, vertices=mesh.vertices, faces=mesh.faces)
-        os.replace(name, path)
-    except OSError:
-        return
+        handle, name = tempfile.mkstemp(dir=path.parent, suffix='.part')
+        try:
+            with os.fdopen(handle, 'wb') as file:
+                np.savez(file, vertices=mesh.vertices, faces=mesh.faces)
+            os.replace(name, path)
+        except BaseException:
+            os.unlink(name)
+            raise
