@@ -6,6 +6,7 @@ from geometry_msgs.msg import Twist
 import pytest
 from rclpy.node import Node
 from robot_description.inlet import Inlet
+from robot_description.qos import EVENTS
 
 from robot_description import inlet as inlet_module
 
@@ -24,7 +25,7 @@ class Receiver(Node):
         self.received = []
         self.publisher = self.create_publisher(Twist, 'cmd_vel', 100)
         self.inlet = Inlet(
-            self, Twist, 'cmd_vel', lambda m: self.received.append(m.linear.x), depth=100
+            self, Twist, 'cmd_vel', lambda m: self.received.append(m.linear.x), EVENTS
         )
 
     def send(self, speed):
