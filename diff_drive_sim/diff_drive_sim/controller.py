@@ -2,12 +2,15 @@
 """Velocity commands to wheel speeds: time-out, limits, kinematics, odometry."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.limits import AxisRamp
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.odometry import WheelOdometry
 from diff_drive_sim.parameters import DiffDriveParameters
+from diff_drive_sim.pose_covariance import Growth
+from diff_drive_sim.pose_covariance import PlanarCovariance
 
 # Longest step believed between two wheel angles [s]: after a gap the robot eases in, not jumps.
 MAXIMUM_STEP = 0.1
@@ -20,9 +23,56 @@ class Velocity(NamedTuple):
     angular: float = 0.0  # [rad/s], counter-clockwise
 
 
+class Controller(Protocol):
+    """What nodes and wheel drives need of a controller."""
+
+    geometry: DiffDriveGeometry
+    parameters: DiffDriveParameters
+    refused_commands: int
+
+    @property
+    def velocity(self) -> Velocity:
+        """The velocity that the wheels are sent for."""
+
+    @property
+    def target(self) -> Velocity:
+        """The command in force."""
+
+    @property
+    def state(self) -> str:
+        """`driving`, `stopped` or `timed out`."""
+
+    @property
+    def odometry_state(self) -> OdometryState:
+        """Pose and twist by the wheels."""
+
+    @property
+    def covariance(self) -> PlanarCovariance:
+        """How sure the pose is."""
+
+    @property
+    def restarts(self) -> int:
+        """How often the wheel angles have jumped."""
+
+    def reset(self) -> None:
+        """Stand still at the origin, with no command."""
+
+    def reset_odometry(self) -> None:
+        """Be at the origin, the robot going on as it does."""
+
+    def set_odometry(self, x: float, y: float, yaw: float, covariance: PlanarCovariance) -> None:
+        """Be at a pose [m], [rad], the robot going on as it does."""
+
+    def command(self, linear: float, angular: float, age: float = 0.0) -> bool:
+        """Take a velocity command and return whether it was taken."""
+
+    def step(self, left: float, right: float, dt: float) -> tuple[float, float]:
+        """Return left and right wheel speed [rad/s] for wheel angles [rad]."""
+
+
 class DiffDriveController:
     """
-    Follows the last velocity command with bounded velocity and acceleration.
+    Follows the last velocity command with bounded velocity, acceleration and jerk.
 
     Keeps the command and its age, the velocity reached so far and the odometry. One `step` is
     one control period: wheel angles in, wheel speeds out.
@@ -30,7 +80,7 @@ class DiffDriveController:
 
     def __init__(self, geometry: DiffDriveGeometry, parameters: DiffDriveParameters) -> None:
         self.geometry = geometry
-        self.odometry = WheelOdometry(geometry)
+        self.odometry = WheelOdometry(geometry, window=parameters.velocity_rolling_window_size)
         self.parameters = parameters
         self.refused_commands = 0
         self.reset()
@@ -39,8 +89,18 @@ class DiffDriveController:
         """Stand still at the origin, with no command."""
         self.odometry.reset()
         self.velocity = Velocity()
+        self._linear.velocity = self._linear.acceleration = 0.0
+        self._angular.velocity = self._angular.acceleration = 0.0
         self._wanted = Velocity()
         self._age = math.inf
+
+    def reset_odometry(self) -> None:
+        """Be at the origin, the robot going on as it does."""
+        self.odometry.set_pose(0.0, 0.0, 0.0, PlanarCovariance())
+
+    def set_odometry(self, x: float, y: float, yaw: float, covariance: PlanarCovariance) -> None:
+        """Be at a pose [m], [rad], the robot going on as it does."""
+        self.odometry.set_pose(x, y, yaw, covariance)
 
     @property
     def parameters(self) -> DiffDriveParameters:
@@ -50,8 +110,16 @@ class DiffDriveController:
     @parameters.setter
     def parameters(self, parameters: DiffDriveParameters) -> None:
         self._parameters = parameters
+        velocity = getattr(self, 'velocity', Velocity())
+        linear = parameters.linear_limits()
+        angular = parameters.angular_limits(self.geometry.wheel_separation)
+        self._linear = AxisRamp(linear, velocity.linear)
+        self._angular = AxisRamp(angular, velocity.angular)
+        self.odometry.growth = Growth(
+            parameters.distance_variance, parameters.turn_variance, parameters.drift_variance
+        )
         fastest = self.geometry.wheel_speeds(
-            parameters.linear_velocity, parameters.angular_velocity
+            max(linear.forward, linear.backward), max(angular.forward, angular.backward)
         )
         self.odometry.speed_limit = min(max(map(abs, fastest)), self.geometry.speed_limit)
 
@@ -66,10 +134,7 @@ class DiffDriveController:
         if self.timed_out:
             return Velocity()
         linear, angular = self._wanted
-        limits = self.parameters
-        share = min(
-            _share(linear, limits.linear_velocity), _share(angular, limits.angular_velocity)
-        )
+        share = min(self._linear.limits.share(linear), self._angular.limits.share(angular))
         return self._slowed(Velocity(share * linear, share * angular))
 
     @property
@@ -85,9 +150,9 @@ class DiffDriveController:
             return 'stopped'
         return 'timed out' if self.timed_out else 'driving'
 
-    def command(self, linear: float, angular: float) -> bool:
+    def command(self, linear: float, angular: float, age: float = 0.0) -> bool:
         """
-        Take a velocity command [m/s], [rad/s] and return whether it was taken.
+        Take a velocity command [m/s], [rad/s] of an age [s] and return whether it was taken.
 
         One that is not finite is refused and the previous one stays.
         """
@@ -95,7 +160,7 @@ class DiffDriveController:
             self.refused_commands += 1
             return False
         self._wanted = Velocity(linear, angular)
-        self._age = 0.0
+        self._age = age
         return True
 
     def step(self, left: float, right: float, dt: float) -> tuple[float, float]:
@@ -104,15 +169,17 @@ class DiffDriveController:
 
         `left`, `right` are the wheel angles now [rad], `dt` [s] after the last ones.
         """
-        self.odometry.step(left, right, dt)
+        if self.parameters.open_loop:
+            self.odometry.advance(*self.velocity, dt)
+        else:
+            self.odometry.step(left, right, dt)
         dt = min(dt, MAXIMUM_STEP)
-        limits = self.parameters
         target = self.target
         reached = Velocity(
-            _approach(self.velocity.linear, target.linear, limits.linear_acceleration * dt),
-            _approach(self.velocity.angular, target.angular, limits.angular_acceleration * dt),
+            self._linear.step(target.linear, dt), self._angular.step(target.angular, dt)
         )
         self.velocity = self._slowed(reached)
+        self._linear.velocity, self._angular.velocity = self.velocity
         self._age += dt
         return self.geometry.wheel_speeds(*self.velocity)
 
@@ -121,22 +188,19 @@ class DiffDriveController:
         """Pose and twist by the wheels."""
         return self.odometry.state
 
+    @property
+    def covariance(self) -> PlanarCovariance:
+        """How sure the pose is."""
+        return self.odometry.covariance
+
+    @property
+    def restarts(self) -> int:
+        """How often the wheel angles have jumped."""
+        return self.odometry.restarts
+
     def _slowed(self, velocity: Velocity) -> Velocity:
         """Return the velocity, slowed down as a whole to what the faster wheel can do."""
         fastest = max(map(abs, self.geometry.wheel_speeds(*velocity)))
-        share = _share(fastest, self.geometry.speed_limit)
+        limit = self.geometry.speed_limit
+        share = limit / fastest if fastest > limit else 1.0
         return Velocity(share * velocity.linear, share * velocity.angular)
-
-
-def _share(value: float, limit: float) -> float:
-    """Return the largest factor up to 1 by which a value is within +-limit."""
-    return limit / abs(value) if abs(value) > limit else 1.0
-
-
-def _clip(value: float, limit: float) -> float:
-    return max(-limit, min(limit, value))
-
-
-def _approach(value: float, target: float, step: float) -> float:
-    """Return `target`, or the value nearest to it within `step` of `value`."""
-    return value + _clip(target - value, step)

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The diff-drive controller on ROS: cmd_vel in, odom and joint commands out."""
 
+import dataclasses
 import sys
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 from mujoco_sim.conversions import to_joint_commands
@@ -12,78 +15,193 @@ from mujoco_sim.world import JointCommand
 from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
-from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import has_listener
 from robot_description.node_support import run_node
 from robot_description.tf import TfBroadcaster
+from robot_description.urdf import Robot
 from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from diff_drive_sim.controller import DiffDriveController
+from diff_drive_sim.command_stamp import judge_stamp
+from diff_drive_sim.controller import MAXIMUM_STEP
+from diff_drive_sim.conversions import from_pose
+from diff_drive_sim.conversions import to_diagnostics
 from diff_drive_sim.conversions import to_odometry
 from diff_drive_sim.conversions import to_transform
-from diff_drive_sim.geometry import DiffDriveGeometry
-from diff_drive_sim.geometry import find_wheels
+from diff_drive_sim.conversions import to_twist_stamped
+from diff_drive_sim.conversions import to_wheel_states
+from diff_drive_sim.drive_unit import DriveUnit
+from diff_drive_sim.errors import DiffDriveError
+from diff_drive_sim.node_parameters import read_given
 from diff_drive_sim.parameters import DiffDriveParameters
+from diff_drive_sim.velocity_input import VelocityInput
+
+ARBOTIX_JOINTS = ('base_l_wheel_joint', 'base_r_wheel_joint')
+JUMPED = 'the wheel angles have jumped (was the robot reset?): odometry goes on from where it was'
 
 
 class DiffDriveControllerNode(Node):
     """
     Drives two wheels from cmd_vel.
 
-    Alone, it steps at each `joint_states` message and publishes `joint_commands`. In lock-step
-    the simulation loop calls `control` and `publish_odometry`, and `cmd_vel.put` hands commands
-    of the same process over.
+    Alone, it steps at each `joint_states` message and publishes `joint_commands`; in mode fake it
+    steps on a timer, and the wheels' `joint_states` are its own. In lock-step the simulation loop
+    calls `control` and the `publish` methods, and `cmd_vel.put` hands commands of the same
+    process over.
     """
 
     def __init__(
-        self, geometry: DiffDriveGeometry | None = None, *, lock_step: bool = False
+        self,
+        robot: Robot | None = None,
+        *,
+        lock_step: bool = False,
+        parameter_overrides: list[Parameter] | None = None,
     ) -> None:
         """
-        Take the wheels' geometry, or find it in the robot that the parameter `description` names.
+        Take a robot, or load the one that the parameter `description` names.
 
         Raises:
             InvalidParameter, DescriptionError, DiffDriveError: what is wrong, in one line.
         """
-        super().__init__('diff_drive_controller')
-        self.settings = declare_parameters(self, DiffDriveParameters, self._on_change)
-        if geometry is None:
-            geometry = find_wheels(load_robot(self.settings.description).robot)
-        self.controller = DiffDriveController(geometry, self.settings)
-        self.cmd_vel: Inlet[Any]
-        if self.settings.stamped:
-            self.cmd_vel = Inlet(self, TwistStamped, 'cmd_vel', self._on_twist_stamped)
-        else:
-            self.cmd_vel = Inlet(self, Twist, 'cmd_vel', self._on_twist)
+        super().__init__('diff_drive_controller', parameter_overrides=parameter_overrides or [])
+        given = read_given(self)
+        declared = declare_parameters(self, DiffDriveParameters, self._on_change, given.defaults)
+        robot = robot or load_robot(declared.description).robot
+        self._root = robot.root
+        self.settings = self._with_base_frame(declared)
+        # Over topics the answer to a state is in force from the next one on.
+        self.unit = DriveUnit(robot, self.settings, delay=0 if lock_step else 1)
+        self.controller = self.unit.controller
+        for note in (*self.unit.notes, *self._frame_notes(robot)):
+            self.get_logger().warning(note)
+        self._label = given.name or self.get_name()
+        self.cmd_vel = VelocityInput(
+            self, self.settings.stamped, self._on_twist, self._on_twist_stamped
+        )
         self._odometry = self.create_publisher(Odometry, 'odom', 10)
         self._tf = TfBroadcaster(self)
+        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
+        self._limited: Any = None
+        if self.settings.publish_limited_velocity:
+            self._limited = self.create_publisher(TwistStamped, '~/cmd_vel_out', 10)
+        self.is_fake = self.settings.mode == 'fake'
+        self._names = self._own_joint_names(alone=self.is_fake and not lock_step)
+        if self._names:
+            self._wheel_states = self.create_publisher(JointState, 'joint_states', 10)
+        self.create_service(Trigger, '~/reset_odometry', self._on_reset_odometry)
+        self.create_subscription(
+            PoseWithCovarianceStamped, '~/set_odometry', self._on_set_odometry, 10
+        )
         if not lock_step:
-            # Reliable: whoever listens is served, also who asks for no more than best effort.
-            self._joint_commands = self.create_publisher(JointTrajectory, 'joint_commands', 10)
-            self._last_state: Any = None
-            self._published_at: Any = None
-            self.create_subscription(
-                JointState, 'joint_states', self._on_joint_states, qos_profile_sensor_data
-            )
+            self._stand_alone()
+
+    @property
+    def update_rate(self) -> float:
+        """How often `control` is to be called [Hz]; a frame of the firmware is 17 of its calls."""
+        return 500.0 if self.settings.mode == 'arbotix' else self.settings.update_rate
 
     def control(self, left: float, right: float, dt: float) -> JointCommand:
         """Return the command of the two motors, left then right, for wheel angles [rad]."""
-        speeds = np.array(self.controller.step(left, right, dt))
+        restarts = self.controller.restarts
+        speeds = np.array(self.unit.step(left, right, dt))
+        if self.controller.restarts > restarts:
+            self.get_logger().warning(JUMPED, throttle_duration_sec=5.0)
         none = np.zeros(2)
-        return JointCommand(none, speeds, none, none, np.full(2, self.settings.wheel_damping))
+        return JointCommand(none, speeds, none, none, np.full(2, self.unit.motor.damping))
 
-    def publish_odometry(self) -> None:
-        """Publish odom and /tf with one stamp, the node's time."""
-        self._publish_odometry(self.get_clock().now().to_msg())
+    def publish(self, stamp: Any = None) -> None:
+        """Publish odom and /tf, and what else is asked for, with one stamp: the node's time."""
+        stamp = stamp or self.get_clock().now().to_msg()
+        state = self.controller.odometry_state
+        if has_listener(self._odometry):
+            covariance = self.controller.covariance
+            self._odometry.publish(to_odometry(state, covariance, stamp, self.settings))
+        if self.settings.enable_odom_tf and self._tf.available:
+            self._tf.send([to_transform(state, stamp, self.settings)])
+        if self._limited is not None:
+            frame = self.settings.base_frame_id
+            self._limited.publish(to_twist_stamped(self.controller.velocity, stamp, frame))
+        if self._names and has_listener(self._wheel_states):
+            repeat = len(self._names) // 2
+            positions, velocities = (
+                [*values] * repeat for values in (self.unit.angles, self.unit.wheel_velocities)
+            )
+            self._wheel_states.publish(to_wheel_states(self._names, positions, velocities, stamp))
+
+    def publish_diagnostics(self) -> None:
+        """Publish the state, and what arbotix says of a controller."""
+        stamp = self.get_clock().now().to_msg()
+        unit, controller = self.unit, self.controller
+        self._diagnostics.publish(
+            to_diagnostics(
+                self._label, controller.state, unit.ticks, controller.odometry_state, stamp
+            )
+        )
 
     def close(self) -> None:
         """Leave the wheels stopped (the simulator's own watchdog brakes them, too)."""
-        self.controller.reset()
+        self.unit.reset()
 
-    def _on_twist(self, message: Twist) -> None:
-        if not self.controller.command(message.linear.x, message.angular.z):
+    def destroy_node(self) -> None:
+        """Release the node, and the second participant of cmd_vel."""
+        self.cmd_vel.close()
+        super().destroy_node()
+
+    def _stand_alone(self) -> None:
+        """Step on joint_states, or in mode fake on a timer of the node's clock."""
+        self._stepped_at: float | None = None
+        self._published_at: float | None = None
+        if self.settings.diagnostic_rate > 0.0:
+            self.create_timer(1.0 / self.settings.diagnostic_rate, self.publish_diagnostics)
+        if self.is_fake:
+            self.create_timer(1.0 / self.update_rate, self._on_fake_timer)
+            return
+        # Reliable: whoever listens is served, also who asks for no more than best effort.
+        self._joint_commands = self.create_publisher(JointTrajectory, 'joint_commands', 10)
+        self.create_subscription(
+            JointState, 'joint_states', self._on_joint_states, qos_profile_sensor_data
+        )
+
+    def _on_fake_timer(self) -> None:
+        now = self.get_clock().now()
+        self.unit.step_fake(min(self._elapsed(1e-9 * now.nanoseconds), MAXIMUM_STEP))
+        self._publish_when_due(1e-9 * now.nanoseconds, now.to_msg())
+
+    def _on_joint_states(self, message: JointState) -> None:
+        geometry = self.controller.geometry
+        names = (geometry.left_joint, geometry.right_joint)
+        if not set(names) & set(message.name) and message.name:
+            return  # somebody else's joints
+        try:
+            wheels = [message.position[message.name.index(name)] for name in names]
+        except (ValueError, IndexError):
+            self.get_logger().warning(
+                f'joint_states lacks {geometry.left_joint} or {geometry.right_joint}: ignored',
+                once=True,
+            )
+            return
+        now = _seconds(message.header.stamp)
+        command = self.control(wheels[0], wheels[1], self._elapsed(now))
+        self._joint_commands.publish(to_joint_commands(names, command, message.header.stamp))
+        self._publish_when_due(now, message.header.stamp)
+
+    def _elapsed(self, now: float) -> float:
+        """Return the time since the last call [s]; 0 for the first, and when time jumps back."""
+        previous, self._stepped_at = self._stepped_at, now
+        return 0.0 if previous is None else max(now - previous, 0.0)
+
+    def _publish_when_due(self, now: float, stamp: Any) -> None:
+        due = 1.0 / self.settings.publish_rate
+        if self._published_at is None or not 0.0 <= now - self._published_at < due - 1e-6:
+            self._published_at = now
+            self.publish(stamp)
+
+    def _on_twist(self, message: Twist, age: float = 0.0) -> None:
+        if not self.controller.command(message.linear.x, message.angular.z, age):
             self.get_logger().warning(
                 f'cmd_vel is not finite (linear.x {message.linear.x}, angular.z '
                 f'{message.angular.z}): ignored',
@@ -91,50 +209,60 @@ class DiffDriveControllerNode(Node):
             )
 
     def _on_twist_stamped(self, message: TwistStamped) -> None:
-        self._on_twist(message.twist)
-
-    def _on_joint_states(self, message: JointState) -> None:
-        geometry = self.controller.geometry
-        try:
-            wheels = [
-                message.position[message.name.index(name)]
-                for name in (geometry.left_joint, geometry.right_joint)
-            ]
-        except (ValueError, IndexError):
-            self.get_logger().warning(
-                f'joint_states lacks {geometry.left_joint} or {geometry.right_joint}: ignored',
-                once=True,
-            )
+        now = 1e-9 * self.get_clock().now().nanoseconds
+        stamp = _seconds(message.header.stamp)
+        verdict = judge_stamp(stamp, now, self.settings.cmd_vel_timeout)
+        if verdict.age is None:
+            self.get_logger().warning(f'cmd_vel {verdict.note}', throttle_duration_sec=1.0)
             return
-        stamp = message.header.stamp
-        now = stamp.sec + 1e-9 * stamp.nanosec
-        previous, self._last_state = self._last_state, now
-        dt = 0.0 if previous is None else max(now - previous, 0.0)
-        restarts = self.controller.odometry.restarts
-        command = self.control(wheels[0], wheels[1], dt)
-        if self.controller.odometry.restarts > restarts:
-            self.get_logger().warning(
-                'the wheel angles have jumped (was the robot reset?): odometry goes on from '
-                'where it was',
-                throttle_duration_sec=5.0,
-            )
-        names = (geometry.left_joint, geometry.right_joint)
-        self._joint_commands.publish(to_joint_commands(names, command, stamp))
-        due = 1.0 / self.settings.publish_rate
-        if self._published_at is None or not 0.0 <= now - self._published_at < due - 1e-6:
-            self._published_at = now
-            self._publish_odometry(stamp)
+        if verdict.note and stamp == 0.0:
+            self.get_logger().warning(f'cmd_vel {verdict.note}', once=True)
+        elif verdict.note:
+            self.get_logger().warning(f'cmd_vel {verdict.note}', throttle_duration_sec=5.0)
+        self._on_twist(message.twist, verdict.age)
 
-    def _publish_odometry(self, stamp: Any) -> None:
-        state = self.controller.odometry_state
-        if has_listener(self._odometry):
-            self._odometry.publish(to_odometry(state, stamp, self.settings))
-        if self._tf.available:
-            self._tf.send([to_transform(state, stamp, self.settings)])
+    def _on_reset_odometry(
+        self, _: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        self.controller.reset_odometry()
+        response.success = True
+        response.message = f'odometry is at the origin of {self.settings.odom_frame_id}'
+        return response
+
+    def _on_set_odometry(self, message: PoseWithCovarianceStamped) -> None:
+        try:
+            pose = from_pose(message, self.settings.odom_frame_id)
+        except DiffDriveError as error:
+            self.get_logger().warning(f'set_odometry: {error}: ignored')
+            return
+        self.controller.set_odometry(*pose)
 
     def _on_change(self, changed: DiffDriveParameters) -> None:
-        self.settings = changed
-        self.controller.parameters = changed
+        self.settings = self._with_base_frame(changed)
+        self.unit.parameters = self.settings
+
+    def _with_base_frame(self, parameters: DiffDriveParameters) -> DiffDriveParameters:
+        frame = parameters.base_frame_id or self._root
+        return dataclasses.replace(parameters, base_frame_id=frame)
+
+    def _frame_notes(self, robot: Robot) -> list[str]:
+        frame = self.settings.base_frame_id
+        if frame == robot.root or not self.settings.enable_odom_tf:
+            return []
+        why = 'has a parent already' if frame in robot.links else 'is no link of the description'
+        return [f'base_frame_id {frame!r} {why}, its root is {robot.root!r}: /tf is no tree']
+
+    def _own_joint_names(self, alone: bool) -> tuple[str, ...]:
+        """Return the names under which this node publishes the wheels' states; none if others."""
+        geometry, wanted = self.controller.geometry, self.settings.joint_names
+        described = (geometry.left_joint, geometry.right_joint)
+        names = described if alone and wanted in ('urdf', 'both') else ()
+        arbotix = wanted in ('arbotix', 'both') and described != ARBOTIX_JOINTS
+        return (*names, *ARBOTIX_JOINTS) if arbotix else names
+
+
+def _seconds(stamp: Any) -> float:
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the robot is, from how far its wheels have turned."""
 
+from collections import deque
 import math
 from typing import NamedTuple
 
 from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.pose_covariance import grown
+from diff_drive_sim.pose_covariance import Growth
+from diff_drive_sim.pose_covariance import PlanarCovariance
 
 # Wheels are believed to turn at most so many times as fast as they can be commanded to: one that
 # is pushed or slips is faster than that, one whose encoder has restarted much faster.
@@ -24,48 +28,72 @@ class OdometryState(NamedTuple):
     lateral: float = 0.0  # [m/s], to the left: of a base that is not on the axle
 
 
+class _Move(NamedTuple):
+    """What a step has added: path of the axle's middle [m], turn [rad], time [s]."""
+
+    forward: float
+    turn: float
+    elapsed: float
+
+
 class WheelOdometry:
     """
     Integrates wheel angles along exact arcs.
 
-    Keeps the pose and the last wheel angles; the first `step` only takes the angles in, so that
-    encoders that do not start at 0 move nothing. Nor does a change that no wheel can make at
-    `speed_limit` [rad/s], the largest speed it is commanded to: encoders that have restarted,
-    e.g. because the simulator in another process was reset. `restarts` counts them.
+    Keeps the pose, its covariance and the last wheel angles; the first `step` only takes the
+    angles in, so that encoders that do not start at 0 move nothing. Nor does a change that no
+    wheel can make at `speed_limit` [rad/s], the largest speed it is commanded to: encoders that
+    have restarted, e.g. because the simulator in another process was reset. `restarts` counts
+    them. The velocity is the mean over the last `window` steps.
     """
 
-    def __init__(self, geometry: DiffDriveGeometry, speed_limit: float = math.inf) -> None:
+    def __init__(
+        self,
+        geometry: DiffDriveGeometry,
+        speed_limit: float = math.inf,
+        window: int = 1,
+        growth: Growth | None = None,
+    ) -> None:
         self._geometry = geometry
         self.speed_limit = speed_limit
+        self.growth = growth or Growth()
         self.restarts = 0
+        self._moves: deque[_Move] = deque(maxlen=window)
         self.reset()
 
     def reset(self) -> None:
-        """Put the robot at the origin of the odom frame."""
+        """Put the robot at the origin of the odom frame; what it does not move, it forgets."""
         self.state = OdometryState()
+        self.covariance = PlanarCovariance()
         self._angles: tuple[float, float] | None = None
         self._elapsed = 0.0  # [s] since those angles
+        self._moves.clear()
+
+    def set_pose(self, x: float, y: float, yaw: float, covariance: PlanarCovariance) -> None:
+        """Be at a pose from now on, known so well; the velocity stays as it is."""
+        self.state = self.state._replace(x=x, y=y, yaw=yaw)
+        self.covariance = covariance
 
     def step(self, left: float, right: float, dt: float) -> OdometryState:
-        """
-        Take in wheel angles [rad] `dt` [s] after the last ones; angles not finite change nothing.
-
-        The axle's middle moves on a circle of radius forward / turn: its chord is
-        forward sin(turn/2) / (turn/2) along the mean heading, which is exact for constant speeds.
-        The base is rigidly behind it.
-        """
+        """Take in wheel angles [rad] `dt` [s] after the last; not finite, they change nothing."""
         self._elapsed += dt
         if not (math.isfinite(left) and math.isfinite(right)):
             return self.state
         if self._angles is not None:
             changes = left - self._angles[0], right - self._angles[1]
             if self._can_be(changes):
-                self._move(*self._geometry.displacement(*changes))
+                self._move(_Move(*self._geometry.displacement(*changes), self._elapsed))
             else:
                 self.restarts += 1
+                self._moves.clear()
                 self.state = self.state._replace(linear=0.0, angular=0.0, lateral=0.0)
         self._angles = (left, right)
         self._elapsed = 0.0
+        return self.state
+
+    def advance(self, linear: float, angular: float, dt: float) -> OdometryState:
+        """Move as a velocity [m/s], [rad/s] of the axle's middle says, whatever the wheels do."""
+        self._move(_Move(linear * dt, angular * dt, dt))
         return self.state
 
     def _can_be(self, changes: tuple[float, float]) -> bool:
@@ -74,28 +102,45 @@ class WheelOdometry:
         largest = max(SMALLEST_JUMP, BELIEVABLE * self.speed_limit * self._elapsed)
         return max(map(abs, changes)) <= largest
 
-    def _move(self, forward: float, turn: float) -> None:
-        """Move the axle's middle along an arc [m], [rad], and the base with it."""
-        before, elapsed = self.state, self._elapsed
+    def _move(self, move: _Move) -> None:
+        """
+        Move the axle's middle along an arc, and the base with it.
+
+        The circle has radius forward / turn: its chord is forward sin(turn/2) / (turn/2) along
+        the mean heading, which is exact for constant speeds.
+        """
+        before = self.state
         offset_x, offset_y = self._geometry.axle_x, self._geometry.axle_y
-        heading = before.yaw + 0.5 * turn
-        yaw = before.yaw + turn
-        chord = forward * _sinc(0.5 * turn)
+        heading = before.yaw + 0.5 * move.turn
+        yaw = before.yaw + move.turn
+        chord = move.forward * _sinc(0.5 * move.turn)
         # p_base = p_axle - R(yaw) offset, hence what R changes moves the base, too.
         cos = math.cos(before.yaw) - math.cos(yaw)
         sin = math.sin(before.yaw) - math.sin(yaw)
-        linear, angular = before.linear, before.angular
-        if elapsed > 0.0:
-            angular = turn / elapsed
-            linear = forward / elapsed + angular * offset_y
-        self.state = OdometryState(
-            x=before.x + chord * math.cos(heading) + cos * offset_x - sin * offset_y,
-            y=before.y + chord * math.sin(heading) + sin * offset_x + cos * offset_y,
-            yaw=yaw,
-            linear=linear,
-            angular=angular,
-            lateral=-angular * offset_x,
+        x = before.x + chord * math.cos(heading) + cos * offset_x - sin * offset_y
+        y = before.y + chord * math.sin(heading) + sin * offset_x + cos * offset_y
+        self.covariance = grown(
+            self.covariance,
+            self.growth,
+            move.forward,
+            move.turn,
+            heading,
+            (x - before.x, y - before.y),
         )
+        linear, angular = self._mean_velocity(move)
+        self.state = OdometryState(
+            x, y, yaw, linear + angular * offset_y, angular, -angular * offset_x
+        )
+
+    def _mean_velocity(self, move: _Move) -> tuple[float, float]:
+        """Return the velocity of the axle's middle over the window."""
+        if move.elapsed > 0.0:
+            self._moves.append(move)
+        elapsed = sum(each.elapsed for each in self._moves)
+        if elapsed <= 0.0:
+            return 0.0, 0.0
+        forward = sum(each.forward for each in self._moves)
+        return forward / elapsed, sum(each.turn for each in self._moves) / elapsed
 
 
 def _sinc(angle: float) -> float:

@@ -80,9 +80,8 @@ class World:
     """
     One robot in one compiled model.
 
-    Keeps MuJoCo's state, the command and the pushes in force and `tick`, the number of physics
-    steps so far. Until the first command the motors are limp. The same seed and the same calls
-    give the same bits.
+    Keeps MuJoCo's state, the command and pushes in force and `tick`, the number of physics steps
+    so far. Before any command motors are limp. Same seed and same calls give the same bits.
     """
 
     def __init__(
@@ -104,6 +103,7 @@ class World:
         self.setup = setup or RobotSetup()
         self.tick = 0
         self.rejected_commands = 0
+        self.is_kinematic = False  # then it moves by `kinematic.place` only
         joints = [self.model.joint(i) for i in range(self.model.njnt)]
         hinges = [joint for joint in joints if joint.type[0] != mujoco.mjtJoint.mjJNT_FREE]
         self._floats = bool(joints) and joints[0].type[0] == mujoco.mjtJoint.mjJNT_FREE
@@ -276,6 +276,8 @@ class World:
 
     def _advance(self, count: int) -> None:
         self.tick += count
+        if self.is_kinematic:
+            return
         if self._curve is None:
             mujoco.mj_step(self.model, self.data, count)
             return

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every node of this project needs: parameters from their definition, a clean way out."""
 
+import array
 from collections.abc import Callable, Sequence
 import dataclasses
 import signal
@@ -29,6 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from robot_description.errors import UserError
 from robot_description.parameters import describe_range
 from robot_description.parameters import InvalidParameter
+from robot_description.parameters import outward_name
 from robot_description.parameters import Parameters
 
 ParametersType = TypeVar('ParametersType', bound=Parameters)
@@ -51,9 +53,10 @@ def declare_parameters(
     node: Node,
     definition: type[ParametersType],
     on_change: Callable[[ParametersType], None] | None = None,
+    defaults: ParametersType | None = None,
 ) -> ParametersType:
     """
-    Declare a parameter set on a node and return its values.
+    Declare a parameter set on a node and return its values; `defaults` replaces the definition's.
 
     With `on_change`, parameters that are not read-only can be set at run time: a legal change
     calls it with the new set, an illegal one is rejected with the reason. An integer is taken
@@ -63,18 +66,23 @@ def declare_parameters(
         InvalidParameter: when an override given at start is illegal.
     """
     values: dict[str, Any] = {}
-    for field in dataclasses.fields(definition):
+    fields = {outward_name(field): field for field in dataclasses.fields(definition)}
+    for name, field in fields.items():
+        default = field.default if defaults is None else getattr(defaults, field.name)
         try:
-            declared = node.declare_parameter(field.name, field.default, _descriptor(field))
+            declared = node.declare_parameter(name, _to_ros(default), _descriptor(field))
         except rclpy.exceptions.ParameterException as error:
-            raise InvalidParameter(f'{field.name}: {error}') from None
-        values[field.name] = declared.value
+            raise InvalidParameter(f'{name}: {error}') from None
+        values[field.name] = _from_ros(declared.value)
     current = definition(**values)
 
     def set_parameters(changes: 'Sequence[Parameter]') -> SetParametersResult:
         nonlocal current
-        known = {field.name for field in dataclasses.fields(definition)}
-        wanted = {change.name: change.value for change in changes if change.name in known}
+        wanted = {
+            fields[change.name].name: _from_ros(change.value)
+            for change in changes
+            if change.name in fields
+        }
         if not wanted:
             return SetParametersResult(successful=True)
         try:
@@ -90,6 +98,15 @@ def declare_parameters(
     return current
 
 
+def _to_ros(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _from_ros(value: Any) -> Any:
+    """Return a list of any of ROS's kinds as a tuple."""
+    return tuple(value) if isinstance(value, (list, array.array)) else value
+
+
 def _descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
     meta = field.metadata
     description = meta['doc']
@@ -102,10 +119,11 @@ def _descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
         description=description,
         read_only=meta['read_only'],
         # So that ROS lets integers through to our own check, which knows what they mean.
-        dynamic_typing=is_float,
+        # An empty list has no type yet.
+        dynamic_typing=is_float or isinstance(field.default, tuple),
         additional_constraints=', '.join(meta['choices']),
     )
-    if is_float and None not in (meta['minimum'], meta['maximum']):
+    if is_float and None not in (meta['minimum'], meta['maximum']) and not meta['nan']:
         limits = FloatingPointRange(from_value=meta['minimum'], to_value=meta['maximum'])
         descriptor.floating_point_range = [limits]
     return descriptor

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters as validated data: one frozen definition that code, nodes and documents share."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import dataclasses
 import difflib
 import math
@@ -20,16 +20,22 @@ def parameter(
     doc: str,
     unit: str = '',
     above: float | None = None,
+    below: float | None = None,
     minimum: float | None = None,
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
     read_only: bool = False,
+    name: str = '',
+    nan: str = '',
 ) -> Any:
     """
     Return the dataclass field of one parameter.
 
-    `above` excludes its bound, `minimum` and `maximum` include theirs; `choices` lists the legal
-    strings. `read_only` parameters are fixed once a node has started.
+    `above` and `below` exclude their bound, `minimum` and `maximum` include theirs; `choices`
+    lists the legal strings. `read_only` parameters are fixed once a node has started. `name` is
+    what users call it where that is no Python name (`linear.x.max_velocity`); `nan` says what NaN
+    means where it is legal. A tuple makes a list of its items' type, of strings when empty;
+    bounds hold for each item.
     """
     return dataclasses.field(
         default=default,
@@ -37,12 +43,20 @@ def parameter(
             'doc': doc,
             'unit': unit,
             'above': above,
+            'below': below,
             'minimum': minimum,
             'maximum': maximum,
             'choices': choices,
             'read_only': read_only,
+            'name': name,
+            'nan': nan,
         },
     )
+
+
+def outward_name(definition: 'dataclasses.Field[Any]') -> str:
+    """Return what users call a parameter."""
+    return definition.metadata.get('name') or definition.name
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -63,37 +77,64 @@ class Parameters:
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Self:
         """Build from e.g. a YAML mapping; an unknown key is an error that names its neighbour."""
-        known = [definition.name for definition in dataclasses.fields(cls)]
-        for key in values:
-            if key not in known:
-                near = difflib.get_close_matches(str(key), known, n=1)
-                hint = f', did you mean {near[0]!r}?' if near else f'; known: {", ".join(known)}'
-                raise InvalidParameter(f'unknown parameter {key!r}{hint}')
-        return cls(**values)
+        return cls(**{_find(cls, key).name: value for key, value in values.items()})
+
+    @classmethod
+    def checked(cls, key: str, value: Any) -> Any:
+        """
+        Return the value of one parameter as it would be kept.
+
+        Raises:
+            InvalidParameter: there is no such parameter, or it cannot have this value.
+        """
+        return _checked(_find(cls, key), value)
+
+
+def _find(definition: type[Parameters], key: str) -> 'dataclasses.Field[Any]':
+    known = {outward_name(field): field for field in dataclasses.fields(definition)}
+    if key not in known:
+        near = difflib.get_close_matches(str(key), known, n=1)
+        hint = f', did you mean {near[0]!r}?' if near else f'; known: {", ".join(known)}'
+        raise InvalidParameter(f'unknown parameter {key!r}{hint}')
+    return known[key]
 
 
 def _checked(definition: 'dataclasses.Field[Any]', value: Any) -> Any:
-    kind = type(definition.default)
+    if not isinstance(definition.default, tuple):
+        return _checked_item(definition, value, type(definition.default))
+    name, default = outward_name(definition), definition.default
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise InvalidParameter(f'{name} must be a list, got {type(value).__name__} {value!r}')
+    kind = type(default[0]) if default else str
+    if kind is float and len(value) != len(default):
+        raise InvalidParameter(f'{name} must be {len(default)} numbers, got {len(value)}')
+    return tuple(_checked_item(definition, item, kind) for item in value)
+
+
+def _checked_item(definition: 'dataclasses.Field[Any]', value: Any, kind: type) -> Any:
+    name, meta = outward_name(definition), definition.metadata
     if kind is float and type(value) is int:
         value = float(value)
     if type(value) is not kind:
         raise InvalidParameter(
-            f'{definition.name} must be a {kind.__name__}, got {type(value).__name__} {value!r}'
+            f'{name} must be a {kind.__name__}, got {type(value).__name__} {value!r}'
         )
-    meta = definition.metadata
     if meta.get('choices') and value not in meta['choices']:
         wanted = ', '.join(meta['choices'])
-        raise InvalidParameter(f'{definition.name} must be one of {wanted}, got {value!r}')
+        raise InvalidParameter(f'{name} must be one of {wanted}, got {value!r}')
     if isinstance(value, float) and not math.isfinite(value):
-        raise InvalidParameter(f'{definition.name} must be a finite number, got {value!r}')
+        if meta.get('nan') and math.isnan(value):
+            return value
+        raise InvalidParameter(f'{name} must be a finite number, got {value!r}')
     if isinstance(value, (int, float)) and not _in_range(value, meta):
-        raise InvalidParameter(f'{definition.name} must be {describe_range(meta)}, got {value!r}')
+        raise InvalidParameter(f'{name} must be {describe_range(meta)}, got {value!r}')
     return value
 
 
 def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
     return (
         (meta.get('above') is None or value > meta['above'])
+        and (meta.get('below') is None or value < meta['below'])
         and (meta.get('minimum') is None or value >= meta['minimum'])
         and (meta.get('maximum') is None or value <= meta['maximum'])
     )
@@ -102,8 +143,9 @@ def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
 def describe_range(meta: Mapping[str, Any]) -> str:
     """Return the legal range of a parameter in words, with its unit."""
     parts = []
-    for key, sign in (('above', '>'), ('minimum', '>='), ('maximum', '<=')):
+    for key, sign in (('above', '>'), ('below', '<'), ('minimum', '>='), ('maximum', '<=')):
         if meta.get(key) is not None:
             parts.append(f'{sign} {meta[key]:g}')
     text = ' and '.join(parts) or 'a number'
-    return f'{text} {meta["unit"]}' if meta.get('unit') else text
+    text = f'{text} {meta["unit"]}' if meta.get('unit') else text
+    return f'{text}, or NaN: {meta["nan"]}' if meta.get('nan') else text

@@ -2,10 +2,18 @@
 """mbot's wheels."""
 
 from diff_drive_sim.geometry import DiffDriveGeometry
+from mujoco_sim.loading import load_robot
 import pytest
+from robot_description.urdf import Robot
 
 
 @pytest.fixture(scope='session')
 def geometry() -> DiffDriveGeometry:
     """Return the geometry of mbot: track 0.38 m, radius 0.06 m."""
     return DiffDriveGeometry('left_wheel_joint', 'right_wheel_joint', 0.06, 0.38)
+
+
+@pytest.fixture(scope='session')
+def mbot() -> Robot:
+    """Return mbot's description."""
+    return load_robot('mbot').robot

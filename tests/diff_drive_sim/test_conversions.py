@@ -4,18 +4,21 @@ import math
 from builtin_interfaces.msg import Time
 from diff_drive_sim.conversions import to_odometry
 from diff_drive_sim.conversions import to_transform
-from diff_drive_sim.conversions import UNKNOWN_VARIANCE
 from diff_drive_sim.odometry import OdometryState
+from diff_drive_sim.odometry_parameters import UNKNOWN
 from diff_drive_sim.parameters import DiffDriveParameters
+from diff_drive_sim.pose_covariance import PlanarCovariance
 import numpy as np
 import pytest
+
+PARAMETERS = DiffDriveParameters(base_frame_id='base_footprint')
 
 
 def test_odometry_and_transform_carry_one_pose_and_one_stamp():
     stamp = Time(sec=2, nanosec=7)
     state = OdometryState(x=1.0, y=-2.0, yaw=7.0, linear=0.3, angular=-0.4, lateral=0.1)
-    odometry = to_odometry(state, stamp, DiffDriveParameters())
-    transform = to_transform(state, stamp, DiffDriveParameters())
+    odometry = to_odometry(state, PlanarCovariance(), stamp, PARAMETERS)
+    transform = to_transform(state, stamp, PARAMETERS)
     assert odometry.header == transform.header
     assert odometry.child_frame_id == transform.child_frame_id == 'base_footprint'
     assert odometry.pose.pose.orientation == transform.transform.rotation
@@ -29,10 +32,10 @@ def test_odometry_and_transform_carry_one_pose_and_one_stamp():
 
 
 def test_covariances_say_what_a_planar_robot_does_not_know():
-    odometry = to_odometry(OdometryState(), Time(), DiffDriveParameters())
+    odometry = to_odometry(OdometryState(), PlanarCovariance(), Time(), PARAMETERS)
     for covariance in (odometry.pose.covariance, odometry.twist.covariance):
         matrix = np.array(covariance).reshape(6, 6)
         diagonal = np.diag(matrix)
         np.testing.assert_array_equal(matrix, np.diag(diagonal))
         assert (diagonal[[0, 1, 5]] < 1.0).all()
-        np.testing.assert_array_equal(diagonal[[2, 3, 4]], UNKNOWN_VARIANCE)
+        np.testing.assert_array_equal(diagonal[[2, 3, 4]], UNKNOWN)

@@ -49,8 +49,8 @@ class Peer(Node):
 
 
 @pytest.fixture
-def driver(spawn, geometry):
-    return spawn(DiffDriveControllerNode(geometry))
+def driver(spawn, mbot):
+    return spawn(DiffDriveControllerNode(mbot))
 
 
 @pytest.fixture
@@ -219,9 +219,9 @@ def test_cmd_vel_that_is_not_finite_is_ignored_with_one_warning(
     assert capfd.readouterr().err.count('cmd_vel is not finite') == 1
 
 
-def test_stamped_commands_are_taken_by_a_stamped_controller(isolated_ros, geometry):
+def test_stamped_commands_are_taken_by_a_stamped_controller(isolated_ros, mbot):
     init_ros(['--ros-args', '-p', 'stamped:=true'])
-    node = DiffDriveControllerNode(geometry, lock_step=True)
+    node = DiffDriveControllerNode(mbot, lock_step=True)
     try:
         message = TwistStamped()
         message.twist.linear.x = 0.3
@@ -236,13 +236,13 @@ def test_limits_can_be_changed_while_it_drives(driver):
     def set_to(name, value):
         return driver.set_parameters([Parameter(name, value=value)])[0]
 
-    assert set_to('linear_velocity', 0.1).successful
+    assert set_to('linear.x.max_velocity', 0.1).successful
     driver.cmd_vel.put(twist(5.0))
     assert driver.controller.target.linear == 0.1
-    refused = set_to('linear_velocity', 0.0)
+    refused = set_to('linear.x.max_velocity', 0.0)
     assert not refused.successful
-    assert refused.reason == 'linear_velocity must be > 0 m/s, got 0.0'
-    assert 'read-only' in set_to('odom_frame', 'map').reason
+    assert refused.reason == 'linear.x.max_velocity must be > 0 m/s, or NaN: no limit, got 0.0'
+    assert 'read-only' in set_to('odom_frame_id', 'map').reason
 
 
 def test_closing_leaves_the_wheels_stopped(driver):
@@ -252,8 +252,8 @@ def test_closing_leaves_the_wheels_stopped(driver):
     np.testing.assert_array_equal(driver.control(0.0, 0.0, 0.1).velocity, [0.0, 0.0])
 
 
-def test_in_lock_step_it_makes_no_commands_of_its_own(spawn, geometry):
-    node = spawn(DiffDriveControllerNode(geometry, lock_step=True))
+def test_in_lock_step_it_makes_no_commands_of_its_own(spawn, mbot):
+    node = spawn(DiffDriveControllerNode(mbot, lock_step=True))
     assert node.count_publishers('joint_commands') == 0
     assert node.count_subscribers('joint_states') == 0
 
@@ -262,7 +262,7 @@ def test_in_lock_step_it_makes_no_commands_of_its_own(spawn, geometry):
     ('override', 'message'),
     [
         ('description:=dog', 'dog: no such file'),
-        ('linear_velocity:=-1.0', 'linear_velocity must be > 0 m/s, got -1.0'),
+        ('linear.x.max_velocity:=-1.0', 'linear.x.max_velocity must be > 0 m/s, or NaN'),
         ('description:=5', 'description: '),
     ],
 )

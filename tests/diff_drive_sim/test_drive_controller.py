@@ -10,10 +10,10 @@ import pytest
 
 DT = 0.005
 LIMITS = DiffDriveParameters(
-    linear_velocity=0.8,
-    angular_velocity=3.0,
-    linear_acceleration=0.5,
-    angular_acceleration=2.0,
+    linear_max_velocity=0.8,
+    angular_max_velocity=3.0,
+    linear_max_acceleration=0.5,
+    angular_max_acceleration=2.0,
     cmd_vel_timeout=0.5,
 )
 
@@ -102,7 +102,7 @@ def test_wheels_are_not_asked_for_more_than_they_can(geometry):
 
 def test_on_the_way_from_straight_to_a_turn_no_wheel_is_too_fast(geometry):
     wheels = replace(geometry, speed_limit=10.0)
-    limits = replace(LIMITS, linear_acceleration=0.2, angular_acceleration=20.0)
+    limits = replace(LIMITS, linear_max_acceleration=0.2, angular_max_acceleration=20.0)
     controller = DiffDriveController(wheels, limits)
     fastest = 0.0
     for command in ((0.6, 0.0), (0.0, 3.0)):
@@ -122,7 +122,7 @@ def test_an_absurd_command_is_a_finite_one(geometry, command):
 
 def test_a_new_limit_acts_on_the_command_in_force(controller):
     controller.command(0.6, 1.2)
-    controller.parameters = replace(LIMITS, linear_velocity=0.3)
+    controller.parameters = replace(LIMITS, linear_max_velocity=0.3)
     assert controller.target == pytest.approx((0.3, 0.6))
     controller.parameters = LIMITS
     assert controller.target == pytest.approx((0.6, 1.2))

@@ -14,6 +14,7 @@ from teleop_keyboard.layouts import LAYOUTS
 from wasd_bringup.graph_options import add_graph_commands
 from wasd_bringup.options import add_legged_options
 from wasd_bringup.options import add_run_options
+from wasd_bringup.options import add_wheeled_options
 from wasd_bringup.unitree_keys import unitree_help
 from wasd_bringup.unitree_keys import UNITREE_PRESET
 
@@ -35,6 +36,7 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     mbot = commands.add_parser('mbot', help='drive the wheeled robot', allow_abbrev=False)
     add_run_options(mbot, robot='mbot', preset='mbot')
+    add_wheeled_options(mbot)
     go2 = commands.add_parser('go2', help='drive the legged robot', allow_abbrev=False)
     add_run_options(go2, robot='go2', preset='unitree')
     add_legged_options(go2)

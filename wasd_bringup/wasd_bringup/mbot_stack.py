@@ -4,9 +4,11 @@
 from collections.abc import Callable
 import time
 
+from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
-from diff_drive_sim.geometry import find_wheels
 from geometry_msgs.msg import Twist
+from mujoco_sim.kinematic import place
+from mujoco_sim.kinematic import PlanarPose
 from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.schedule import Schedule
 from mujoco_sim.statistics import TickStatistics
@@ -37,16 +39,21 @@ class MbotStack:
     camera = CameraView(distance=1.6, azimuth=130.0, elevation=-25.0)
 
     def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
-        geometry = find_wheels(loaded.robot)
+        self._driver = DiffDriveControllerNode(
+            loaded.robot, lock_step=True, parameter_overrides=_overrides(options)
+        )
+        geometry = self._driver.controller.geometry
         wheels = (geometry.left_joint, geometry.right_joint)
+        world.is_kinematic = self._driver.is_fake
         missing = [name for name in wheels if name not in world.motor_names]
-        if missing:
+        if missing and not self._driver.is_fake:
             raise UsageError(
                 f'{loaded.robot.name}: no motor on {", ".join(missing)}: '
                 'give the joint a <limit effort="..."/>'
             )
         self._world = world
-        self._motors = [world.motor_names.index(name) for name in wheels]
+        self._wheels = wheels
+        self._motors = [world.motor_names.index(name) for name in wheels if not missing]
         self._joints = [world.joint_names.index(name) for name in wheels]
         self._command = np.zeros((len(JointCommand._fields), len(world.motor_names)))
         self._wheel_links = [loaded.robot.joints[name].child for name in wheels]
@@ -57,7 +64,6 @@ class MbotStack:
                 Parameter('layout', value=options.layout),
             ],
         )
-        self._driver = DiffDriveControllerNode(geometry, lock_step=True)
         self._teleop.receivers.append(self._driver.cmd_vel.put)
         self._twists = self._teleop.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self.nodes: list[Node] = [self._driver, self._teleop]
@@ -67,7 +73,7 @@ class MbotStack:
     @property
     def period(self) -> float:
         """The controller's period [s]."""
-        return 1.0 / self._driver.settings.update_rate
+        return 1.0 / self._driver.update_rate
 
     @property
     def help_lines(self) -> tuple[str, ...]:
@@ -85,7 +91,10 @@ class MbotStack:
         schedule.every(period, lambda: self._teleop.step(period))
         schedule.every(self.period, self._control)
         rate = self._driver.settings.publish_rate
-        schedule.at_rate('publish_rate', rate, self._driver.publish_odometry)
+        schedule.at_rate('publish_rate', rate, self._driver.publish)
+        if self._driver.settings.diagnostic_rate > 0.0:
+            rate = self._driver.settings.diagnostic_rate
+            schedule.at_rate('diagnostic_rate', rate, self._driver.publish_diagnostics)
 
     def drive(self, velocity: tuple[float, float, float]) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
@@ -97,7 +106,7 @@ class MbotStack:
     def reset(self) -> None:
         """Forget the past: commands, ramps, odometry."""
         self._teleop.logic.reset()
-        self._driver.controller.reset()
+        self._driver.unit.reset()
 
     def sample(self) -> Sample:
         """Return this instant for the report."""
@@ -128,8 +137,35 @@ class MbotStack:
 
     def _control(self) -> None:
         started = time.perf_counter()
-        left, right = self._world.joints().position[self._joints].tolist()
-        # Other motors than the wheels' stay limp: their columns are zero.
-        self._command[:, self._motors] = self._driver.control(left, right, self.period)
-        self._world.apply(JointCommand(*self._command))
+        if self._driver.is_fake:
+            self._drive_fake()
+        else:
+            left, right = self._world.joints().position[self._joints].tolist()
+            # Other motors than the wheels' stay limp: their columns are zero.
+            self._command[:, self._motors] = self._driver.control(left, right, self.period)
+            self._world.apply(JointCommand(*self._command))
         self.ticks.add(time.perf_counter() - started)
+
+    def _drive_fake(self) -> None:
+        """Let the robot of arithmetic drive, and show it in the world."""
+        unit = self._driver.unit
+        unit.step_fake(self.period)
+        x, y, yaw, linear, angular, lateral = unit.fake.pose
+        states = zip(unit.fake.angles, unit.fake.speeds, strict=True)
+        pose = PlanarPose(x, y, yaw, linear, lateral, angular)
+        place(self._world, pose, dict(zip(self._wheels, states, strict=True)))
+
+
+def _overrides(options: RunOptions) -> list[Parameter]:
+    """Return what the command line says of the drive."""
+    overrides = []
+    mode, says_fake = options.mode, False
+    if options.controller is not None:
+        overrides.append(Parameter('controller', value=str(options.controller)))
+        says_fake = read_controller_file(str(options.controller)).values.get('mode') == 'fake'
+    if mode == 'sim':
+        # Whichever loop the file asks for, as long as there is one.
+        mode = 'float' if says_fake else None
+    if mode is not None:
+        overrides.append(Parameter('mode', value=mode))
+    return overrides

@@ -18,6 +18,7 @@ from wasd_bringup.scripts import ScriptedPush
 from wasd_bringup.scripts import ScriptedTwist
 
 WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
+MODES = ('sim', 'fake', 'float', 'arbotix')
 VIEWERS = ('web', 'native', 'none')
 # A scripted run without --duration goes on for so long after its last line [s].
 AFTERGLOW = 2.0
@@ -46,6 +47,8 @@ class RunOptions:
     save_keys: str | None = None
     estimator: str = 'kalman'
     limits: str = 'sport'
+    mode: str | None = None
+    controller: Path | None = None
     interactive: bool = False
 
     @property
@@ -106,6 +109,21 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) ->
     parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
 
 
+def add_wheeled_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what only a wheeled robot's command has."""
+    parser.add_argument(
+        '--mode',
+        choices=MODES,
+        help='fake: no physics, wheels do as told; sim: physics, a PID loop turns the wheels '
+        '(float; default); arbotix: physics, and the integer loop of the ArbotiX board',
+    )
+    parser.add_argument(
+        '--controller',
+        metavar='FILE',
+        help="YAML with the drive's parameters: arbotix's, ros2_controllers' or your own",
+    )
+
+
 def add_legged_options(parser: argparse.ArgumentParser) -> None:
     """Declare what only a legged robot's command has."""
     parser.add_argument(
@@ -164,6 +182,8 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         save_keys=arguments.save_keys,
         estimator=getattr(arguments, 'estimator', 'kalman'),
         limits=getattr(arguments, 'limits', 'sport'),
+        mode=getattr(arguments, 'mode', None),
+        controller=_file(getattr(arguments, 'controller', None), '--controller'),
     )
 
 
@@ -174,6 +194,12 @@ def _read(path: str, option: str) -> str:
         raise UsageError(f'{option} {path}: not a text file') from None
     except OSError as error:
         raise UsageError(f'{option} {path}: {error.strerror}') from None
+
+
+def _file(path: str | None, option: str) -> Path | None:
+    if path is not None and not Path(path).is_file():
+        raise UsageError(f'{option} {path}: no such file')
+    return None if path is None else Path(path)
 
 
 def _number(text: str, option: str) -> float:

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A world without physics: the robot is where it is put."""
+
+from collections.abc import Mapping
+import math
+from typing import NamedTuple
+
+import mujoco
+
+from mujoco_sim.world import World
+
+
+class PlanarPose(NamedTuple):
+    """Pose of the root on the floor [m], [rad], and its velocity in its own axes."""
+
+    x: float
+    y: float
+    yaw: float
+    linear: float  # [m/s], forward
+    lateral: float  # [m/s], to the left
+    angular: float  # [rad/s]
+
+
+def place(world: World, pose: PlanarPose, joints: Mapping[str, tuple[float, float]]) -> None:
+    """Put the robot at a pose, and joints at a position [rad] and velocity [rad/s]."""
+    data = world.data
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    data.qpos[0:2] = pose.x, pose.y
+    data.qpos[3:7] = math.cos(0.5 * pose.yaw), 0.0, 0.0, math.sin(0.5 * pose.yaw)
+    data.qvel[0:6] = 0.0
+    data.qvel[0] = cos * pose.linear - sin * pose.lateral
+    data.qvel[1] = sin * pose.linear + cos * pose.lateral
+    data.qvel[5] = pose.angular
+    for name, (position, velocity) in joints.items():
+        joint = data.joint(name)
+        joint.qpos[0], joint.qvel[0] = position, velocity
+    mujoco.mj_forward(world.model, data)
