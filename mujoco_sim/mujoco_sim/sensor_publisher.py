@@ -7,6 +7,7 @@ from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.node import Node
 from robot_description.node_support import has_listener
+from robot_description.node_support import has_subscriber
 from robot_description.qos import RELIABLE
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
@@ -126,6 +127,7 @@ class _Film:
             ]
 
         self.rate = camera.tag.rate
+        self._node = node
         self._camera = camera
         self._darkroom = darkroom
         tag = camera.tag
@@ -135,12 +137,12 @@ class _Film:
 
     @property
     def wanted(self) -> bool:
-        return any(map(_is_heard, self._images + self._infos))
+        return any(map(self._is_watched, self._images)) or any(map(_is_heard, self._infos))
 
     def publish(self, random: Random, stamp: Time) -> None:
         for info in filter(_is_heard, self._infos):
             info.publish(to_camera_info(self._camera, stamp))
-        colour, depth = map(_is_heard, self._images)
+        colour, depth = map(self._is_watched, self._images)
         offscreen = self._darkroom.open() if colour or depth else None
         if offscreen is None:
             return
@@ -149,6 +151,10 @@ class _Film:
         for publisher, pixels, encoding in zip(self._images, picture, ENCODINGS, strict=True):
             if pixels is not None:
                 publisher.publish(to_image(pixels, encoding, frame, stamp))
+
+    def _is_watched(self, images: Any) -> bool:
+        """Whether somebody looks: a recording of everything would be 80 MB a second."""
+        return images is not None and has_subscriber(self._node, images)
 
 
 class _Darkroom:

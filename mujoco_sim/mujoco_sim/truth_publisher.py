@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from robot_description.node_support import has_listener
+from robot_description.node_support import has_subscriber
 from robot_description.qos import RELIABLE
 from robot_description.urdf import Robot
 from sensor_msgs.msg import JointState
@@ -56,7 +57,8 @@ class TruthPublisher:
 
     def remember(self) -> None:
         """Keep the truth of now for odometry that is under way; to be called in each instant."""
-        if not has_listener(self._error):
+        # A recording does not count: odometry arrives when the host likes.
+        if not has_subscriber(self._node, self._error):
             if self._odometry is not None:
                 self._node.destroy_subscription(self._odometry)
                 self._odometry = None

@@ -279,6 +279,15 @@ def has_listener(publisher: Any) -> bool:
     return bool(publisher.get_subscription_count())
 
 
+def has_subscriber(node: Node, publisher: Any) -> bool:
+    """
+    Whether somebody has subscribed; other than for `has_listener`, a recording does not count.
+
+    For what is too large to be made just because everything is recorded.
+    """
+    return has_listener(publisher) and node.count_subscribers(publisher.topic_name) > 0
+
+
 def spin(executor: Executor, stop: Callable[[], bool]) -> None:
     """Handle messages until `stop` or until the context is shut down."""
     while rclpy.ok() and not stop():
