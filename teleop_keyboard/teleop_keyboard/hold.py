@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 from dataclasses import field
+import math
 
 # A first press counts this long until the keyboard's own delay is known: up to 0.5 s [s].
 FIRST_REPEAT_TIMEOUT = 0.6
@@ -25,6 +26,8 @@ SHORTEST_GAP = 0.01
 GAPS_KEPT = 3
 # Keys pressed within this time are one chord: only the last one repeats, but all are down [s].
 CHORD_WINDOW = 0.08
+# Sums of steps must not hold a key one step too long [s].
+ROUNDING = 1e-9
 # A key whose release will be told is given up when nothing is heard of it for so long [s].
 HELD_TIMEOUT = 0.35
 
@@ -66,10 +69,12 @@ class KeyHold:
     as the keyboard takes to repeat it, which is learnt from it; once it repeats, until the repeats
     fail to come. Only the last key pressed repeats, so an earlier one ends soon after, unless both
     were pressed together. Where a terminal tells releases (`keep_down`, `release`), these count.
-    One `step` passes simulated time.
+    In any case a key ends when nothing was heard of it for `longest` [s]. One `step` passes
+    simulated time.
     """
 
     def __init__(self) -> None:
+        self.longest = math.inf
         self._keys: dict[str, _Key] = {}
         self._first_timeout = FIRST_REPEAT_TIMEOUT
 
@@ -116,8 +121,8 @@ class KeyHold:
         """Let `dt` [s] pass; keys that did not repeat in time are released."""
         for name, key in list(self._keys.items()):
             key.age += dt
-            # The tolerance keeps sums of steps from holding a key one step too long.
-            if key.age >= key.timeout - 1e-9 and not self._is_led(key):
+            is_over = key.age >= key.timeout - ROUNDING and not self._is_led(key)
+            if is_over or key.age >= self.longest - ROUNDING:
                 key.is_down = False
             if key.age >= LONGEST_FIRST_TIMEOUT and not key.is_down:
                 del self._keys[name]

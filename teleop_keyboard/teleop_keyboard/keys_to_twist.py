@@ -119,6 +119,7 @@ class KeysToTwist:
         if mode != self._motion.mode:
             self._motion.forget()
         self._motion.mode, self._motion.share = mode, parameters.step_share
+        self._motion.longest = parameters.key_timeout or math.inf
         self._parameters = parameters
         self._pace = self._pace_of(parameters)
 
@@ -148,6 +149,10 @@ class KeysToTwist:
             self._turn = keymap.turn_limits.clamp(self._turn * factor.angular)
         elif keymap.other_keys == 'stop':
             self._motion.forget()
+
+    def release_all(self) -> None:
+        """Stop on the ramp: no key counts any more."""
+        self._motion.forget()
 
     def stop(self) -> None:
         """Stop without a ramp; the next `step` returns a zero, whatever the idle policy."""

@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 import sys
 from typing import Any
 
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.inlet import Inlet
@@ -20,6 +22,7 @@ from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.teleop_parameters import TeleopParameters
 from teleop_keyboard.twist_output import declare_stamped
+from teleop_keyboard.twist_output import LOOK_PERIOD
 from teleop_keyboard.twist_output import TwistOutput
 
 # A longer pause than this was no driving time: the process slept, or the clock jumped [s].
@@ -64,6 +67,11 @@ class KeysToTwistNode(Node):
         self._last_time = self.get_clock().now()
         self._timer = None if lock_step else self._make_timer()
         self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
+        self._had_keyboard = False
+        if not lock_step:
+            # Wall time: simulated time may stand still while the keyboard gets lost.
+            wall = Clock(clock_type=ClockType.STEADY_TIME)
+            self._watch = self.create_timer(LOOK_PERIOD, self._watch_keyboard, clock=wall)
 
     @property
     def has_subscriber(self) -> bool:
@@ -111,6 +119,14 @@ class KeysToTwistNode(Node):
         if self._timer is not None and (is_start or self._timer.is_canceled()):
             self._timer.reset()
         self.step(1.0 / self.logic.rate if is_start else 0.0)
+
+    def _watch_keyboard(self) -> None:
+        """Stop the robot when the last publisher of keys has gone, whatever the mode."""
+        has_keyboard = self.count_publishers('keys') > 0
+        if self._had_keyboard and not has_keyboard and self.logic.is_moving:
+            self.get_logger().warning('nobody publishes keys any more: stopping')
+            self.logic.release_all()
+        self._had_keyboard = has_keyboard
 
     def _on_timer(self) -> None:
         now = self.get_clock().now()

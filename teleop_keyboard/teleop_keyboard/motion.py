@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 import math
 
 from teleop_keyboard.hold import KeyHold
+from teleop_keyboard.hold import ROUNDING
 from teleop_keyboard.keymap import Direction
 
 NOWHERE = Direction()
@@ -28,15 +29,26 @@ class Motion:
     The direction that the motion keys ask for, in one of three modes.
 
     `hold`: all keys that are down count together. `latch`: the last key counts until the next.
-    `step`: each press adds a share of full speed, up to all of it. `step` lets time pass.
+    `step`: each press adds a share of full speed, up to all of it. In the latter two a direction
+    ends when no motion key was heard of for `longest` [s]. `step` lets time pass.
     """
 
     def __init__(self, keys: Mapping[str, Direction], mode: str, share: float) -> None:
         self._keys = keys
         self._hold = KeyHold()
         self._latched = NOWHERE
+        self._silence = 0.0
         self.mode = mode
         self.share = share
+
+    @property
+    def longest(self) -> float:
+        """How long a key counts at most without another word of it [s]."""
+        return self._hold.longest
+
+    @longest.setter
+    def longest(self, seconds: float) -> None:
+        self._hold.longest = seconds
 
     @property
     def direction(self) -> Direction:
@@ -53,6 +65,7 @@ class Motion:
     def press(self, key: str) -> None:
         """Take a press or a repeat of a motion key."""
         self._hold.press(key)
+        self._silence = 0.0
         asked = self._keys[key]
         if self.mode == 'latch':
             self._latched = combine([asked])
@@ -67,6 +80,7 @@ class Motion:
         """Note that a motion key is down and that its release will be told."""
         if key in self._keys:
             self._hold.keep_down(key)
+            self._silence = 0.0
 
     def release(self, key: str) -> None:
         """Note that a key was released."""
@@ -80,3 +94,6 @@ class Motion:
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass."""
         self._hold.step(dt)
+        self._silence += dt
+        if self._silence >= self.longest - ROUNDING:
+            self._latched = NOWHERE

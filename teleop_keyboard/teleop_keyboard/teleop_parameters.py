@@ -36,6 +36,14 @@ class TeleopParameters(Parameters):
         doc='Motion keys count while down, until the next one, or add a step each.',
         choices=(AS_PRESET, *MODES),
     )
+    key_timeout: float = parameter(
+        0.0,
+        doc='Longest time that a key counts without another word of it; 0: as learnt from the '
+        'keyboard (hold), for ever (latch, step).',
+        unit='s',
+        minimum=0.0,
+        maximum=60.0,
+    )
     step_share: float = parameter(
         0.1, doc='What a press adds in mode step, of full speed.', above=0.0, maximum=1.0
     )

@@ -13,10 +13,12 @@ import threading
 import time
 
 from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
+from teleop_keyboard.conversions import from_twist
 
 # Makes the pseudo-terminal on standard input the controlling terminal, as a shell's terminal is:
 # then Ctrl-C, typed, is a signal.
@@ -71,6 +73,10 @@ class PtyProcess:
     def is_raw(self):
         """Whether keys come one at a time, unechoed."""
         return not self.attributes[3] & (termios.ICANON | termios.ECHO)
+
+    def wait_for(self, text):
+        """Wait until a text is on the screen."""
+        wait_until(lambda: text in self.output)
 
     def type(self, data):
         """Type bytes, all at once."""
@@ -148,29 +154,33 @@ def context(ros_domain):
 class Listener:
     """A node that collects what comes on `keys` and `cmd_vel`, in a thread of its own."""
 
-    def __init__(self, context):
+    def __init__(self, context, twist_type):
         self.keys = []
         self.twists = []
         self.node = rclpy.create_node('listener', context=context)
         self.node.create_subscription(String, 'keys', lambda m: self.keys.append(m.data), 1000)
-        self.node.create_subscription(Twist, 'cmd_vel', self.twists.append, 1000)
+        self.node.create_subscription(twist_type, 'cmd_vel', self.twists.append, 1000)
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._thread.start()
 
-    def probe(self, process, key='P'):
-        """Type a key until it arrives, so that both sides have found each other; forget it."""
+    def probe(self, process, key='P', sequence=None, names=None):
+        """
+        Type a key until it arrives, so that both sides have found each other; forget it.
+
+        `sequence` is what the terminal sends for it, `names` what is published then.
+        """
 
         def arrives():
-            process.type(key.encode())
+            process.type(sequence or key.encode())
             time.sleep(0.1)
             return bool(self.keys)
 
         wait_until(lambda: process.is_raw)
         wait_until(arrives)
         self.settle()
-        assert set(self.keys) == {key}
+        assert set(self.keys) <= (names or {key})
         self.keys.clear()
         self.twists.clear()
 
@@ -178,11 +188,25 @@ class Listener:
         """Wait until so many keys have come."""
         wait_until(lambda: len(self.keys) >= count)
 
+    def wait_for_twist(self, condition, step=None):
+        """Wait until a velocity fulfils a condition; `step` is called every 1/30 s."""
+
+        def fulfilled():
+            if any(condition(from_twist(message)) for message in list(self.twists)):
+                return True
+            if step is not None:
+                time.sleep(1 / 30)
+                step()
+            return False
+
+        wait_until(fulfilled)
+
     def settle(self, quiet=0.4):
         """Wait until nothing has come for a while [s]."""
-        count = -1
+        count, deadline = -1, time.monotonic() + PATIENCE
         while count != len(self.keys) + len(self.twists):
             count = len(self.keys) + len(self.twists)
+            assert time.monotonic() < deadline, 'it never falls silent'
             time.sleep(quiet)
 
     def close(self):
@@ -195,6 +219,37 @@ class Listener:
 @pytest.fixture
 def listener(context):
     """Return a node of this process that listens to the processes under test."""
-    listener = Listener(context)
+    listener = Listener(context, Twist)
     yield listener
     listener.close()
+
+
+@pytest.fixture
+def stamped_listener(context):
+    """Return a listener to TwistStamped."""
+    listener = Listener(context, TwistStamped)
+    yield listener
+    listener.close()
+
+
+@pytest.fixture
+def background():
+    """Return a function that starts a module as a process without a terminal."""
+    processes = []
+
+    def start(module, *arguments):
+        processes.append(
+            subprocess.Popen(
+                [sys.executable, '-m', module, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+        )
+        return processes[-1]
+
+    yield start
+    for process in processes:
+        process.kill()
+        process.wait()

@@ -64,32 +64,6 @@ def test_it_shows_keys_robot_and_connection_and_follows_the_window(pty_process, 
     shows(process, '\x1b[?25h\x1b[?1049l')
 
 
-def test_releases_of_a_terminal_that_tells_them_end_a_motion_at_once(pty_process, listener):
-    process = pty_process(*TELEOP, environment={'TERM': 'xterm-kitty'})
-    shows(process, '\x1b[?u')
-    process.type(b'\x1b[?0u')
-    shows(process, '\x1b[>27u')
-    # Now the test is a terminal that speaks kitty's protocol.
-    deadline = time.monotonic() + 20.0
-    while not (listener.twists and 'HELD+i' in listener.keys):
-        assert time.monotonic() < deadline
-        process.type(b'\x1b[105;;105u')
-        time.sleep(0.2)
-    process.type(b'\x1b[105;1:3u')
-    while 'RELEASE+i' not in listener.keys:
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    released, speed = time.monotonic(), listener.twists[-1].linear.x
-    while listener.twists[-1].linear.x >= speed:
-        # 50 ms, and what a busy machine needs.
-        assert time.monotonic() - released < 1.0
-        time.sleep(0.005)
-    process.type(b'\x1b[99;5u')
-    assert process.wait() == 0
-    shows(process, '\x1b[<u')
-    assert process.attributes == process.before
-
-
 def test_without_a_terminal_for_the_output_there_are_plain_lines(listener):
     result = subprocess.run(
         [sys.executable, *TELEOP], input=b'iii', capture_output=True, timeout=30.0,
