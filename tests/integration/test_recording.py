@@ -97,12 +97,13 @@ def test_transforms_are_recorded_where_they_are_published(run: Any) -> None:
 
 def test_the_same_run_gives_the_same_bytes(run: Any) -> None:
     bag, _, runner = run
-    runner.report('mbot', '--record', 'again.mcap', '--duration', '30', play=KEYS)
+    runner.report('mbot', '--record', 'again.mcap', '--duration', '5', play=KEYS)
     again = Bag(runner.folder / 'again.mcap')
     # How fast the machine is, once a second of wall time, is not part of the run.
-    for one in (bag.raw, again.raw):
-        one.pop('/diagnostics', None)
-    assert again.raw == bag.raw
+    for topic in bag.raw.keys() - {'/diagnostics'}:
+        found = [(at, data) for at, data in again.raw[topic] if at < 5 * 10**9]
+        assert found == bag.raw[topic][: len(found)]
+    assert len(again.raw['/joint_states']) == 250
 
 
 def test_killed_it_opens_up_to_the_last_second(new_runner: Any) -> None:
