@@ -3,10 +3,11 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from robot_description.errors import DescriptionError
 from robot_description.expand import expand
+from robot_description.inertia import impossible_inertias
 from robot_description.mesh_report import MeshReport
 from robot_description.mesh_resolver import resolve_meshes
 from robot_description.mujoco_model import to_mujoco
@@ -26,6 +27,20 @@ class LoadedRobot(NamedTuple):
     urdf: str
     robot: Robot
     meshes: MeshReport
+
+    @property
+    def repairs(self) -> tuple[str, ...]:
+        """What is not as the description says, in one line each."""
+        lines = [record.line() for record in self.meshes.repairs]
+        return (*lines, *impossible_inertias(self.robot))
+
+    def record(self) -> dict[str, Any]:
+        """Return where the description is from and what was repaired in it, as JSON has it."""
+        return {
+            'path': str(self.path),
+            'meshes': [record.record() for record in self.meshes.repairs],
+            'repairs': list(self.repairs),
+        }
 
 
 def load_robot(

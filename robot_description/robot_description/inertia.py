@@ -3,6 +3,8 @@
 
 import numpy as np
 
+from robot_description.urdf import Robot
+
 # A second moment below this share of their sum counts as impossible: MuJoCo refuses it.
 SMALLEST_SHARE = 1e-9
 # What it is raised to, and the radius of gyration [m] of a mass without any extent.
@@ -29,3 +31,13 @@ def possible_inertia(inertia: np.ndarray, mass: float) -> np.ndarray | None:
     raised = directions @ np.diag(np.maximum(values, floor)) @ directions.T
     mended: np.ndarray = np.trace(raised) * np.eye(3) - raised
     return mended
+
+
+def impossible_inertias(robot: Robot) -> tuple[str, ...]:
+    """Return a line for each link whose inertia no body can have."""
+    return tuple(
+        f'inertia of link {link.name!r}: impossible: using the nearest that a body can have '
+        f'(principal {", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(link.inertia))})'
+        for link in robot.links.values()
+        if link.mass > 0.0 and possible_inertia(link.inertia, link.mass) is not None
+    )

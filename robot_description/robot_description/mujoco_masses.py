@@ -14,9 +14,9 @@ from robot_description.urdf import Robot
 NEXT_TO_NOTHING = 1e-9
 
 
-def mend_inertials(tree: ElementTree.Element, robot: Robot) -> list[str]:
+def mend_inertials(tree: ElementTree.Element, robot: Robot) -> None:
     """
-    Mend the inertials of a URDF tree for MuJoCo; return the links with an impossible inertia.
+    Mend the inertials of a URDF tree for MuJoCo: the nearest possible for an impossible one.
 
     `robot` is the parsed tree.
 
@@ -24,7 +24,6 @@ def mend_inertials(tree: ElementTree.Element, robot: Robot) -> list[str]:
         DescriptionError: a joint moves nothing that has a mass.
     """
     virtual = _virtual_links(robot)
-    mended = []
     for tag in tree.findall('link'):
         link = robot.links[tag.get('name', '')]
         inertial = tag.find('inertial')
@@ -32,7 +31,6 @@ def mend_inertials(tree: ElementTree.Element, robot: Robot) -> list[str]:
             better = possible_inertia(link.inertia, link.mass)
             if better is not None:
                 _write_inertia(inertial, better)
-                mended.append(link.name)
             continue
         if inertial is not None:
             tag.remove(inertial)
@@ -40,7 +38,6 @@ def mend_inertials(tree: ElementTree.Element, robot: Robot) -> list[str]:
             inertial = ElementTree.SubElement(tag, 'inertial')
             ElementTree.SubElement(inertial, 'mass', value=str(NEXT_TO_NOTHING))
             _write_inertia(inertial, NEXT_TO_NOTHING * np.eye(3))
-    return mended
 
 
 def _write_inertia(inertial: ElementTree.Element, inertia: np.ndarray) -> None:

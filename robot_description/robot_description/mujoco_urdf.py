@@ -20,15 +20,10 @@ class MeshUse(NamedTuple):
 
 
 class MujocoUrdf(NamedTuple):
-    """
-    URDF text for MuJoCo's reader, and what the mesh names in it stand for.
-
-    `impossible` are links whose inertia no body can have; the text has the nearest.
-    """
+    """URDF text for MuJoCo's reader, and what the mesh names in it stand for."""
 
     text: str
     meshes: dict[str, MeshUse]
-    impossible: list[str]
 
 
 def for_mujoco(urdf: str, robot: Robot) -> MujocoUrdf:
@@ -46,7 +41,7 @@ def for_mujoco(urdf: str, robot: Robot) -> MujocoUrdf:
     colours = _colours(tree)
     for material in tree.findall('material'):
         tree.remove(material)
-    impossible = mend_inertials(tree, robot)
+    mend_inertials(tree, robot)
     names: dict[MeshUse, str] = {}
     for link in tree.findall('link'):
         parsed = robot.links[link.get('name', '')]
@@ -67,7 +62,7 @@ def for_mujoco(urdf: str, robot: Robot) -> MujocoUrdf:
     # Visual shapes are dropped while parsing unless the file itself asks for them.
     options.set('discardvisual', 'false')
     text = ElementTree.tostring(tree, encoding='unicode')
-    return MujocoUrdf(text, {name: use for use, name in names.items()}, impossible)
+    return MujocoUrdf(text, {name: use for use, name in names.items()})
 
 
 def _drop_idle_words(tree: ElementTree.Element) -> None:

@@ -107,7 +107,7 @@ def test_what_is_no_mesh_is_a_value_error_in_one_line(tmp_path, name):
 
 
 def test_renaming_keeps_links_apart_and_meshes_together(urdf):
-    renamed, meshes, _ = for_mujoco(urdf, parse_urdf(urdf))
+    renamed, meshes = for_mujoco(urdf, parse_urdf(urdf))
     assert sorted(mesh.url for mesh in meshes.values()) == sorted(
         URL.format(name)
         for name in ('base', 'hip', 'thigh', 'thigh_mirror', 'calf', 'calf_mirror', 'foot')

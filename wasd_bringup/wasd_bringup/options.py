@@ -2,8 +2,9 @@
 """What a run is asked to be: the options of `wasd mbot` (and `go2`), checked and read."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from dataclasses import field
 import math
 from pathlib import Path
 
@@ -31,6 +32,8 @@ class RunOptions:
     robot: str
     description: str
     package_path: tuple[Path, ...] = ()
+    xacro_arguments: Mapping[str, str] = field(default_factory=dict)
+    strict: bool = False
     world: str = 'flat'
     preset: str = ''
     layout: str = 'qwerty'
@@ -77,6 +80,18 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) ->
         default=[],
         metavar='DIR',
         help='where package:// and $(find) look first (repeatable)',
+    )
+    parser.add_argument(
+        '--xacro-arg',
+        action='append',
+        default=[],
+        metavar='NAME:=VALUE',
+        help='an argument of the xacro file (repeatable)',
+    )
+    parser.add_argument(
+        '--strict',
+        action='store_true',
+        help='refuse a description whose meshes are not where it says',
     )
     parser.add_argument(
         '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
@@ -166,6 +181,8 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         robot=arguments.robot,
         description=arguments.description,
         package_path=_folders(arguments.package_path),
+        xacro_arguments=dict(_assignment(text) for text in arguments.xacro_arg),
+        strict=arguments.strict,
         world=arguments.world,
         preset=arguments.preset,
         layout=arguments.layout,
@@ -217,6 +234,13 @@ def _folders(paths: Sequence[str]) -> tuple[Path, ...]:
         if not Path(path).is_dir():
             raise UsageError(f'--package-path {path}: no such folder')
     return tuple(Path(path).resolve() for path in paths)
+
+
+def _assignment(text: str) -> tuple[str, str]:
+    name, separator, value = text.partition(':=')
+    if not name or not separator:
+        raise UsageError(f'--xacro-arg {text}: wanted NAME:=VALUE')
+    return name, value
 
 
 def _writable(path: str | None, option: str) -> Path | None:

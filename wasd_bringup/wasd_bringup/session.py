@@ -87,7 +87,12 @@ class Session:
         self._ended_at = math.inf
         self._status = StatusLine(sys.stdout)
         self._next_frame = self._next_messages = 0.0
-        loaded = load_robot(options.description, options.package_path)
+        loaded = load_robot(
+            options.description, options.package_path, options.xacro_arguments, options.strict
+        )
+        for line in loaded.repairs:
+            print(f'description: {line}', file=sys.stderr)
+        self._loaded = loaded
         setup = usual_setup(loaded.robot, noise=options.estimator == 'kalman')
         self.world = build_world(loaded, options.world, options.seed, setup, visuals)
         self.simulator = SimulatorNode(
@@ -154,6 +159,7 @@ class Session:
         options = self._options
         asked = {
             'robot': options.robot,
+            'description': self._loaded.record(),
             'world': options.world,
             'seed': options.seed,
             'estimator': self.stack.estimator,
