@@ -15,8 +15,6 @@ from rcl_interfaces.msg import FloatingPointRange
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy._rclpy_pybind11 import UnknownROSArgsError
 from rclpy.executors import ConditionReachedException
 from rclpy.executors import Executor
 from rclpy.executors import ShutdownException
@@ -32,6 +30,7 @@ from robot_description.parameters import describe_range
 from robot_description.parameters import InvalidParameter
 from robot_description.parameters import outward_name
 from robot_description.parameters import Parameters
+from robot_description.ros_errors import explained
 
 ParametersType = TypeVar('ParametersType', bound=Parameters)
 
@@ -197,24 +196,13 @@ def init_ros(args: Sequence[str] | None = None) -> None:
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
     try:
-        rclpy.init(
-            args=list(args) if args is not None else None,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-    except UnknownROSArgsError as error:
-        raise UserError(f'unknown ROS arguments: {error}') from None
-    except RCLError as error:
-        raise UserError(f'ROS: {_first_words(str(error))}') from None
+        with explained():
+            rclpy.init(
+                args=list(args) if args is not None else None,
+                signal_handler_options=SignalHandlerOptions.NO,
+            )
     finally:
         rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.UNSET)
-
-
-def _first_words(error: str) -> str:
-    """Return rcl's error without where in its sources it arose."""
-    said = error.removeprefix('failed to initialize rcl: ').partition(', at ')[0]
-    what, _, why = said.partition('. Error: ')
-    # What its lexer expected is a number.
-    return what if not why or 'lexeme' in why else f'{what}: {why}'
 
 
 def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> int:
@@ -227,7 +215,8 @@ def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) ->
         node = None
         try:
             init_ros(args)
-            node = make_node()
+            with explained():
+                node = make_node()
             executor = SingleThreadedExecutor()
             executor.add_node(node)
             spin(executor, lambda: stop.requested)

@@ -16,6 +16,7 @@ from robot_description.errors import UserError
 from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
 from robot_description.qos import EVENTS
+from robot_description.ros_errors import explained
 from std_msgs.msg import String
 
 from teleop_keyboard.command_line import read_options
@@ -111,7 +112,8 @@ def main(args: Sequence[str] | None = None) -> int:
         node = None
         try:
             init_ros(options.ros)
-            node = KeyPublisherNode()
+            with explained():
+                node = KeyPublisherNode()
             if writer is not None:
                 node.save_to(writer)
             if node.raw:

@@ -11,6 +11,7 @@ from robot_description.errors import UserError
 from robot_description.node_support import init_ros
 from robot_description.node_support import MessagePump
 from robot_description.node_support import StopSignals
+from robot_description.ros_errors import explained
 
 from teleop_keyboard.command_line import read_options
 from teleop_keyboard.dashboard import dashboard
@@ -124,7 +125,8 @@ def main(args: Sequence[str] | None = None) -> int:
         teleop = None
         try:
             init_ros(options.ros)
-            teleop = Teleop(reader)
+            with explained():
+                teleop = Teleop(reader)
             if writer is not None:
                 teleop.keys.save_to(writer)
             _prepare(reader, screen, teleop)

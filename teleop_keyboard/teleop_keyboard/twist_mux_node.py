@@ -11,6 +11,7 @@ from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.msg import SetParametersResult
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.node import Node
@@ -125,11 +126,15 @@ class TwistMuxNode(Node):
     def _subscribe(self, source: MuxInput, message_type: type) -> None:
         if source.name in self._inputs:
             self.destroy_subscription(self._inputs[source.name])
-        callback = functools.partial(self._on_twist, source.name)
-        self._inputs[source.name] = self.create_subscription(
-            message_type, source.topic, callback, RELIABLE
-        )
         self._types[source.name] = message_type
+        callback = functools.partial(self._on_twist, source.name)
+        try:
+            made = self.create_subscription(message_type, source.topic, callback, RELIABLE)
+        except RCLError:
+            (other,) = {Twist, TwistStamped} - {message_type}
+            self.get_logger().warning(f'{source.topic} is {other.__name__} in this process: stays')
+            made = self.create_subscription(other, source.topic, callback, RELIABLE)
+        self._inputs[source.name] = made
 
     def _follow_types(self) -> None:
         """Subscribe to what the publishers of each source send."""

@@ -7,6 +7,7 @@ from typing import Any
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 from rcl_interfaces.msg import ParameterDescriptor
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
@@ -54,8 +55,12 @@ class TwistOutput:
     Publishes velocities on a topic of a node.
 
     With `stamped` `auto` the type is that of the subscribers as far as they agree, Twist before
-    there is one. Subscribers of the other type are warned of, once. Where `follow` is off nothing
-    is looked at: a node in lock-step makes no timers, and keeps to Twist.
+    there is one. Who has the topic under the other type is warned of, once. A process can have a
+    topic under one type only: what it has stays. Where `follow` is off nothing is looked at: a
+    node in lock-step makes no timers, and keeps to Twist.
+
+    Raises:
+        InvalidParameter: this process has the topic under the type that `stamped` rules out.
     """
 
     def __init__(
@@ -68,11 +73,11 @@ class TwistOutput:
     ) -> None:
         self._node = node
         self._topic = node.resolve_topic_name(topic)
-        self._stamped = stamped
+        self._follows = stamped == 'auto'
         self._frame_id = frame_id
         self._has_warned = False
         self.type: type = TwistStamped if stamped == 'true' else Twist
-        self._publisher = node.create_publisher(self.type, topic, RELIABLE)
+        self._publisher = self._make_publisher()
         self.receivers: list[Callable[[Any], None]] = []
         if follow:
             # Wall time: simulated time may stand still while somebody subscribes.
@@ -101,22 +106,37 @@ class TwistOutput:
         self._publisher.wait_for_all_acked(Duration(seconds=seconds))
 
     def look(self) -> None:
-        """Compare our type with that of the subscribers: follow it, or warn once."""
-        infos = self._node.get_subscriptions_info_by_topic(self._topic)
-        wanted = type_of(infos)
-        if self._stamped == 'auto' and wanted not in (None, self.type):
-            self._change_type(wanted)
-        known = [info for info in infos if info.topic_type in TYPES]
-        deaf = [info for info in known if TYPES[info.topic_type] is not self.type]
-        if deaf and not self._has_warned:
+        """Compare our type with that of the others on the topic: follow it, or warn once."""
+        subscribers = self._node.get_subscriptions_info_by_topic(self._topic)
+        wanted = type_of(subscribers)
+        if self._follows and wanted not in (None, self.type):
+            self._node.destroy_publisher(self._publisher)
+            self.type = wanted
+            self._publisher = self._make_publisher()
+        if self._has_warned:
+            return
+        others = [*subscribers, *self._node.get_publishers_info_by_topic(self._topic)]
+        strange = [info for info in others if TYPES.get(info.topic_type, self.type) != self.type]
+        if strange:
             self._has_warned = True
-            names = ', '.join(sorted({info.node_name for info in deaf}))
+            names = ', '.join(sorted({info.node_name for info in strange}))
             self._node.get_logger().warning(
-                f'{self._topic}: {names} wants {TYPES[deaf[0].topic_type].__name__}, this sends '
+                f'{self._topic}: {names} has {TYPES[strange[0].topic_type].__name__}, this sends '
                 f'{self.type.__name__}: see the parameter stamped'
             )
 
-    def _change_type(self, wanted: type) -> None:
-        self._node.destroy_publisher(self._publisher)
-        self._publisher = self._node.create_publisher(wanted, self._topic, RELIABLE)
-        self.type = wanted
+    def _make_publisher(self) -> Any:
+        """Return a publisher of our type, or of the one under which this process has the topic."""
+        try:
+            return self._node.create_publisher(self.type, self._topic, RELIABLE)
+        except RCLError:
+            (other,) = {Twist, TwistStamped} - {self.type}
+            if not self._follows:
+                raise InvalidParameter(
+                    f'{self._topic} is {other.__name__} in this process, got stamped for '
+                    f'{self.type.__name__}'
+                ) from None
+        # From now on it stays: trying again and again would lose messages.
+        self._follows = False
+        self.type = other
+        return self._node.create_publisher(self.type, self._topic, RELIABLE)

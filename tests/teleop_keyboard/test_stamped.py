@@ -73,7 +73,7 @@ def test_a_mismatch_is_told_once_within_two_seconds(
     (warning,) = teleop.warnings
     name = f'robot_{robot.__name__.lower()}'
     assert warning == (
-        f'/cmd_vel: {name} wants {robot.__name__}, this sends {ours}: see the parameter stamped'
+        f'/cmd_vel: {name} has {robot.__name__}, this sends {ours}: see the parameter stamped'
     )
     assert not teleop.has_subscriber
 
@@ -82,7 +82,7 @@ def test_subscribers_that_disagree_are_told_of_too(teleop_of, subscribers_of, sp
     teleop = teleop_of()
     subscribers_of(Twist, TwistStamped)
     spin_until(spawn.pump, lambda: teleop.warnings)
-    assert 'robot_twiststamped wants TwistStamped' in teleop.warnings[0]
+    assert 'robot_twiststamped has TwistStamped' in teleop.warnings[0]
 
 
 def test_anything_else_is_rejected(teleop_of):
