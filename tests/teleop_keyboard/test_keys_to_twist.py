@@ -4,7 +4,9 @@ import math
 import pytest
 from robot_description.parameters import InvalidParameter
 from teleop_keyboard.key_script import parse_key_script
+from teleop_keyboard.keymap import IDLE_POLICIES
 from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.teleop_parameters import TeleopParameters
@@ -133,6 +135,16 @@ def test_speed_keys_never_start_a_motion():
     logic = teleop()
     assert published(run(logic, '0 q*20 z*20 w*20 x*20 e*20 c*20', 2.0)) == []
     assert logic.velocity == STANDSTILL
+
+
+@pytest.mark.parametrize('idle', IDLE_POLICIES)
+@pytest.mark.parametrize('preset', preset_names())
+def test_a_speed_key_while_stopped_publishes_nothing_but_zeros(preset, idle):
+    logic = teleop(preset, idle=idle)
+    script = '0 ' + ' '.join(f'{key}*10' for key in logic.keymap.speed_keys or ('F1',))
+    messages = published(run(logic, script, 1.0))
+    assert set(messages) <= {STANDSTILL}
+    assert bool(messages) == (idle != 'silent')
 
 
 def test_speed_keys_change_by_a_tenth_and_what_is_shown_is_used():

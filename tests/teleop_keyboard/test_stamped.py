@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which type of message velocities have, and what is said when nobody can take it."""
 
+import time
+
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 import pytest
@@ -9,7 +12,9 @@ from rclpy.parameter import Parameter
 from robot_description.parameters import InvalidParameter
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
+from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from teleop_keyboard.ramp import STANDSTILL
 
 
 @pytest.fixture
@@ -106,11 +111,13 @@ def test_the_idle_policy_says_what_a_standing_robot_hears(ros_domain, spawn, idl
             node.step(0.02)
         return len(sent)
 
-    assert wait(2.0) == pytest.approx(before, abs=2)
+    assert wait(2.0) == before
     node.keys.put(String(data='i'))
-    wait(0.5)
+    assert wait(0.5) == 25
     node.keys.put(String(data='k'))
-    assert wait(2.0) == pytest.approx(after, abs=2)
+    assert wait(2.0) == after
+    assert {from_twist(message) for message in sent} == {STANDSTILL}
+    assert wait(2.0) == (0 if idle == 'silent' else after)
 
 
 def test_stamps_and_ramps_are_simulated_time_and_a_pause_brings_no_burst(
@@ -146,4 +153,34 @@ def test_stamps_and_ramps_are_simulated_time_and_a_pause_brings_no_burst(
     spin_until(spawn.pump, lambda: len(sent) > count)
     assert len(sent) <= count + 3
     assert sent[-1].twist.linear.x == pytest.approx(first + 0.6 * 0.1, abs=1e-9)
+    simulator.destroy_node()
+
+
+def test_at_half_speed_the_ramp_follows_simulated_time(teleop_of, context, spawn, spin_until):
+    teleop = teleop_of(use_sim_time=True, stamped=True)
+    simulator = rclpy.create_node('simulator', context=context)
+    clock = simulator.create_publisher(Clock, 'clock', 10)
+    sent = []
+    teleop.receivers.append(lambda message: sent.append((message, time.monotonic())))
+    started = time.monotonic()
+
+    def tick():
+        seconds, fraction = divmod(10.0 + 0.5 * (time.monotonic() - started), 1.0)
+        clock.publish(Clock(clock=Time(sec=int(seconds), nanosec=int(1e9 * fraction))))
+
+    spin_until(spawn.pump, lambda: teleop.get_clock().now().nanoseconds > 0, 10.0, tick)
+    teleop.keys.put(String(data='j'))
+
+    def step():
+        tick()
+        time.sleep(0.002)
+
+    spin_until(spawn.pump, lambda: teleop.logic.velocity.wz > 0.8, 10.0, step)
+    stamps = [message.header.stamp for message, _ in sent]
+    simulated = [stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps]
+    turns = [message.twist.angular.z for message, _ in sent]
+    gained = turns[-1] - turns[1]
+    # mbot's 3 rad/s^2 of simulated time, within the 1 % of the ramp; half of it by the wall.
+    assert gained / (simulated[-1] - simulated[1]) == pytest.approx(3.0, rel=0.01)
+    assert gained / (sent[-1][1] - sent[1][1]) == pytest.approx(1.5, rel=0.25)
     simulator.destroy_node()

@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """`teleop` as a process on a real pseudo-terminal: what the robot is told, to the last word."""
 
+from dataclasses import fields
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
+from rcl_interfaces.msg import Parameter
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import ListParameters
+from rcl_interfaces.srv import SetParameters
 from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.ramp import STANDSTILL
+from teleop_keyboard.teleop_parameters import TeleopParameters
 
 pytestmark = pytest.mark.slow
 
@@ -80,6 +87,38 @@ def test_every_way_out_stops_the_robot_and_restores_the_terminal(
     assert velocities(listener)[-1] == STANDSTILL
     assert process.attributes == process.before
     assert (b'Traceback' in process.output) == (way_out == 'exception')
+
+
+def test_parameters_are_listed_and_set_while_it_drives(pty_process, listener):
+    process = pty_process(*MODULE)
+    listener.probe(process)
+
+    def ask(service_type, name, request):
+        client = listener.node.create_client(service_type, f'keys_to_twist/{name}')
+        assert client.wait_for_service(10.0)
+        answer = client.call_async(request)
+        while not answer.done():
+            hold(process, b'i', 1 / 30)
+        return answer.result()
+
+    def set_speed(value):
+        number = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value)
+        parameter = Parameter(name='speed', value=number)
+        (result,) = ask(
+            SetParameters, 'set_parameters', SetParameters.Request(parameters=[parameter])
+        ).results
+        return result
+
+    listed = ask(ListParameters, 'list_parameters', ListParameters.Request()).result.names
+    assert {field.name for field in fields(TeleopParameters)} <= set(listed)
+    assert set_speed(0.3).successful
+    hold(process, b'i', 1.0)
+    assert max(velocity.vx for velocity in velocities(listener)) == 0.3
+    refused = set_speed(3.0)
+    assert not refused.successful
+    assert refused.reason == 'speed must be within 0.02 .. 1 (preset mbot), got 3'
+    hold(process, b'i', 0.3)
+    assert max(velocity.vx for velocity in velocities(listener)) == 0.3
 
 
 def test_a_held_ctrl_c_ends_it_no_less_cleanly(pty_process, listener):

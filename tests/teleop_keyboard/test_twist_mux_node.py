@@ -112,6 +112,28 @@ def test_an_e_stop_stops_within_a_cycle_and_holds(mux, peer_of, run_until):
     run_until(lambda: 0.3 in peer.speeds(), peer, lambda: keyboard.publish(plain(0.3)))
 
 
+def test_a_lock_is_a_zero_in_the_same_instant(mux):
+    sent = []
+    mux.output.receivers.append(lambda message: sent.append(message.linear.x))
+    mux._on_twist('keyboard', plain(0.1))
+    mux._on_lock('pause', Bool(data=True))
+    assert sent == [0.1, 0.0]
+    mux.step()
+    assert sent == [0.1, 0.0]
+
+
+def test_the_default_tables_are_twist_muxs_and_can_be_read(mux):
+    names = {name for name in mux._parameters if name.startswith(('topics.', 'locks.'))}
+    rows = {name.rpartition('.')[0] for name in names}
+    assert rows == {
+        *(f'topics.{name}' for name in ('navigation', 'keyboard', 'joystick', 'tablet')),
+        *(f'locks.{name}' for name in ('pause', 'loop_closure', 'joystick', 'e_stop')),
+    }
+    assert mux.get_parameter('topics.keyboard.topic').value == 'key_vel'
+    assert mux.get_parameter('topics.keyboard.timeout').value == 0.5
+    assert mux.get_parameter('topics.keyboard.priority').value == 90
+
+
 def test_the_output_follows_a_stamped_subscriber(mux, peer_of, run_until):
     peer = peer_of(TwistStamped)
     keyboard = peer.publisher(Twist, 'key_vel')
