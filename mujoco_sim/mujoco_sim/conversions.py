@@ -15,11 +15,11 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from mujoco_sim.base_state import BaseState
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.sensors import ImuReading
 from mujoco_sim.sensors import JointStates
 from mujoco_sim.wheel_slip import Slip
-from mujoco_sim.world import BaseState
 from mujoco_sim.world import JointCommand
 
 

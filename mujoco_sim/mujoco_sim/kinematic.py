@@ -25,13 +25,14 @@ def place(world: World, pose: PlanarPose, joints: Mapping[str, tuple[float, floa
     """Put the robot at a pose, and joints at a position [rad] and velocity [rad/s]."""
     data = world.data
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
-    data.qpos[0:2] = pose.x, pose.y
-    data.qpos[3:7] = math.cos(0.5 * pose.yaw), 0.0, 0.0, math.sin(0.5 * pose.yaw)
-    data.qvel[0:6] = 0.0
-    data.qvel[0] = cos * pose.linear - sin * pose.lateral
-    data.qvel[1] = sin * pose.linear + cos * pose.lateral
-    data.qvel[5] = pose.angular
+    at, motion = data.qpos[world.parts.pose], data.qvel[world.parts.twist]
+    at[0:2] = pose.x, pose.y
+    at[3:7] = math.cos(0.5 * pose.yaw), 0.0, 0.0, math.sin(0.5 * pose.yaw)
+    motion[:] = 0.0
+    motion[0] = cos * pose.linear - sin * pose.lateral
+    motion[1] = sin * pose.linear + cos * pose.lateral
+    motion[5] = pose.angular
     for name, (position, velocity) in joints.items():
-        joint = data.joint(name)
+        joint = data.joint(world.prefix + name)
         joint.qpos[0], joint.qvel[0] = position, velocity
     mujoco.mj_forward(world.model, data)

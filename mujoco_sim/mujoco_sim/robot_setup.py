@@ -28,12 +28,13 @@ class RobotSetup:
     """
     How a robot is put into a world.
 
-    `joint_positions` [rad] and `height` [m] of the root are where it starts; `speed_limits`
-    [rad/s] are the no-load speeds of its motors; a command takes effect `command_delay` [s]
-    after it was given; without `noise` sensors tell the truth.
+    `joint_positions` [rad], `place` (x, y) and `height` [m] of the root are where it starts;
+    `speed_limits` [rad/s] are the no-load speeds of its motors; a command takes effect
+    `command_delay` [s] after it was given; without `noise` sensors tell the truth.
     """
 
     joint_positions: Mapping[str, float] = field(default_factory=dict)
+    place: tuple[float, float] = (0.0, 0.0)
     height: float = 0.0
     speed_limits: Mapping[str, float] = field(default_factory=dict)
     command_delay: float = 0.0

@@ -13,13 +13,13 @@ from robot_description.qos import RELIABLE
 from robot_description.urdf import Robot
 from sensor_msgs.msg import JointState
 
+from mujoco_sim.base_state import BaseState
 from mujoco_sim.conversions import to_ground_truth
 from mujoco_sim.conversions import to_odometry_error
 from mujoco_sim.conversions import to_stamp
 from mujoco_sim.conversions import to_wheel_slip
 from mujoco_sim.mount import Snapshot
 from mujoco_sim.wheel_slip import WheelSlip
-from mujoco_sim.world import BaseState
 from mujoco_sim.world import World
 
 # Odometry may arrive so many instants after the one that it is about.

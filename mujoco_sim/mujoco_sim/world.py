@@ -3,14 +3,15 @@
 
 from collections import deque
 from collections.abc import Sequence
-import math
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from mujoco_sim.errors import SimulationError
+from mujoco_sim.base_state import BaseState
 from mujoco_sim.motors import TorqueSpeedCurve
+from mujoco_sim.physics import Physics
+from mujoco_sim.robot_parts import RobotParts
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.sensors import ImuReading
 from mujoco_sim.sensors import JointStates
@@ -40,130 +41,124 @@ class JointCommand(NamedTuple):
     kd: np.ndarray
 
 
-class BaseState(NamedTuple):
-    """The robot's root frame as physics knows it; without sensor noise."""
-
-    position: np.ndarray  # p_world_base [m], shape (3,)
-    orientation: np.ndarray  # quaternion w, x, y, z of R_world_base, shape (4,)
-    linear_velocity: np.ndarray  # in the world frame [m/s], shape (3,)
-    angular_velocity: np.ndarray  # in the base frame [rad/s], shape (3,)
-
-    @property
-    def rpy(self) -> np.ndarray:
-        """Roll, pitch, yaw [rad], shape (3,); R = Rz(yaw) Ry(pitch) Rx(roll)."""
-        # In plain numbers: numpy takes ten times as long for one of these.
-        w, x, y, z = self.orientation.tolist()
-        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-        pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
-        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        return np.array([roll, pitch, yaw])
-
-    @property
-    def tilt(self) -> float:
-        """Angle between the base's z axis and the world's [rad]."""
-        _, x, y, _ = self.orientation.tolist()
-        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
-
-    @property
-    def planar_velocity(self) -> np.ndarray:
-        """Velocity ahead and to the left [m/s] by yaw, and turn about world z [rad/s], (3,)."""
-        roll, pitch, yaw = self.rpy.tolist()
-        vx, vy, _ = self.linear_velocity.tolist()
-        p, q, r = self.angular_velocity.tolist()
-        cos, sin = math.cos(yaw), math.sin(yaw)
-        # The third row of Rz(yaw) Ry(pitch) Rx(roll), which yaw does not change.
-        turn = math.cos(pitch) * (math.sin(roll) * q + math.cos(roll) * r) - math.sin(pitch) * p
-        return np.array([cos * vx + sin * vy, cos * vy - sin * vx, turn])
-
-
 class World:
     """
-    One robot in one compiled model.
+    One robot in a compiled model, which it may share with others.
 
-    Keeps MuJoCo's state, the command and pushes in force and `tick`, the number of physics steps
-    so far. Before any command motors are limp. Same seed and same calls give the same bits.
+    Keeps the command and the pushes in force; MuJoCo's state and `tick`, the number of physics
+    steps so far, are those of its `physics`. Before any command motors are limp. Same seed and
+    same calls give the same bits.
     """
 
     def __init__(
-        self, spec: mujoco.MjSpec, root: str, seed: int = 0, setup: RobotSetup | None = None
+        self,
+        spec: mujoco.MjSpec | Physics,
+        root: str,
+        seed: int = 0,
+        setup: RobotSetup | None = None,
+        prefix: str = '',
     ) -> None:
         """
         Compile the specification; `root` is the body on the free joint, or held in place.
 
+        A robot that shares a compiled model has a `prefix` there before all its names; here it
+        has not. Whoever compiled the model resets it once all robots are in it.
+
         Raises:
             SimulationError: what the compiler says, in one line.
         """
-        try:
-            self.model = spec.compile()
-        except ValueError as error:
-            raise SimulationError(f'MuJoCo: {" ".join(str(error).split())}') from None
-        self.data = mujoco.MjData(self.model)
-        self.root = self.model.body(root).id
+        self.physics = spec if isinstance(spec, Physics) else Physics(spec)
+        self.model, self.data = self.physics.model, self.physics.data
+        self.prefix = prefix
+        self.parts = RobotParts(self.model, prefix, root)
+        self.root = self.parts.root
+        self.joint_names, self.motor_names = self.parts.joint_names, self.parts.motor_names
+        self._motors = self.parts.motors
+        self._motor_velocity = self.parts.velocity[self.parts.motor_joint]
         self.seed = seed
         self.setup = setup or RobotSetup()
-        self.tick = 0
         self.rejected_commands = 0
         self.is_kinematic = False  # then it moves by `kinematic.place` only
-        joints = [self.model.joint(i) for i in range(self.model.njnt)]
-        hinges = [joint for joint in joints if joint.type[0] != mujoco.mjtJoint.mjJNT_FREE]
-        self._floats = bool(joints) and joints[0].type[0] == mujoco.mjtJoint.mjJNT_FREE
-        self.joint_names = tuple(joint.name for joint in hinges)
-        self.motor_names = tuple(self.model.actuator(i).name for i in range(self.model.nu))
-        self.time_step = float(self.model.opt.timestep)
-        self._position_address = np.array([joint.qposadr[0] for joint in hinges], dtype=int)
-        self._velocity_address = np.array([joint.dofadr[0] for joint in hinges], dtype=int)
-        self._motor_joint = np.array(
-            [self.joint_names.index(name) for name in self.motor_names], dtype=int
-        )
-        self._motor_velocity = self._velocity_address[self._motor_joint]
-        self._link_of_geom = [
-            self.model.geom(i).name.partition('/')[0] for i in range(self.model.ngeom)
-        ]
-        self.has_imu = self.model.nsensor >= 2
+        self.time_step = self.physics.time_step
+        gyro = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SENSOR, f'{prefix}gyro')
+        self.has_imu = gyro >= 0
         self._command_delay = round(self.setup.command_delay / self.time_step)
         self._curve = self._torque_speed_curve()
         self._peak_effort = np.zeros(len(self.motor_names))
         # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
         stopping = 1.0 / (self.model.dof_invweight0[self._motor_velocity] * self.time_step)
         self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
-        self.reset()
+        self.physics.robots.append(self)
+        if self.physics is not spec:
+            self.reset()
+
+    @property
+    def tick(self) -> int:
+        """The number of physics steps so far."""
+        return self.physics.tick
 
     @property
     def time(self) -> float:
         """Simulated time since construction [s]; `reset` does not turn it back."""
-        return self.tick * self.time_step
+        return self.physics.tick * self.time_step
 
     def reset(self) -> None:
-        """Put the robot back to where it began, at rest, random numbers included; time goes on."""
-        mujoco.mj_resetData(self.model, self.data)
+        """Put all robots back to where they began, at rest, random numbers, too; time goes on."""
+        self.physics.reset()
+
+    def step(self, count: int = 1) -> None:
+        """Advance by `count` physics steps; commands and pushes begin and end within them."""
+        self.physics.step(count)
+
+    def begin(self) -> None:
+        """Begin anew, at the start that the setup says."""
         for name, position in self.setup.joint_positions.items():
-            self.data.joint(name).qpos[0] = position
-        if self._floats:
-            self.data.qpos[2] = self.setup.height
+            self.data.joint(self.prefix + name).qpos[0] = position
+        if self.parts.pose is not None:
+            position = self.data.qpos[self.parts.pose][:3]
+            position[:2] += self.setup.place
+            position[2] = self.setup.height
         noise = self.setup.noise
         self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
         self._reading: tuple[int, Reading] | None = None
         self._pushes: list[tuple[int, np.ndarray]] = []
         self._pending: deque[tuple[int, np.ndarray]] = deque()
         self._put_in_force(np.zeros((5, len(self.motor_names))))
-        mujoco.mj_forward(self.model, self.data)
 
-    def step(self, count: int = 1) -> None:
-        """Advance by `count` physics steps; commands and pushes begin and end within them."""
-        last = self.tick + count
-        while self.tick < last:
-            until = last
-            if self._pending:
-                if self._pending[0][0] <= self.tick:
-                    self._put_in_force(self._pending.popleft()[1])
-                    continue
-                until = min(until, self._pending[0][0])
-            if self._pushes:
-                until = min(until, *(end for end, _ in self._pushes))
-            self._advance(until - self.tick)
-            if self._pushes:
-                self._pushes = [push for push in self._pushes if push[0] > self.tick]
-                self._sum_pushes()
+    def begin_stretch(self) -> int | None:
+        """Put in force the commands that are due; return when one or a push changes next."""
+        while self._pending and self._pending[0][0] <= self.tick:
+            self._put_in_force(self._pending.popleft()[1])
+        ends = [end for end, _ in self._pushes]
+        if self._pending:
+            ends.append(self._pending[0][0])
+        return min(ends, default=None)
+
+    def end_stretch(self) -> None:
+        """Drop the pushes that are over."""
+        if self._pushes:
+            self._pushes = [push for push in self._pushes if push[0] > self.tick]
+            self._sum_pushes()
+
+    @property
+    def limits_change(self) -> bool:
+        """Whether the motors' limits depend on their speed."""
+        return self._curve is not None
+
+    def before_step(self) -> None:
+        """Limit the motors as their speeds allow."""
+        if self._curve is not None:
+            velocity = self.data.qvel[self._motor_velocity]
+            self.model.actuator_forcerange[self._motors] = self._curve.limits(velocity)
+
+    def after_step(self) -> None:
+        """Note the largest efforts."""
+        effort = np.abs(self.data.actuator_force[self._motors])
+        np.maximum(self._peak_effort, effort, out=self._peak_effort)
+
+    def body(self, link: str) -> int:
+        """Return the number of the body that is a link; -1 where it is welded into another."""
+        return self.parts.body(link)
 
     def read(self) -> Reading:
         """Return what the sensors measure now; asked twice in one instant, they say the same."""
@@ -176,30 +171,28 @@ class World:
     def joints(self) -> JointStates:
         """Return the joints without noise; the efforts are those in the last physics step."""
         effort = np.zeros(len(self.joint_names))
-        effort[self._motor_joint] = self.data.actuator_force
+        effort[self.parts.motor_joint] = self.data.actuator_force[self._motors]
         return JointStates(
-            self.data.qpos[self._position_address],
-            self.data.qvel[self._velocity_address],
+            self.data.qpos[self.parts.position],
+            self.data.qvel[self.parts.velocity],
             effort,
         )
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""
-        peak: np.ndarray = np.maximum(self._peak_effort, np.abs(self.data.actuator_force))
+        peak: np.ndarray = np.maximum(
+            self._peak_effort, np.abs(self.data.actuator_force[self._motors])
+        )
         self._peak_effort = np.zeros(len(self.motor_names))
         return peak
 
     def base(self) -> BaseState:
         """Return the root frame as it is, without noise."""
-        if not self._floats:
+        if self.parts.pose is None:
             pose = self.data.xpos[self.root].copy(), self.data.xquat[self.root].copy()
             return BaseState(*pose, np.zeros(3), np.zeros(3))
-        return BaseState(
-            self.data.qpos[0:3].copy(),
-            self.data.qpos[3:7].copy(),
-            self.data.qvel[0:3].copy(),
-            self.data.qvel[3:6].copy(),
-        )
+        pose, twist = self.data.qpos[self.parts.pose], self.data.qvel[self.parts.twist]
+        return BaseState(pose[:3].copy(), pose[3:].copy(), twist[:3].copy(), twist[3:].copy())
 
     def apply(self, command: JointCommand) -> bool:
         """
@@ -229,11 +222,11 @@ class World:
         A motor keeps the damping it was commanded; one without gets BRAKE_DAMPING, or less.
         """
         self._pending.clear()
-        kept = -self.model.actuator_biasprm[:, 2]
+        kept = -self.model.actuator_biasprm[self._motors, 2]
         damping = np.where(kept > 0.0, kept, self._brake_damping)
-        self.model.actuator_biasprm[:, 2] = -damping
-        self.model.actuator_biasprm[:, 1] = 0.0
-        self.data.ctrl[:] = 0.0
+        self.model.actuator_biasprm[self._motors, 2] = -damping
+        self.model.actuator_biasprm[self._motors, 1] = 0.0
+        self.data.ctrl[self._motors] = 0.0
 
     def push(self, force: Sequence[float], duration: float) -> bool:
         """
@@ -257,7 +250,7 @@ class World:
         forces = dict.fromkeys(links, 0.0)
         wrench = np.zeros(6)
         for index, pair in enumerate(self.data.contact.geom.tolist()):
-            touching = {self._link_of_geom[geom] for geom in pair} & forces.keys()
+            touching = {self.parts.link_of_geom[geom] for geom in pair} & forces.keys()
             if touching:
                 mujoco.mj_contactForce(self.model, self.data, index, wrench)
                 for link in touching:
@@ -270,31 +263,18 @@ class World:
 
     def _put_in_force(self, command: np.ndarray) -> None:
         position, velocity, effort, kp, kd = command
-        self.model.actuator_biasprm[:, 1] = -kp
-        self.model.actuator_biasprm[:, 2] = -kd
-        self.data.ctrl[:] = effort + kp * position + kd * velocity
-
-    def _advance(self, count: int) -> None:
-        self.tick += count
-        if self.is_kinematic:
-            return
-        if self._curve is None:
-            mujoco.mj_step(self.model, self.data, count)
-            return
-        for _ in range(count):
-            velocity = self.data.qvel[self._motor_velocity]
-            self.model.actuator_forcerange[:] = self._curve.limits(velocity)
-            mujoco.mj_step(self.model, self.data)
-            effort = np.abs(self.data.actuator_force)
-            np.maximum(self._peak_effort, effort, out=self._peak_effort)
+        self.model.actuator_biasprm[self._motors, 1] = -kp
+        self.model.actuator_biasprm[self._motors, 2] = -kd
+        self.data.ctrl[self._motors] = effort + kp * position + kd * velocity
 
     def _torque_speed_curve(self) -> TorqueSpeedCurve | None:
         limits = self.setup.speed_limits
         if not all(limits.get(name, 0.0) > 0.0 for name in self.motor_names):
             return None
-        torque = self.model.actuator_forcerange[:, 1].copy()
+        torque = self.model.actuator_forcerange[self._motors, 1].copy()
         return TorqueSpeedCurve(torque, np.array([limits[name] for name in self.motor_names]))
 
     def _true_imu(self) -> ImuReading:
-        gyro, accelerometer = self.data.sensor('gyro'), self.data.sensor('accelerometer')
+        gyro = self.data.sensor(f'{self.prefix}gyro')
+        accelerometer = self.data.sensor(f'{self.prefix}accelerometer')
         return ImuReading(self.base().orientation, gyro.data.copy(), accelerometer.data.copy())

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
+from mujoco_sim.base_state import BaseState as TrueBase
 from mujoco_sim.conversions import rotate_inverse
 from mujoco_sim.sensors import ImuReading
 from mujoco_sim.sensors import JointStates
 from mujoco_sim.sensors import Reading
-from mujoco_sim.world import BaseState as TrueBase
 from mujoco_sim.world import JointCommand
 from nav_msgs.msg import Odometry as OdometryMessage
 import numpy as np

@@ -5,10 +5,10 @@ import sys
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
+from mujoco_sim.base_state import BaseState
 from mujoco_sim.conversions import to_joint_commands
 from mujoco_sim.loading import load_robot
 from mujoco_sim.sensors import Reading
-from mujoco_sim.world import BaseState
 from mujoco_sim.world import JointCommand
 from nav_msgs.msg import Odometry
 import numpy as np

@@ -2,9 +2,9 @@
 import math
 
 import mujoco
+from mujoco_sim.base_state import BaseState
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.loading import build_world
-from mujoco_sim.world import BaseState
 from mujoco_sim.world import JointCommand
 from mujoco_sim.world import World
 import numpy as np

@@ -4,12 +4,12 @@
 import math
 
 from builtin_interfaces.msg import Time
+from mujoco_sim.base_state import BaseState
 from mujoco_sim.conversions import to_ground_truth
 from mujoco_sim.conversions import to_imu
 from mujoco_sim.sensors import ImuReading
 from mujoco_sim.sensors import JointStates
 from mujoco_sim.sensors import Reading
-from mujoco_sim.world import BaseState
 import numpy as np
 import pytest
 from quadruped_sim.conversions import from_messages

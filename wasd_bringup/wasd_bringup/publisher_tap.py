@@ -15,10 +15,6 @@ from wasd_bringup.cdr_padding import clear_padding
 Hear = Callable[[str, str, Any, bytes], None]
 # Bears stamps of the wall clock and tells of nodes, not of robots.
 IGNORED = '/parameter_events'
-# What is recorded only while somebody else listens: pictures would make a run ten times slower,
-# and odom_error is made of what comes back through the middleware, at no certain instant.
-UNASKED_TYPES = ('Image', 'CameraInfo')
-UNASKED_TOPIC = '/odom_error'
 
 
 class PublisherTap:
@@ -27,8 +23,8 @@ class PublisherTap:
 
     A subscription would hear messages later, in an order of its own, and lose some at full speed;
     here they come in the order and at the simulated instant of their publishing. It counts as a
-    listener: what is made only for listeners is made, with a few exceptions. A message that
-    another process sent to one of our inlets is heard once, when the inlet takes it.
+    listener: what is made only for listeners is made. A message that another process sent to one
+    of our inlets is heard once, when the inlet takes it.
     """
 
     def __init__(self, hear: Hear) -> None:
@@ -39,7 +35,7 @@ class PublisherTap:
         self._count = Publisher.get_subscription_count
         # rclpy has no hook for this; its publishers are plain Python.
         Publisher.publish = lambda publisher, message: self._on_publish(publisher, message)
-        Publisher.get_subscription_count = lambda publisher: self._count_listeners(publisher)
+        Publisher.get_subscription_count = lambda publisher: self._count(publisher) + 1
         Inlet.witnesses.append(self._on_inlet)
 
     def remove(self) -> None:
@@ -48,21 +44,11 @@ class PublisherTap:
         Publisher.get_subscription_count = self._count
         Inlet.witnesses.remove(self._on_inlet)
 
-    def _count_listeners(self, publisher: Publisher) -> int:
-        topic, kind = self._identify(publisher)
-        is_asked = not (kind.endswith(UNASKED_TYPES) or topic.endswith(UNASKED_TOPIC))
-        count: int = self._count(publisher)
-        return count + is_asked
-
-    def _identify(self, publisher: Publisher) -> tuple[str, str]:
-        """Return topic and type."""
-        if publisher not in self._topics:
-            self._topics[publisher] = publisher.topic_name, type_name(publisher.msg_type)
-        return self._topics[publisher]
-
     def _on_publish(self, publisher: Publisher, message: Any) -> None:
         self._publish(publisher, message)
-        topic, kind = self._identify(publisher)
+        if publisher not in self._topics:
+            self._topics[publisher] = publisher.topic_name, type_name(publisher.msg_type)
+        topic, kind = self._topics[publisher]
         if topic != IGNORED:
             if not isinstance(message, bytes):
                 message = to_bytes(message)
