@@ -11,6 +11,7 @@ from teleop_keyboard.keymap_text import describe_keymap
 from teleop_keyboard.keymap_text import list_presets
 from teleop_keyboard.layouts import LAYOUTS
 
+from wasd_bringup.calibrate_options import add_calibrate_options
 from wasd_bringup.graph_options import add_graph_commands
 from wasd_bringup.options import add_legged_options
 from wasd_bringup.options import add_run_options
@@ -49,6 +50,10 @@ def make_parser() -> argparse.ArgumentParser:
     keys = commands.add_parser('keys', help='list keymaps, or print one', allow_abbrev=False)
     keys.add_argument('preset', nargs='?', metavar='NAME|FILE', help='a preset, or your YAML file')
     keys.add_argument('--layout', choices=LAYOUTS, default='qwerty', help='keyboard')
+    calibrate = commands.add_parser(
+        'calibrate', help="measure mbot's wheels by driving squares", allow_abbrev=False
+    )
+    add_calibrate_options(calibrate)
     add_graph_commands(commands)
     commands.add_parser(
         'test', help='run the test-suite; further arguments go to pytest', add_help=False
@@ -89,6 +94,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             from wasd_bringup.demo import demo_command
 
             return demo_command(arguments.output)
+        if arguments.command == 'calibrate':
+            from wasd_bringup.calibrate import calibrate_command
+
+            return calibrate_command(arguments)
         if 'looks_into_graph' in arguments:
             from wasd_bringup.graph_commands import run_graph_command
 

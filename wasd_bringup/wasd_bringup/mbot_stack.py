@@ -6,6 +6,7 @@ import time
 
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
+from diff_drive_sim.geometry import DiffDriveGeometry
 from geometry_msgs.msg import Twist
 from mujoco_sim.kinematic import place
 from mujoco_sim.kinematic import PlanarPose
@@ -74,6 +75,11 @@ class MbotStack:
     def period(self) -> float:
         """The controller's period [s]."""
         return 1.0 / self._driver.update_rate
+
+    @property
+    def geometry(self) -> DiffDriveGeometry:
+        """The wheels as the controller believes them to be."""
+        return self._driver.controller.geometry
 
     @property
     def help_lines(self) -> tuple[str, ...]:

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`wasd calibrate` on mbot: errors put into its controller are found again."""
+
+import contextlib
+import io
+
+from diff_drive_sim.controller_file import read_controller_file
+import numpy as np
+import pytest
+from wasd_bringup.cli import main
+
+TRUE_RADIUS, TRUE_SEPARATION = 0.06, 0.38
+
+
+@pytest.fixture(scope='module')
+def calibrated(tmp_path_factory):
+    """Return the status, the output and the file of a calibration with 2 % and 0.26 m put in."""
+    file = tmp_path_factory.mktemp('calibration') / 'mbot.yaml'
+    words = ['--wheel-separation', '0.26', '--right-radius', '0.0612', '--output', str(file)]
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        status = main(['calibrate', '--runs', '1', '--side', '0.3', *words])
+    return status, said.getvalue(), file
+
+
+def test_the_width_and_the_radius_are_found_within_a_fifth_of_a_percent(calibrated):
+    status, _, file = calibrated
+    values = read_controller_file(str(file)).values
+    assert status == 0
+    separation = values['wheel_separation'] * values['wheel_separation_multiplier']
+    assert separation == pytest.approx(TRUE_SEPARATION, rel=0.002)
+    for side in ('left', 'right'):
+        radius = TRUE_RADIUS * values[f'{side}_wheel_radius_multiplier']
+        assert radius == pytest.approx(TRUE_RADIUS, rel=0.002)
+
+
+def test_it_shows_what_was_believed_and_both_estimates(calibrated):
+    _, said, _ = calibrated
+    rows = {line[:22].strip(): line[22:].split() for line in said.splitlines()}
+    assert rows['right radius [mm]'][0] == '61.200'
+    assert rows['wheel separation [mm]'][0] == '260.000'
+    exact = [float(rows[f'E_{name}'][2]) for name in ('d, right over left', 'b, wheelbase')]
+    np.testing.assert_allclose(exact, [1.0 / 1.02, 0.38 / 0.26], rtol=0.002)
+
+
+def test_the_corrected_robot_returns_to_where_it_began(calibrated):
+    _, said, file = calibrated
+    (line,) = (line for line in said.splitlines() if line.startswith('largest return error'))
+    believed, corrected = (float(word) for word in line.split() if word.replace('.', '').isdigit())
+    assert believed > 100.0
+    assert corrected < 2.0
+    assert f'{corrected:.2f} mm after' in file.read_text()
+
+
+@pytest.mark.parametrize(
+    ('words', 'error'),
+    [
+        (['--side', '0'], '--side: got 0, wanted 0.2 to 10'),
+        (['--runs', '0'], '--runs: got 0, wanted 1 to 100'),
+        (['--right-radius', '-1'], '--right-radius: got -1, wanted metres from 0.001 to 10'),
+        (['--wheel-separation', 'nan'], '--wheel-separation: got nan, wanted metres'),
+        (['--description', 'moon'], 'moon: no such file, and no robot of that name'),
+        (['--description', 'go2'], 'needs 2 driven wheels'),
+        (['--controller', 'none.yaml'], 'none.yaml: No such file'),
+        (['--output', 'no/such/folder.yaml'], '--output no/such/folder.yaml: wanted a file'),
+        (['--package-path', 'no/such'], '--package-path no/such: no such folder'),
+    ],
+)
+def test_a_mistake_is_one_line(words, error, capsys):
+    assert main(['calibrate', *words]) == 2
+    said = capsys.readouterr().err
+    assert error in said
+    assert said.startswith('error: ')
+    assert said.count('\n') == 1
