@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cmd_vel as Twist and TwistStamped, from other processes' participants."""
+
+from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
+from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+
+
+@pytest.fixture
+def publish(ros):
+    """Return a function that publishes a velocity from a participant of its own."""
+    contexts, nodes, publishers = [], [], {}
+
+    def publish(message):
+        kind = type(message)
+        if kind not in publishers:
+            context = Context()
+            context.init()
+            node = rclpy.create_node(f'sender_{len(nodes)}', context=context)
+            contexts.append(context)
+            nodes.append(node)
+            publishers[kind] = node.create_publisher(kind, 'cmd_vel', 10)
+        publishers[kind].publish(message)
+
+    yield publish
+    for node, context in zip(nodes, contexts, strict=True):
+        node.destroy_node()
+        context.try_shutdown()
+
+
+def plain(linear):
+    message = Twist()
+    message.linear.x = linear
+    return message
+
+
+def stamped(linear, stamp=None):
+    message = TwistStamped()
+    message.twist.linear.x = linear
+    if stamp is not None:
+        message.header.stamp = stamp
+    return message
+
+
+@pytest.fixture
+def make(spawn, mbot):
+    """Return a function that starts a controller in lock-step."""
+
+    def make(**parameters):
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        return spawn(DiffDriveControllerNode(mbot, lock_step=True, parameter_overrides=overrides))
+
+    return make
+
+
+def test_two_publishers_of_two_types_are_both_heard(make, publish, spawn, spin_until):
+    node = make()
+    for linear in (0.1, 0.2):  # and again, by turns
+        message = plain(linear)
+        spin_until(
+            spawn.pump, lambda v=linear: node.controller.target.linear == v,
+            step=lambda m=message: publish(m),
+        )  # fmt: skip
+        message = stamped(-linear, node.get_clock().now().to_msg())
+        spin_until(
+            spawn.pump, lambda v=linear: node.controller.target.linear == -v,
+            step=lambda m=message: publish(m),
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(('wanted', 'deaf'), [('true', plain), ('false', stamped)])
+def test_one_type_can_be_asked_for(make, publish, spawn, spin_until, wanted, deaf):
+    node = make(stamped=wanted)
+    heard = stamped if wanted == 'true' else plain
+    spin_until(
+        spawn.pump,
+        lambda: node.controller.target.linear == 0.2,
+        step=lambda: (publish(deaf(0.1)), publish(heard(0.2))),
+    )
+
+
+def test_an_old_command_is_dropped_and_one_without_a_stamp_is_of_now(make, capfd):
+    node = make(stamped='true')
+    node.cmd_vel.put(stamped(0.2))
+    node.cmd_vel.put(stamped(0.1))
+    assert node.controller.target.linear == 0.1
+    old = node.get_clock().now() - rclpy.duration.Duration(seconds=0.7)
+    node.cmd_vel.put(stamped(0.3, old.to_msg()))
+    assert node.controller.target.linear == 0.1
+    said = capfd.readouterr().err
+    assert said.count('has no stamp: taken as of now') == 1
+    assert 's old, more than cmd_vel_timeout 0.5 s: dropped' in said
+
+
+def test_a_command_that_took_its_time_times_out_sooner(make):
+    node = make(stamped='true')
+    stamp = node.get_clock().now() - rclpy.duration.Duration(seconds=0.4)
+    node.cmd_vel.put(stamped(0.3, stamp.to_msg()))
+    steps = 0
+    while node.controller.target.linear:
+        node.control(0.0, 0.0, 0.005)
+        steps += 1
+    assert steps * 0.005 == pytest.approx(0.1, abs=0.05)
