@@ -59,6 +59,7 @@ class DiffDriveControllerNode(Node):
         robot: Robot | None = None,
         *,
         lock_step: bool = False,
+        namespace: str = '',
         parameter_overrides: list[Parameter] | None = None,
     ) -> None:
         """
@@ -67,7 +68,11 @@ class DiffDriveControllerNode(Node):
         Raises:
             InvalidParameter, DescriptionError, DiffDriveError: what is wrong, in one line.
         """
-        super().__init__('diff_drive_controller', parameter_overrides=parameter_overrides or [])
+        super().__init__(
+            'diff_drive_controller',
+            namespace=namespace,
+            parameter_overrides=parameter_overrides or [],
+        )
         given = read_given(self)
         declared = declare_parameters(self, DiffDriveParameters, self._on_change, given.defaults)
         robot = robot or load_robot(declared.description).robot
@@ -247,7 +252,8 @@ class DiffDriveControllerNode(Node):
 
     def _frame_notes(self, robot: Robot) -> list[str]:
         frame = self.settings.base_frame_id
-        if frame == robot.root or not self.settings.enable_odom_tf:
+        # Of several robots each may have a prefix before its frames.
+        if frame.rpartition('/')[2] == robot.root or not self.settings.enable_odom_tf:
             return []
         why = 'has a parent already' if frame in robot.links else 'is no link of the description'
         return [f'base_frame_id {frame!r} {why}, its root is {robot.root!r}: /tf is no tree']

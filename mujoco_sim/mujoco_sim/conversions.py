@@ -40,11 +40,11 @@ def to_joint_state(names: Sequence[str], joints: JointStates, stamp: Time) -> Jo
     return message
 
 
-def to_ground_truth(base: BaseState, child_frame: str, stamp: Time) -> Odometry:
-    """Return the true pose in the world, called `odom` here, and the twist in the base frame."""
+def to_ground_truth(base: BaseState, frame: str, child_frame: str, stamp: Time) -> Odometry:
+    """Return the true pose in `frame`, that of odometry, and the twist in the base frame."""
     message = Odometry()
     message.header.stamp = stamp
-    message.header.frame_id = 'odom'
+    message.header.frame_id = frame
     message.child_frame_id = child_frame
     position, orientation = message.pose.pose.position, message.pose.pose.orientation
     position.x, position.y, position.z = base.position.tolist()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes the lidars and cameras of a robot, each at its rate, for whoever listens."""
 
+import dataclasses
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -72,7 +73,10 @@ class SensorPublisher:
         """
         self._world = world
         self._noise = noise
-        lidars, cameras = read_sensor_tags(loaded.urdf, loaded.robot)
+        lidars, cameras = (
+            [dataclasses.replace(tag, frame=world.prefix + tag.frame) for tag in tags]
+            for tags in read_sensor_tags(loaded.urdf, loaded.robot)
+        )
         robot, snapshot = loaded.robot, Snapshot(world)
         found = [Camera(tag, world, robot, snapshot, camera_scale) for tag in cameras]
         self._darkroom = _Darkroom(node, world, found)

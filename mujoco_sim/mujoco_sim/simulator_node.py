@@ -56,7 +56,8 @@ class SimulatorNode(Node):
     Publishes a World, takes joint commands for it, offers reset, pause and step.
 
     With `lock_step` a controller lives in the same process and is handed the state directly;
-    `joint_commands` is then not subscribed to.
+    `joint_commands` is then not subscribed to. Several robots in one model have a node each, with
+    the world's prefix as namespace and before frames; the first has the clock.
     """
 
     def __init__(
@@ -65,21 +66,27 @@ class SimulatorNode(Node):
         world: World | None = None,
         *,
         lock_step: bool = False,
+        simulation: Simulation | None = None,
         parameter_overrides: list[Parameter] | None = None,
     ) -> None:
         """
-        Take a robot and its world, or load what the parameters name.
+        Take a robot, its world and the simulation that steps it, or load what parameters name.
 
         Raises:
             InvalidParameter, DescriptionError, SimulationError: what is wrong, in one line.
         """
-        super().__init__('simulator', parameter_overrides=parameter_overrides or [])
+        super().__init__(
+            'simulator',
+            namespace=world.prefix.rstrip('/') if world is not None else '',
+            parameter_overrides=parameter_overrides or [],
+        )
         self.settings = declare_parameters(self, SimulatorParameters, self._on_change)
         robot = robot or load_robot(self.settings.description)
         world = world or self._build_world(robot)
-        self.simulation = Simulation(world, self.settings.speed)
+        self.simulation = simulation or Simulation(world, self.settings.speed)
+        self._has_clock = simulation is None
         self._world = world
-        self._root = robot.robot.root
+        self._root = world.prefix + robot.robot.root
         self._commanded_at = 0.0
         self._answered: float | None = None
         self._held_since: float | None = None
@@ -134,8 +141,8 @@ class SimulatorNode(Node):
             values['overruns'] = str(summary.overruns)
         values['rejected_commands'] = str(self._world.rejected_commands)
         text = 'slower than asked for' if slow else state
-        stamp = self.stamp
-        self._diagnostics.publish(to_diagnostics(self.get_name(), text, values, slow, stamp))
+        stamp, name = self.stamp, self._world.prefix + self.get_name()
+        self._diagnostics.publish(to_diagnostics(name, text, values, slow, stamp))
 
     @property
     def stamp(self) -> Time:
@@ -156,7 +163,7 @@ class SimulatorNode(Node):
             raise SimulationError(str(error).removeprefix('--')) from None
 
     def _publish_clock(self) -> None:
-        if self._clock_tick == self._world.tick:
+        if not self._has_clock or self._clock_tick == self._world.tick:
             return
         self._clock_tick = self._world.tick
         if has_listener(self._clock_publisher):

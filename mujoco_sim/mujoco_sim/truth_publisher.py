@@ -38,7 +38,7 @@ class TruthPublisher:
     def __init__(self, node: Node, world: World, robot: Robot) -> None:
         self._node = node
         self._world = world
-        self._root = robot.root
+        self._odom, self._root = f'{world.prefix}odom', world.prefix + robot.root
         self._truth = node.create_publisher(Odometry, 'ground_truth/odom', RELIABLE)
         self._error = node.create_publisher(Odometry, 'odom_error', RELIABLE)
         self._odometry: Any = None
@@ -51,7 +51,7 @@ class TruthPublisher:
         """Publish the truth of now."""
         stamp = to_stamp(self._world.time)
         if has_listener(self._truth):
-            self._truth.publish(to_ground_truth(self._world.base(), self._root, stamp))
+            self._truth.publish(self._to_truth(self._world.base_since_start(), stamp))
         if self._slip.joints and has_listener(self._slips):
             self._slips.publish(to_wheel_slip(self._slip.joints, self._slip.measure(), stamp))
 
@@ -68,7 +68,7 @@ class TruthPublisher:
             self._odometry = self._node.create_subscription(
                 Odometry, 'odom', self._on_odometry, RELIABLE
             )
-        self._past[_key(to_stamp(self._world.time))] = self._world.base()
+        self._past[_key(to_stamp(self._world.time))] = self._world.base_since_start()
         if len(self._past) > REMEMBERED:
             self._past.popitem(last=False)
 
@@ -82,8 +82,11 @@ class TruthPublisher:
                 throttle_duration_sec=10.0,
             )
             return
-        truth = to_ground_truth(base, self._root, stamp)
+        truth = self._to_truth(base, stamp)
         self._error.publish(to_odometry_error(truth, odometry))
+
+    def _to_truth(self, base: BaseState, stamp: Time) -> Odometry:
+        return to_ground_truth(base, self._odom, self._root, stamp)
 
 
 def _key(stamp: Time) -> tuple[int, int]:

@@ -194,6 +194,11 @@ class World:
         pose, twist = self.data.qpos[self.parts.pose], self.data.qvel[self.parts.twist]
         return BaseState(pose[:3].copy(), pose[3:].copy(), twist[:3].copy(), twist[3:].copy())
 
+    def base_since_start(self) -> BaseState:
+        """Return `base` as a perfect odometry has it: counted from the place of the start."""
+        base = self.base()
+        return base._replace(position=base.position - (*self.setup.place, 0.0))
+
     def apply(self, command: JointCommand) -> bool:
         """
         Put a command in force, after the setup's delay and until the next; return if it was taken.

@@ -63,6 +63,7 @@ class LegControllerNode(Node):
         urdf: str | None = None,
         *,
         lock_step: bool = False,
+        namespace: str = '',
         parameter_overrides: list[Parameter] | None = None,
     ) -> None:
         """
@@ -71,7 +72,9 @@ class LegControllerNode(Node):
         Raises:
             UserError: what is wrong with the parameters or the robot, in one line.
         """
-        super().__init__('leg_controller', parameter_overrides=parameter_overrides or [])
+        super().__init__(
+            'leg_controller', namespace=namespace, parameter_overrides=parameter_overrides or []
+        )
         self.settings = declare_parameters(self, LegNodeParameters)
         urdf = urdf or load_robot(self.settings.description).urdf
         self.controller = LegController(

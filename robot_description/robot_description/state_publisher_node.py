@@ -17,10 +17,12 @@ from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.parameters import parameter
 from robot_description.parameters import Parameters
+from robot_description.pose import Pose
 from robot_description.qos import LATCHED
 from robot_description.qos import SENSOR_DATA
 from robot_description.robots import description_path
 from robot_description.tf import TfBroadcaster
+from robot_description.urdf import Joint
 from robot_description.urdf import parse_urdf
 
 
@@ -37,20 +39,24 @@ class StatePublisherNode(Node):
     """
     Latches `robot_description` and sends `/tf_static` once, `/tf` from `joint_states`.
 
-    In lock-step the simulation loop calls `publish` with the joints of that instant.
+    In lock-step the simulation loop calls `publish` with the joints of that instant. Of several
+    robots each has a `prefix` such as `go2/`: before its frames, and its namespace.
     """
 
-    def __init__(self, urdf: str | None = None, *, lock_step: bool = False) -> None:
+    def __init__(
+        self, urdf: str | None = None, *, lock_step: bool = False, prefix: str = ''
+    ) -> None:
         """
         Take a URDF text, or expand the description that the parameter names.
 
         Raises:
             InvalidParameter, DescriptionError: what is wrong, in one line.
         """
-        super().__init__('state_publisher')
+        super().__init__('state_publisher', namespace=prefix.rstrip('/'))
         self.settings = declare_parameters(self, StatePublisherParameters)
         urdf = urdf or expand(description_path(self.settings.description))
         self._robot = parse_urdf(urdf)
+        self._prefix = prefix
         self._unknown: set[str] = set()
         self._description = self.create_publisher(String, 'robot_description', LATCHED)
         self._description.publish(String(data=urdf))
@@ -71,8 +77,7 @@ class StatePublisherNode(Node):
         moved = zip(names, positions, strict=True)
         known = [(joints[name], float(position)) for name, position in moved if name in joints]
         self._moving.send(
-            to_transform(joint.transform(position), joint.parent, joint.child, stamp)
-            for joint, position in known
+            self._transform(joint, joint.transform(position), stamp) for joint, position in known
         )
 
     def close(self) -> None:
@@ -90,10 +95,14 @@ class StatePublisherNode(Node):
 
     def _fixed_transforms(self, stamp: Time) -> list[TransformStamped]:
         return [
-            to_transform(joint.pose, joint.parent, joint.child, stamp)
+            self._transform(joint, joint.pose, stamp)
             for joint in self._robot.joints.values()
             if joint.kind == 'fixed'
         ]
+
+    def _transform(self, joint: Joint, pose: Pose, stamp: Time) -> TransformStamped:
+        parent, child = self._prefix + joint.parent, self._prefix + joint.child
+        return to_transform(pose, parent, child, stamp)
 
     def _report_unknown(self, name: str) -> None:
         if name not in self._unknown:

@@ -41,7 +41,7 @@ def test_the_truth_survives_its_message():
         np.array((0.1, 0.2, 0.3)),
         np.array((0.4, 0.5, 0.6)),
     )
-    message = to_ground_truth(truth, 'base', Time())
+    message = to_ground_truth(truth, 'odom', 'base', Time())
     # In the base frame: the robot looks along y.
     assert message.twist.twist.linear.x == pytest.approx(0.2)
     for one, other in zip(from_odometry(message), truth, strict=True):
