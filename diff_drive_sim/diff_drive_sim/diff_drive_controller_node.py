@@ -16,10 +16,11 @@ from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import qos_profile_sensor_data
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import has_listener
 from robot_description.node_support import run_node
+from robot_description.qos import RELIABLE
+from robot_description.qos import SENSOR_DATA
 from robot_description.tf import TfBroadcaster
 from robot_description.urdf import Robot
 from sensor_msgs.msg import JointState
@@ -87,19 +88,19 @@ class DiffDriveControllerNode(Node):
         self.cmd_vel = VelocityInput(
             self, self.settings.stamped, self._on_twist, self._on_twist_stamped
         )
-        self._odometry = self.create_publisher(Odometry, 'odom', 10)
+        self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
         self._tf = TfBroadcaster(self)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', 10)
+        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', RELIABLE)
         self._limited: Any = None
         if self.settings.publish_limited_velocity:
-            self._limited = self.create_publisher(TwistStamped, '~/cmd_vel_out', 10)
+            self._limited = self.create_publisher(TwistStamped, '~/cmd_vel_out', RELIABLE)
         self.is_fake = self.settings.mode == 'fake'
         self._names = self._own_joint_names(alone=self.is_fake and not lock_step)
         if self._names:
-            self._wheel_states = self.create_publisher(JointState, 'joint_states', 10)
+            self._wheel_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self.create_service(Trigger, '~/reset_odometry', self._on_reset_odometry)
         self.create_subscription(
-            PoseWithCovarianceStamped, '~/set_odometry', self._on_set_odometry, 10
+            PoseWithCovarianceStamped, '~/set_odometry', self._on_set_odometry, RELIABLE
         )
         if not lock_step:
             self._stand_alone()
@@ -165,11 +166,8 @@ class DiffDriveControllerNode(Node):
         if self.is_fake:
             self.create_timer(1.0 / self.update_rate, self._on_fake_timer)
             return
-        # Reliable: whoever listens is served, also who asks for no more than best effort.
-        self._joint_commands = self.create_publisher(JointTrajectory, 'joint_commands', 10)
-        self.create_subscription(
-            JointState, 'joint_states', self._on_joint_states, qos_profile_sensor_data
-        )
+        self._joint_commands = self.create_publisher(JointTrajectory, 'joint_commands', RELIABLE)
+        self.create_subscription(JointState, 'joint_states', self._on_joint_states, SENSOR_DATA)
 
     def _on_fake_timer(self) -> None:
         now = self.get_clock().now()

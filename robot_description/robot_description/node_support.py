@@ -11,8 +11,6 @@ from types import FrameType
 from types import TracebackType
 from typing import Any, Protocol, Self, TypeVar
 
-from rcl_interfaces.msg import FloatingPointRange
-from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
 from rclpy.executors import ConditionReachedException
@@ -25,8 +23,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
+from robot_description.descriptors import to_descriptor
 from robot_description.errors import UserError
-from robot_description.parameters import describe_range
 from robot_description.parameters import InvalidParameter
 from robot_description.parameters import outward_name
 from robot_description.parameters import Parameters
@@ -69,7 +67,7 @@ def declare_parameters(
     for name, field in fields.items():
         default = field.default if defaults is None else getattr(defaults, field.name)
         try:
-            declared = node.declare_parameter(name, _to_ros(default), _descriptor(field))
+            declared = node.declare_parameter(name, _to_ros(default), to_descriptor(field))
         except rclpy.exceptions.ParameterException as error:
             raise InvalidParameter(f'{name}: {error}') from None
         values[field.name] = _from_ros(declared.value)
@@ -104,28 +102,6 @@ def _to_ros(value: Any) -> Any:
 def _from_ros(value: Any) -> Any:
     """Return a list of any of ROS's kinds as a tuple."""
     return tuple(value) if isinstance(value, (list, array.array)) else value
-
-
-def _descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
-    meta = field.metadata
-    description = meta['doc']
-    is_float = isinstance(field.default, float)
-    if is_float:
-        description += f' (float, {describe_range(meta)})'
-    elif type(field.default) is int:
-        description += f' ({describe_range(meta)})'
-    descriptor = ParameterDescriptor(
-        description=description,
-        read_only=meta['read_only'],
-        # So that ROS lets integers through to our own check, which knows what they mean.
-        # An empty list has no type yet.
-        dynamic_typing=is_float or isinstance(field.default, tuple),
-        additional_constraints=', '.join(meta['choices']),
-    )
-    if is_float and None not in (meta['minimum'], meta['maximum']) and not meta['nan']:
-        limits = FloatingPointRange(from_value=meta['minimum'], to_value=meta['maximum'])
-        descriptor.floating_point_range = [limits]
-    return descriptor
 
 
 class StopSignals:

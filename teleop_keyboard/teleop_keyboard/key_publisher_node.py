@@ -7,12 +7,12 @@ import signal
 import sys
 import time
 
-from rcl_interfaces.msg import ParameterDescriptor
 import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from robot_description.errors import UserError
+from robot_description.node_support import declare_parameters
 from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
 from robot_description.qos import EVENTS
@@ -23,6 +23,7 @@ from teleop_keyboard.command_line import read_options
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.key_script import KeyScriptWriter
+from teleop_keyboard.teleop_parameters import KeyParameters
 
 # How long one wait for keys lasts [s]; keys end it at once, signals are seen after it.
 POLL_PERIOD = 0.05
@@ -45,10 +46,7 @@ class KeyPublisherNode(Node):
     def __init__(self, *, namespace: str = '') -> None:
         super().__init__('key_publisher', namespace=namespace)
         self.receivers: list[Callable[[String], None]] = []
-        described = ParameterDescriptor(
-            description='One message for each character, as the tutorials.', read_only=True
-        )
-        self.raw: bool = self.declare_parameter('raw', False, described).value
+        self.raw = declare_parameters(self, KeyParameters).raw
         self._publisher = self.create_publisher(String, 'keys', EVENTS)
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of keys to twist, under the names that the tutorials use."""
+"""Parameters of the teleoperation's nodes, under the names that the tutorials use."""
 
 from dataclasses import dataclass
 
@@ -16,6 +16,22 @@ AS_PRESET = 'preset'
 # Names for one quantity: what is set last counts.
 SPEED_NAMES = ('speed', 'scale_linear', 'linear_scale')
 TURN_NAMES = ('turn', 'scale_angular', 'angular_scale')
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeyParameters(Parameters):
+    """What the key publisher sends."""
+
+    raw: bool = parameter(
+        False, doc='One message for each character, as the tutorials.', read_only=True
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MuxParameters(Parameters):
+    """What the mux needs to know besides its tables."""
+
+    frame_id: str = parameter('base_footprint', doc='Frame of stamped messages and markers.')
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.parameters import InvalidParameter
 from robot_description.qos import LATCHED
@@ -30,6 +31,7 @@ from teleop_keyboard.mux import DEFAULT_LOCKS
 from teleop_keyboard.mux import DEFAULT_SOURCES
 from teleop_keyboard.mux import Mux
 from teleop_keyboard.mux import MuxInput
+from teleop_keyboard.teleop_parameters import MuxParameters
 from teleop_keyboard.twist_output import declare_stamped
 from teleop_keyboard.twist_output import LOOK_PERIOD
 from teleop_keyboard.twist_output import TwistOutput
@@ -37,6 +39,19 @@ from teleop_keyboard.twist_output import type_of
 
 # How often losses are looked for [s]: so late a zero comes after a time-out.
 STEP_PERIOD = 0.02
+# What the fields of the tables' rows mean.
+ROW_FIELDS = {
+    'topics': {
+        'topic': 'Where the source sends its velocities',
+        'timeout': 'The source is lost when silent for so long; 0: never (float, >= 0 s)',
+        'priority': 'The highest that is alive drives; 0: never (0 .. 255)',
+    },
+    'locks': {
+        'topic': 'Where the lock is closed by true',
+        'timeout': 'The lock closes when silent for so long; 0: it keeps its word (float, >= 0 s)',
+        'priority': 'Closed, it stops every source of a lower priority (0 .. 255)',
+    },
+}
 LAST_WORDS_TIMEOUT = 0.3
 
 
@@ -54,9 +69,9 @@ class TwistMuxNode(Node):
 
     def __init__(self, *, parameter_overrides: list[Parameter] | None = None) -> None:
         super().__init__('twist_mux', parameter_overrides=parameter_overrides or [])
-        self._frame_id = self.declare_parameter('frame_id', 'base_footprint').value
+        self._settings = declare_parameters(self, MuxParameters, self._on_settings)
         self.output = TwistOutput(
-            self, 'cmd_vel_out', declare_stamped(self), lambda: self._frame_id
+            self, 'cmd_vel_out', declare_stamped(self), lambda: self._settings.frame_id
         )
         self._tables = {
             'topics': self._declare_table('topics', DEFAULT_SOURCES),
@@ -116,7 +131,9 @@ class TwistMuxNode(Node):
 
     def _send(self, twist: Twist) -> None:
         self.output.publish(twist)
-        self._marker.publish(to_marker(twist, self.get_clock().now().to_msg(), self._frame_id))
+        self._marker.publish(
+            to_marker(twist, self.get_clock().now().to_msg(), self._settings.frame_id)
+        )
 
     def _announce(self) -> None:
         if self._announced != self.mux.selected:
@@ -156,15 +173,21 @@ class TwistMuxNode(Node):
         return [self._declare_row(table, row) for row in rows or default]
 
     def _declare_row(self, table: str, row: MuxInput) -> MuxInput:
-        fixed = ParameterDescriptor(read_only=True)
-        loose = ParameterDescriptor(dynamic_typing=True)  # 1 is a time, too
-        name = f'{table}.{row.name}'
-        topic = self.declare_parameter(f'{name}.topic', row.topic, fixed).value
-        timeout = self.declare_parameter(f'{name}.timeout', row.timeout, loose).value
-        priority = self.declare_parameter(f'{name}.priority', row.priority, loose).value
+        def declare(field: str, default: Any, **settings: Any) -> Any:
+            # One descriptor each: rclpy writes the name into it.
+            described = ParameterDescriptor(description=ROW_FIELDS[table][field], **settings)
+            return self.declare_parameter(f'{table}.{row.name}.{field}', default, described).value
+
+        topic = declare('topic', row.topic, read_only=True)
+        # Our own check knows that 1 is a time, too.
+        timeout = declare('timeout', row.timeout, dynamic_typing=True)
+        priority = declare('priority', row.priority, dynamic_typing=True)
         return dataclasses.replace(
             row, topic=topic, **_checked(timeout=timeout, priority=priority)
         )
+
+    def _on_settings(self, changed: MuxParameters) -> None:
+        self._settings = changed
 
     def _on_parameters(self, changes: Sequence[Parameter]) -> SetParametersResult:
         tables = {name: {row.name: row for row in rows} for name, rows in self._tables.items()}
@@ -175,8 +198,6 @@ class TwistMuxNode(Node):
                     row = tables[words[0]][words[1]]
                     value = _checked(**{words[2]: change.value})
                     tables[words[0]][words[1]] = dataclasses.replace(row, **value)
-                elif change.name == 'frame_id':
-                    self._frame_id = str(change.value)
         except (InvalidParameter, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         self._tables = {name: list(rows.values()) for name, rows in tables.items()}
