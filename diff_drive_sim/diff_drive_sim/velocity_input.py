@@ -12,9 +12,9 @@ from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.node import Node
 from robot_description.inlet import Inlet
+from robot_description.qos import RELIABLE
 
 TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
-DEPTH = 10
 # How often publishers of the other type are looked for, and their messages taken [s, wall time].
 LOOK_PERIOD = 0.5
 TAKE_PERIOD = 0.005
@@ -43,7 +43,7 @@ class VelocityInput:
         }
         self._type = TwistStamped if stamped == 'true' else Twist
         self._inlet: Inlet[Any] = Inlet(
-            node, self._type, 'cmd_vel', self._handlers[self._type], DEPTH
+            node, self._type, 'cmd_vel', self._handlers[self._type], RELIABLE
         )
         self._topic = node.resolve_topic_name('cmd_vel')
         self._other: _OtherParticipant | None = None
@@ -95,7 +95,7 @@ class _OtherParticipant:
             start_parameter_services=False,
         )
         self._subscription = self._node.create_subscription(
-            message_type, topic, lambda message: None, DEPTH
+            message_type, topic, lambda message: None, RELIABLE
         )
 
     def take(self) -> list[Any]:

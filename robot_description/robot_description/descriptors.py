@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter definitions as ROS tools see them: meaning, range, choices, whether they can be set."""
+"""Parameter definitions as ROS tools see them: meaning, range, choices, read-only or not."""
 
 import dataclasses
 from typing import Any

@@ -216,7 +216,7 @@ def test_colcon_installs_every_data_file(package):
 
 def python_files() -> list[Path]:
     """Return every Python file of the repository, tests included."""
-    folders = [*PACKAGES, 'tests', 'benchmarks']
+    folders = [*PACKAGES, 'tests', 'benchmarks', 'docs']
     return [path for folder in folders for path in (ROOT / folder).rglob('*.py')]
 
 
@@ -257,8 +257,9 @@ def test_the_wheel_makes_its_environment_an_ament_prefix(package, wheel):
     assert f'share/ament_index/resource_index/packages/{package}' in shared
     descriptions = {name for name in data_files(package) if fnmatch(name, 'urdf/*')}
     assert {f'share/{package}/{name}' for name in descriptions} <= shared
-    launches = {path.name for path in (ROOT / package).glob('launch/*')} - {'__pycache__'}
-    assert {f'share/{package}/launch/{name}' for name in launches} <= shared
+    for folder in ('config', 'launch', 'rviz'):
+        names = {path.name for path in (ROOT / package).glob(f'{folder}/*.*')}
+        assert {f'share/{package}/{folder}/{name}' for name in names} <= shared
 
 
 def test_the_wheel_holds_the_executables_and_nothing_foreign(wheel):

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Writes what the nodes say of themselves: topics.md, parameters.md and each package's config/*.yaml.
+
+    python docs/reference.py
+
+Every node is made once and asked; a test compares the files with the answers. Only what a topic
+or a service is for stands here, in words.
+"""
+
+from collections.abc import Iterable, Iterator
+import math
+from pathlib import Path
+from typing import Any
+
+from ask_nodes import ask
+from ask_nodes import End
+from ask_nodes import Entry
+from ask_nodes import NodeFacts
+from ask_nodes import NODES
+from ask_nodes import VARIANTS
+import rclpy
+from robot_description.node_support import init_ros
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+COMMAND = 'python docs/reference.py'
+
+TOPICS = {
+    '/clock': 'simulated time; nodes follow it with `use_sim_time:=true`',
+    '/tf': 'odom to base from the controllers, joints from the state publisher',
+    '/tf_static': 'fixed joints, stamp 0',
+    '~/cmd_vel_out': 'the velocity within the limits, with `publish_limited_velocity:=true`',
+    '~/set_odometry': 'where odometry is to go on from',
+    'cmd_vel': 'velocity to drive with; TwistStamped by the parameter `stamped`',
+    'cmd_vel_out': 'the velocity of the source that drives',
+    'diagnostics': 'state, real-time factor, overruns, at 1 Hz',
+    'e_stop': 'lock of the mux: true stops every source',
+    'foot_contacts': 'force on each foot, as `effort` [N]',
+    'ground_truth/odom': 'where the base really is, and its velocity in its own frame',
+    'imu/data': 'orientation, angular velocity and acceleration in the IMU frame',
+    'joint_commands': 'two points per message: positions, velocities, efforts; kp, kd',
+    'joint_states': 'position, velocity and effort of every moving joint',
+    'joy_priority': 'lock of the mux: true stops what is below the joystick',
+    'joy_vel': 'velocity from a joystick',
+    'key_vel': 'velocity from a keyboard',
+    'keys': 'one key: `w`, `UP`, `ESC`, `CTRL+c`',
+    'camera/depth/camera_info': 'the lens of the depth camera',
+    'camera/depth/image_raw': 'depth [m], 32FC1',
+    'camera/camera_info': 'the lens of the colour camera',
+    'camera/image_raw': 'colour, rgb8',
+    'nav_vel': 'velocity from navigation',
+    'odom': 'odometry, with the stamp of its /tf',
+    'odom_error': 'how far `odom` is off the truth of its own instant',
+    'pause_navigation': 'lock of the mux: true stops navigation',
+    'robot_description': 'the URDF',
+    'kinect/depth/camera_info': 'the lens of the depth camera of mbot_kinect',
+    'kinect/depth/image_raw': 'depth [m] from mbot_kinect, 32FC1',
+    'kinect/rgb/camera_info': 'the lens of the colour camera of mbot_kinect',
+    'kinect/rgb/image_raw': 'colour from mbot_kinect, rgb8',
+    'scan': "mbot_kinect's lidar",
+    'selected': 'name of the source that drives, or nothing',
+    'state': "the controller's state: passive, fixed stand, trotting, ...",
+    'stop_closing_loop': 'lock of the mux: true stops what is below 200',
+    'tab_vel': 'velocity from a tablet',
+    'twist_marker': 'the velocity as an arrow for RViz',
+    'wheel_slip': 'how fast each wheel slips [m/s]',
+}
+SERVICES = {
+    'simulator ~/reset': 'the robot back at its start; time goes on',
+    'simulator ~/pause': 'stop physics and /clock, or go on',
+    'simulator ~/step': 'one physics step while paused',
+    'leg_controller ~/e_stop': 'passive at once',
+    'diff_drive_controller ~/reset_odometry': 'odometry back at the origin',
+}
+
+
+TOPICS_PAGE = f"""# Topics and services
+
+Written by `{COMMAND}` from the nodes themselves.
+
+A name without a slash in front is relative: in the namespace `robot` (`-r __ns:=/robot`), `odom`
+is `/robot/odom`. `~` is the name of the node. Lidars and cameras have the topics that the robot's
+description gives them; here are those of the robots that come along.
+
+## Topics
+
+%s
+
+*Quality*: every publisher offers reliable delivery, so every tool gets every topic, whatever it
+asks for. *Best effort* is what the subscriber here asks for: a consumer of sensor data must not
+wait for what was lost (REP 2003). A *latched* topic (transient local) gives its last message to
+who comes late. The profiles are in `robot_description/qos.py`.
+
+`/tf` and `/tf_static` need the package tf2_msgs: see [install](install.md).
+
+## Services
+
+%s
+"""
+PARAMETERS_PAGE = f"""# Parameters
+
+Written by `{COMMAND}` from the nodes themselves.
+
+The same defaults are in `share/PACKAGE/config/NODE.yaml`, to copy, change and give with
+`--ros-args --params-file FILE`; one by one it is `--ros-args -p NAME:=VALUE`. Those marked *live*
+can be set while the node runs, the others are read-only. What is out of range is refused with the
+range. Every node has `use_sim_time`, too.
+%s"""
+
+
+def topics_page(nodes: Iterable[NodeFacts]) -> str:
+    """Return topics.md."""
+    ends: dict[str, list[End]] = {}
+    services: dict[str, str] = {}
+    for node in nodes:
+        for end in node.ends:
+            ends.setdefault(end.topic, []).append(end)
+        services |= {f'{node.name} {name}': kind for name, kind in node.services}
+    unsaid = (set(ends) ^ set(TOPICS)) | (set(services) ^ set(SERVICES))
+    if unsaid:
+        raise SystemExit(f'error: {__file__}: who has these, and what are they for: {unsaid}')
+    topic_rows = [[f'`{name}`', *_describe(ends[name]), TOPICS[name]] for name in sorted(ends)]
+    service_rows = [
+        [f'`{service}`', node, f'`{services[name]}`', SERVICES[name]]
+        for name in sorted(services)
+        for node, service in [name.split()]
+    ]
+    return TOPICS_PAGE % (
+        _table(['topic', 'type', 'from', 'to', 'quality', 'what it carries'], topic_rows),
+        _table(['service', 'of', 'type', 'what it does'], service_rows),
+    )
+
+
+def _describe(ends: list[End]) -> list[str]:
+    """Return type, senders, takers and quality of a topic."""
+    types = ', '.join(sorted({f'`{end.type}`' for end in ends}))
+    senders = sorted({end.node for end in ends if end.sends})
+    takers = sorted({end.node for end in ends if not end.sends})
+    quality = 'best effort' if any(end.is_best_effort for end in ends) else 'reliable'
+    if any(end.is_latched for end in ends):
+        quality = 'latched'
+    return [types, ', '.join(senders) or '-', ', '.join(takers) or '-', quality]
+
+
+def parameters_page(nodes: Iterable[NodeFacts]) -> str:
+    """Return parameters.md."""
+    text = ''
+    for node in sorted(nodes, key=lambda node: node.name):
+        rows = [
+            [f'`{e.name}`', f'`{_written(e.value)}`', '' if e.is_fixed else 'live', _meaning(e)]
+            for e in node.parameters
+        ]
+        if rows:
+            head = ['parameter', 'default', '', 'meaning']
+            text += f'\n## {node.name} ({node.package})\n\n{_table(head, rows)}\n'
+    return PARAMETERS_PAGE % text
+
+
+def parameter_file(node: NodeFacts) -> str:
+    """Return the defaults of a node as a ROS 2 parameter file."""
+    lines = [
+        f'# Defaults of {node.name}; written by `{COMMAND}`.',
+        f'/**/{node.name}:',
+        '  ros__parameters:',
+    ]
+    for entry in node.parameters:
+        # ROS' reader of these files knows no empty list.
+        comment = '# ' if entry.value == [] else ''
+        lines.append(f'    # {_meaning(entry)}.')
+        lines.append(f'    {comment}{entry.name}: {_written(entry.value)}')
+    return '\n'.join([*lines, ''])
+
+
+def _table(heading: list[str], rows: list[list[str]]) -> str:
+    """Return a Markdown table."""
+    lines = (heading, ['---'] * len(heading), *rows)
+    return '\n'.join('| ' + ' | '.join(cells) + ' |' for cells in lines)
+
+
+def _meaning(entry: Entry) -> str:
+    """Return what a parameter means, with its range or choices."""
+    if not entry.range or entry.range in entry.meaning:
+        return entry.meaning
+    return f'{entry.meaning} ({entry.range})'
+
+
+def _written(value: Any) -> str:
+    """Return a value as it stands in a parameter file."""
+    text: str = yaml.safe_dump(value, default_flow_style=True, width=math.inf)
+    return text.removesuffix('...\n').strip()
+
+
+def pages() -> Iterator[tuple[Path, str]]:
+    """Yield the path of each file and what is to be in it; rclpy must be initialised."""
+    nodes = [ask(make_node, package) for make_node, package in NODES.items()]
+    variants = [ask(make_node, package) for make_node, package in VARIANTS.items()]
+    yield ROOT / 'docs/topics.md', topics_page([*nodes, *variants])
+    yield ROOT / 'docs/parameters.md', parameters_page(nodes)
+    for node in nodes:
+        if node.parameters:
+            yield ROOT / node.package / 'config' / f'{node.name}.yaml', parameter_file(node)
+
+
+def main() -> None:
+    """Write all files."""
+    init_ros([])
+    for path, text in pages():
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        print(path.relative_to(ROOT))
+    rclpy.try_shutdown()
+
+
+if __name__ == '__main__':
+    main()

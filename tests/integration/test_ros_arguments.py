@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every node under a namespace, with parameters, a parameter file and a remapping."""
+
+from collections.abc import Callable, Iterator
+import importlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import ReliabilityPolicy
+from robot_description.node_support import init_ros
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+LATCHED = {'robot_description', 'selected', 'state', '/tf_static'}
+
+
+class Case:
+    """A node class, a parameter with another value than its default, and a topic to rename."""
+
+    def __init__(self, node: str, parameter: str, value: Any, topic: str) -> None:
+        self.module, _, self.kind = node.rpartition('.')
+        self.parameter, self.value, self.topic = parameter, value, topic
+
+    def make(self) -> Any:
+        """Make the node as its process does, rclpy initialised."""
+        return getattr(importlib.import_module(self.module), self.kind)()
+
+
+CASES = {
+    'diff_drive_controller': Case(
+        'diff_drive_sim.diff_drive_controller_node.DiffDriveControllerNode',
+        'linear.x.max_velocity', 0.4, 'cmd_vel',
+    ),
+    'key_publisher': Case(
+        'teleop_keyboard.key_publisher_node.KeyPublisherNode', 'raw', True, 'keys'
+    ),
+    'keys_to_twist': Case(
+        'teleop_keyboard.keys_to_twist_node.KeysToTwistNode', 'speed', 0.25, 'cmd_vel'
+    ),
+    'leg_controller': Case(
+        'quadruped_sim.leg_controller_node.LegControllerNode', 'limits', 'guide', 'cmd_vel'
+    ),
+    'simulator': Case(
+        'mujoco_sim.simulator_node.SimulatorNode', 'seed', 7, 'joint_states'
+    ),
+    'state_publisher': Case(
+        'robot_description.state_publisher_node.StatePublisherNode',
+        'description', 'go2', 'robot_description',
+    ),
+    'twist_mux': Case(
+        'teleop_keyboard.twist_mux_node.TwistMuxNode', 'frame_id', 'base', 'cmd_vel_out'
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture
+def node_of(isolated_ros: int) -> Iterator[Callable[..., Any]]:
+    """Return `node_of(name, *arguments)`: a node with `--ros-args arguments`."""
+    made = []
+
+    def make(name: str, *arguments: str) -> Any:
+        init_ros(['--ros-args', *arguments])
+        made.append(CASES[name].make())
+        return made[-1]
+
+    yield make
+    for node in made:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def topics(node: Any) -> set[str]:
+    """Return all topics of a node but rclpy's own."""
+    names = {end.topic_name for end in (*node.publishers, *node.subscriptions)}
+    return {name for name in names if 'rosout' not in name and 'parameter_events' not in name}
+
+
+def test_the_table_has_every_node_of_a_package_with_a_parameter_file():
+    assert set(CASES) == {path.stem for path in ROOT.glob('*/config/*.yaml')}
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_a_namespace_prefixes_every_topic_but_clock_and_tf(name, node_of):
+    node = node_of(name, '-r', '__ns:=/field/robot')
+    assert node.get_fully_qualified_name() == f'/field/robot/{name}'
+    outside = {topic for topic in topics(node) if not topic.startswith('/field/robot/')}
+    assert outside <= {'/clock', '/tf', '/tf_static'}
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_a_topic_can_be_renamed(name, node_of):
+    node = node_of(name, '-r', f'{CASES[name].topic}:=somewhere/else')
+    assert '/somewhere/else' in topics(node)
+    assert f'/{CASES[name].topic}' not in topics(node)
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_a_parameter_can_be_given_on_the_command_line(name, node_of):
+    case = CASES[name]
+    word = f'{case.parameter}:={yaml.safe_dump(case.value).splitlines()[0]}'
+    node = node_of(name, '-p', word, '-p', 'use_sim_time:=true')
+    assert node.get_parameter(case.parameter).value == case.value
+    assert node.get_parameter('use_sim_time').value is True
+
+
+@pytest.mark.parametrize('namespace', [(), ('-r', '__ns:=/robot')], ids=['root', 'namespace'])
+@pytest.mark.parametrize('name', CASES)
+def test_the_file_in_share_changed_in_one_line_changes_one_parameter(
+    name, namespace, node_of, tmp_path
+):
+    case = CASES[name]
+    (source,) = ROOT.glob(f'*/config/{name}.yaml')
+    ((key, entry),) = yaml.safe_load(source.read_text()).items()
+    wanted = entry['ros__parameters']
+    assert wanted[case.parameter] != case.value
+    wanted[case.parameter] = case.value
+    (tmp_path / 'mine.yaml').write_text(yaml.safe_dump({key: entry}))
+    node = node_of(name, '--params-file', str(tmp_path / 'mine.yaml'), *namespace)
+    # By repr: NaN is no equal of itself, and an int is no float.
+    values = {parameter: plain(node.get_parameter(parameter).value) for parameter in wanted}
+    assert {p: repr(v) for p, v in values.items()} == {p: repr(v) for p, v in wanted.items()}
+
+
+def plain(value: Any) -> Any:
+    """Return a value as YAML has it."""
+    return value if isinstance(value, (bool, int, float, str)) else list(value)
+
+
+def test_velocities_go_to_the_mux_of_the_tutorial(node_of):
+    node = node_of('keys_to_twist', '-r', 'cmd_vel:=cmd_vel_mux/input/teleop')
+    (publisher,) = (p for p in node.publishers if 'cmd_vel' in p.topic_name)
+    assert publisher.topic_name == '/cmd_vel_mux/input/teleop'
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_publishers_offer_the_most_and_latch_what_late_joiners_need(name, node_of):
+    node = node_of(name)
+    for publisher in node.publishers:
+        topic, profile = publisher.topic_name, publisher.qos_profile
+        if topic in ('/rosout', '/parameter_events'):
+            continue
+        assert profile.reliability == ReliabilityPolicy.RELIABLE, topic
+        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        assert latched == (topic in LATCHED or topic[1:] in LATCHED), topic
