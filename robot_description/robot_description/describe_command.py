@@ -34,6 +34,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     _add_expand(commands)
+    _add_lint(commands)
     _add_info(commands)
     return parser
 
@@ -56,6 +57,20 @@ def _add_expand(commands: 'argparse._SubParsersAction[_Parser]') -> None:
     parser = _add(commands, 'expand', 'print the URDF of a xacro file')
     parser.add_argument('--output', type=Path, metavar='FILE', help='write it there instead')
     parser.set_defaults(run=_expand)
+
+
+def _add_lint(commands: 'argparse._SubParsersAction[_Parser]') -> None:
+    parser = _add(commands, 'lint', 'say what is wrong, where, and how to cure it')
+    parser.add_argument('--json', action='store_true', help='print JSON')
+    parser.add_argument('--strict', action='store_true', help='status 1 on warnings, too')
+    parser.add_argument(
+        '--expect',
+        action='append',
+        default=[],
+        metavar='JOINT',
+        help='a joint name that a controller looks for (repeatable)',
+    )
+    parser.set_defaults(run=_lint)
 
 
 def _add_info(commands: 'argparse._SubParsersAction[_Parser]') -> None:
@@ -82,6 +97,19 @@ def _expand(options: argparse.Namespace) -> int:
     else:
         write_file(options.output, expansion.urdf)
     return 0
+
+
+def _lint(options: argparse.Namespace) -> int:
+    from robot_description.lint import lint
+    from robot_description.lint import Severity
+
+    found = lint(options.path, options.arguments, options.package_path, options.expect)
+    if options.json:
+        print(json.dumps([one.record() for one in found], indent=2))
+    else:
+        print('\n'.join(one.line() for one in found) or f'{options.path}: no findings')
+    bad = {Severity.ERROR, Severity.WARNING} if options.strict else {Severity.ERROR}
+    return int(any(one.rule.severity in bad for one in found))
 
 
 def _info(options: argparse.Namespace) -> int:

@@ -10,8 +10,6 @@ from robot_description.errors import DescriptionError
 from robot_description.places import LocatedError
 from robot_description.places import Place
 from robot_description.reach import Reach
-from robot_description.safe_reading import check_xml
-from robot_description.safe_reading import read_file
 from robot_description.xacro_session import XacroSession
 
 LONGEST_REASON = 300
@@ -52,21 +50,32 @@ def expand_document(
     Raises:
         DescriptionError: see `expand`.
     """
-    check_xml(read_file(path), path)
-    session = XacroSession(path, arguments or {}, Reach(path, search))
+    return run_session(XacroSession(path, arguments or {}, Reach(path, search)))
+
+
+def run_session(session: XacroSession) -> Expansion:
+    """
+    Return what a session expands to.
+
+    Raises:
+        DescriptionError: see `expand`.
+    """
     try:
         document = session.run()
     except Exception as error:  # xacro raises a dozen unrelated types
-        raise _located(error, session, path) from None
+        raise _located(error, session) from None
     return Expansion(document, tuple(session.warnings))
 
 
-def _located(error: Exception, session: XacroSession, path: Path) -> DescriptionError:
+def _located(error: Exception, session: XacroSession) -> DescriptionError:
     """Return the error with the place where xacro was."""
-    place = session.failed_at or Place(path, 1)
+    place = session.failed_at
+    if place is None and isinstance(error, DescriptionError):  # the file itself
+        return error
     if isinstance(error, LocatedError):  # in a file that was to be included there
         return LocatedError(error.place, error.reason, place)
-    via = session.called_from if place.file != path else None
+    place = place or Place(session.path, 1)
+    via = session.called_from if place.file != session.path else None
     return LocatedError(place, _reason(error), via)
 
 

@@ -13,6 +13,7 @@ from std_msgs.msg import String
 
 from robot_description.conversions import to_transform
 from robot_description.expand import expand
+from robot_description.joint_names import unknown_joint_warning
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.parameters import parameter
@@ -107,10 +108,8 @@ class StatePublisherNode(Node):
     def _report_unknown(self, name: str) -> None:
         if name not in self._unknown:
             self._unknown.add(name)
-            known = ', '.join(joint.name for joint in self._robot.movable_joints)
-            self.get_logger().warning(
-                f'joint {name!r} of joint_states is not in the description; it has {known}'
-            )
+            known = [joint.name for joint in self._robot.movable_joints]
+            self.get_logger().warning(unknown_joint_warning(name, known))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -48,7 +48,7 @@ class _Arguments(dict[str, str]):
 
 class XacroSession:
     """
-    Runs xacro on one file; `warnings` are what it had to say, with places.
+    Runs xacro on one file; `warnings` are what it had to say, with places, `sources` what it read.
 
     Xacro asks ament_index_python for packages, opens any file, evaluates anything Python can and
     does not know line numbers; here it does none of this.
@@ -56,7 +56,8 @@ class XacroSession:
 
     def __init__(self, path: Path, arguments: Mapping[str, str], reach: Reach) -> None:
         self.warnings: list[tuple[Place | None, str]] = []
-        self._path = path
+        self.sources: dict[Path, bytes] = {}
+        self.path = path
         self._arguments = _Arguments(arguments)
         self._reach = reach
         self._evaluator = Evaluator()
@@ -79,7 +80,7 @@ class XacroSession:
         """
         with self._rules():
             document: minidom.Document = xacro.process_file(
-                str(self._path), mappings=self._arguments
+                str(self.path), mappings=self._arguments
             )
         for name in sorted(set(self._arguments) - self._arguments.asked):
             known = ', '.join(sorted(self._arguments.asked)) or 'none'
@@ -95,7 +96,7 @@ class XacroSession:
     def called_from(self) -> Place | None:
         """Where in the given file it had come from."""
         places = (place_of(node) for node in reversed(self._stack))
-        return next((place for place in places if place and place.file == self._path), None)
+        return next((place for place in places if place and place.file == self.path), None)
 
     @contextlib.contextmanager
     def _rules(self) -> Iterator[None]:
@@ -122,7 +123,7 @@ class XacroSession:
             _replaced(vars(xacro), functions),
             _replaced(vars(substitution_args), substitutions),
             _replaced(substitution_args._eval_dict, {'find': self._find}),
-            _replaced(xacro.substitution_args_context, {'filename': str(self._path)}),
+            _replaced(xacro.substitution_args_context, {'filename': str(self.path)}),
         ):
             sys.setrecursionlimit(max(limit, FRAMES))
             try:
@@ -143,6 +144,7 @@ class XacroSession:
             self._check_include(path)
         data = read_file(path)
         check_xml(data, path)
+        self.sources[path] = data
         return parse_with_places(data, path)
 
     def _check_include(self, path: Path) -> None:

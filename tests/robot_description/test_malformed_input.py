@@ -109,7 +109,7 @@ PATHS = {
     'folder': 'is a folder, wanted a file',
     'pipe': 'is a device or pipe, wanted a file',
     '/dev/zero': 'is a device or pipe, wanted a file',
-    'circle.xacro': 'symbolic links',
+    'circle.xacro': 'leads nowhere',
     'large.urdf': '104.9 MB is too much',
     'nowhere.urdf': 'nowhere.urdf: no such file',
 }

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A description as it is, wrong or not: elements with places, links and joints by name."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_description.places import Place
+from robot_description.places import place_of
+from robot_description.pose import IDENTITY
+from robot_description.pose import Pose
+from robot_description.pose import rpy_matrix
+
+MOVABLE = ('revolute', 'continuous', 'prismatic', 'floating', 'planar')
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """An XML element and where it stood before xacro moved it."""
+
+    tag: str
+    attributes: dict[str, str]
+    text: str
+    children: tuple['Element', ...]
+    place: Place
+
+    @property
+    def name(self) -> str:
+        """Its `name` attribute, or nothing."""
+        return self.attributes.get('name', '')
+
+    def all(self, tag: str) -> list['Element']:
+        """Return its children of that tag."""
+        return [child for child in self.children if child.tag == tag]
+
+    def find(self, path: str) -> 'Element | None':
+        """Return the first element at a path of tags, `inertial/mass`, or None."""
+        here = self
+        for tag in path.split('/'):
+            found = next((child for child in here.children if child.tag == tag), None)
+            if found is None:
+                return None
+            here = found
+        return here
+
+    def walk(self) -> Iterator['Element']:
+        """Yield it and everything in it."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+    def numbers(self, path: str, attribute: str, default: str) -> np.ndarray:
+        """Return an attribute's numbers; the default's when they are not as many or not finite."""
+        tag = self.find(path) if path else self
+        for text in (tag.attributes.get(attribute, default) if tag else default, default):
+            try:
+                numbers = np.array([float(number) for number in text.split()])
+            except ValueError:
+                continue
+            if len(numbers) == len(default.split()) and np.isfinite(numbers).all():
+                return numbers
+        raise AssertionError(f'default {default!r} is no numbers')
+
+    def number(self, path: str, attribute: str, default: float = 0.0) -> float:
+        """Return an attribute's number, or the default."""
+        return float(self.numbers(path, attribute, repr(default))[0])
+
+    def origin(self) -> Pose:
+        """Return the pose of its `origin`, as far as it has one."""
+        roll, pitch, yaw = self.numbers('origin', 'rpy', '0 0 0')
+        return Pose(self.numbers('origin', 'xyz', '0 0 0'), rpy_matrix(roll, pitch, yaw))
+
+
+def to_element(node: Any, file: Path) -> Element:
+    """Return a DOM element and what is in it; `file` where no place is known."""
+    children = tuple(
+        to_element(child, file)
+        for child in node.childNodes
+        if child.nodeType == child.ELEMENT_NODE
+    )
+    texts = (child.data for child in node.childNodes if child.nodeType == child.TEXT_NODE)
+    place = place_of(node) or Place(file, 1)
+    return Element(
+        node.tagName, dict(node.attributes.items()), ''.join(texts).strip(), children, place
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A robot element and what is known about its file."""
+
+    robot: Element
+    path: Path
+    search: tuple[Path, ...] = ()
+    expected_joints: tuple[str, ...] = ()
+
+    @cached_property
+    def links(self) -> dict[str, Element]:
+        """Links by name; the first of several."""
+        return {link.name: link for link in reversed(self.robot.all('link')) if link.name}
+
+    @cached_property
+    def joints(self) -> dict[str, Element]:
+        """Joints by name; the first of several. Those in plugins and transmissions are others."""
+        joints = [joint for joint in self.robot.all('joint') if joint.name]
+        return {joint.name: joint for joint in reversed(joints)}
+
+    @cached_property
+    def joint_above(self) -> dict[str, Element]:
+        """The joint that holds a link."""
+        joints = reversed(self.robot.all('joint'))
+        return {child: joint for joint in joints if (child := end(joint, 'child'))}
+
+    @cached_property
+    def moving_links(self) -> set[str]:
+        """Links that move against the one that holds them."""
+        return {
+            link
+            for link, joint in self.joint_above.items()
+            if joint.attributes.get('type') in MOVABLE
+        }
+
+    @cached_property
+    def poses(self) -> dict[str, Pose]:
+        """Pose of each link in its root with all joints at zero; none for links in a circle."""
+        poses = {link: IDENTITY for link in self.links if link not in self.joint_above}
+        below: dict[str, list[tuple[str, Element]]] = {}
+        for link, joint in self.joint_above.items():
+            below.setdefault(end(joint, 'parent'), []).append((link, joint))
+        waiting = list(poses)
+        while waiting:
+            link = waiting.pop()
+            for child, joint in below.get(link, []):
+                poses[child] = poses[link] @ joint.origin()
+                waiting.append(child)
+        return poses
+
+
+def end(joint: Element, which: str) -> str:
+    """Return the name of a joint's `parent` or `child` link, or nothing."""
+    tag = joint.find(which)
+    return tag.attributes.get('link', '') if tag is not None else ''
+
+
+def is_positive(value: float) -> bool:
+    """Whether a size is one."""
+    return math.isfinite(value) and value > 0.0

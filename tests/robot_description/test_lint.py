@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each rule has a fixture that tells where it is broken, and is broken nowhere else."""
+
+from collections import Counter
+import json
+from pathlib import Path
+import re
+
+import pytest
+from robot_description.describe_command import main
+from robot_description.lint import lint
+from robot_description.lint import RULES
+from robot_description.lint.rules import rules_table
+from robot_description.packages import share_directory
+
+FIXTURES = Path(__file__).parent / 'fixtures'
+MBOT = FIXTURES / 'mbot_description/urdf'
+FILES = [
+    *sorted((FIXTURES / 'lint').glob('*.*')),
+    MBOT / 'mbot.xacro',
+    FIXTURES / 'robots/dog_description/urdf/dog.urdf',
+]
+EXAMPLES = share_directory('example-robot-data') / 'robots'
+
+
+def announced(path):
+    """Return the codes that a file says are found in it, by line."""
+    return Counter(
+        (number, code)
+        for number, line in enumerate(path.read_text().splitlines(), 1)
+        for codes in re.findall('finds: (.*?) -->', line)
+        for code in codes.split()
+    )
+
+
+@pytest.mark.parametrize('path', FILES, ids=lambda path: path.name)
+def test_it_finds_what_the_fixture_announces_and_nothing_else(path):
+    found = lint(path)
+    files = {path, *(one.place.file for one in found)}
+    for file in files:
+        here = Counter((one.place.line, one.rule.code) for one in found if one.place.file == file)
+        assert here == announced(file), [one.line() for one in found]
+
+
+def test_every_rule_has_a_fixture():
+    codes = {code for path in [*FILES, MBOT / 'mbot_base.xacro'] for _, code in announced(path)}
+    assert codes == set(RULES)
+
+
+@pytest.mark.parametrize('name', ['go2', 'mbot'])
+def test_our_own_robots_have_no_finding(name, capsys):
+    assert main(['lint', name, '--strict']) == 0
+    assert capsys.readouterr().out.endswith(': no findings\n')
+
+
+@pytest.mark.parametrize(
+    'robot',
+    ['a1_description/urdf/a1.urdf', 'b1_description/urdf/b1.urdf', 'go1_description/urdf/go1.urdf',
+     'laikago_description/urdf/laikago.urdf', 'ur_description/urdf/ur5_robot.urdf',
+     'hyq_description/robots/hyq_no_sensors.urdf', 'talos_data/robots/talos_full_v2.urdf'],
+)  # fmt: skip
+def test_sound_robots_of_others_have_no_finding(robot):
+    assert lint(EXAMPLES / robot) == []
+
+
+def test_every_finding_is_one_line_with_a_place_and_a_cure():
+    for one in lint(FIXTURES / 'lint/masses.urdf'):
+        assert re.fullmatch(r'\S+masses\.urdf:\d+: (error|warning): .+; cure: .+', one.line())
+
+
+def test_errors_make_the_status_1(capsys):
+    assert main(['lint', str(FIXTURES / 'lint/cycle.urdf')]) == 1
+    assert '[cycle]' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('options', 'status'), [([], 0), (['--strict'], 1)])
+def test_warnings_make_the_status_1_under_strict(options, status):
+    assert main(['lint', str(FIXTURES / 'lint/robot-name.urdf'), *options]) == status
+
+
+def test_infos_never_do():
+    assert main(['lint', str(FIXTURES / 'lint/arbotix-joint-name.urdf'), '--strict']) == 0
+
+
+def test_json_has_code_severity_file_line_message_and_cure(capsys):
+    path = FIXTURES / 'lint/orphan-link.urdf'
+    assert main(['lint', str(path), '--json']) == 1
+    (record,) = json.loads(capsys.readouterr().out)
+    assert record == {
+        'code': 'orphan-link',
+        'severity': 'error',
+        'file': str(path),
+        'line': 6,
+        'message': "no joint mentions link 'lost_link'",
+        'cure': 'connect it by a joint, or remove it',
+    }
+
+
+def test_a_file_that_is_not_there_is_status_2(capsys):
+    assert main(['lint', 'nowhere.urdf']) == 2
+    assert 'nowhere.urdf' in capsys.readouterr().err
+
+
+def test_a_name_that_a_controller_expects_gets_the_rename(capsys):
+    assert main(['lint', 'mbot', '--expect', 'base_l_wheel_joint']) == 1
+    said = capsys.readouterr().out
+    assert "'left_wheel_joint' is" in said
+    assert 'describe fix --rename left_wheel_joint:=base_l_wheel_joint' in said
+
+
+def test_xacro_arguments_count(tmp_path):
+    path = tmp_path / 'robot.xacro'
+    path.write_text(
+        '<robot name="robot" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:arg name="y" default="0.1"/><link name="base"/><link name="l"/><link name="r"/>'
+        '<joint name="left_joint" type="fixed"><origin xyz="0 $(arg y) 0"/><parent link="base"/>'
+        '<child link="l"/></joint>'
+        '<joint name="right_joint" type="fixed"><origin xyz="0 ${-float(xacro.arg(\'y\'))} 0"/>'
+        '<parent link="base"/><child link="r"/></joint></robot>'
+    )
+    assert lint(path) == []
+    assert [one.rule.code for one in lint(path, {'y': '-0.1'})] == ['swapped-sides']
+
+
+def test_the_page_lists_the_rules_as_they_are():
+    page = (Path(__file__).parents[2] / 'docs/lint.md').read_text()
+    assert rules_table() in page
