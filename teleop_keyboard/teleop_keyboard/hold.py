@@ -84,6 +84,11 @@ class KeyHold:
         return tuple(name for name, key in self._keys.items() if key.is_down)
 
     @property
+    def is_idle(self) -> bool:
+        """Whether no key is remembered, so that time makes no difference."""
+        return not self._keys
+
+    @property
     def first_timeout(self) -> float:
         """How long a first press counts [s]."""
         return self._first_timeout

@@ -99,8 +99,12 @@ class KeysToTwist:
 
     @property
     def is_silent(self) -> bool:
-        """Whether nothing will be published until a key is pressed."""
-        return self._is_silent and not self.is_moving
+        """
+        Whether nothing will change and nothing be published until a key is pressed.
+
+        Keys that are down and cancel each other are no silence: one will be released first.
+        """
+        return self._is_silent and not self.is_moving and self._motion.is_idle
 
     def set_parameters(self, parameters: TeleopParameters) -> None:
         """

@@ -62,6 +62,11 @@ class Motion:
         """The motion keys that count as down, in the order of their first press."""
         return self._hold.held
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether time alone will change nothing."""
+        return self._hold.is_idle
+
     def press(self, key: str) -> None:
         """Take a press or a repeat of a motion key."""
         self._hold.press(key)

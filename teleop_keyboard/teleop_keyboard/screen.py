@@ -8,6 +8,7 @@ from typing import TextIO
 from teleop_keyboard.dashboard import ASCII
 from teleop_keyboard.dashboard import FULL
 from teleop_keyboard.dashboard import Line
+from teleop_keyboard.terminal import understands_escapes
 
 # A page is rewritten at most this often: fluent, and cheap over a slow connection [s].
 REFRESH_PERIOD = 0.05
@@ -41,7 +42,7 @@ class Screen:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        self._is_terminal = stream.isatty()
+        self._is_terminal = understands_escapes(stream)
         self._is_open = False
         self._shown: tuple[object, ...] = ()
         self._shown_at = -LOG_PERIOD

@@ -4,6 +4,8 @@
 import shutil
 from typing import TextIO
 
+from teleop_keyboard.terminal import understands_escapes
+
 # The line is rewritten at most this often: readable, and cheap over a slow connection [s].
 REFRESH_PERIOD = 0.1
 
@@ -18,7 +20,7 @@ class StatusLine:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
-        self._is_terminal = stream.isatty()
+        self._is_terminal = understands_escapes(stream)
         self._shown = ''
         self._shown_at = -REFRESH_PERIOD
 

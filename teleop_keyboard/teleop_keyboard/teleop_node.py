@@ -26,6 +26,7 @@ from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.robot_monitor_node import RobotMonitorNode
 from teleop_keyboard.screen import Screen
+from teleop_keyboard.terminal import tolerate_any_text
 
 # How long one wait for keys lasts [s]: bounds how late a timer of the nodes fires ...
 POLL_PERIOD = 0.01
@@ -120,6 +121,7 @@ def main(args: Sequence[str] | None = None) -> int:
     except UserError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
+    tolerate_any_text()
     screen = Screen(sys.stdout)
     with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
         teleop = None

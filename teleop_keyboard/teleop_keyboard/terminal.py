@@ -4,6 +4,7 @@
 import atexit
 from collections.abc import Callable
 import contextlib
+import io
 import os
 import select
 import signal
@@ -12,7 +13,7 @@ import termios
 import threading
 from types import FrameType
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Self, TextIO
 
 from robot_description.errors import UserError
 
@@ -71,7 +72,7 @@ class Terminal:
 
     def ask_kitty(self) -> None:
         """Ask whether the terminal can report releases; the answer comes among the keys."""
-        if os.environ.get('TERM', '') != 'dumb':
+        if not _is_dumb():
             self._write(ASK_KITTY)
 
     def tell_releases(self) -> None:
@@ -211,6 +212,21 @@ def open_terminal() -> Terminal:
         os.close(descriptor)
         raise NoTerminal('the terminal belongs to another job; run it in the foreground')
     return Terminal(descriptor, owns_descriptor=True)
+
+
+def understands_escapes(stream: TextIO) -> bool:
+    """Whether a text may move the cursor and set colours where a stream goes."""
+    return stream.isatty() and not _is_dumb()
+
+
+def tolerate_any_text() -> None:
+    """Have standard output show what its encoding lacks as `?`, instead of failing."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors='replace')
+
+
+def _is_dumb() -> bool:
+    return os.environ.get('TERM', 'dumb') == 'dumb'
 
 
 def _is_foreground(descriptor: int) -> bool:

@@ -52,7 +52,7 @@ class PtyProcess:
             stdin=self.slave,
             stdout=self.slave,
             stderr=self.slave,
-            env={**os.environ, **(environment or {})},
+            env={**os.environ, 'TERM': 'xterm', **(environment or {})},
         )
         # Somebody must read the screen, or the process waits for room to write.
         self._closing = threading.Event()

@@ -176,6 +176,17 @@ def test_silent_publishes_while_moving_then_one_zero_then_nothing():
     assert max(gaps) <= 1 / 50 + 2 * STEP
 
 
+def test_keys_that_cancel_each_other_are_no_silence_but_end_as_all_do():
+    logic = teleop('wasd')
+    logic.press('w')
+    logic.press('s')
+    assert published(run(logic, '', 0.5)) == []
+    assert not logic.is_silent
+    run(logic, '', 1.0)
+    assert logic.keys_down == ()
+    assert logic.is_silent
+
+
 def test_repeat_publishes_always_at_its_rate():
     messages = published(run(teleop(idle='repeat', rate=20.0), '', 2.0))
     assert messages == [STANDSTILL] * len(messages)

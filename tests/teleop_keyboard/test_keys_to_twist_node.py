@@ -134,6 +134,22 @@ def test_a_key_that_was_handed_over_is_not_handled_again_when_it_comes_back(ros)
 
 
 @pytest.mark.slow
+def test_keys_that_cancelled_each_other_are_forgotten_when_the_next_one_comes(ros):
+    node = KeysToTwistNode(parameter_overrides=[Parameter('preset', value='wasd')])
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    for key in 'ws':
+        node.keys.put(String(data=key))
+    end = time.monotonic() + 1.5
+    while time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.01)
+    node.keys.put(String(data='s'))
+    assert node.logic.keys_down == ('s',)
+    executor.shutdown()
+    node.destroy_node()
+
+
+@pytest.mark.slow
 def test_alone_it_follows_its_own_clock(ros):
     node = KeysToTwistNode()
     received = []

@@ -73,3 +73,15 @@ def test_without_a_terminal_for_the_output_there_are_plain_lines(listener):
     assert b'\x1b' not in result.stdout
     assert b'Control mbot!' in result.stdout
     assert b'target forward +0.20' in result.stdout
+
+
+def test_a_dumb_terminal_gets_plain_lines_in_its_own_characters(pty_process, listener):
+    environment = {'TERM': 'dumb', 'PYTHONIOENCODING': 'ascii'}
+    process = pty_process(*TELEOP, environment=environment)
+    listener.probe(process)
+    process.type('é'.encode())
+    process.wait_for(b'keys ?')
+    process.type(b'\x03')
+    assert process.wait() == 0
+    assert b'\x1b' not in process.output
+    assert b'Traceback' not in process.output

@@ -10,6 +10,7 @@ from robot_description.errors import UserError
 from teleop_keyboard.keymap_text import describe_keymap
 from teleop_keyboard.keymap_text import list_presets
 from teleop_keyboard.layouts import LAYOUTS
+from teleop_keyboard.terminal import tolerate_any_text
 
 from wasd_bringup.calibrate_options import add_calibrate_options
 from wasd_bringup.graph_options import add_graph_commands
@@ -77,6 +78,7 @@ def print_keys(arguments: argparse.Namespace) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
+    tolerate_any_text()
     # Heavy imports wait until it is known what is wanted: errors and --help come at once.
     try:
         if words[:1] in (['test'], ['bench']):
