@@ -84,7 +84,7 @@ class MeshResolver:
         self._package = own_package(description)
         self._finder = PackageFinder(search, description)
         self._files = cache(mesh_files)
-        self._carriers = robot.welded_to_root
+        self._trunk = {link for link, carrier in robot.carriers.items() if carrier == robot.root}
 
     def report(self) -> MeshReport:
         """Return what became of every mesh of every link."""
@@ -217,7 +217,7 @@ class MeshResolver:
                     root = self._own if place.folder == self._folder else place.folder
                 stems = {path.stem for path in used if path.is_relative_to(root)}
                 unused = [path for path in self._files(root) if path.stem not in stems]
-                near = near_name(place.path.stem, unused, link in self._carriers)
+                near = near_name(place.path.stem, unused, link in self._trunk)
                 best = best_format(near)
                 if best is not None and len({path.stem for path in near}) == 1:
                     return Found((*place.kinds, 'near-name'), best)

@@ -58,18 +58,16 @@ def _virtual_links(robot: Robot) -> set[str]:
     welded = dict.fromkeys(robot.links, 0.0)
     beyond = dict(welded)
     for link in reversed(robot.links_from_root):
-        welded[link] += robot.links[link].mass
-        beyond[link] += robot.links[link].mass
-        joint = robot.parent_joints.get(link)
-        if joint is not None:
-            beyond[joint.parent] += beyond[link]
-            if joint.kind == 'fixed':
-                welded[joint.parent] += welded[link]
+        mass = robot.links[link].mass
+        welded[robot.carriers[link]] += mass
+        beyond[link] += mass
+        if link != robot.root:
+            beyond[robot.parent_joints[link].parent] += beyond[link]
     virtual = set()
     for link in robot.links_from_root:
         joint = robot.parent_joints.get(link)
-        moves = not robot.is_fixed if joint is None else joint.kind != 'fixed'
-        if not moves or welded[link] > 0.0:
+        stays = robot.carriers[link] != link or joint is None and robot.is_fixed
+        if stays or welded[link] > 0.0:
             continue
         if beyond[link] <= 0.0:
             by = f' (joint {joint.name!r})' if joint is not None else ''

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ElementTree
 from robot_description.mujoco_masses import mend_inertials
 from robot_description.urdf import MOVABLE
 from robot_description.urdf import Robot
-from robot_description.urdf import shape_tags
+from robot_description.urdf_shapes import shape_tags
 
 GREY = '0.7 0.7 0.7 1'
 

@@ -3,47 +3,31 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+import math
 from typing import TypeVar
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
 from robot_description.errors import DescriptionError
+from robot_description.gazebo_tags import read_friction
+from robot_description.gazebo_tags import read_self_collide
 from robot_description.pose import axis_angle
 from robot_description.pose import IDENTITY
 from robot_description.pose import Pose
-from robot_description.pose import rpy_matrix
 from robot_description.safe_reading import check_xml
-from robot_description.urdf_numbers import parse_numbers
 from robot_description.urdf_numbers import read_numbers
+from robot_description.urdf_shapes import read_origin
+from robot_description.urdf_shapes import read_shape
+from robot_description.urdf_shapes import Shape
+from robot_description.urdf_shapes import shape_tags
 
 MOVABLE = ('revolute', 'continuous', 'prismatic')
-# Attributes that give a primitive's size, in URDF's order, and how many numbers they are.
-SIZES = {
-    'box': (('size',), 3),
-    'cylinder': (('radius', 'length'), 2),
-    'sphere': (('radius',), 1),
-    'mesh': ((), 0),
-}
+JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
 # The upper triangle of an inertia, row by row.
 INERTIA_COMPONENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 # A root link of this name is no part of the robot: what hangs on it does not float.
 WORLD_LINK = 'world'
-
-
-@dataclass(frozen=True)
-class Shape:
-    """
-    What is drawn or what collides: kind, size in URDF's order [m], pose in its link.
-
-    A mesh has no size but a URL and a scale along x, y and z.
-    """
-
-    kind: str
-    size: tuple[float, ...]
-    pose: Pose
-    url: str = ''
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -64,7 +48,12 @@ class Link:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint: `pose` is the joint frame in the parent link at position 0; effort [N m] or [N]."""
+    """
+    A joint: `pose` is the joint frame in the parent link at position 0.
+
+    Positions are in [rad] or [m], effort in [N m] or [N], velocity in [rad/s] or [m/s]; without
+    limits `lower` and `upper` are infinite. `mimics` names the joint it follows, if any.
+    """
 
     name: str
     kind: str
@@ -74,6 +63,9 @@ class Joint:
     axis: np.ndarray
     effort: float
     velocity: float
+    lower: float
+    upper: float
+    mimics: str
 
     def transform(self, position: float) -> Pose:
         """Return the child's pose in the parent at a joint position [rad] or [m]."""
@@ -89,13 +81,18 @@ Named = TypeVar('Named', Link, Joint)
 
 @dataclass(frozen=True)
 class Robot:
-    """A kinematic tree; `friction` maps a link to the mu1 of its gazebo tag."""
+    """
+    A kinematic tree.
+
+    `friction` and `self_collide` map a link to what its gazebo tag says, where it does.
+    """
 
     name: str
     root: str
     links: dict[str, Link]
     joints: dict[str, Joint]
     friction: dict[str, float]
+    self_collide: dict[str, bool]
 
     @property
     def mass(self) -> float:
@@ -137,15 +134,15 @@ class Robot:
             waiting += reversed(children[link])
         return tuple(order)
 
-    @property
-    def welded_to_root(self) -> set[str]:
-        """The root and the links that cannot move against it."""
-        welded = {self.root}
-        for link in self.links_from_root[1:]:
-            joint = self.parent_joints[link]
-            if joint.kind == 'fixed' and joint.parent in welded:
-                welded.add(link)
-        return welded
+    @cached_property
+    def carriers(self) -> dict[str, str]:
+        """For each link the one that moves with it and has a joint of its own, or is the root."""
+        carriers: dict[str, str] = {}
+        for link in self.links_from_root:
+            joint = self.parent_joints.get(link)
+            welded = joint is not None and joint.kind == 'fixed'
+            carriers[link] = carriers[joint.parent] if joint is not None and welded else link
+        return carriers
 
     def pose_of(self, link: str) -> Pose:
         """Return a link's pose in the root with every joint at 0."""
@@ -171,12 +168,9 @@ def parse_urdf(text: str) -> Robot:
     tree = ElementTree.fromstring(text)
     links = _by_name([_link(tag) for tag in tree.findall('link')])
     joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
-    friction = {
-        str(tag.get('reference')): float(parse_numbers(str(tag.findtext('mu1')), 1, 'mu1')[0])
-        for tag in tree.findall('gazebo')
-        if tag.get('reference') and tag.findtext('mu1')
-    }
-    return Robot(tree.get('name', ''), _find_root(links, joints), links, joints, friction)
+    root = _find_root(links, joints)
+    friction, self_collide = read_friction(tree), read_self_collide(tree)
+    return Robot(tree.get('name', ''), root, links, joints, friction, self_collide)
 
 
 def _by_name(elements: list[Named]) -> dict[str, Named]:
@@ -222,8 +216,8 @@ def _link(tag: ElementTree.Element) -> Link:
         name=name,
         mass=float(read_numbers(tag.find('inertial/mass'), 'value', '0', where)[0]),
         inertia=_inertia(tag.find('inertial/inertia'), where),
-        collisions=tuple(_shape(shape, where) for shape in shape_tags(tag, 'collision')),
-        visuals=tuple(_shape(shape, where) for shape in shape_tags(tag, 'visual')),
+        collisions=tuple(read_shape(shape, where) for shape in shape_tags(tag, 'collision')),
+        visuals=tuple(read_shape(shape, where) for shape in shape_tags(tag, 'visual')),
     )
 
 
@@ -234,31 +228,6 @@ def _inertia(tag: ElementTree.Element | None, where: str) -> np.ndarray:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def shape_tags(link: ElementTree.Element, tag: str) -> list[ElementTree.Element]:
-    """Return the `visual` or `collision` tags of a link that have a geometry of URDF's."""
-    return [
-        shape
-        for shape in link.findall(tag)
-        if any(shape.find(f'geometry/{kind}') is not None for kind in SIZES)
-    ]
-
-
-def _shape(tag: ElementTree.Element, where: str) -> Shape:
-    kind, geometry = next(
-        (kind, found) for kind in SIZES if (found := tag.find(f'geometry/{kind}')) is not None
-    )
-    attributes, count = SIZES[kind]
-    text = ' '.join(geometry.get(attribute, '') for attribute in attributes)
-    size = tuple(parse_numbers(text, count, f'{where}: {kind}').tolist())
-    pose = _origin(tag, where)
-    if kind != 'mesh':
-        return Shape(kind, size, pose)
-    scale = geometry.get('scale', '1')
-    count = 1 if len(scale.split()) == 1 else 3
-    x, y, z = np.broadcast_to(parse_numbers(scale, count, f'{where}: scale'), 3).tolist()
-    return Shape(kind, size, pose, geometry.get('filename', ''), (x, y, z))
-
-
 def _joint(tag: ElementTree.Element) -> Joint:
     name = tag.get('name', '')
     where = f'joint {name!r}'
@@ -266,25 +235,26 @@ def _joint(tag: ElementTree.Element) -> Joint:
     axis = read_numbers(tag.find('axis') if kind in MOVABLE else None, 'xyz', '1 0 0', where)
     if not axis.any():
         raise DescriptionError(f'{where}: its axis is zero')
-    limit = tag.find('limit')
+    if kind not in JOINT_KINDS:
+        raise DescriptionError(f'{where}: type {kind!r}, wanted one of {", ".join(JOINT_KINDS)}')
+    limit, mimic = tag.find('limit'), tag.find('mimic')
+    lower, upper = (float(read_numbers(limit, end, '0', where)[0]) for end in ('lower', 'upper'))
+    is_free = kind not in ('revolute', 'prismatic') or limit is None or lower >= upper
     return Joint(
         name=name,
         kind=kind,
         parent=_name_of(tag, 'parent'),
         child=_name_of(tag, 'child'),
-        pose=_origin(tag, where),
+        pose=read_origin(tag, where),
         axis=axis / np.linalg.norm(axis),
         effort=float(read_numbers(limit, 'effort', '0', where)[0]),
         velocity=float(read_numbers(limit, 'velocity', '0', where)[0]),
+        lower=-math.inf if is_free else lower,
+        upper=math.inf if is_free else upper,
+        mimics=mimic.get('joint', '') if mimic is not None else '',
     )
 
 
 def _name_of(joint: ElementTree.Element, end: str) -> str:
     tag = joint.find(end)
     return tag.get('link', '') if tag is not None else ''
-
-
-def _origin(tag: ElementTree.Element, where: str) -> Pose:
-    origin = tag.find('origin')
-    roll, pitch, yaw = read_numbers(origin, 'rpy', '0 0 0', where)
-    return Pose(read_numbers(origin, 'xyz', '0 0 0', where), rpy_matrix(roll, pitch, yaw))
