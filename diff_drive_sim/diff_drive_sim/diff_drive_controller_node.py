@@ -124,8 +124,7 @@ class DiffDriveControllerNode(Node):
         stamp = stamp or self.get_clock().now().to_msg()
         state = self.controller.odometry_state
         if has_listener(self._odometry):
-            covariance = self.controller.covariance
-            self._odometry.publish(to_odometry(state, covariance, stamp, self.settings))
+            self._odometry.publish(self.odometry(stamp))
         if self.settings.enable_odom_tf and self._tf.available:
             self._tf.send([to_transform(state, stamp, self.settings)])
         if self._limited is not None:
@@ -137,6 +136,12 @@ class DiffDriveControllerNode(Node):
                 [*values] * repeat for values in (self.unit.angles, self.unit.wheel_velocities)
             )
             self._wheel_states.publish(to_wheel_states(self._names, positions, velocities, stamp))
+
+    def odometry(self, stamp: Any = None) -> Odometry:
+        """Return odom as `publish` would publish it."""
+        stamp = stamp or self.get_clock().now().to_msg()
+        controller = self.controller
+        return to_odometry(controller.odometry_state, controller.covariance, stamp, self.settings)
 
     def publish_diagnostics(self) -> None:
         """Publish the state, and what arbotix says of a controller."""

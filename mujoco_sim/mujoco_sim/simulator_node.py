@@ -95,7 +95,7 @@ class SimulatorNode(Node):
         self._clock_tick = self._states_tick = -1
         self._clock_publisher = self.create_publisher(Clock, '/clock', RELIABLE)
         self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
-        self._truth = TruthPublisher(self, world, robot.robot)
+        self.truth = TruthPublisher(self, world, robot.robot)
         self._feet = tuple(name for name in robot.robot.links if name.endswith('_foot'))
         if self._feet:
             self._contacts = self.create_publisher(JointState, 'foot_contacts', RELIABLE)
@@ -113,6 +113,7 @@ class SimulatorNode(Node):
                 JointTrajectory, 'joint_commands', self._on_command, SENSOR_DATA
             )
             self.simulation.schedule.every(world.time_step, self._watch_commands)
+            self.simulation.schedule.every(world.time_step, self.truth.remember)
 
     def schedule_publishing(self) -> None:
         """
@@ -125,9 +126,7 @@ class SimulatorNode(Node):
         schedule.at_rate('clock_rate', self.settings.clock_rate, self._publish_clock)
         schedule.at_rate('state_rate', self.settings.state_rate, self._publish_states)
         # As often as possible without making physics stop more often.
-        instant = schedule.stride * self._world.time_step
-        schedule.every(instant, self._truth.remember)
-        schedule.every(instant, self._sensors.step)
+        schedule.every(schedule.stride * self._world.time_step, self._sensors.step)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long the controller's ticks take, and its state."""
@@ -184,7 +183,7 @@ class SimulatorNode(Node):
         if has_listener(self._joint_states):
             names = self._world.joint_names
             self._joint_states.publish(to_joint_state(names, reading.joints, stamp))
-        self._truth.publish()
+        self.truth.publish()
 
     def _on_command(self, message: JointTrajectory) -> None:
         try:

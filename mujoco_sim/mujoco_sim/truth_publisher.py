@@ -2,6 +2,7 @@
 """What only a simulator can tell: where the robot is, how far off its odometry is, what slips."""
 
 from collections import OrderedDict
+from collections.abc import Callable
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -10,6 +11,7 @@ from rclpy.node import Node
 from robot_description.node_support import has_listener
 from robot_description.node_support import has_subscriber
 from robot_description.qos import RELIABLE
+from robot_description.qos import SENSOR_DATA
 from robot_description.urdf import Robot
 from sensor_msgs.msg import JointState
 
@@ -30,9 +32,9 @@ class TruthPublisher:
     """
     Publishes `ground_truth/odom` and `wheel_slip`, and answers each `odom` with its `odom_error`.
 
-    The truth of an instant is kept until the odometry of that instant arrives: the error is
-    exact, wherever the odometry comes from and however late. `odom` is subscribed to only while
-    somebody listens to `odom_error`.
+    In lock-step, odometry is handed to `compare`. Over topics, the truth of an instant is kept
+    until the odometry of that instant arrives, so the error is as exact, however late it is;
+    `odom` is subscribed to only while somebody has subscribed to `odom_error`.
     """
 
     def __init__(self, node: Node, world: World, robot: Robot) -> None:
@@ -55,6 +57,13 @@ class TruthPublisher:
         if self._slip.joints and has_listener(self._slips):
             self._slips.publish(to_wheel_slip(self._slip.joints, self._slip.measure(), stamp))
 
+    def compare(self, odometry: Callable[[], Odometry | None]) -> None:
+        """Publish the error of the odometry of now, which is asked for only if needed."""
+        estimate = odometry() if has_listener(self._error) else None
+        if estimate is not None:
+            truth = self._to_truth(self._world.base_since_start(), estimate.header.stamp)
+            self._error.publish(to_odometry_error(truth, estimate))
+
     def remember(self) -> None:
         """Keep the truth of now for odometry that is under way; to be called in each instant."""
         # A recording does not count: odometry arrives when the host likes.
@@ -66,7 +75,7 @@ class TruthPublisher:
             return
         if self._odometry is None:
             self._odometry = self._node.create_subscription(
-                Odometry, 'odom', self._on_odometry, RELIABLE
+                Odometry, 'odom', self._on_odometry, SENSOR_DATA
             )
         self._past[_key(to_stamp(self._world.time))] = self._world.base_since_start()
         if len(self._past) > REMEMBERED:

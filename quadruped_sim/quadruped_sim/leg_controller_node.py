@@ -123,13 +123,20 @@ class LegControllerNode(Node):
         state = self.controller.odometry
         if state is not None:
             stamp = self.get_clock().now().to_msg()
-            self._odometry.publish(to_odometry(state, stamp, self.settings))
+            self._odometry.publish(self.odometry())
             self._tf.send([to_transform(state, stamp, self.settings)])
         if self.controller.state != self._published_state:
             self._published_state = self.controller.state
             self._state.publish(String(data=self._published_state))
             if self.controller.event is not None and self._published_state == 'passive':
                 self._say(f'passive: {self.controller.event}')
+
+    def odometry(self) -> Odometry | None:
+        """Return odom as `publish_odometry` would publish it; None before there is any."""
+        state = self.controller.odometry
+        if state is None:
+            return None
+        return to_odometry(state, self.get_clock().now().to_msg(), self.settings)
 
     @property
     def said(self) -> str:

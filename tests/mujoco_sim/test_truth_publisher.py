@@ -120,3 +120,17 @@ def test_the_slip_of_the_wheels_is_told_by_joint(rig, world, spin_until):
     slip = rig.slips[0]
     assert list(slip.name) == ['left_wheel_joint', 'right_wheel_joint']
     assert len(slip.position) == len(slip.velocity) == 2
+
+
+def test_in_lock_step_the_error_is_of_the_odometry_of_now(rig, world):
+    rig.peer.create_subscription(Odometry, 'odom_error', rig.errors.append, 10)
+    world.data.qpos[0] = 1.0
+    stamp = Time(sec=3)
+    rig.wait(lambda: rig.node.truth.compare(lambda: odometry(0.5, 0.25, 0.0, stamp)) or rig.errors)
+    place = rig.errors[0].pose.pose.position
+    assert (place.x, place.y) == (0.5, pytest.approx(-0.25, abs=1e-9))
+    assert rig.errors[0].header.stamp == stamp
+
+
+def test_in_lock_step_odometry_is_not_even_made_while_nobody_listens(rig):
+    rig.node.truth.compare(lambda: pytest.fail('nobody listens'))

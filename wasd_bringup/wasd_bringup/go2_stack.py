@@ -9,6 +9,7 @@ from mujoco_sim.schedule import Schedule
 from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import World
+from nav_msgs.msg import Odometry
 from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.legs import FOOT_NAMES
 from quadruped_sim.rotations import matrix_from_quaternion
@@ -118,6 +119,10 @@ class Go2Stack:
         self._legs.reset()
         if self._teleop is not None:
             self._teleop.logic.reset()
+
+    def odometry(self) -> Odometry | None:
+        """Return odom as it is published in this instant; None before there is any."""
+        return self._legs.odometry()
 
     def sample(self) -> Sample:
         """Return this instant for the report."""

@@ -16,6 +16,7 @@ from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import JointCommand
 from mujoco_sim.world import World
+from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -113,6 +114,10 @@ class MbotStack:
         """Forget the past: commands, ramps, odometry."""
         self._teleop.logic.reset()
         self._driver.unit.reset()
+
+    def odometry(self) -> Odometry:
+        """Return odom as it is published in this instant."""
+        return self._driver.odometry()
 
     def sample(self) -> Sample:
         """Return this instant for the report."""

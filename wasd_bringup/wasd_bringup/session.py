@@ -196,7 +196,9 @@ class Session:
             schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
         self.stack.schedule(schedule)
         self.simulator.schedule_publishing()
-        schedule.every(1.0 / self.simulator.settings.state_rate, self._publish_transforms)
+        state_period = 1.0 / self.simulator.settings.state_rate
+        schedule.every(state_period, self._publish_transforms)
+        schedule.every(state_period, lambda: self.simulator.truth.compare(self.stack.odometry))
         schedule.every(SAMPLE_PERIOD, lambda: self._recorder.sample(self.stack.sample()))
 
     def _begin_instant(self) -> None:

@@ -8,6 +8,7 @@ from mujoco_sim.schedule import Schedule
 from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import World
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from std_msgs.msg import String
 
@@ -43,6 +44,9 @@ class Stack(Protocol):
 
     def schedule(self, schedule: Schedule) -> None:
         """Have the nodes stepped on simulated time."""
+
+    def odometry(self) -> Odometry | None:
+        """Return odom as it is published in this instant; None before there is any."""
 
     def sample(self) -> Sample:
         """Return this instant for the report."""
