@@ -150,7 +150,9 @@ def _load(name_or_path: str) -> Keymap:
         )
     try:
         text = path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else 'not UTF-8 text'
-        raise KeymapError(f'{name_or_path}: cannot read the keymap: {reason}') from None
+    except OSError as error:
+        raise KeymapError(f'{name_or_path}: cannot read the keymap: {error.strerror}') from None
+    except UnicodeDecodeError as error:
+        line = error.object.count(b'\n', 0, error.start) + 1
+        raise KeymapError(f'{name_or_path}:{line}: not UTF-8 text') from None
     return read_keymap(text, name_or_path, path.stem)

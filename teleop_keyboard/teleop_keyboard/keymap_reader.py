@@ -26,6 +26,8 @@ from teleop_keyboard.keymap import SpeedFactor
 
 Value = TypeVar('Value')
 
+# What the parameters of the same names allow, too: [Hz], [m/s] or [rad/s], [m/s^2] or [rad/s^2].
+HIGHEST_RATE, HIGHEST_SPEED, HIGHEST_ACCEL = 500.0, 100.0, 1000.0
 REQUIRED = ('motion', 'speed', 'turn', 'linear_accel', 'angular_accel')
 OPTIONAL = (
     *('help', 'mode', 'other_keys', 'first_character_only', 'idle', 'rate'),
@@ -43,13 +45,20 @@ def read_keymap(text: str, file_name: str, name: str) -> Keymap:
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        line = f':{mark.line + 1}' if mark is not None else ''
-        problem = getattr(error, 'problem', None) or 'not YAML'
-        raise KeymapError(f'{file_name}{line}: {problem}') from None
+        raise KeymapError(f'{file_name}:{_place_and_problem(error, text)}') from None
     if not isinstance(root, yaml.MappingNode):
         raise KeymapError(f'{file_name}:1: a keymap must be a YAML mapping')
     return _KeymapReader(file_name, root).keymap(name)
+
+
+def _place_and_problem(error: yaml.YAMLError, text: str) -> str:
+    """Return the line and what is wrong there."""
+    if isinstance(error, yaml.reader.ReaderError):
+        line = text.count('\n', 0, error.position) + 1
+        return f'{line}: {error.reason}'
+    mark = error.problem_mark if isinstance(error, yaml.MarkedYAMLError) else None
+    problem = getattr(error, 'problem', None) or 'not YAML'
+    return f'{mark.line + 1 if mark is not None else 1}: {problem}'
 
 
 class _KeymapReader:
@@ -86,13 +95,13 @@ class _KeymapReader:
             other_keys=self._choice('other_keys', OTHER_KEYS),
             first_character_only=self._choice('first_character_only', ('false', 'true')) == 'true',
             idle=self._choice('idle', IDLE_POLICIES),
-            rate=self._positive('rate', 50.0),
+            rate=self._positive('rate', 50.0, HIGHEST_RATE),
             speed=self._within('speed', speed_limits),
             turn=self._within('turn', turn_limits),
             speed_limits=speed_limits,
             turn_limits=turn_limits,
-            linear_accel=self._positive('linear_accel', None),
-            angular_accel=self._positive('angular_accel', None),
+            linear_accel=self._positive('linear_accel', None, HIGHEST_ACCEL),
+            angular_accel=self._positive('angular_accel', None, HIGHEST_ACCEL),
         )
 
     def _fail(self, node: yaml.Node, key: str, problem: str) -> NoReturn:
@@ -148,11 +157,12 @@ class _KeymapReader:
 
     def _limits(self, field: str) -> Limits:
         if field not in self._fields:
-            return Limits(0.0, math.inf)
+            return Limits(0.0, HIGHEST_SPEED)
         node = self._fields[field]
         low, high = self._numbers(node, field, 2, '[smallest, largest]')
-        if not 0.0 <= low <= high:
-            self._fail(node, field, f'must be 0 <= smallest <= largest, got [{low:g}, {high:g}]')
+        if not 0.0 <= low <= high <= HIGHEST_SPEED:
+            wanted = f'0 <= smallest <= largest <= {HIGHEST_SPEED:g}'
+            self._fail(node, field, f'must be {wanted}, got [{low:g}, {high:g}]')
         return Limits(low, high)
 
     def _stop_keys(self) -> list[str]:
@@ -187,13 +197,13 @@ class _KeymapReader:
             self._fail(node, key, f'must be a number, got {text!r}')
         return value
 
-    def _positive(self, field: str, default: float | None) -> float:
+    def _positive(self, field: str, default: float | None, highest: float) -> float:
         if field not in self._fields and default is not None:
             return default
         node = self._fields[field]
         value = self._number(node, field)
-        if not value > 0.0:
-            self._fail(node, field, f'must be > 0, got {value:g}')
+        if not 0.0 < value <= highest:
+            self._fail(node, field, f'must be > 0 and <= {highest:g}, got {value:g}')
         return value
 
     def _within(self, field: str, limits: Limits) -> float:

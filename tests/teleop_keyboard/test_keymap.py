@@ -95,7 +95,12 @@ def test_a_file_is_found_by_its_path(tmp_path):
         ('speed: 0.2\n', '', 1, 'speed: is missing'),
         ('speed: 0.2', 'speed: fast', 4, "speed: must be a number, got 'fast'"),
         ('speed: 0.2', 'speed: .nan', 4, "speed: must be a number, got '.nan'"),
-        ('linear_accel: 0.6', 'linear_accel: 0', 6, 'linear_accel: must be > 0, got 0'),
+        (
+            'linear_accel: 0.6',
+            'linear_accel: 0',
+            6,
+            'linear_accel: must be > 0 and <= 1000',
+        ),
         ('i: [1, 0, 0]', 'i: [1, 0]', 2, 'i: must be a list of 3 numbers'),
         ('i: [1, 0, 0]', 'i: [1, 0, 0, 0, 0]', 2, 'i: must be a list of 3 numbers'),
         ('i: [1, 0, 0]', 'i: [1, 0, -2, 0]', 2, 'i: each share must be within -1 and 1'),
@@ -115,6 +120,12 @@ def test_a_file_is_found_by_its_path(tmp_path):
         ('turn: 1.0', 'turn: 1.0\nspeed_limits: [0.5, 1]', 4, 'speed: must be within speed_limi'),
         ('turn: 1.0', 'turn: 1.0\nspeed_keys: {q: [0, 1]}', 6, 'q: both factors must be > 0'),
         ('turn: 1.0', 'turn: [1.0', 6, "expected ',' or ']'"),
+        ('turn: 1.0', 'turn: 1.0\nrate: 1e9', 6, 'rate: must be > 0 and <= 500, got 1e+09'),
+        ('turn: 1.0', 'turn: 1.0\nturn_limits: [0, 1e9]', 6, 'turn_limits: must be 0 <= small'),
+        ('turn: 1.0', 'turn: 1\x07', 5, 'special characters are not allowed'),
+        ('turn: 1.0', 'turn: 1.0\n---\nturn: 2', 6, 'but found another document'),
+        ('turn: 1.0', 'turn: *there', 5, "found undefined alias 'there'"),
+        ('turn: 1.0', 'turn: &a [*a]', 5, 'turn: must be one value'),
     ],
 )
 def test_an_error_names_file_line_and_key(old, new, line, message):
@@ -129,6 +140,18 @@ def test_an_error_names_file_line_and_key(old, new, line, message):
 def test_text_that_is_no_mapping_is_an_error(text):
     with pytest.raises(KeymapError, match='mine.yaml'):
         read_keymap(text, 'mine.yaml', 'mine')
+
+
+def test_without_limits_a_speed_key_ends_somewhere():
+    keymap = read_keymap(GOOD + 'speed_keys: {q: [1.1, 1.1]}', 'mine.yaml', 'mine')
+    assert keymap.speed_limits == keymap.turn_limits == (0.0, 100.0)
+
+
+def test_a_file_that_is_no_text_is_one_line_that_names_the_place(tmp_path):
+    path = tmp_path / 'latin.yaml'
+    path.write_bytes(b'# one\n# two \xe9\n')
+    with pytest.raises(KeymapError, match='latin.yaml:2: not UTF-8 text'):
+        load_preset(str(path))
 
 
 def test_an_unknown_preset_lists_the_known_ones():
