@@ -49,6 +49,7 @@ ROSDEP_KEYS = {
     'pinocchio': None,  # Jazzy has an older one than the controller is tested with
     'trimesh': None,
     'yaml': 'python3-yaml',
+    'yourdfpy': None,
 }
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 LONGEST_MODULE = 300

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""MuJoCo, Pinocchio and yourdfpy put the same robot in the same place, with the same mass."""
+
+import math
+
+from mujoco_sim.loading import load_robot
+import numpy as np
+import pinocchio as pin
+import pytest
+from robot_description.errors import DescriptionError
+from robot_description.expand import expand
+from robot_description.kinematic_check import check_kinematics
+from robot_description.kinematic_check import link_poses
+from robot_description.packages import share_directory
+from robot_description.pinocchio_model import configuration
+from robot_description.pinocchio_model import link_positions
+from robot_description.pinocchio_model import to_pinocchio
+from robot_description.robots import description_path
+from robot_description.urdf import parse_urdf
+
+ROBOTS = share_directory('example-robot-data') / 'robots'
+OTHERS = [f'{name}_description/urdf/{name}.urdf' for name in ('a1', 'go1', 'go2', 'b1', 'z1')]
+FEET = ('FL_foot', 'FR_foot', 'RL_foot', 'RR_foot')
+
+
+@pytest.mark.parametrize('name', ['go2', 'mbot', *(str(ROBOTS / other) for other in OTHERS)])
+def test_every_link_is_where_the_urdf_says_in_three_libraries(name):
+    loaded = load_robot(name)
+    deviations = check_kinematics(loaded.urdf, loaded.robot)
+    assert [deviation.library for deviation in deviations] == ['MuJoCo', 'Pinocchio', 'yourdfpy']
+    assert max(deviation.distance for deviation in deviations) < 1e-6
+
+
+def test_a_wrong_link_is_found():
+    loaded = load_robot('go2')
+    shifted = loaded.urdf.replace('-0.213"', '-0.214"')
+    deviations = check_kinematics(shifted, loaded.robot)
+    assert all(deviation.distance > 9e-4 for deviation in deviations)
+
+
+@pytest.fixture(scope='module')
+def go2():
+    urdf = expand(description_path('go2'))
+    robot = parse_urdf(urdf)
+    return robot, to_pinocchio(urdf, robot)
+
+
+def test_pinocchio_has_mujocos_joints_and_the_urdfs_mass(go2):
+    robot, model = go2
+    assert (model.nq, model.nv) == (19, 18)
+    assert set(list(model.names)[2:]) == {joint.name for joint in robot.movable_joints}
+    assert model.names[1] == 'root'
+    assert pin.computeTotalMass(model) == pytest.approx(robot.mass, abs=1e-6)
+
+
+def test_a_configuration_goes_by_name_whatever_the_order(go2):
+    robot, model = go2
+    positions = {joint.name: 0.1 * i for i, joint in enumerate(robot.movable_joints, start=1)}
+    q = configuration(model, dict(reversed(positions.items())))
+    for name, position in positions.items():
+        assert q[model.joints[model.getJointId(name)].idx_q] == position
+    places, poses = link_positions(model, q), link_poses(robot, positions)
+    for foot in FEET:
+        np.testing.assert_allclose(places[foot], poses[foot].position, atol=1e-12)
+
+
+def test_a_joint_without_limits_is_a_cosine_and_a_sine():
+    urdf = expand(description_path('mbot'))
+    model = to_pinocchio(urdf, parse_urdf(urdf))
+    q = configuration(model, {'left_wheel_joint': math.pi / 2})
+    joint = model.joints[model.getJointId('left_wheel_joint')]
+    np.testing.assert_allclose(q[joint.idx_q : joint.idx_q + 2], [0.0, 1.0], atol=1e-15)
+
+
+def test_a_robot_that_hangs_on_the_world_is_fixed_in_pinocchio_too():
+    urdf = expand(description_path('go2'), {'DEBUG': 'true'})
+    robot = parse_urdf(urdf)
+    assert to_pinocchio(urdf, robot).nq == 12
+    assert max(deviation.distance for deviation in check_kinematics(urdf, robot)) < 1e-6
+
+
+def test_what_pinocchio_cannot_read_is_one_line():
+    robot = parse_urdf('<robot name="r"><link name="a"/></robot>')
+    with pytest.raises(DescriptionError, match='^Pinocchio: ') as caught:
+        to_pinocchio('<robot name="r"></robot>', robot)
+    assert '\n' not in str(caught.value)
