@@ -19,6 +19,8 @@ from unittest import mock
 
 import yaml
 
+ROOT = Path(__file__).resolve().parents[1]
+
 
 @dataclass(frozen=True)
 class LaunchDescription:
@@ -56,43 +58,134 @@ class ParameterValue:
     value_type: type
 
 
+class Equals:
+    def __init__(self, left: Any, right: Any) -> None:
+        self.left, self.right = left, right
+
+    def text(self, values: Mapping[str, str]) -> str:
+        """Return what launch makes of it: true or false."""
+        return str(_text(self.left, values) == _text(self.right, values)).lower()
+
+
+class NotEquals(Equals):
+    def text(self, values: Mapping[str, str]) -> str:
+        """Return what launch makes of it: true or false."""
+        return 'false' if super().text(values) == 'true' else 'true'
+
+
+class And(Equals):
+    def text(self, values: Mapping[str, str]) -> str:
+        """Return what launch makes of it: true or false."""
+        both = {_text(self.left, values), _text(self.right, values)}
+        return str(both == {'true'}).lower()
+
+
+@dataclass(frozen=True)
+class FindPackageShare:
+    package: str
+
+    def text(self, values: Mapping[str, str]) -> str:
+        """Return the folder of the checkout that a build puts at share/PACKAGE."""
+        return str(ROOT / self.package)
+
+
+@dataclass(frozen=True)
+class PathJoinSubstitution:
+    parts: list[Any]
+
+    def text(self, values: Mapping[str, str]) -> str:
+        """Return the path."""
+        return '/'.join(_text(part, values) for part in self.parts)
+
+
+@dataclass(frozen=True)
+class IfCondition:
+    predicate: Any
+
+    def holds(self, values: Mapping[str, str]) -> bool:
+        """Return whether it holds; launch takes nothing for true or false but these."""
+        return {'true': True, '1': True, 'false': False, '0': False}[
+            _text(self.predicate, values).lower()
+        ]
+
+
+@dataclass(frozen=True)
+class PythonLaunchDescriptionSource:
+    path: Any
+
+
+@dataclass(frozen=True)
+class IncludeLaunchDescription:
+    source: PythonLaunchDescriptionSource
+    launch_arguments: Any = ()
+
+
+@dataclass(frozen=True)
+class GroupAction:
+    actions: list[Any]
+    scoped: bool = True
+
+
 @dataclass(frozen=True, kw_only=True)
 class Node:
     package: str
     executable: str
     namespace: Any = ''
     output: str = 'log'
-    parameters: list[dict[str, Any]] = field(default_factory=list)
+    parameters: list[Any] = field(default_factory=list)
     remappings: list[tuple[str, Any]] = field(default_factory=list)
+    arguments: list[Any] = field(default_factory=list)
+    condition: IfCondition | None = None
     on_exit: Any = None
 
 
 @dataclass(frozen=True)
 class Started:
-    """A node as launch would start it."""
+    """A node as launch would start it; `files` are its parameter files, which count less."""
 
     executable: str
     namespace: str
     parameters: dict[str, Any]
     remappings: dict[str, str]
+    package: str
+    files: list[Path]
+    arguments: list[str]
 
     def command_line(self, folder: Path) -> list[str]:
         """Return the arguments of the process; the parameters are in a file, as launch's."""
         path = folder / f'launch_params_{self.executable}'
         path.write_text(yaml.safe_dump({'/**': {'ros__parameters': self.parameters}}))
         rules = [f'{name}:={target}' for name, target in self.remappings.items()]
-        rules += [f'__ns:={self.namespace}'] if self.namespace else []
+        # Absolute, as launch_ros makes it.
+        rules += [f'__ns:=/{self.namespace.lstrip("/")}'] if self.namespace else []
         words = [word for rule in rules for word in ('-r', rule)]
-        return ['--ros-args', '--params-file', str(path), *words]
+        files = [word for each in (*self.files, path) for word in ('--params-file', str(each))]
+        return ['--ros-args', *files, *words]
 
 
 MODULES: dict[str, dict[str, Any]] = {
     'launch': {'LaunchDescription': LaunchDescription},
-    'launch.actions': {'DeclareLaunchArgument': DeclareLaunchArgument, 'Shutdown': Shutdown},
-    'launch.substitutions': {'LaunchConfiguration': LaunchConfiguration},
+    'launch.actions': {
+        'DeclareLaunchArgument': DeclareLaunchArgument,
+        'GroupAction': GroupAction,
+        'IncludeLaunchDescription': IncludeLaunchDescription,
+        'Shutdown': Shutdown,
+    },
+    'launch.conditions': {'IfCondition': IfCondition},
+    'launch.launch_description_sources': {
+        'PythonLaunchDescriptionSource': PythonLaunchDescriptionSource
+    },
+    'launch.substitutions': {
+        'AndSubstitution': And,
+        'EqualsSubstitution': Equals,
+        'LaunchConfiguration': LaunchConfiguration,
+        'NotEqualsSubstitution': NotEquals,
+        'PathJoinSubstitution': PathJoinSubstitution,
+    },
     'launch_ros': {},
     'launch_ros.actions': {'Node': Node},
     'launch_ros.parameter_descriptions': {'ParameterValue': ParameterValue},
+    'launch_ros.substitutions': {'FindPackageShare': FindPackageShare},
 }
 
 
@@ -114,26 +207,45 @@ class LaunchFile:
         with stand_ins():
             # Leaves no compiled file beside it, as an import would.
             entities = runpy.run_path(str(path))['generate_launch_description']().entities
+        groups = [entity.actions for entity in entities if isinstance(entity, GroupAction)]
+        entities = [*entities, *(entity for group in groups for entity in group)]
         self.arguments = {e.name: e for e in entities if isinstance(e, DeclareLaunchArgument)}
         self.nodes = [entity for entity in entities if isinstance(entity, Node)]
+        self._included = [e for e in entities if isinstance(e, IncludeLaunchDescription)]
 
     def start(self, **given: str) -> list[Started]:
         """Return the nodes with `name:=value` given on the command line."""
         assert set(given) <= set(self.arguments)
         values = {name: entry.value(given) for name, entry in self.arguments.items()}
-        return [
-            Started(
-                node.executable,
-                _text(node.namespace, values),
-                {name: _value(v, values) for p in node.parameters for name, v in p.items()},
-                {name: _text(target, values) for name, target in node.remappings},
-            )
+        started = [
+            _started(node, values)
             for node in self.nodes
+            if node.condition is None or node.condition.holds(values)
         ]
+        for include in self._included:
+            inner = {name: _text(value, values) for name, value in include.launch_arguments}
+            path = Path(_text(include.source.path, values))
+            started += LaunchFile(path).start(**inner)
+        return started
+
+
+def _started(node: Node, values: Mapping[str, str]) -> Started:
+    given = [entry for entry in node.parameters if isinstance(entry, dict)]
+    return Started(
+        node.executable,
+        _text(node.namespace, values),
+        {name: _value(v, values) for entry in given for name, v in entry.items()},
+        {name: _text(target, values) for name, target in node.remappings},
+        node.package,
+        [Path(_text(entry, values)) for entry in node.parameters if entry not in given],
+        [_text(argument, values) for argument in node.arguments],
+    )
 
 
 def _text(value: Any, values: Mapping[str, str]) -> str:
-    return values[value.name] if isinstance(value, LaunchConfiguration) else str(value)
+    if isinstance(value, LaunchConfiguration):
+        return values[value.name]
+    return value.text(values) if hasattr(value, 'text') else str(value)
 
 
 def _value(value: Any, values: Mapping[str, str]) -> Any:

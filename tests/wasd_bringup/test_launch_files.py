@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The launch files: everything that they name is there, and what they start drives."""
+
+import dataclasses
+import importlib
+from pathlib import Path
+import re
+import tomllib
+
+from diff_drive_sim.parameters import DiffDriveParameters
+from mujoco_sim.parameters import SimulatorParameters
+import pytest
+from quadruped_sim.node_parameters import LegNodeParameters
+from robot_description.parameters import outward_name
+from robot_description.state_publisher_node import StatePublisherParameters
+from teleop_keyboard.teleop_parameters import KeyParameters
+from teleop_keyboard.teleop_parameters import TeleopParameters
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / 'wasd_bringup/launch'
+FILES = sorted(path.name for path in FOLDER.glob('*.launch.py'))
+SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
+DEFINITIONS = {
+    'diff_drive_controller': DiffDriveParameters,
+    'key_publisher': KeyParameters,
+    'leg_controller': LegNodeParameters,
+    'simulator': SimulatorParameters,
+    'state_publisher': StatePublisherParameters,
+    'teleop': TeleopParameters,
+}
+# Parameters that no definition has: rclpy's own, and the type of cmd_vel.
+OTHER_PARAMETERS = {'use_sim_time', 'stamped'}
+# Everything the files can be asked for that starts something else.
+ASKED = [{}, {'rviz': 'true'}, {'keys': 'none'}, {'keys': 'wasd'}, {'keys': 'unitree'}]
+CASES = [
+    (name, asked)
+    for name in FILES
+    for asked in (ASKED if name in ('go2.launch.py', 'mbot.launch.py') else ASKED[:1])
+] + [('both.launch.py', {'rviz': 'true', 'go2_keys': 'none', 'mbot_keys': 'mbot'})]
+
+
+@pytest.fixture(
+    params=CASES, ids=lambda case: ' '.join([case[0], *map(':='.join, case[1].items())])
+)
+def started(request, launch_file):
+    name, asked = request.param
+    return launch_file(FOLDER / name).start(**asked)
+
+
+def topics():
+    """Return the topics of the project, as its page of them has them."""
+    return set(re.findall(r'^\| `([^`]+)`', (ROOT / 'docs/topics.md').read_text(), re.M))
+
+
+def test_every_package_and_executable_exists(started):
+    assert started
+    for node in started:
+        if node.package != 'rviz2':
+            assert SCRIPTS[node.executable].partition('.')[0] == node.package
+
+
+def test_every_parameter_exists_and_has_a_legal_value(started):
+    for node in started:
+        given = {k: v for k, v in node.parameters.items() if k not in OTHER_PARAMETERS}
+        if node.package == 'rviz2':
+            assert not given
+        elif node.executable in DEFINITIONS:
+            definition = DEFINITIONS[node.executable]
+            names = {outward_name(field): field.name for field in dataclasses.fields(definition)}
+            definition(**{names[name]: value for name, value in given.items()})
+
+
+def test_every_file_exists_and_is_for_the_node_that_gets_it(started):
+    for node in started:
+        for path in node.files:
+            ((key, _),) = yaml.safe_load(path.read_text()).items()
+            assert key == f'/**/{node.executable}'
+        for argument in node.arguments:
+            assert argument == '-d' or Path(argument).is_file()
+
+
+def test_every_renamed_topic_is_one_of_ours(started):
+    for node in started:
+        assert set(node.remappings) <= topics()
+
+
+def test_each_robot_has_a_namespace_a_clock_and_frames_of_its_own(launch_file):
+    nodes = launch_file(FOLDER / 'both.launch.py').start()
+    assert {node.namespace for node in nodes} == {'go2', 'mbot'}
+    for node in nodes:
+        # Relative names: the namespace prefixes them.
+        assert node.remappings == {'/clock': 'clock', '/tf': 'tf', '/tf_static': 'tf_static'}
+    robots = {
+        node.namespace: node.parameters['description']
+        for node in nodes
+        if node.executable == 'simulator'
+    }
+    assert robots == {'go2': 'go2', 'mbot': 'mbot'}
+
+
+def test_the_robot_of_the_tutorial_can_be_named(launch_file):
+    nodes = launch_file(FOLDER / 'go2.launch.py').start(rname='my/dog.urdf', seed='3', speed='2')
+    described = [node.parameters.get('description') for node in nodes]
+    assert described == ['my/dog.urdf', 'my/dog.urdf', 'my/dog.urdf', None]
+    assert (nodes[0].parameters['seed'], nodes[0].parameters['speed']) == (3, 2.0)
+
+
+@pytest.mark.parametrize(
+    ('keys', 'executables'),
+    [('unitree', ['key_publisher']), ('go2', ['teleop']), ('none', [])],
+)
+def test_one_keyboard_or_none_is_started(launch_file, keys, executables):
+    nodes = launch_file(FOLDER / 'go2.launch.py').start(keys=keys)
+    assert [n.executable for n in nodes if n.package == 'teleop_keyboard'] == executables
+
+
+@pytest.mark.parametrize(
+    'path', sorted((ROOT / 'wasd_bringup/rviz').glob('*.rviz')), ids=lambda path: path.stem
+)
+def test_rviz_shows_topics_that_exist(path):
+    shown = re.findall(r'^ +(?:Topic|Value): ([a-z_/]+)$', path.read_text(), re.M)
+    assert {'robot_description', 'odom'} <= set(shown)
+    assert {name for name in shown if name not in ('true', 'false')} <= topics()
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_launch_itself_can_read_the_file(name):
+    sources = pytest.importorskip('launch.launch_description_sources', reason='no launch here')
+    importlib.import_module('launch_ros')
+    path = str(FOLDER / name)
+    assert sources.get_launch_description_from_python_launch_file(path).entities

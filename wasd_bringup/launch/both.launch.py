@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Simulates the Go2 and mbot at once, each in a world, a namespace and a time of its own.
+
+    ros2 launch wasd_bringup both.launch.py
+    ros2 launch wasd_bringup both.launch.py go2_keys:=none mbot_keys:=mbot
+
+One terminal drives one of them. For both in one world see `wasd both`.
+"""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.actions import GroupAction
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.substitutions import FindPackageShare
+from wasd_bringup.launch_parts import KEYS_OF_THE_ROBOT
+from wasd_bringup.launch_parts import NO_KEYS
+
+# Who has the keyboard unless asked otherwise.
+KEYS = {'go2': KEYS_OF_THE_ROBOT, 'mbot': NO_KEYS}
+
+
+def generate_launch_description():
+    """Return the arguments and the launch files of the two robots."""
+    arguments = [
+        DeclareLaunchArgument('rviz', default_value='false', description='Start RViz twice.')
+    ]
+    included = []
+    for robot, keys in KEYS.items():
+        arguments += [
+            DeclareLaunchArgument(f'{robot}_keys', default_value=keys, description='As its keys.'),
+            DeclareLaunchArgument(
+                f'{robot}_world', default_value='flat', description='Its world.'
+            ),
+        ]
+        source = PythonLaunchDescriptionSource(
+            PathJoinSubstitution(
+                [FindPackageShare('wasd_bringup'), 'launch', f'{robot}.launch.py']
+            )
+        )
+        values = {
+            'namespace': robot,
+            'keys': LaunchConfiguration(f'{robot}_keys'),
+            'world': LaunchConfiguration(f'{robot}_world'),
+            'rviz': LaunchConfiguration('rviz'),
+        }
+        # Arguments of an included file stay set after it, unless they have a scope.
+        include = IncludeLaunchDescription(source, launch_arguments=values.items())
+        included.append(GroupAction([include], scoped=True))
+    return LaunchDescription([*arguments, *included])

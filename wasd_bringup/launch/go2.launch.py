@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Simulates the Go2, or any robot with such legs, and walks it from this terminal.
+
+    ros2 launch wasd_bringup go2.launch.py rname:=go2
+    ros2 launch wasd_bringup go2.launch.py world:=slope:10 rviz:=true keys:=none
+
+Its own keys: 2 stands, 4 trots, then w a s d; 2 and 5 let it follow cmd_vel.
+"""
+
+from launch import LaunchDescription
+from launch.substitutions import LaunchConfiguration
+from launch_ros.parameter_descriptions import ParameterValue
+from quadruped_sim.node_parameters import LegNodeParameters
+from wasd_bringup.launch_parts import keyboard
+from wasd_bringup.launch_parts import parameter_argument
+from wasd_bringup.launch_parts import parameter_value
+from wasd_bringup.launch_parts import robot_arguments
+from wasd_bringup.launch_parts import robot_node
+from wasd_bringup.launch_parts import robot_nodes
+from wasd_bringup.launch_parts import rviz
+
+CONTROL_RATE = LegNodeParameters().update_rate
+
+
+def generate_launch_description():
+    """Return the arguments and the nodes: simulator, controller, frames, keyboard, RViz."""
+    robot = ParameterValue(LaunchConfiguration('rname'), value_type=str)
+    asked = {name: parameter_value(LegNodeParameters, name) for name in ('estimator', 'limits')}
+    return LaunchDescription(
+        [
+            *robot_arguments(rname='go2', keys='unitree'),
+            *(parameter_argument(LegNodeParameters, name) for name in asked),
+            # The controller steps at each message of the simulator's.
+            *robot_nodes(state_rate=CONTROL_RATE),
+            robot_node(
+                'quadruped_sim', 'leg_controller', description=robot, use_sim_time=True, **asked
+            ),
+            *keyboard(),
+            rviz('go2'),
+        ]
+    )

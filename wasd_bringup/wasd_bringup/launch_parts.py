@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the launch files of the robots share: arguments, and the nodes around a controller.
+
+Everything that a namespace should keep apart is renamed to a relative name: in the namespace
+`go2` the robot has a clock and a tree of frames of its own, /go2/clock and /go2/tf.
+"""
+
+import dataclasses
+from typing import Any
+
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import AndSubstitution
+from launch.substitutions import EqualsSubstitution
+from launch.substitutions import LaunchConfiguration
+from launch.substitutions import NotEqualsSubstitution
+from launch.substitutions import PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+from mujoco_sim.parameters import SimulatorParameters
+from robot_description.parameters import Parameters
+
+NAMESPACED = [('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static')]
+# Values of the argument `keys` that are no keymap.
+KEYS_OF_THE_ROBOT, NO_KEYS = 'unitree', 'none'
+
+
+def parameter_argument(definition: type[Parameters], name: str) -> DeclareLaunchArgument:
+    """Return the launch argument that sets a parameter."""
+    (field,) = (f for f in dataclasses.fields(definition) if f.name == name)
+    choices = field.metadata['choices']
+    return DeclareLaunchArgument(
+        name,
+        default_value=str(field.default),
+        description=field.metadata['doc'],
+        choices=list(choices) if choices else None,
+    )
+
+
+def parameter_value(definition: type[Parameters], name: str) -> ParameterValue:
+    """Return what an argument gives a parameter: of its type, whatever the text looks like."""
+    (field,) = (f for f in dataclasses.fields(definition) if f.name == name)
+    return ParameterValue(LaunchConfiguration(name), value_type=type(field.default))
+
+
+def robot_arguments(rname: str, keys: str) -> list[DeclareLaunchArgument]:
+    """Return the arguments that all robots have; `rname` and `keys` are the defaults."""
+    return [
+        DeclareLaunchArgument(
+            'rname', default_value=rname, description='Robot: a name, or a xacro or URDF file.'
+        ),
+        *(parameter_argument(SimulatorParameters, name) for name in ('world', 'seed', 'speed')),
+        DeclareLaunchArgument(
+            'namespace', default_value='', description='Of all nodes, topics, clock and tf.'
+        ),
+        DeclareLaunchArgument(
+            'keys',
+            default_value=keys,
+            description='Keyboard of this terminal: a keymap (see `wasd keys`), '
+            f'{KEYS_OF_THE_ROBOT} for the keys of the Go2 itself, {NO_KEYS} for no keyboard.',
+        ),
+        DeclareLaunchArgument('rviz', default_value='false', description='Start RViz.'),
+    ]
+
+
+def robot_node(package: str, executable: str, **parameters: Any) -> Node:
+    """Return a node with its defaults from share/PACKAGE/config and parameters on top."""
+    defaults = PathJoinSubstitution([FindPackageShare(package), 'config', f'{executable}.yaml'])
+    return Node(
+        package=package,
+        executable=executable,
+        namespace=LaunchConfiguration('namespace'),
+        output='screen',
+        parameters=[defaults, parameters],
+        remappings=NAMESPACED,
+    )
+
+
+def robot_nodes(**simulator: Any) -> list[Node]:
+    """Return simulator and state publisher; `simulator` are parameters of the first."""
+    robot = ParameterValue(LaunchConfiguration('rname'), value_type=str)
+    names = ('world', 'seed', 'speed')
+    asked = {name: parameter_value(SimulatorParameters, name) for name in names}
+    return [
+        robot_node('mujoco_sim', 'simulator', description=robot, **asked, **simulator),
+        robot_node('robot_description', 'state_publisher', description=robot, use_sim_time=True),
+    ]
+
+
+def keyboard() -> list[Node]:
+    """Return what reads this terminal; launch gives a node no input, both open /dev/tty."""
+    keys = LaunchConfiguration('keys')
+    is_keymap = AndSubstitution(
+        NotEqualsSubstitution(keys, KEYS_OF_THE_ROBOT), NotEqualsSubstitution(keys, NO_KEYS)
+    )
+    common = {
+        'package': 'teleop_keyboard',
+        'namespace': LaunchConfiguration('namespace'),
+        'output': 'screen',
+        'remappings': NAMESPACED,
+    }
+    preset = {'preset': ParameterValue(keys, value_type=str), 'use_sim_time': True}
+    return [
+        Node(
+            executable='key_publisher',
+            condition=IfCondition(EqualsSubstitution(keys, KEYS_OF_THE_ROBOT)),
+            **common,
+        ),
+        Node(executable='teleop', parameters=[preset], condition=IfCondition(is_keymap), **common),
+    ]
+
+
+def rviz(robot: str) -> Node:
+    """Return RViz with the configuration of a robot."""
+    path = PathJoinSubstitution([FindPackageShare('wasd_bringup'), 'rviz', f'{robot}.rviz'])
+    return Node(
+        package='rviz2',
+        executable='rviz2',
+        namespace=LaunchConfiguration('namespace'),
+        parameters=[{'use_sim_time': True}],
+        remappings=NAMESPACED,
+        arguments=['-d', path],
+        condition=IfCondition(LaunchConfiguration('rviz')),
+    )
