@@ -5,17 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import replace
 import math
-from typing import NamedTuple
 
-import numpy as np
-from robot_description.urdf import Joint
+from robot_description.drive_wheels import drive_wheels
+from robot_description.drive_wheels import TOLERANCE
 from robot_description.urdf import Robot
 
 from diff_drive_sim.errors import DiffDriveError
 from diff_drive_sim.wheel_parameters import WheelParameters
-
-# Lengths in a description that differ by less than this [m] are meant to be equal.
-TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -90,21 +86,9 @@ def configured(
     ), tuple(notes)
 
 
-class _Wheel(NamedTuple):
-    """A wheel as found: joint, position in the root [m], radius [m], sign of its axis along y."""
-
-    joint: str
-    position: np.ndarray
-    radius: float
-    direction: int
-    speed_limit: float  # [rad/s]
-
-
 def find_wheels(robot: Robot, names: Sequence[str] = ()) -> DiffDriveGeometry:
     """
-    Return the two wheels on one axle: cylinders that turn about y. Left is the one at larger y.
-
-    With `names`, only these joints are looked at.
+    Return the two driven wheels of a robot; with `names`, only these joints are looked at.
 
     Raises:
         DiffDriveError: there are not two of them, or their radii or positions disagree.
@@ -113,42 +97,34 @@ def find_wheels(robot: Robot, names: Sequence[str] = ()) -> DiffDriveGeometry:
         if name not in robot.joints:
             known = ', '.join(joint.name for joint in robot.movable_joints)
             raise DiffDriveError(f'{robot.name!r} has no joint {name!r}; it has {known}')
-    joints = [joint for joint in robot.movable_joints if not names or joint.name in names]
-    wheels = [wheel for wheel in (_wheel(robot, joint) for joint in joints) if wheel]
+    wheels = drive_wheels(robot, names)
     if len(wheels) != 2:
-        found = ', '.join(wheel.joint for wheel in wheels) or 'none'
+        found = ', '.join(wheel.joint.name for wheel in wheels) or 'none'
         raise DiffDriveError(
             f'{robot.name!r} needs 2 driven wheels (cylinders on continuous joints about y), '
-            f'found {len(wheels)}: {found}'
+            f'found {len(wheels)}: {found}; left_wheel_names and right_wheel_names choose'
         )
-    right, left = sorted(wheels, key=lambda wheel: float(wheel.position[1]))
+    left, right = wheels
     if abs(left.radius - right.radius) > TOLERANCE:
         raise DiffDriveError(
-            f'wheel radii differ: {left.joint} {left.radius} m, {right.joint} {right.radius} m'
+            f'wheel radii differ: {left.joint.name} {left.radius} m, '
+            f'{right.joint.name} {right.radius} m'
         )
     x, separation, z = (left.position - right.position).tolist()
     if abs(x) > TOLERANCE or abs(z) > TOLERANCE or separation <= TOLERANCE:
-        raise DiffDriveError(f'{left.joint} and {right.joint} are not on one axle along y')
+        raise DiffDriveError(
+            f'{left.joint.name} and {right.joint.name} are not on one axle along y'
+        )
     axle_x, axle_y, _ = (0.5 * (left.position + right.position)).tolist()
+    speeds = [wheel.joint.velocity for wheel in wheels if wheel.joint.velocity > 0.0]
     return DiffDriveGeometry(
-        left.joint,
-        right.joint,
+        left.joint.name,
+        right.joint.name,
         left.radius,
         separation,
         left.direction,
         right.direction,
         axle_x,
         axle_y,
-        min(left.speed_limit, right.speed_limit),
+        min(speeds, default=math.inf),
     )
-
-
-def _wheel(robot: Robot, joint: Joint) -> _Wheel | None:
-    pose = robot.pose_of(joint.child)
-    axis = pose.rotation @ joint.axis
-    cylinders = [s for s in robot.links[joint.child].collisions if s.kind == 'cylinder']
-    if joint.kind != 'continuous' or abs(axis[1]) < 1.0 - 1e-6 or not cylinders:
-        return None
-    direction = 1 if axis[1] > 0.0 else -1
-    limit = joint.velocity if joint.velocity > 0.0 else math.inf
-    return _Wheel(joint.name, pose.position, cylinders[0].size[0], direction, limit)

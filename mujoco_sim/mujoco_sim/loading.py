@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from robot_description.drive_wheels import equipped
 from robot_description.errors import DescriptionError
 from robot_description.expand import expand
 from robot_description.inertia import impossible_inertias
@@ -61,7 +62,7 @@ def load_robot(
     path = description_path(name_or_path)
     urdf = expand(path, arguments, search)
     try:
-        robot = parse_urdf(urdf)
+        robot = equipped(parse_urdf(urdf))
         meshes = resolve_meshes(robot, path, search)
         meshes.check(strict)
     except DescriptionError as error:
