@@ -37,13 +37,13 @@ class DriveUnit:
         geometry, self.notes = configured(described, parameters)
         # Ticks belong to the wheel that is there, whatever radius it is believed to have.
         self._scale = parameters.ticks_meter * described.wheel_radius
-        self.motor = wheel_motor(robot, described)
         self.controller: Controller
         if parameters.legacy:
             self.controller = LegacyController(geometry, parameters, self._scale)
         else:
             self.controller = DiffDriveController(geometry, parameters)
         gains = gains_of(parameters)
+        self.motor = wheel_motor(robot, described)
         self._drive: WheelDrive
         if parameters.mode == 'arbotix':
             self._drive = ArbotixDrive(gains, self.controller)

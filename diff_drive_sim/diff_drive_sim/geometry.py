@@ -63,8 +63,11 @@ class DiffDriveGeometry:
 def configured(
     geometry: DiffDriveGeometry, parameters: WheelParameters
 ) -> tuple[DiffDriveGeometry, tuple[str, ...]]:
-    """Return the geometry that the parameters ask for, and in words what they contradict."""
+    """Return the geometry that the parameters ask for, and in words what is odd."""
     notes = []
+    left, right = geometry.left_joint, geometry.right_joint
+    if 'right' in left.lower() and 'left' in right.lower():
+        notes.append(f'{left} is on the left and {right} on the right: their names are swapped')
     changes = {}
     for name in ('wheel_separation', 'wheel_radius'):
         described, wanted = getattr(geometry, name), getattr(parameters, name)

@@ -2,6 +2,7 @@
 """The DC motor of a wheel: torque, speed, and how fast it follows."""
 
 from dataclasses import dataclass
+import math
 
 from robot_description.urdf import Robot
 
@@ -30,7 +31,11 @@ class WheelMotor:
 
 
 def wheel_motor(robot: Robot, geometry: DiffDriveGeometry) -> WheelMotor:
-    """Return the motor that the description's limits, and the robot's mass, make of a wheel."""
+    """
+    Return the motor that the description's limits, and the robot's mass, make of a wheel.
+
+    Without an effort limit or without masses it has no torque.
+    """
     joint = robot.joints[geometry.left_joint]
     radius = geometry.wheel_radius
     wheel_inertia = 0.5 * robot.links[joint.child].mass * radius**2
@@ -38,4 +43,5 @@ def wheel_motor(robot: Robot, geometry: DiffDriveGeometry) -> WheelMotor:
     damping = STALL_SHARE * joint.effort / geometry.speed_limit
     if wheel_inertia > 0.0:
         damping = min(damping, STEEPEST * wheel_inertia)
-    return WheelMotor(geometry.speed_limit, damping, inertia / damping)
+    lag = inertia / damping if damping > 0.0 else math.inf
+    return WheelMotor(geometry.speed_limit, damping, lag)

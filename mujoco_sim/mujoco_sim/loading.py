@@ -13,6 +13,7 @@ from robot_description.mesh_report import MeshReport
 from robot_description.mesh_resolver import resolve_meshes
 from robot_description.mujoco_model import to_mujoco
 from robot_description.robots import description_path
+from robot_description.stand_in_masses import with_stand_in_masses
 from robot_description.urdf import parse_urdf
 from robot_description.urdf import Robot
 
@@ -34,6 +35,11 @@ class LoadedRobot(NamedTuple):
         """What is not as the description says, in one line each."""
         lines = [record.line() for record in self.meshes.repairs]
         return (*lines, *impossible_inertias(self.robot))
+
+    def with_stand_in_masses(self) -> 'LoadedRobot':
+        """Return the robot with a mass for each link, for a world without physics."""
+        urdf = with_stand_in_masses(self.urdf)
+        return self._replace(urdf=urdf, robot=parse_urdf(urdf))
 
     def record(self) -> dict[str, Any]:
         """Return where the description is from and what was repaired in it, as JSON has it."""

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a robot is usually put into the simulator, judged by what it is."""
 
+import math
+
+from robot_description.drive_wheels import lowest_point
 from robot_description.urdf import Robot
 
 from mujoco_sim.robot_setup import RobotSetup
@@ -11,6 +14,8 @@ from mujoco_sim.robot_setup import SensorNoise
 LYING_ANGLES = {'hip': 0.0, 'thigh': 1.36, 'calf': -2.65}
 LYING_HEIGHT = 0.12
 LEGS = 4
+# A description that is off the floor by less than this [m] means to be on it.
+ROUNDING = 1e-6
 # From a command to its torque, as on real robots of this size [s].
 COMMAND_DELAY = 0.002
 
@@ -27,10 +32,13 @@ def usual_setup(robot: Robot, noise: bool = True) -> RobotSetup:
     """
     Return a quadruped that lies on the floor, with real motors and sensors; others as they are.
 
+    One whose root is above what touches the floor is lifted so that it stands there.
+
     Without `noise` its sensors tell the truth; motors and delay stay real.
     """
     if not is_quadruped(robot):
-        return RobotSetup()
+        lowest = lowest_point(robot)
+        return RobotSetup(height=-lowest if -math.inf < lowest < -ROUNDING else 0.0)
     return RobotSetup(
         joint_positions={
             joint.name: angle

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The two driven wheels of a robot, and what other people's descriptions do not say of them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 import math
@@ -11,7 +11,7 @@ import numpy as np
 
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
-from robot_description.urdf import Shape
+from robot_description.urdf_shapes import Shape
 
 # How exactly an axis has to point along y: exporters write 1.57 for a right angle.
 ALONG = 1.0 - 1e-6
@@ -62,7 +62,7 @@ def equipped(robot: Robot) -> Robot:
     and touches it beside the wheels. What the description says stays.
     """
     wheels = drive_wheels(robot)
-    if len(wheels) != 2 or not robot.mass > 0.0:
+    if len(wheels) != 2:
         return robot
     joints, friction = dict(robot.joints), dict(robot.friction)
     for wheel in wheels:
@@ -82,15 +82,24 @@ def equipped(robot: Robot) -> Robot:
 
 
 def lowest_point(robot: Robot, link: str | None = None) -> float:
-    """Return the least z that collides in the root's frame [m], of a link or of all; no meshes."""
-    links = [link] if link is not None else list(robot.links)
-    return min((z for each in links for z in _lowest_points(robot, each)), default=math.inf)
+    """
+    Return the least z that collides in the root's frame [m], of a link or of all.
+
+    Meshes do not count; where nothing collides what is drawn does.
+    """
+    collides = any(each.collisions for each in robot.links.values())
+    links = [robot.links[link]] if link is not None else robot.links.values()
+    heights = (
+        _lowest_of(robot, each.name, shape)
+        for each in links
+        for shape in (each.collisions if collides else each.visuals)
+    )
+    return min(heights, default=math.inf)
 
 
-def _lowest_points(robot: Robot, link: str) -> Iterator[float]:
-    for shape in robot.links[link].collisions:
-        pose = robot.pose_of(link) @ shape.pose
-        yield float(pose.position[2]) - _reach_down(shape, pose.rotation[2])
+def _lowest_of(robot: Robot, link: str, shape: Shape) -> float:
+    pose = robot.pose_of(link) @ shape.pose
+    return float(pose.position[2]) - _reach_down(shape, pose.rotation[2])
 
 
 def _reach_down(shape: Shape, up: np.ndarray) -> float:

@@ -2,16 +2,21 @@
 import math
 
 from diff_drive_sim.errors import DiffDriveError
+from diff_drive_sim.geometry import configured
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.geometry import find_wheels
+from diff_drive_sim.wheel_parameters import WheelParameters
 from mujoco_sim.loading import load_robot
 import pytest
 from robot_description.urdf import parse_urdf
 
 
 def wheel(name, y, x=0.0, radius=0.06, axis='0 1 0', rpy='0 0 0', kind='continuous', limit=''):
+    # The cylinder's own axis is that of the joint.
+    turn = '1.5707963267948966 0 0' if axis.split()[1] != '0' else '0 0 0'
     return (
-        f'<link name="{name}"><collision><geometry><cylinder radius="{radius}" length="0.02"/>'
+        f'<link name="{name}"><collision><origin rpy="{turn}"/><geometry>'
+        f'<cylinder radius="{radius}" length="0.02"/>'
         f'</geometry></collision></link><joint name="{name}_joint" type="{kind}">'
         f'<origin xyz="{x} {y} 0" rpy="{rpy}"/><parent link="base"/><child link="{name}"/>'
         f'<axis xyz="{axis}"/>{limit}</joint>'
@@ -50,6 +55,30 @@ def test_left_is_the_wheel_on_the_left_whatever_its_name():
     assert (geometry.left_joint, geometry.right_joint) == ('right_joint', 'left_joint')
 
 
+def test_swapped_names_are_said():
+    geometry = find_wheels(robot(wheel('left', -0.2), wheel('right', 0.2)))
+    _, notes = configured(geometry, WheelParameters())
+    assert notes == (
+        'right_joint is on the left and left_joint on the right: their names are swapped',
+    )
+    assert configured(find_wheels(load_robot('mbot').robot), WheelParameters())[1] == ()
+
+
+def test_a_calibration_corrects_each_wheel_and_the_track():
+    parameters = WheelParameters(
+        wheel_separation_multiplier=1.1,
+        left_wheel_radius_multiplier=1.02,
+        right_wheel_radius_multiplier=0.98,
+    )
+    geometry, notes = configured(find_wheels(load_robot('mbot').robot), parameters)
+    assert notes == ()
+    assert geometry.wheel_speeds(0.3, 0.0) == pytest.approx((5.0 / 1.02, 5.0 / 0.98))
+    # A turn in place: each wheel goes half the corrected track times the angle.
+    path = 0.5 * 1.1 * 0.38
+    assert geometry.wheel_speeds(0.0, 1.0)[1] == pytest.approx(path / (0.98 * 0.06))
+    assert geometry.displacement(*geometry.wheel_speeds(0.2, -0.7)) == pytest.approx((0.2, -0.7))
+
+
 def test_a_wheel_whose_axis_points_right_turns_backward_to_go_forward():
     geometry = find_wheels(robot(wheel('l', 0.2), wheel('r', -0.2, axis='0 -1 0')))
     left, right = geometry.wheel_speeds(0.3, 0.0)
@@ -70,7 +99,7 @@ def test_a_wheel_may_be_turned_into_place_by_its_joint():
     [
         ((), "'cart' needs 2 driven wheels .*found 0: none"),
         ((wheel('l', 0.2),), 'found 1: l_joint'),
-        ((wheel('l', 0.2), wheel('r', -0.2), wheel('x', 0.1)), 'found 3: l_joint, r_joint, x'),
+        ((wheel('l', 0.2), wheel('r', -0.2), wheel('x', 0.1)), 'found 3: l_joint, x_joint, r'),
         ((wheel('l', 0.2), wheel('r', -0.2, kind='fixed')), 'found 1: l_joint'),
         ((wheel('l', 0.2), wheel('r', -0.2, axis='1 0 0')), 'found 1: l_joint'),
         (
@@ -84,6 +113,52 @@ def test_a_wheel_may_be_turned_into_place_by_its_joint():
 def test_wheels_that_do_not_make_a_differential_drive_are_named(wheels, message):
     with pytest.raises(DiffDriveError, match=message):
         find_wheels(robot(*wheels))
+
+
+def test_smaller_wheels_beside_each_other_are_casters():
+    small = [wheel(name, y, x=-0.1, radius=0.03) for name, y in (('a', 0.1), ('b', -0.1))]
+    geometry = find_wheels(robot(*small, wheel('l', 0.2), wheel('r', -0.2)))
+    assert (geometry.left_joint, geometry.right_joint) == ('l_joint', 'r_joint')
+
+
+def test_a_caster_on_a_swivel_is_no_wheel():
+    swivel = (
+        '<link name="fork"/><joint name="swivel" type="continuous"><parent link="base"/>'
+        '<child link="fork"/><axis xyz="0 0 1"/></joint>'
+    )
+    caster = wheel('c', 0.0, x=-0.02).replace('parent link="base"', 'parent link="fork"')
+    geometry = find_wheels(robot(swivel, caster, wheel('l', 0.2), wheel('r', -0.2)))
+    assert (geometry.left_joint, geometry.right_joint) == ('l_joint', 'r_joint')
+
+
+def test_of_four_alike_the_names_choose():
+    four = [wheel(f'{end}{side}', y, x) for end, x in (('f', 0.1), ('b', -0.1))
+            for side, y in (('l', 0.2), ('r', -0.2))]  # fmt: skip
+    with pytest.raises(
+        DiffDriveError, match='found 4: .*; left_wheel_names and right_wheel_names'
+    ):
+        find_wheels(robot(*four))
+    geometry = find_wheels(robot(*four), ('bl_joint', 'br_joint'))
+    assert (geometry.left_joint, geometry.right_joint) == ('bl_joint', 'br_joint')
+    assert geometry.axle_x == -0.1
+
+
+def test_a_name_that_is_no_joint_is_said_with_those_that_are():
+    with pytest.raises(DiffDriveError, match="no joint 'left'; it has l_joint, r_joint"):
+        find_wheels(robot(wheel('l', 0.2), wheel('r', -0.2)), ('left', 'right'))
+
+
+def test_wheels_that_are_only_drawn_are_wheels():
+    drawn = (wheel(name, y).replace('collision', 'visual') for name, y in (('l', 1), ('r', -1)))
+    assert find_wheels(robot(*drawn)).wheel_separation == 2.0
+
+
+def test_wheels_may_be_balls():
+    ball = [
+        wheel(name, y).replace('cylinder radius="0.06" length="0.02"', 'sphere radius="0.05"')
+        for name, y in (('l', 0.2), ('r', -0.2))
+    ]
+    assert find_wheels(robot(*ball)).wheel_radius == 0.05
 
 
 @pytest.mark.parametrize('directions', [(1, 1), (-1, 1), (-1, -1)])

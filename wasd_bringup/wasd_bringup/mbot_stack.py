@@ -4,7 +4,6 @@
 from collections.abc import Callable
 import time
 
-from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.geometry import DiffDriveGeometry
 from geometry_msgs.msg import Twist
@@ -24,6 +23,7 @@ from robot_description.qos import RELIABLE
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 
+from wasd_bringup.drive_mode import drive_mode
 from wasd_bringup.errors import UsageError
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
@@ -169,14 +169,6 @@ class MbotStack:
 
 def _overrides(options: RunOptions) -> list[Parameter]:
     """Return what the command line says of the drive."""
-    overrides = []
-    mode, says_fake = options.mode, False
-    if options.controller is not None:
-        overrides.append(Parameter('controller', value=str(options.controller)))
-        says_fake = read_controller_file(str(options.controller)).values.get('mode') == 'fake'
-    if mode == 'sim':
-        # Whichever loop the file asks for, as long as there is one.
-        mode = 'float' if says_fake else None
-    if mode is not None:
-        overrides.append(Parameter('mode', value=mode))
-    return overrides
+    given = {'controller': options.controller and str(options.controller)}
+    given['mode'] = drive_mode(options)
+    return [Parameter(name, value=value) for name, value in given.items() if value is not None]

@@ -25,6 +25,7 @@ from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.status_line import StatusLine
 
 from wasd_bringup.bag_recorder import BagRecorder
+from wasd_bringup.drive_mode import is_fake
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import build_report
@@ -94,7 +95,8 @@ class Session:
             print(f'description: {line}', file=sys.stderr)
         self._loaded = loaded
         setup = usual_setup(loaded.robot, noise=options.estimator == 'kalman')
-        self.world = build_world(loaded, options.world, options.seed, setup, visuals)
+        built = loaded.with_stand_in_masses() if is_fake(options) else loaded
+        self.world = build_world(built, options.world, options.seed, setup, visuals)
         self.simulator = SimulatorNode(
             loaded, self.world, lock_step=True, parameter_overrides=_overrides(options)
         )

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What descriptions leave out of driven wheels: motors, tyres, casters that slide."""
+
+from dataclasses import replace
+
+from mujoco_sim.loading import load_robot
+import pytest
+from robot_description.drive_wheels import drive_wheels
+from robot_description.drive_wheels import equipped
+from robot_description.drive_wheels import GRAVITY
+from robot_description.drive_wheels import lowest_point
+from robot_description.expand import expand
+from robot_description.robots import description_path
+from robot_description.urdf import parse_urdf
+
+
+def parsed(name):
+    return parse_urdf(expand(description_path(name)))
+
+
+@pytest.fixture
+def bare():
+    """Return mbot without limits on its joints and without friction."""
+    robot = parsed('mbot')
+    joints = {n: replace(j, effort=0.0, velocity=0.0) for n, j in robot.joints.items()}
+    return replace(robot, joints=joints, friction={})
+
+
+def test_what_a_description_says_stays():
+    for name in ('mbot', 'go2'):
+        before, after = parsed(name), load_robot(name).robot
+        assert after.friction == before.friction
+        limits = [
+            {n: (j.effort, j.velocity) for n, j in each.joints.items()} for each in (before, after)
+        ]
+        assert limits[0] == limits[1]
+
+
+def test_wheels_without_limits_get_motors_that_can_make_them_slip(bare):
+    left = equipped(bare).joints['left_wheel_joint']
+    # Half the weight on a wheel of 6 cm slips at 1.8 kg g / 2 * 0.06 m, on friction 1.
+    assert left.effort == pytest.approx(2.0 * 0.5 * 1.8 * GRAVITY * 0.06)
+    assert left.velocity == pytest.approx(1.5 / 0.06)
+    assert equipped(bare).joints['front_caster_joint'].effort == 0.0
+
+
+def test_tyres_hold_and_what_else_touches_the_floor_slides(bare):
+    assert equipped(bare).friction == {
+        'left_wheel_link': 1.0,
+        'right_wheel_link': 1.0,
+        'front_caster_link': 0.0,
+        'back_caster_link': 0.0,
+    }
+
+
+def test_a_robot_without_such_wheels_is_left_alone():
+    robot = parsed('go2')
+    assert equipped(robot) is robot
+    assert drive_wheels(robot) == []
+
+
+@pytest.mark.parametrize(
+    ('shape', 'rpy', 'lowest'),
+    [
+        ('<sphere radius="0.1"/>', '0 0 0', 0.9),
+        ('<box size="0.2 0.4 0.6"/>', '0 0 0', 0.7),
+        ('<box size="0.2 0.4 0.6"/>', '1.5707963267948966 0 0', 0.8),
+        ('<cylinder radius="0.1" length="0.6"/>', '0 0 0', 0.7),
+        ('<cylinder radius="0.1" length="0.6"/>', '0 1.5707963267948966 0', 0.9),
+    ],
+)
+def test_the_lowest_point_of_a_shape(shape, rpy, lowest):
+    text = f'<origin xyz="0 0 1" rpy="{rpy}"/><geometry>{shape}</geometry>'
+    for kind in ('collision', 'visual'):  # what is drawn, where nothing collides
+        robot = parse_urdf(
+            f'<robot name="r"><link name="base"><{kind}>{text}</{kind}></link></robot>'
+        )
+        assert lowest_point(robot) == pytest.approx(lowest)
