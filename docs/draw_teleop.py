@@ -39,8 +39,6 @@ MARGIN = 12  # [pixels]
 PAPER, INK = '#1d2129', '#d8dee9'
 COLOURS = {'title': INK, 'target': '#6fc3df', 'actual': '#8fd17b', 'warning': '#e5c07b'}
 COLOURS['dim'] = '#69707d'
-# How long the keys are held: while the ramp is on its way, target and actual differ [s].
-HOLD = 0.3
 PATIENCE = 30.0
 
 
@@ -72,13 +70,13 @@ class Terminal:
         pages = self._written.decode(errors='ignore').split(BEGIN)[1:]
         return next((page.partition(END)[0] for page in reversed(pages) if END in page), '')
 
-    def wait_for(self, text: str, key: str = '') -> str:
-        """Return the first page with a text; press a key again and again until then."""
+    def wait_for(self, pattern: str, keys: bytes = b'') -> str:
+        """Return the first page that matches; press keys again and again until then."""
         deadline = time.monotonic() + PATIENCE
-        while text not in (page := self.read(1 / 30)):
+        while re.search(pattern, page := self.read(1 / 30)) is None:
             if time.monotonic() > deadline:
-                raise SystemExit(f'error: {text!r} did not show up; the last page:\n{page}')
-            os.write(self.master, key.encode())
+                raise SystemExit(f'error: {pattern!r} did not show up; the last page:\n{page}')
+            os.write(self.master, keys)
         return page
 
 
@@ -92,13 +90,10 @@ def capture() -> str:
     robot = 'wasd_bringup.cli', 'mbot', '--viewer', 'none', '--duration', '60'
     teleop = 'teleop_keyboard.teleop_node', '--ros-args', '-p', 'preset:=wasd'
     with running(*robot, **nowhere), running(*teleop, **ends):
-        terminal.wait_for('1 subscriber')
+        terminal.wait_for(r'\d subscriber')
         terminal.wait_for('actual')
-        end = time.monotonic() + HOLD
-        while time.monotonic() < end:
-            os.write(terminal.master, b'wa')
-            page = terminal.read(1 / 30)
-    return page
+        # Target and actual differ while the ramp is on its way.
+        return terminal.wait_for(r'actual .*\+0\.[2-4]\d m/s', b'wa')
 
 
 def draw(page: str) -> Image.Image:

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+
 import pytest
 from robot_description.parameters import InvalidParameter
 from teleop_keyboard.keymap import KeymapError
 from teleop_keyboard.keymap import load_preset
 from teleop_keyboard.keymap import preset_names
+from teleop_keyboard.keymap_reader import OPTIONAL
 from teleop_keyboard.keymap_reader import read_keymap
+from teleop_keyboard.keymap_reader import REQUIRED
 
 GOOD = """\
 motion:
@@ -80,6 +84,16 @@ def test_a_fourth_share_is_up():
     keymap = read_keymap(GOOD.replace('[1, 0, 0]', '[0.5, 0, 1, -1]'), 'mine.yaml', 'mine')
     assert keymap.motion['i'] == (0.5, 0, 1, -1)
     assert keymap.axes == (0, 2, 3)
+
+
+def test_the_page_on_the_keyboard_shows_a_keymap_that_works_and_every_preset():
+    page = (Path(__file__).parents[2] / 'docs' / 'keyboard.md').read_text()
+    keymap = read_keymap(page.split('```yaml\n')[1].split('```')[0], 'keyboard.md', 'mine')
+    assert keymap.motion['PGUP'] == (0, 0, 1, 0)
+    assert keymap.stop_keys == {' ', 'ESC'}
+    assert all(f'| `{name}` |' in page for name in preset_names())
+    fields = {*REQUIRED, *OPTIONAL}
+    assert all(f'\n{name}: ' in page or f'\n{name}:' in page for name in fields)
 
 
 def test_a_file_is_found_by_its_path(tmp_path):
