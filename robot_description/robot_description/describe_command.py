@@ -15,6 +15,14 @@ from robot_description.errors import UserError
 ASSIGNMENT = ':='
 # The option whose value looks the same.
 RENAME = '--rename'
+# Codes of findings that `fix` can mend.
+MENDABLE = (
+    'unprefixed-macro',
+    'repeated-material',
+    'swapped-sides',
+    'swapped-ends',
+    'missing-footprint',
+)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -35,6 +43,7 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     _add_expand(commands)
     _add_lint(commands)
+    _add_fix(commands)
     _add_info(commands)
     return parser
 
@@ -71,6 +80,29 @@ def _add_lint(commands: 'argparse._SubParsersAction[_Parser]') -> None:
         help='a joint name that a controller looks for (repeatable)',
     )
     parser.set_defaults(run=_lint)
+
+
+def _add_fix(commands: 'argparse._SubParsersAction[_Parser]') -> None:
+    parser = _add(commands, 'fix', 'mend what can be mended; prints a diff, writes nothing')
+    parser.add_argument(
+        '--rename',
+        action='append',
+        default=[],
+        metavar='OLD:=NEW',
+        help='another name for a joint, wherever it is named (repeatable)',
+    )
+    parser.add_argument(
+        '--only',
+        action='append',
+        default=[],
+        choices=MENDABLE,
+        metavar='CODE',
+        help=f'mend only that (repeatable): {", ".join(MENDABLE)}',
+    )
+    parser.add_argument(
+        '--output', type=Path, metavar='PATH', help='a new file, or a folder for the whole package'
+    )
+    parser.set_defaults(run=_fix)
 
 
 def _add_info(commands: 'argparse._SubParsersAction[_Parser]') -> None:
@@ -110,6 +142,21 @@ def _lint(options: argparse.Namespace) -> int:
         print('\n'.join(one.line() for one in found) or f'{options.path}: no findings')
     bad = {Severity.ERROR, Severity.WARNING} if options.strict else {Severity.ERROR}
     return int(any(one.rule.severity in bad for one in found))
+
+
+def _fix(options: argparse.Namespace) -> int:
+    from robot_description.fix import mend
+    from robot_description.fix.output import write_mended
+    from robot_description.fix.renames import read_renames
+
+    renames = read_renames(options.rename)
+    fixes = mend(options.path, options.arguments, options.package_path, renames, options.only)
+    sys.stdout.write(fixes.diff())
+    for one in fixes.left:
+        print(f'left: {one.line()}', file=sys.stderr)
+    if options.output is not None:
+        print(f'written: {write_mended(fixes, options.path, options.output)}', file=sys.stderr)
+    return int(any(one.is_error for one in fixes.left))
 
 
 def _info(options: argparse.Namespace) -> int:

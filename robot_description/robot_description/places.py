@@ -13,10 +13,11 @@ KEY = 'place'
 
 
 class Place(NamedTuple):
-    """A line of a file, counted from 1."""
+    """A line of a file, counted from 1, and the column where an element begins, from 0."""
 
     file: Path
     line: int
+    column: int = 0
 
     def __str__(self) -> str:
         """Return it as compilers print it."""
@@ -41,8 +42,9 @@ class _Builder(expatbuilder.ExpatBuilderNS):
 
     def start_element_handler(self, name: str, attributes: list[str]) -> None:
         super().start_element_handler(name, attributes)
-        line = self.getParser().CurrentLineNumber
-        self.curNode.setUserData(KEY, Place(self._file, line), _COPY_PLACE)
+        parser = self.getParser()
+        place = Place(self._file, parser.CurrentLineNumber, parser.CurrentColumnNumber)
+        self.curNode.setUserData(KEY, place, _COPY_PLACE)
 
 
 class _CopyPlace:

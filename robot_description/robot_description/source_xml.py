@@ -21,6 +21,7 @@ class SourceTag:
     start: int
     end: int
     line: int
+    column: int
     parent: 'SourceTag | None' = None
     close: int | None = None
     children: list['SourceTag'] = field(default_factory=list)
@@ -58,7 +59,8 @@ def parse_source(data: bytes) -> SourceTag:
         match = START_TAG.match(data, start)
         end = match.end() if match else start
         parent = open_tags[-1] if open_tags else None
-        tag = SourceTag(name, attributes, start, end, parser.CurrentLineNumber, parent)
+        line, column = parser.CurrentLineNumber, parser.CurrentColumnNumber
+        tag = SourceTag(name, attributes, start, end, line, column, parent)
         (parent.children if parent else top).append(tag)
         open_tags.append(tag)
 

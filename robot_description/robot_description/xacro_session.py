@@ -50,14 +50,23 @@ class XacroSession:
     """
     Runs xacro on one file; `warnings` are what it had to say, with places, `sources` what it read.
 
+    `texts` are read in place of the files of that name.
+
     Xacro asks ament_index_python for packages, opens any file, evaluates anything Python can and
     does not know line numbers; here it does none of this.
     """
 
-    def __init__(self, path: Path, arguments: Mapping[str, str], reach: Reach) -> None:
+    def __init__(
+        self,
+        path: Path,
+        arguments: Mapping[str, str],
+        reach: Reach,
+        texts: Mapping[Path, bytes] | None = None,
+    ) -> None:
         self.warnings: list[tuple[Place | None, str]] = []
         self.sources: dict[Path, bytes] = {}
         self.path = path
+        self._texts = texts or {}
         self._arguments = _Arguments(arguments)
         self._reach = reach
         self._evaluator = Evaluator()
@@ -142,7 +151,7 @@ class XacroSession:
         path = Path(filename)
         if len(xacro.filestack) > 1:
             self._check_include(path)
-        data = read_file(path)
+        data = self._texts[path] if path in self._texts else read_file(path)
         check_xml(data, path)
         self.sources[path] = data
         return parse_with_places(data, path)

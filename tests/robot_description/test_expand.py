@@ -198,7 +198,7 @@ def test_an_argument_the_file_does_not_have_is_a_warning(write):
 def test_a_warning_of_xacro_has_its_line(write):
     path = write('\n<xacro:property name="pi" value="3"/>')
     ((place, text),) = expand_document(path).warnings
-    assert place == (path, 2)
+    assert str(place) == f'{path}:2'
     assert text == 'redefining global symbol: pi'
 
 

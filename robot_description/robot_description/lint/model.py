@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A description as it is, wrong or not: elements with places, links and joints by name."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robot_description.expand import Expansion
 from robot_description.places import Place
 from robot_description.places import place_of
 from robot_description.pose import IDENTITY
@@ -76,10 +76,10 @@ class Element:
         return Pose(self.numbers('origin', 'xyz', '0 0 0'), rpy_matrix(roll, pitch, yaw))
 
 
-def to_element(node: Any, file: Path) -> Element:
+def _to_element(node: Any, file: Path) -> Element:
     """Return a DOM element and what is in it; `file` where no place is known."""
     children = tuple(
-        to_element(child, file)
+        _to_element(child, file)
         for child in node.childNodes
         if child.nodeType == child.ELEMENT_NODE
     )
@@ -147,6 +147,12 @@ def end(joint: Element, which: str) -> str:
     return tag.attributes.get('link', '') if tag is not None else ''
 
 
-def is_positive(value: float) -> bool:
-    """Whether a size is one."""
-    return math.isfinite(value) and value > 0.0
+def make_model(
+    expansion: Expansion,
+    path: Path,
+    search: Sequence[Path] = (),
+    expected_joints: Sequence[str] = (),
+) -> Model:
+    """Return what a file expanded to, ready to be looked at."""
+    robot = _to_element(expansion.document.documentElement, path)
+    return Model(robot, path, tuple(search), tuple(expected_joints))

@@ -217,13 +217,13 @@ RULES = {
             'swapped-sides',
             WARNING,
             'left is on the right (x forward, y left: REP 103); the robot turns the wrong way',
-            'exchange the signs of y; `describe fix --swap-sides` does it',
+            'exchange the signs of y; `describe fix` does it',
         ),
         Rule(
             'swapped-ends',
             WARNING,
             'front is at the back (x forward: REP 103)',
-            'exchange the signs of x; `describe fix --swap-ends` does it',
+            'exchange the signs of x; `describe fix` does it',
         ),
         Rule(
             'different-wheels',
@@ -235,7 +235,7 @@ RULES = {
             'missing-footprint',
             WARNING,
             'a wheeled robot has no base_footprint, which odometry refers to',
-            'put one on the ground; `describe fix --add-footprint` does it',
+            'put one on the ground; `describe fix` does it',
         ),
     )
 }

@@ -14,8 +14,8 @@ from robot_description.lint import vocabulary
 from robot_description.lint.finding import Finding
 from robot_description.lint.finding import finding
 from robot_description.lint.meshes import check_meshes
+from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
-from robot_description.lint.model import to_element
 from robot_description.lint.sources import check_macro_calls
 from robot_description.places import LocatedError
 from robot_description.places import Place
@@ -60,16 +60,27 @@ def lint(
         DescriptionError: the file itself cannot be opened.
     """
     session = XacroSession(path, arguments or {}, Reach(path, search))
+    return lint_session(session, search, expected_joints)
+
+
+def lint_session(
+    session: XacroSession, search: Sequence[Path] = (), expected_joints: Sequence[str] = ()
+) -> list[Finding]:
+    """
+    Run a session and return what is wrong with what it reads and makes.
+
+    Raises:
+        DescriptionError: the file itself cannot be opened.
+    """
     found = []
     try:
         expansion = run_session(session)
     except LocatedError as error:
         found.append(finding('not-readable', error.place, error.reason))
     else:
-        start = Place(path, 1)
+        start = Place(session.path, 1)
         found += [finding('xacro-warning', p or start, text) for p, text in expansion.warnings]
-        robot = to_element(expansion.document.documentElement, path)
-        model = Model(robot, path, tuple(search), tuple(expected_joints))
+        model = make_model(expansion, session.path, search, expected_joints)
         for check in CHECKS:
             found += check(model)
         found += _meshes(model, expansion.urdf)

@@ -22,11 +22,12 @@ FOOTPRINT = 'base_footprint'
 
 
 class Wheel(NamedTuple):
-    """A wheel on a joint: radius and y in its root [m]."""
+    """A wheel on a joint: radius, and y and z of its axle in its root [m]."""
 
     joint: Element
     radius: float
     y: float
+    z: float
 
 
 def check_sides(model: Model) -> Iterator[Finding]:
@@ -110,7 +111,7 @@ def find_wheels(model: Model) -> list[Wheel]:
         if joint.attributes.get('type') != 'continuous' or link is None:
             continue
         if 'wheel' in called and 'caster' not in called and (radius := _radius(link)) > 0.0:
-            wheels.append(Wheel(joint, radius, _position(model, joint)[1]))
+            wheels.append(Wheel(joint, radius, *_position(model, joint)[1:]))
     return wheels
 
 

@@ -15,4 +15,4 @@ def check_macro_calls(sources: Mapping[Path, bytes]) -> Iterator[Finding]:
     for path, tag in unprefixed_calls(sources):
         text = f'<{tag.name}> calls a macro without xacro:, so it does nothing'
         cure = f'write <xacro:{tag.name}>; describe fix does it'
-        yield finding('unprefixed-macro', Place(path, tag.line), text, cure)
+        yield finding('unprefixed-macro', Place(path, tag.line, tag.column), text, cure)

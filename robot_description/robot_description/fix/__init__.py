@@ -1,0 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mends what can be mended in a description, in its text; nothing is written but on request."""
+
+from robot_description.fix.run import Fixes as Fixes
+from robot_description.fix.run import mend as mend

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs the fixes for what lint finds, and shows what they changed."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+import difflib
+import os
+from pathlib import Path
+import re
+from typing import NamedTuple
+
+from robot_description.errors import DescriptionError
+from robot_description.fix.footprint import add_footprint
+from robot_description.fix.renames import rename_joints
+from robot_description.fix.sides import swap_sides
+from robot_description.fix.tags import drop_materials
+from robot_description.fix.tags import prefix_macros
+from robot_description.fix.workspace import Edit
+from robot_description.fix.workspace import Workspace
+from robot_description.lint import Finding
+
+# What diff and patch call a line; Python's splitlines knows other ends, too.
+LINE = re.compile(r'[^\n]*\n|[^\n]+')
+# By code, in this order: what a macro makes is seen only when it is called.
+FIXES: dict[str, Callable[[Workspace], Iterator[Edit]]] = {
+    'unprefixed-macro': prefix_macros,
+    'repeated-material': drop_materials,
+    'swapped-sides': lambda workspace: swap_sides(workspace, 'left'),
+    'swapped-ends': lambda workspace: swap_sides(workspace, 'front'),
+    'missing-footprint': add_footprint,
+}
+
+
+class Fixes(NamedTuple):
+    """What was mended: texts before and after by file, codes, and what is left to do."""
+
+    before: Mapping[Path, bytes]
+    after: Mapping[Path, bytes]
+    mended: tuple[str, ...]
+    left: tuple[Finding, ...]
+
+    def diff(self) -> str:
+        """Return the changes as a unified diff, which `patch -p0` applies."""
+        return ''.join(
+            _diff(path, self.before[path].decode(), text.decode())
+            for path, text in sorted(self.after.items())
+        )
+
+
+def mend(
+    path: Path,
+    arguments: Mapping[str, str] | None = None,
+    search: Sequence[Path] = (),
+    renames: Mapping[str, str] | None = None,
+    only: Sequence[str] = (),
+) -> Fixes:
+    """
+    Mend what lint finds and a program can mend; rename joints. Nothing is written.
+
+    `only` are the codes to mend, all of FIXES without it.
+
+    Raises:
+        DescriptionError: the file cannot be opened, or a rename cannot be done.
+    """
+    workspace = Workspace(path, arguments or {}, search)
+    mended = []
+    for code, fix in FIXES.items():
+        if (not only or code in only) and _mend(workspace, code, fix):
+            mended.append(code)
+    if renames:
+        workspace.apply(rename_joints(workspace, renames))
+    left = tuple(workspace.lint())
+    after = dict(workspace.changed)
+    return Fixes(workspace.original, after, tuple(mended), left)
+
+
+def _mend(workspace: Workspace, code: str, fix: Callable[[Workspace], Iterator[Edit]]) -> bool:
+    """Apply a fix while it helps; take it back where it does not."""
+    before = _count(workspace, code)
+    if not before:
+        return False
+    kept = dict(workspace.changed)
+    try:
+        workspace.apply(fix(workspace))
+        helps = _count(workspace, code) < before
+    except DescriptionError:
+        helps = False
+    if not helps:
+        workspace.changed = kept
+    return helps
+
+
+def _count(workspace: Workspace, code: str) -> int:
+    return sum(one.rule.code == code for one in workspace.lint())
+
+
+def _diff(path: Path, before: str, after: str) -> str:
+    name = os.path.relpath(path) if path.is_relative_to(Path.cwd()) else str(path)
+    lines = difflib.unified_diff(LINE.findall(before), LINE.findall(after), name, name)
+    end = '\n\\ No newline at end of file\n'
+    return ''.join(line if line.endswith('\n') else line + end for line in lines)

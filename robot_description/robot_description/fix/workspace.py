@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The files of a description while they are mended: changed in memory, byte by byte."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from robot_description.errors import DescriptionError
+from robot_description.expand import run_session
+from robot_description.lint import Finding
+from robot_description.lint.model import make_model
+from robot_description.lint.model import Model
+from robot_description.lint.run import lint_session
+from robot_description.package_tree import own_folder
+from robot_description.places import Place
+from robot_description.reach import Reach
+from robot_description.source_xml import parse_source
+from robot_description.source_xml import SourceTag
+from robot_description.xacro_session import XacroSession
+
+
+class Edit(NamedTuple):
+    """Bytes `start`..`end` of a file, and the text to stand there."""
+
+    path: Path
+    start: int
+    end: int
+    text: str
+
+
+class Workspace:
+    """
+    A description's files as they are now; `changed` are those that are not as on the disk.
+
+    Only files of the description's own package are changed.
+    """
+
+    def __init__(
+        self, path: Path, arguments: Mapping[str, str], search: Sequence[Path] = ()
+    ) -> None:
+        self.path = path
+        self.folder = own_folder(path)
+        self.original: dict[Path, bytes] = {}
+        self.changed: dict[Path, bytes] = {}
+        self._arguments = arguments
+        self._search = search
+        self._parse = cache(parse_source)
+
+    def model(self) -> Model:
+        """
+        Return what the files expand to now.
+
+        Raises:
+            DescriptionError: they do not.
+        """
+        session = self._session()
+        try:
+            return make_model(run_session(session), self.path, self._search)
+        finally:
+            self._remember(session)
+
+    def lint(self) -> list[Finding]:
+        """Return what is wrong with the files as they are now."""
+        session = self._session()
+        found = lint_session(session, self._search)
+        self._remember(session)
+        return found
+
+    def texts(self) -> dict[Path, bytes]:
+        """Return the files that were read so far."""
+        return {**self.original, **self.changed}
+
+    def sources(self) -> dict[Path, bytes]:
+        """Return those of them that may be changed."""
+        return {path: data for path, data in self.texts().items() if self._is_own(path)}
+
+    def tags(self, path: Path) -> SourceTag:
+        """Return a file's elements with their places in its bytes."""
+        return self._parse(self.sources()[path])
+
+    def tag_at(self, place: Place, name: str) -> SourceTag | None:
+        """Return the element of a name that begins at a place, in any of our files."""
+        if place.file not in self.sources():
+            return None
+        for tag in self.tags(place.file).walk():
+            if (tag.line, tag.column, tag.name) == (place.line, place.column, name):
+                return tag
+        return None
+
+    def apply(self, edits: Iterable[Edit]) -> None:
+        """Change the files, the last place first; what overlaps is done once."""
+        sources = self.sources()
+        for edit in sorted(set(edits), key=lambda edit: edit.start, reverse=True):
+            data = self.changed.get(edit.path, sources[edit.path])
+            text = edit.text.encode()
+            self.changed[edit.path] = data[: edit.start] + text + data[edit.end :]
+
+    def _session(self) -> XacroSession:
+        reach = Reach(self.path, self._search)
+        return XacroSession(self.path, self._arguments, reach, self.changed)
+
+    def _remember(self, session: XacroSession) -> None:
+        for path, data in session.sources.items():
+            if path not in self.changed and self.original.setdefault(path, data) != data:
+                raise DescriptionError(f'{path}: changed while it was being mended')
+            if self._is_own(path):
+                _check_encoding(path, data)
+
+    def _is_own(self, path: Path) -> bool:
+        return path.resolve().is_relative_to(self.folder.resolve())
+
+
+def _check_encoding(path: Path, data: bytes) -> None:
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        raise DescriptionError(f'{path}: is not UTF-8, so it cannot be mended') from None

@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
+import shutil
+
+import pytest
+from robot_description.describe_command import main
+from robot_description.describe_command import MENDABLE
+from robot_description.errors import DescriptionError
+from robot_description.expand import expand
+from robot_description.fix import mend
+from robot_description.fix.run import FIXES
+from robot_description.lint import lint
+from robot_description.urdf import parse_urdf
+
+FIXTURES = Path(__file__).parent / 'fixtures'
+HEAD = '<robot name="robot" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+
+
+def joint(name, child, origin='0 0 0', kind='fixed'):
+    """Return a joint below link `base` and its child."""
+    return (
+        f'<joint name="{name}" type="{kind}"><origin rpy="0 0 0" xyz="{origin}"/>'
+        f'<parent link="base"/><child link="{child}"/></joint><link name="{child}"/>'
+    )
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Return a function that writes a robot with a link `base` and returns its path."""
+
+    def write(body, name='robot.xacro'):
+        path = tmp_path / name
+        path.write_text(f'{HEAD}\n  <link name="base"/>\n{body}\n</robot>\n')
+        return path
+
+    return write
+
+
+@pytest.fixture
+def courses_mbot(tmp_path):
+    """Return a copy of the courses' mbot."""
+    shutil.copytree(FIXTURES / 'mbot_description', tmp_path / 'mbot_description')
+    return tmp_path / 'mbot_description/urdf/mbot.xacro'
+
+
+def mended_text(path, **options):
+    """Return the mended text of a description that is one file."""
+    return mend(path, **options).after[path].decode()
+
+
+def test_the_courses_mbot_gets_its_six_links_and_all_wheels(courses_mbot, tmp_path, capsys):
+    (tmp_path / 'out').mkdir()
+    assert main(['fix', str(courses_mbot), '--output', str(tmp_path / 'out')]) == 0
+    written = tmp_path / 'out/mbot_description/urdf/mbot.xacro'
+    assert f'written: {written}' in capsys.readouterr().err
+    robot = parse_urdf(expand(written))
+    assert len(robot.links) == 6
+    assert {joint.name for joint in robot.movable_joints} == {
+        *('left_wheel_joint', 'right_wheel_joint', 'front_caster_joint', 'back_caster_joint')
+    }
+    assert robot.joints['left_wheel_joint'].pose.position[1] == pytest.approx(0.19)
+    assert robot.joints['front_caster_joint'].pose.position[0] == pytest.approx(0.18)
+    assert robot.mass == pytest.approx(1.8)
+    assert not [one.line() for one in lint(written) if one.is_error]
+
+
+def test_the_sources_stay_as_they_are(courses_mbot):
+    files = [courses_mbot, courses_mbot.with_name('mbot_base.xacro')]
+    before = [file.read_bytes() for file in files]
+    assert len(mend(courses_mbot).after) == 2
+    assert [file.read_bytes() for file in files] == before
+
+
+def test_only_what_is_mended_changes(courses_mbot):
+    for path, after in mend(courses_mbot, only=['unprefixed-macro']).after.items():
+        assert after.replace(b'xacro:', b'') == path.read_bytes().replace(b'xacro:', b'')
+        assert after.count(b'<xacro:') > path.read_bytes().count(b'<xacro:')
+
+
+def test_the_diff_is_what_patch_applies(courses_mbot, capsys, monkeypatch):
+    monkeypatch.chdir(courses_mbot.parents[2])
+    assert main(['fix', str(courses_mbot)]) == 0
+    diff = capsys.readouterr().out
+    assert '--- mbot_description/urdf/mbot.xacro\n+++ mbot_description/urdf/mbot.xacro\n' in diff
+    assert '\n-  <mbot_base/>' in diff
+    assert '\n+  <xacro:mbot_base/>' in diff
+
+
+def test_a_call_with_blocks_gets_both_its_tags_prefixed(write):
+    path = write(
+        '<xacro:macro name="with" params="*block"><xacro:insert_block name="block"/></xacro:macro>'
+        '<with><gazebo/></with>'
+    )
+    assert '<xacro:with><gazebo/></xacro:with>' in mended_text(path)
+
+
+def test_a_tag_of_gazebo_that_is_called_as_a_macro_stays(write):
+    path = write('<xacro:macro name="wheel"/><gazebo><plugin><wheel>1</wheel></plugin></gazebo>')
+    assert mend(path).after == {}
+
+
+def test_the_first_of_several_materials_stays():
+    path = FIXTURES / 'lint/repeated-material.urdf'
+    before, after = path.read_text().splitlines(), mended_text(path).splitlines()
+    assert after[7].strip().startswith('<!--')
+    assert [*after[:7], *after[8:]] == [*before[:7], *before[9:]]
+
+
+@pytest.mark.parametrize(
+    ('left', 'right'),
+    [
+        ('0.1 -0.2 0.3', '0.1  0.2  0.3'),
+        ('0 ${-0.2} 0', '0 ${0.1 + 0.1} 0'),
+        ('0 $(arg left) 0', '0 0.2 0'),
+    ],
+)
+def test_left_and_right_exchange_their_y(write, left, right):
+    arg = '<xacro:arg name="left" default="-0.2"/>'
+    path = write(f'{arg}{joint("left_joint", "l", left)}{joint("right_joint", "r", right)}')
+    text = mended_text(path)
+    y_left, y_right = left.split(' ', 1)[1].rsplit(' ', 1)[0], right.split(' ', 1)[1]
+    assert y_left in text and y_right.strip().rsplit(' ', 1)[0].strip() in text
+    path.write_text(text)
+    joints = parse_urdf(expand(path)).joints
+    assert joints['left_joint'].pose.position[1] == pytest.approx(0.2)
+    assert joints['right_joint'].pose.position[1] == pytest.approx(-0.2)
+
+
+def test_front_and_back_exchange_their_x(write):
+    path = write(joint('front_joint', 'f', '-0.2 0 0') + joint('rear_joint', 'r', '0.2 0 0'))
+    assert 'xyz="0.2 0 0"/><parent link="base"/><child link="f"/>' in mended_text(path)
+
+
+def test_sides_that_the_name_decides_in_a_macro_are_left_alone(write):
+    call = "y = -0.1 if side == 'left' else 0.1"
+    path = write(
+        '<xacro:macro name="arm" params="side">'
+        + joint('${side}_joint', '${side}', f'0 ${{{call[4:]}}} 0')
+        + '</xacro:macro><xacro:arm side="left"/><xacro:arm side="right"/>'
+    )
+    fixes = mend(path)
+    assert fixes.after == {}
+    assert [one.rule.code for one in fixes.left] == ['swapped-sides']
+
+
+def test_a_footprint_stands_where_the_wheels_do(write):
+    wheel = (
+        '<collision><geometry><cylinder radius="0.06" length="0.025"/></geometry></collision>'
+        '<inertial><mass value="0.2"/>'
+        '<inertia ixx="2e-4" iyy="2e-4" izz="2e-4" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+    body = joint('left_wheel_joint', 'l', '0 0.19 -0.05', 'continuous') + joint(
+        'right_wheel_joint', 'r', '0 -0.19 -0.05', 'continuous'
+    )
+    path = write(
+        body.replace('<link name="l"/>', f'<link name="l">{wheel}</link>').replace(
+            '<link name="r"/>', f'<link name="r">{wheel}</link>'
+        )
+    )
+    text = mended_text(path)
+    assert '\n  <link name="base_footprint"/>\n  <joint name="base_footprint_joint"' in text
+    path.write_text(text)
+    robot = parse_urdf(expand(path))
+    assert robot.root == 'base_footprint'
+    assert robot.joints['base_footprint_joint'].pose.position == pytest.approx([0, 0, 0.11])
+    assert lint(path) == []
+
+
+def test_a_joint_is_renamed_wherever_it_is_named(write):
+    path = write(
+        joint('base_l_wheel_joint', 'wheel')
+        + joint('other_joint', 'other').replace(
+            '<child', '<mimic joint="base_l_wheel_joint"/><child'
+        )
+        + '<transmission name="t"><joint name="base_l_wheel_joint"/></transmission>'
+        '<gazebo reference="base_l_wheel_joint"/><gazebo><plugin name="p">'
+        '<leftJoint> base_l_wheel_joint </leftJoint></plugin></gazebo>'
+    )
+    text = mended_text(path, renames={'base_l_wheel_joint': 'left_wheel_joint'})
+    assert 'base_l_wheel_joint' not in text
+    assert text.count('left_wheel_joint') == 5
+    assert '<leftJoint> left_wheel_joint </leftJoint>' in text
+
+
+def test_joints_that_a_macro_makes_are_renamed_to_arbotix_and_back(courses_mbot):
+    path = courses_mbot.with_name('mbot_base.xacro')
+    path.write_text(path.read_text().replace('</robot>', '<xacro:mbot_base/></robot>'))
+    there = {'left_wheel_joint': 'base_l_wheel_joint', 'right_wheel_joint': 'base_r_wheel_joint'}
+    path.write_text(mended_text(path, renames=there))
+    joints = parse_urdf(expand(path)).joints
+    assert set(there.values()) < set(joints)
+    assert 'front_caster_joint' in joints
+    back = {new: old for old, new in there.items()}
+    path.write_text(mended_text(path, renames=back))
+    assert set(there) < set(parse_urdf(expand(path)).joints)
+
+
+def test_two_joints_exchange_their_names(write):
+    path = write(joint('a_joint', 'a') + joint('b_joint', 'b'))
+    text = mended_text(path, renames={'a_joint': 'b_joint', 'b_joint': 'a_joint'})
+    assert text.index('name="b_joint"') < text.index('name="a_joint"')
+
+
+@pytest.mark.parametrize(
+    ('rename', 'said'),
+    [
+        ('nope_joint:=x', '--rename nope_joint: there is no such joint'),
+        ('left_whel_joint:=x', "; 'left_wheel_joint' is"),
+        ('left_wheel_joint:=right_wheel_joint', "there is a joint 'right_wheel_joint' already"),
+        ('left_wheel_joint', 'wanted OLD:=NEW'),
+        ('left_wheel_joint:=a"b', 'wanted OLD:=NEW'),
+    ],
+)
+def test_a_rename_that_cannot_be_is_one_line(rename, said, capsys):
+    assert main(['fix', 'mbot', '--rename', rename]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_comments_and_line_ends_stay(tmp_path):
+    path = tmp_path / 'robot.xacro'
+    text = (
+        f'<!-- <wheel/> -->\r\n{HEAD}\r\n<xacro:macro name="wheel"><link name="base"/>'
+        '</xacro:macro>\r\n\t<wheel   /><!-- räder --></robot>'
+    )
+    path.write_bytes(text.encode())
+    wanted = text.replace('<wheel   />', '<xacro:wheel   />').encode()
+    assert mend(path).after == {path: wanted}
+    assert '\\ No newline at end of file\n' in mend(path).diff()
+
+
+def test_another_packages_file_is_not_changed(tmp_path):
+    for name in ('dog', 'cat'):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / 'package.xml').write_text(f'<package><name>{name}</name></package>')
+    macros = '<xacro:macro name="leg"/><xacro:macro name="body"><leg/></xacro:macro>'
+    (tmp_path / 'cat/cat.xacro').write_text(f'{HEAD}{macros}</robot>')
+    path = tmp_path / 'dog/robot.xacro'
+    path.write_text(f'{HEAD}<xacro:include filename="$(find cat)/cat.xacro"/><body/></robot>')
+    fixes = mend(path)
+    assert list(fixes.after) == [path]
+    assert 'unprefixed-macro' in {one.rule.code for one in fixes.left}
+
+
+def test_a_sound_robot_is_left_alone(capsys):
+    assert main(['fix', 'go2']) == 0
+    assert capsys.readouterr() == ('', '')
+
+
+def test_every_fix_can_be_asked_for_by_its_code():
+    assert tuple(FIXES) == MENDABLE
+
+
+def test_text_that_is_not_utf8_is_not_mended(tmp_path):
+    path = tmp_path / 'robot.urdf'
+    path.write_bytes(b'<?xml version="1.0" encoding="latin-1"?><robot name="\xe4"/>')
+    with pytest.raises(DescriptionError, match='is not UTF-8'):
+        mend(path)
+
+
+class TestOutput:
+    def test_a_file_gets_the_mended_text(self, tmp_path):
+        path = FIXTURES / 'lint/repeated-material.urdf'
+        assert main(['fix', str(path), '--output', str(tmp_path / 'mended.urdf')]) == 0
+        assert lint(tmp_path / 'mended.urdf')[0].rule.code == 'robot-name'
+        assert len(lint(tmp_path / 'mended.urdf')) == 1
+
+    @pytest.mark.parametrize('spelling', ['{0}/mbot.xacro', '{0}/../urdf/mbot.xacro', 'link'])
+    def test_a_source_is_not_written_over(self, courses_mbot, tmp_path, capsys, spelling):
+        before = courses_mbot.read_bytes()
+        (tmp_path / 'link').symlink_to(courses_mbot)
+        output = str(tmp_path / spelling.format(courses_mbot.parent))
+        assert main(['fix', str(courses_mbot), '--output', output]) == 2
+        assert 'is a source' in capsys.readouterr().err
+        assert courses_mbot.read_bytes() == before
+
+    def test_an_included_file_is_not_written_over(self, courses_mbot, capsys):
+        base = courses_mbot.with_name('mbot_base.xacro')
+        assert main(['fix', str(courses_mbot), '--output', str(base)]) == 2
+        assert 'is a source' in capsys.readouterr().err
+
+    def test_several_files_need_a_folder(self, courses_mbot, tmp_path, capsys):
+        output = tmp_path / 'mended.xacro'
+        assert main(['fix', str(courses_mbot), '--output', str(output)]) == 2
+        assert 'mbot_base.xacro changes, too: name a folder' in capsys.readouterr().err
+        assert not output.exists()
+
+    def test_a_folder_that_holds_the_package_already_is_refused(
+        self, courses_mbot, tmp_path, capsys
+    ):
+        assert main(['fix', str(courses_mbot), '--output', str(tmp_path)]) == 2
+        assert 'is there already' in capsys.readouterr().err
+
+    def test_a_folder_within_the_package_is_refused(self, courses_mbot, capsys):
+        inside = courses_mbot.parent
+        assert main(['fix', str(courses_mbot), '--output', str(inside)]) == 2
+        assert 'lies within the package' in capsys.readouterr().err
+
+    def test_a_folder_that_cannot_be_written_says_so(self, courses_mbot, capsys):
+        assert main(['fix', 'mbot', '--output', '/no/such/folder/x']) == 2
+        assert '--output /no/such/folder/x: No such file' in capsys.readouterr().err
