@@ -8,8 +8,6 @@ such row is the median of several runs in one go.
 
 from collections.abc import Callable
 from dataclasses import replace
-import json
-import math
 import os
 from pathlib import Path
 import pty
@@ -18,62 +16,24 @@ import subprocess
 import sys
 import tempfile
 import time
-from typing import Any
 
+from mbot_accuracy import calibration
+from mbot_accuracy import odometry
+from mbot_accuracy import sensors
+from mbot_accuracy import simulate
 from table import at_most
 from table import Row
 
-WASD = (sys.executable, '-m', 'wasd_bringup.cli')
-SQUARE = '\n'.join(
-    f'{7 * side} 0.25 0 0\n{7 * side + 4} 0 0 0\n'
-    f'{7 * side + 4.5} 0 0 {math.pi / 4}\n{7 * side + 6.5} 0 0 0'
-    for side in range(4)
-)
 HOLD = 89.0 / 30.0  # from the first to the last of 90 presses, 30 a second [s]
 RELEASE_DELAY = 0.12  # after its last press a repeating key counts as released [s]
 
 
-def simulate(folder: Path, option: str, script: str, duration: float) -> dict[str, Any]:
-    """Run `wasd mbot` on a script at full speed and return its report."""
-    (folder / 'script').write_text(script)
-    report = folder / 'report.json'
-    words = ('mbot', option, str(folder / 'script'), '--duration', str(duration), '--speed', '0')
-    subprocess.run(
-        [*WASD, *words, '--report', str(report)],
-        check=True,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    loaded: dict[str, Any] = json.loads(report.read_text())
-    return loaded
-
-
-def odometry_error(report: dict[str, Any]) -> tuple[float, float]:
-    """Return the largest error at any time: distance [mm], yaw [degrees]."""
-    samples = report['samples']
-    rows = zip(samples['position'], samples['rpy'], samples['odom'], strict=True)
-    errors = [
-        (math.dist(p[:2], o[:2]), abs(math.remainder(r[2] - o[2], 2 * math.pi)))
-        for p, r, o in rows
-    ]
-    return 1e3 * max(e[0] for e in errors), math.degrees(max(e[1] for e in errors))
-
-
-def accuracy(folder: Path) -> list[Row]:
-    """Measure odometry against truth, and the ramp law of a held key."""
-    straight = simulate(folder, '--twist', '0 0.5 0 0\n4 0 0 0', 6.0)
-    spin = simulate(folder, '--twist', f'0 0 0 1\n{2 * math.pi} 0 0 0', 8.0)
-    square = simulate(folder, '--twist', SQUARE, 29.0)
+def ramp_law(folder: Path) -> list[Row]:
+    """Compare how far a held key leads with its ramp law."""
     held = simulate(folder, '--play', '0.5 i*90', 8.0)
     law = 0.2 * (HOLD + RELEASE_DELAY)
     moved = held['samples']['position'][-1][0]
-    return [
-        at_most('odometry, 2 m straight', odometry_error(straight)[0], 'mm', 1.0),
-        at_most('odometry, 360 degrees on the spot', odometry_error(spin)[1], 'deg', 0.1),
-        at_most('odometry, 4 x 1 m square', odometry_error(square)[0], 'mm', 2.0),
-        at_most('i held 3 s, off the ramp law', 100 * abs(moved / law - 1), '%', 3.0),
-    ]
+    return [at_most('i held 3 s, off the ramp law', 100 * abs(moved / law - 1), '%', 3.0)]
 
 
 def speed(folder: Path, runs: int) -> list[Row]:
@@ -146,7 +106,10 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     """Measure everything and return the rows; `note` is told how far it is."""
     runs = 1 if quick else 5
     parts: list[Callable[[Path], list[Row]]] = [
-        accuracy,
+        odometry,
+        lambda folder: calibration(folder, 1 if quick else 5),
+        lambda _: sensors(100),
+        ramp_law,
         lambda folder: speed(folder, runs),
         lambda folder: start_up(folder, runs),
         lambda _: idle(3.0 if quick else 10.0),

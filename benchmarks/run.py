@@ -11,10 +11,14 @@ import json
 import os
 from pathlib import Path
 import sys
+import tempfile
 import time
 
 import go2
 import mbot
+from mbot_accuracy import simulate
+from mbot_accuracy import SQUARE
+from mbot_picture import draw_square
 from table import describe_machine
 from table import format_table
 import teleop
@@ -28,15 +32,33 @@ def note(text: str) -> None:
         print(f'\r\033[K{text}', end='', file=sys.stderr, flush=True)
 
 
+def draw(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
+    """Draw mbot's square and return the exit status."""
+    path = Path(arguments.picture)
+    if arguments.part not in (None, 'mbot'):
+        parser.error(f'--picture is of mbot, not of {arguments.part}')
+    if path.suffix != '.png' or not path.absolute().parent.is_dir():
+        parser.error(f'--picture {path}: wanted a .png in a folder that exists')
+    with tempfile.TemporaryDirectory() as folder:
+        draw_square(simulate(Path(folder), '--twist', SQUARE, 29.0), path)
+    print(f'drawn to {path}')
+    return 0
+
+
 def main() -> int:
     """Run the benchmark of one part or of all."""
     parser = argparse.ArgumentParser(prog='wasd bench', description=__doc__)
     parser.add_argument('part', nargs='?', choices=list(PARTS), help='default: all')
     parser.add_argument('--json', default='wasd_bench.json', metavar='FILE', help='what to write')
     parser.add_argument('--quick', action='store_true', help='fewer seeds: at most 5 minutes')
+    parser.add_argument(
+        '--picture', metavar='FILE', help="draw mbot's square as a PNG, and measure nothing"
+    )
     arguments = parser.parse_args()
     # Runs go side by side, perhaps beside somebody's robot: none is to hear another's cmd_vel.
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
+    if arguments.picture is not None:
+        return draw(parser, arguments)
     begin = time.monotonic()
     names = [arguments.part] if arguments.part else list(PARTS)
     try:
