@@ -5,12 +5,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import mujoco
 from robot_description.drive_wheels import equipped
 from robot_description.errors import DescriptionError
 from robot_description.expand import expand
+from robot_description.imu import find_imu
 from robot_description.inertia import impossible_inertias
 from robot_description.mesh_report import MeshReport
 from robot_description.mesh_resolver import resolve_meshes
+from robot_description.mujoco_model import add_imu
 from robot_description.mujoco_model import to_mujoco
 from robot_description.robots import description_path
 from robot_description.stand_in_masses import with_stand_in_masses
@@ -76,6 +79,24 @@ def load_robot(
     return LoadedRobot(path, urdf, robot, meshes)
 
 
+def robot_spec(loaded: LoadedRobot, setup: RobotSetup, visuals: bool = False) -> mujoco.MjSpec:
+    """
+    Return a robot with what its setup adds to it, nothing around it.
+
+    Raises:
+        DescriptionError: MuJoCo cannot read the robot.
+    """
+    try:
+        spec = to_mujoco(loaded.urdf, loaded.robot, loaded.meshes.files.get, visuals)
+    except DescriptionError as error:
+        raise DescriptionError(f'{loaded.path}: {error}') from None
+    for joint, inertia in setup.reflected_inertia.items():
+        spec.joint(joint).armature = inertia
+    if setup.imu and find_imu(loaded.robot) is None:
+        add_imu(spec, loaded.robot)
+    return spec
+
+
 def build_world(
     loaded: LoadedRobot,
     world: str = 'flat',
@@ -90,9 +111,7 @@ def build_world(
         DescriptionError: MuJoCo cannot read the robot.
         SimulationError: there is no such world, or the two do not compile.
     """
-    try:
-        spec = to_mujoco(loaded.urdf, loaded.robot, loaded.meshes.files.get, visuals)
-    except DescriptionError as error:
-        raise DescriptionError(f'{loaded.path}: {error}') from None
+    setup = setup or RobotSetup()
+    spec = robot_spec(loaded, setup, visuals)
     furnish(spec, world, seed)
     return World(spec, loaded.robot.base, seed, setup)

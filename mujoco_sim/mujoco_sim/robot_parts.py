@@ -12,12 +12,12 @@ class RobotParts:
     `joint_names` and `motor_names` give the order of all else: `position` and `velocity` (n,) are
     the joints' addresses in qpos and qvel, `motors` is the slice of the actuators, `motor_joint`
     (m,) tells the joint of each motor. `pose` and `twist` are the slices of the root's free joint,
-    None where it is held in place.
+    None where it is held in place; `prefix` is what the names have in the model.
     """
 
     def __init__(self, model: mujoco.MjModel, prefix: str, root: str) -> None:
         self._model = model
-        self._prefix = prefix
+        self.prefix = prefix
         self.root = int(model.body(prefix + root).id)
         self.pose: slice | None = None
         self.twist: slice | None = None
@@ -46,14 +46,14 @@ class RobotParts:
     def body(self, link: str) -> int:
         """Return the number of the body that is a link; -1 where it is welded into another."""
         kind = mujoco.mjtObj.mjOBJ_BODY
-        return int(mujoco.mj_name2id(self._model, kind, self._prefix + link))
+        return int(mujoco.mj_name2id(self._model, kind, self.prefix + link))
 
     def _find_motors(self) -> slice:
         names = [self._model.actuator(i).name for i in range(self._model.nu)]
-        own = [index for index, name in enumerate(names) if name.startswith(self._prefix)]
+        own = [index for index, name in enumerate(names) if name.startswith(self.prefix)]
         # Those of one robot follow each other, as its specification was attached in one piece.
         return slice(own[0], own[-1] + 1) if own else slice(0, 0)
 
     def _own_name(self, name: str) -> str:
         """Return a name of the model without the prefix; '' where it is another robot's."""
-        return name.removeprefix(self._prefix) if name.startswith(self._prefix) else ''
+        return name.removeprefix(self.prefix) if name.startswith(self.prefix) else ''

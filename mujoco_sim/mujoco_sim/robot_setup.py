@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
+import math
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,10 @@ class RobotSetup:
     `joint_positions` [rad], `place` (x, y) and `height` [m] of the root are where it starts;
     `speed_limits` [rad/s] are the no-load speeds of its motors; a command takes effect
     `command_delay` [s] after it was given; without `noise` sensors tell the truth.
+
+    A robot of which more than `sink` [m] would begin below z = 0 is raised out of the floor.
+    `reflected_inertia` [kg m^2] is what rotors add to joints, instead of the usual. With `imu`
+    the robot has one even when its description names none.
     """
 
     joint_positions: Mapping[str, float] = field(default_factory=dict)
@@ -39,3 +44,6 @@ class RobotSetup:
     speed_limits: Mapping[str, float] = field(default_factory=dict)
     command_delay: float = 0.0
     noise: SensorNoise | None = None
+    sink: float = math.inf
+    reflected_inertia: Mapping[str, float] = field(default_factory=dict)
+    imu: bool = False

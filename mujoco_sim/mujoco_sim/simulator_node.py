@@ -40,6 +40,7 @@ from mujoco_sim.sensor_publisher import SensorPublisher
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.truth_publisher import TruthPublisher
+from mujoco_sim.usual_setup import foot_links
 from mujoco_sim.usual_setup import usual_setup
 from mujoco_sim.world import World
 
@@ -96,7 +97,7 @@ class SimulatorNode(Node):
         self._clock_publisher = self.create_publisher(Clock, '/clock', RELIABLE)
         self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self.truth = TruthPublisher(self, world, robot.robot)
-        self._feet = tuple(name for name in robot.robot.links if name.endswith('_foot'))
+        self._feet = foot_links(robot.robot)
         if self._feet:
             self._contacts = self.create_publisher(JointState, 'foot_contacts', RELIABLE)
         if world.has_imu:

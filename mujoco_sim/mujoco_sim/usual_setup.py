@@ -4,28 +4,26 @@
 import math
 
 from robot_description.drive_wheels import lowest_point
+from robot_description.mujoco_model import REFLECTED_INERTIA
+from robot_description.quadruped import find_quadruped
+from robot_description.quadruped import NotAQuadruped
+from robot_description.quadruped import Quadruped
+from robot_description.similarity import scale_of
+from robot_description.similarity import similar_pose
 from robot_description.urdf import Robot
 
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import SensorNoise
 
-# Joints of one leg from the trunk on, by Unitree's names, and their angles when the robot lies on
-# its belly with its legs folded [rad]; unitree_sdk2's stand example begins there.
-LYING_ANGLES = {'hip': 0.0, 'thigh': 1.36, 'calf': -2.65}
+# Thigh and calf of a Go2 that lies on its belly with its legs folded [rad], where unitree_sdk2's
+# stand example begins; the height of its base then [m], and how deep in the floor its feet are.
+LYING = (1.36, -2.65)
 LYING_HEIGHT = 0.12
-LEGS = 4
+LYING_SINK = 0.008
 # A description that is off the floor by less than this [m] means to be on it.
 ROUNDING = 1e-6
 # From a command to its torque, as on real robots of this size [s].
 COMMAND_DELAY = 0.002
-
-
-def is_quadruped(robot: Robot) -> bool:
-    """Whether the robot has four legs of a hip, a thigh and a calf joint."""
-    names = [joint.name for joint in robot.movable_joints]
-    return all(
-        sum(name.endswith(f'_{part}_joint') for name in names) == LEGS for part in LYING_ANGLES
-    )
 
 
 def usual_setup(robot: Robot, noise: bool = True) -> RobotSetup:
@@ -36,18 +34,36 @@ def usual_setup(robot: Robot, noise: bool = True) -> RobotSetup:
 
     Without `noise` its sensors tell the truth; motors and delay stay real.
     """
-    if not is_quadruped(robot):
+    try:
+        quadruped = find_quadruped(robot)
+    except NotAQuadruped:
         lowest = lowest_point(robot)
         return RobotSetup(height=-lowest if -math.inf < lowest < -ROUNDING else 0.0)
+    scale = scale_of(quadruped)
+    inertia = REFLECTED_INERTIA * scale.of('kg m^2')
+    hips = sum(float(leg.hip[2]) for leg in quadruped.legs) / len(quadruped.legs)
     return RobotSetup(
-        joint_positions={
-            joint.name: angle
-            for joint in robot.movable_joints
-            for part, angle in LYING_ANGLES.items()
-            if joint.name.endswith(f'_{part}_joint')
-        },
-        height=LYING_HEIGHT,
-        speed_limits={joint.name: joint.velocity for joint in robot.movable_joints},
+        joint_positions=lying_positions(quadruped),
+        height=LYING_HEIGHT * scale.of('m') - hips,
+        sink=LYING_SINK * scale.of('m'),
+        speed_limits={joint.name: joint.velocity for joint in quadruped.joints},
         command_delay=COMMAND_DELAY,
         noise=SensorNoise() if noise else None,
+        reflected_inertia=dict.fromkeys(quadruped.joint_names, inertia),
+        imu=True,
     )
+
+
+def lying_positions(quadruped: Quadruped) -> dict[str, float]:
+    """Return the joint positions [rad] of a quadruped that lies with its legs folded."""
+    angles = similar_pose(quadruped, *LYING)
+    positions = quadruped.sign * (angles - quadruped.zero)
+    return dict(zip(quadruped.joint_names, positions.tolist(), strict=True))
+
+
+def foot_links(robot: Robot) -> tuple[str, ...]:
+    """Return the links on which a quadruped stands; none of another robot."""
+    try:
+        return find_quadruped(robot).feet
+    except NotAQuadruped:
+        return ()

@@ -17,6 +17,7 @@ from mujoco_sim.sensors import ImuReading
 from mujoco_sim.sensors import JointStates
 from mujoco_sim.sensors import NoisySensors
 from mujoco_sim.sensors import Reading
+from mujoco_sim.start_pose import put_at_start
 
 FALL_TILT = np.deg2rad(60.0)
 # Damping of motors that brake without having been commanded any [N m s/rad]: a Go2 sinks down.
@@ -112,12 +113,7 @@ class World:
 
     def begin(self) -> None:
         """Begin anew, at the start that the setup says."""
-        for name, position in self.setup.joint_positions.items():
-            self.data.joint(self.prefix + name).qpos[0] = position
-        if self.parts.pose is not None:
-            position = self.data.qpos[self.parts.pose][:3]
-            position[:2] += self.setup.place
-            position[2] = self.setup.height
+        put_at_start(self.model, self.data, self.parts, self.setup)
         noise = self.setup.noise
         self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
         self._reading: tuple[int, Reading] | None = None

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
+from robot_description.similarity import GO2
+from robot_description.similarity import Scale
 
 from quadruped_sim.parameters import CommandParameters
 
@@ -19,10 +21,30 @@ class VelocityLimits:
     yaw: float
 
 
-LIMITS = {
-    'guide': VelocityLimits(0.4, 0.4, 0.3, 0.5),
-    'sport': VelocityLimits(2.0, 1.5, 0.8, 2.0),
-}
+# unitree_guide's, and what the controller is good for on the Go2.
+GUIDE = VelocityLimits(0.4, 0.4, 0.3, 0.5)
+SPORT = VelocityLimits(2.0, 1.5, 0.8, 2.0)
+
+
+def velocity_limits(name: str, scale: Scale, agility: float = 1.0) -> VelocityLimits:
+    """
+    Return the limits of a robot: `sport` grows with it, `guide` is the same for all.
+
+    `agility` is the share of that which its motors are fast enough for; no robot is asked for
+    more than its `sport`.
+    """
+    speed, turn = agility * scale.of('m/s'), agility * scale.of('1/s')
+    sport = VelocityLimits(
+        SPORT.forward * speed, SPORT.backward * speed, SPORT.lateral * speed, SPORT.yaw * turn
+    )
+    if name == 'sport':
+        return sport
+    return VelocityLimits(
+        min(GUIDE.forward, sport.forward),
+        min(GUIDE.backward, sport.backward),
+        min(GUIDE.lateral, sport.lateral),
+        min(GUIDE.yaw, sport.yaw),
+    )
 
 
 class CommandFilter:
@@ -33,9 +55,11 @@ class CommandFilter:
     command; a request older than `timeout` counts as zero.
     """
 
-    def __init__(self, params: CommandParameters) -> None:
+    def __init__(
+        self, params: CommandParameters, scale: Scale = GO2, agility: float = 1.0
+    ) -> None:
         self._params = params
-        self.limits = LIMITS[params.limits]
+        self.limits = velocity_limits(params.limits, scale, agility)
         self.refused = 0
         self.reset()
 

@@ -2,6 +2,7 @@
 """The leg controller's states as messages, and readings from messages."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
@@ -16,21 +17,28 @@ import numpy as np
 from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 
-from quadruped_sim.node_parameters import LegNodeParameters
+from quadruped_sim.joint_map import JointMap
 from quadruped_sim.records import BaseState
 from quadruped_sim.records import LegCommand
 from quadruped_sim.records import Odometry
 from quadruped_sim.records import Sensors
 
 
-def to_sensors(reading: Reading, joints: np.ndarray, truth: TrueBase | None) -> Sensors:
-    """Return a reading in the controller's joint order; `joints` are places in the reading."""
+class Frames(NamedTuple):
+    """Names of the frame in which odometry is given, and of the robot's that it follows."""
+
+    odom: str
+    base: str
+
+
+def to_sensors(reading: Reading, joints: JointMap, truth: TrueBase | None) -> Sensors:
+    """Return a reading as the controller has it, in leg angles."""
     assert reading.imu is not None  # the node refuses a robot without one
     states, imu = reading.joints, reading.imu
     return Sensors(
-        joint_position=states.position[joints],
-        joint_velocity=states.velocity[joints],
-        joint_effort=states.effort[joints],
+        joint_position=joints.angles(states.position),
+        joint_velocity=joints.rates(states.velocity),
+        joint_effort=joints.rates(states.effort),
         imu_orientation=imu.orientation,
         imu_angular_velocity=imu.angular_velocity,
         imu_linear_acceleration=imu.linear_acceleration,
@@ -45,15 +53,10 @@ def to_base(truth: TrueBase) -> BaseState:
     )
 
 
-def to_joint_command(command: LegCommand, motors: np.ndarray) -> JointCommand:
-    """Return a command in the simulator's motor order; `motors` are places in the command."""
-    return JointCommand(
-        command.position[motors],
-        command.velocity[motors],
-        command.effort[motors],
-        command.kp[motors],
-        command.kd[motors],
-    )
+def to_joint_command(command: LegCommand, joints: JointMap) -> JointCommand:
+    """Return a command as the simulator's motors take it."""
+    motors = joints.command(command)
+    return JointCommand(motors.position, motors.velocity, motors.effort, motors.kp, motors.kd)
 
 
 def from_messages(joints: JointState, imu: Imu) -> Reading:
@@ -79,12 +82,12 @@ def from_odometry(message: OdometryMessage) -> TrueBase:
     return TrueBase(np.array((p.x, p.y, p.z)), orientation, velocity, np.array((w.x, w.y, w.z)))
 
 
-def to_odometry(state: Odometry, stamp: Time, parameters: LegNodeParameters) -> OdometryMessage:
+def to_odometry(state: Odometry, stamp: Time, frames: Frames) -> OdometryMessage:
     """Return nav_msgs/Odometry: pose in the odom frame, twist in the base frame."""
     message = OdometryMessage()
     message.header.stamp = stamp
-    message.header.frame_id = parameters.odom_frame
-    message.child_frame_id = parameters.base_frame
+    message.header.frame_id = frames.odom
+    message.child_frame_id = frames.base
     _set_xyz(message.pose.pose.position, state.position)
     _set_wxyz(message.pose.pose.orientation, state.orientation)
     _set_xyz(message.twist.twist.linear, state.linear_velocity)
@@ -94,12 +97,12 @@ def to_odometry(state: Odometry, stamp: Time, parameters: LegNodeParameters) -> 
     return message
 
 
-def to_transform(state: Odometry, stamp: Time, parameters: LegNodeParameters) -> TransformStamped:
+def to_transform(state: Odometry, stamp: Time, frames: Frames) -> TransformStamped:
     """Return the transform odom -> base of the same instant."""
     message = TransformStamped()
     message.header.stamp = stamp
-    message.header.frame_id = parameters.odom_frame
-    message.child_frame_id = parameters.base_frame
+    message.header.frame_id = frames.odom
+    message.child_frame_id = frames.base
     _set_xyz(message.transform.translation, state.position)
     _set_wxyz(message.transform.rotation, state.orientation)
     return message

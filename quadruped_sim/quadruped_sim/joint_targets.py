@@ -48,8 +48,10 @@ def joint_command(
         swing.velocity,
         leg.hip,
         leg.offset,
+        leg.drop,
         leg.thigh,
         leg.calf,
+        leg.bend,
     )
     stands = is_stance.repeat(3)
     kp = np.where(stands, 0.0, params.swing_kp)
@@ -73,8 +75,10 @@ def _joint_targets(
     swing_velocity: np.ndarray,
     hip: np.ndarray,
     offset: np.ndarray,
-    thigh: float,
-    calf: float,
+    drop: np.ndarray,
+    thigh: np.ndarray,
+    calf: np.ndarray,
+    bend: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Joint angles and rates, both (12,); swing targets and base motion in world axes."""
     position = angles.copy()
@@ -96,7 +100,7 @@ def _joint_targets(
             for k in range(3):
                 target[k] -= hip[i, k]
                 turn[k] = omega[k]
-            solved = solve_leg(target, offset[i], thigh, calf)[0]
+            solved = solve_leg(target, offset[i], drop[i], thigh[i], calf[i], bend[i])[0]
             for k in range(3):
                 position[3 * i + k] = solved[k]
         seen = rotate_back(R, relative)

@@ -21,6 +21,7 @@ from quadruped_sim.robot_state import RobotState
 from quadruped_sim.rotations import matrix_from_quaternion
 from quadruped_sim.rotations import rpy_from_matrix
 from quadruped_sim.safety import Safety
+from quadruped_sim.scaling import scaled
 from quadruped_sim.state_machine import STATE_KEYS
 from quadruped_sim.state_machine import StateMachine
 from quadruped_sim.state_machine import StateName
@@ -37,6 +38,8 @@ class LegController:
     """
     Walks a quadruped: one `step` per tick, 500 times a second.
 
+    `params` are as for the Go2; they are scaled to the robot. Joints are leg angles, see
+    `robot_description.quadruped`.
     `estimator` is 'kalman' (IMU and joints only) or 'truth' (`Sensors.truth`, which must be set).
     Never raises for bad data: it falls back to damping and says so in `event`.
     """
@@ -49,11 +52,12 @@ class LegController:
     ) -> None:
         if estimator not in ('kalman', 'truth'):
             raise ValueError(f"estimator must be 'kalman' or 'truth', got {estimator!r}")
-        self._params = params or LegControllerParameters()
         self._uses_truth = estimator == 'truth'
         self.model = RobotModel(urdf)
+        scale = self.model.scale
+        self._params = scaled(params or LegControllerParameters(), scale)
         self.sticks = Sticks()
-        self.command_filter = CommandFilter(self._params.command)
+        self.command_filter = CommandFilter(self._params.command, scale, self.model.agility)
         self.locomotion = Locomotion(self.model, self._params)
         self._solvers = (self.locomotion.mpc.solver, self.locomotion.whole_body.solver)
         self.safety = Safety(self._params.safety, self.model.limits)
@@ -128,7 +132,7 @@ class LegController:
         reading = self.safety.filter_sensors(sensors)
         if reading is None or (self._uses_truth and reading.truth is None):
             self._let_go('no usable sensor reading')
-            return damping_command(np.zeros(12))
+            return damping_command(self.model.scale, np.zeros(12))
         robot = self._estimate(reading, dt)
         self.robot = robot
         reason = self.safety.reason_to_let_go(
@@ -143,7 +147,8 @@ class LegController:
             state.enter(robot)
             self._entered = self._machine.state
         command = state.step(robot, dt)
-        return self.safety.filter_command(command, damping_command(robot.joint_position))
+        damping = damping_command(self.model.scale, robot.joint_position)
+        return self.safety.filter_command(command, damping)
 
     def _let_go(self, reason: str) -> None:
         for solver in self._solvers:

@@ -11,11 +11,9 @@ from mujoco_sim.loading import load_robot
 from mujoco_sim.sensors import Reading
 from mujoco_sim.world import JointCommand
 from nav_msgs.msg import Odometry
-import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.inlet import Inlet
-from robot_description.mujoco_model import IMU_LINKS
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.qos import EVENTS
@@ -30,15 +28,15 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from quadruped_sim.conversions import Frames
 from quadruped_sim.conversions import from_messages
 from quadruped_sim.conversions import from_odometry
 from quadruped_sim.conversions import to_joint_command
 from quadruped_sim.conversions import to_odometry
 from quadruped_sim.conversions import to_sensors
 from quadruped_sim.conversions import to_transform
-from quadruped_sim.exceptions import RobotModelError
+from quadruped_sim.joint_map import JointMap
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.legs import JOINT_NAMES
 from quadruped_sim.node_parameters import LegNodeParameters
 from quadruped_sim.parameters import CommandParameters
 from quadruped_sim.parameters import GaitParameters
@@ -85,11 +83,13 @@ class LegControllerNode(Node):
             ),
             self.settings.estimator,
         )
-        _check_imu(urdf)
         # Compiled functions come from a cache; loading them must not be part of the first tick.
         warm_up(urdf)
         self._said: str | None = None
+        self.quadruped = self.controller.model.quadruped
         self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
+        root = parse_urdf(urdf).base
+        self._frames = Frames(self.settings.odom_frame, self.settings.base_frame or root)
         self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
         self.cmd_vel = Inlet(self, Twist, 'cmd_vel', self._on_twist)
         self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
@@ -111,12 +111,11 @@ class LegControllerNode(Node):
         """Return the motors' command for a reading `dt` [s] after the one before."""
         if (joint_names, motor_names) != self._names:
             self._names = joint_names, motor_names
-            self._joints = np.array([joint_names.index(name) for name in JOINT_NAMES])
-            self._motors = np.array([JOINT_NAMES.index(name) for name in motor_names])
+            self._joints = JointMap(self.quadruped, joint_names, motor_names)
         if self.settings.estimator == 'kalman':
             truth = None
         command = self.controller.step(to_sensors(reading, self._joints, truth), dt)
-        return to_joint_command(command, self._motors)
+        return to_joint_command(command, self._joints)
 
     def publish_odometry(self) -> None:
         """Publish odom and /tf with one stamp, the node's time; the state when it has changed."""
@@ -124,7 +123,7 @@ class LegControllerNode(Node):
         if state is not None:
             stamp = self.get_clock().now().to_msg()
             self._odometry.publish(self.odometry())
-            self._tf.send([to_transform(state, stamp, self.settings)])
+            self._tf.send([to_transform(state, stamp, self._frames)])
         if self.controller.state != self._published_state:
             self._published_state = self.controller.state
             self._state.publish(String(data=self._published_state))
@@ -136,7 +135,7 @@ class LegControllerNode(Node):
         state = self.controller.odometry
         if state is None:
             return None
-        return to_odometry(state, self.get_clock().now().to_msg(), self.settings)
+        return to_odometry(state, self.get_clock().now().to_msg(), self._frames)
 
     @property
     def said(self) -> str:
@@ -185,6 +184,7 @@ class LegControllerNode(Node):
         self._imu: Imu | None = None
         self._truth: BaseState | None = None
         self._last: float | None = None
+        self._needed = set(self.quadruped.joint_names)
         self._next_odometry = 0.0
         self.create_subscription(Imu, 'imu/data', self._on_imu, SENSOR_DATA)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, SENSOR_DATA)
@@ -209,11 +209,11 @@ class LegControllerNode(Node):
         if abs(now - _seconds(self._imu.header.stamp)) > MAXIMUM_STEP:
             self._warn('imu/data is silent: no commands')
             return
-        names = tuple(message.name)
+        names, motors = tuple(message.name), self.quadruped.joint_names
         dt = min(now - previous, MAXIMUM_STEP)
         reading = from_messages(message, self._imu)
-        command = self.control(reading, names, JOINT_NAMES, dt, self._truth)
-        self._commands.publish(to_joint_commands(JOINT_NAMES, command, stamp))
+        command = self.control(reading, names, motors, dt, self._truth)
+        self._commands.publish(to_joint_commands(motors, command, stamp))
         if now >= self._next_odometry or now < self._next_odometry - 1.0:
             self._next_odometry = now + 1.0 / self.settings.publish_rate
             self.publish_odometry()
@@ -221,7 +221,7 @@ class LegControllerNode(Node):
     def _is_complete(self, message: JointState) -> bool:
         """Whether a message tells position, velocity and effort of every joint of ours."""
         lengths = {len(message.position), len(message.velocity), len(message.effort)}
-        if set(JOINT_NAMES) <= set(message.name) and lengths == {len(message.name)}:
+        if self._needed <= set(message.name) and lengths == {len(message.name)}:
             return True
         self._warn('joint_states lacks joints, velocities or efforts: ignored')
         return False
@@ -232,17 +232,6 @@ class LegControllerNode(Node):
 
 def _seconds(stamp: Time) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
-
-
-def _check_imu(urdf: str) -> None:
-    """
-    Refuse a robot whose simulation would have no IMU.
-
-    Raises:
-        RobotModelError: it has no such link.
-    """
-    if not parse_urdf(urdf).links.keys() & set(IMU_LINKS):
-        raise RobotModelError(f'the robot needs a link {" or ".join(IMU_LINKS)} for its IMU')
 
 
 def main(args: list[str] | None = None) -> int:

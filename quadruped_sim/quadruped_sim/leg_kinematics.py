@@ -16,15 +16,18 @@ class LegGeometry:
     Dimensions of the four legs, in base axes [m].
 
     `hip` (4, 3) is where the hip axes pass the thigh's plane, `offset` (4,) the signed distance
-    from the hip axis to the leg's plane, `thigh` and `calf` the lengths of the two links,
-    `foot_radius` that of the spherical foot.
+    from the hip axis to the leg's plane, `drop` (4,) how far below that axis the thigh turns,
+    `thigh` and `calf` (4,) the lengths of the two links, `foot_radius` that of the spherical foot.
+    `bend` (4,) is 1 for a knee that points backward and -1 for one that points forward.
     """
 
     hip: np.ndarray
     offset: np.ndarray
-    thigh: float
-    calf: float
+    drop: np.ndarray
+    thigh: np.ndarray
+    calf: np.ndarray
     foot_radius: float
+    bend: np.ndarray
 
 
 class LegMotion(NamedTuple):
@@ -47,15 +50,18 @@ class LegMotion(NamedTuple):
 
 def leg_motion(leg: LegGeometry, angles: np.ndarray, rates: np.ndarray) -> LegMotion:
     """Feet at joint `angles` [rad] moving at `rates` [rad/s], both (12,)."""
-    return LegMotion(*_leg_motion(leg.hip, leg.offset, leg.thigh, leg.calf, angles, rates))
+    return LegMotion(
+        *_leg_motion(leg.hip, leg.offset, leg.drop, leg.thigh, leg.calf, angles, rates)
+    )
 
 
 @jit
 def _leg_motion(
     hip: np.ndarray,
     offset: np.ndarray,
-    thigh: float,
-    calf: float,
+    drop: np.ndarray,
+    thigh: np.ndarray,
+    calf: np.ndarray,
     angles: np.ndarray,
     rates: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -70,9 +76,11 @@ def _leg_motion(
         calf_rate = thigh_rate + rates[3 * i + 2]
         s1, c1 = np.sin(angles[3 * i]), np.cos(angles[3 * i])
         bent = angles[3 * i + 1] + angles[3 * i + 2]
-        ls2, lc2 = thigh * np.sin(angles[3 * i + 1]), thigh * np.cos(angles[3 * i + 1])
-        ls3, lc3 = calf * np.sin(bent), calf * np.cos(bent)
-        x, z = -ls2 - ls3, -lc2 - lc3  # in the leg's plane: forward, up
+        upper, lower = thigh[i], calf[i]
+        ls2, lc2 = upper * np.sin(angles[3 * i + 1]), upper * np.cos(angles[3 * i + 1])
+        ls3, lc3 = lower * np.sin(bent), lower * np.cos(bent)
+        x, fall = -ls2 - ls3, -lc2 - lc3  # in the leg's plane, from where the thigh turns
+        z = fall - drop[i]
         y_base = offset[i] * c1 - z * s1
         z_base = offset[i] * s1 + z * c1
         position[i, 0] += x
@@ -81,7 +89,7 @@ def _leg_motion(
 
         J = jacobian[i]
         J[1, 0], J[2, 0] = -z_base, y_base
-        J[0, 1], J[1, 1], J[2, 1] = z, x * s1, -x * c1
+        J[0, 1], J[1, 1], J[2, 1] = fall, x * s1, -x * c1
         J[0, 2], J[1, 2], J[2, 2] = -lc3, -ls3 * s1, ls3 * c1
         for row in range(3):
             for joint in range(3):
@@ -105,18 +113,25 @@ def foot_positions(leg: LegGeometry, angles: np.ndarray) -> np.ndarray:
 
 def leg_angles(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarray, bool]:
     """
-    Joint angles (3,) [rad] that bring one foot to `foot` (3,) in base axes, knee backwards.
+    Joint angles (3,) [rad] that bring one foot to `foot` (3,) in base axes.
 
     A target out of reach is brought to the nearest radius the leg can have; the second value is
     False then.
     """
     relative = foot - leg.hip[index]
-    return solve_leg(relative, float(leg.offset[index]), leg.thigh, leg.calf)
+    return solve_leg(
+        relative,
+        float(leg.offset[index]),
+        float(leg.drop[index]),
+        float(leg.thigh[index]),
+        float(leg.calf[index]),
+        float(leg.bend[index]),
+    )
 
 
 @jit
 def solve_leg(
-    foot: np.ndarray, offset: float, thigh: float, calf: float
+    foot: np.ndarray, offset: float, drop: float, thigh: float, calf: float, bend: float
 ) -> tuple[np.ndarray, bool]:
     """Inverse kinematics of one leg; `foot` (3,) is relative to its hip. See `leg_angles`."""
     x, y, z = foot[0], foot[1], foot[2]
@@ -126,6 +141,7 @@ def solve_leg(
     hip = math.atan2(z, y) - math.atan2(plane_z, offset)
     hip = math.pi - (math.pi - hip) % (2.0 * math.pi)
 
+    plane_z += drop
     distance = math.sqrt(x * x + plane_z * plane_z)
     shortest, longest = abs(thigh - calf) + 1e-4, thigh + calf - 1e-4
     reachable = reachable and shortest <= distance and distance <= longest
@@ -135,7 +151,7 @@ def solve_leg(
     lean = math.atan2(-x, -plane_z)
     inner = math.atan2(calf * math.sin(knee), thigh + calf * math.cos(knee))
     angles = np.empty(3)
-    angles[0], angles[1], angles[2] = hip, lean + inner, -knee
+    angles[0], angles[1], angles[2] = hip, lean + bend * inner, -bend * knee
     return angles, reachable
 
 

@@ -25,10 +25,14 @@ from quadruped_sim.swing_legs import SwingLegs
 from quadruped_sim.whole_body import WholeBody
 from quadruped_sim.whole_body import WholeBodyTask
 
-# How fast the base sinks or rises to its height on entry [m/s].
+# On the Go2: how fast the base sinks or rises to its height on entry [m/s],
 _HEIGHT_RATE = 0.15
-# Pose whose inertia the MPC uses.
-_NOMINAL_ANGLES = np.tile((0.0, 0.8, -1.6), 4)
+# the speed [m/s] that turning at 1 rad/s counts as,
+_TURNING_RADIUS = 0.15
+# speed [m/s] and distance [m] of a foot from its place up to which it may end stepping,
+_REST = (0.08, 0.05)
+# and beyond which it begins to step.
+_UNREST = (0.25, 0.10)
 
 
 class Locomotion:
@@ -42,10 +46,16 @@ class Locomotion:
     def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
         self._model = model
         self._params = params
+        scale = model.scale
+        self._height_rate = _HEIGHT_RATE * scale.of('m/s')
+        self._turning_radius = _TURNING_RADIUS * scale.of('m')
+        self._rest = _REST[0] * scale.of('m/s'), _REST[1] * scale.of('m')
+        self._unrest = _UNREST[0] * scale.of('m/s'), _UNREST[1] * scale.of('m')
+        self._nominal_height = params.reference.height - float(model.geometry.hip[:, 2].mean())
         self.gait = Gait(params.gait)
         self.ground = Ground(params.ground)
-        self.reference = Reference(params.reference)
-        inertia, _ = model.inertia_about_com(_NOMINAL_ANGLES)
+        self.reference = Reference(params.reference, scale)
+        inertia, _ = model.inertia_about_com(model.walking_pose)
         self.mpc = ConvexMpc(params.mpc, model.mass, inertia)
         self.whole_body = WholeBody(params.whole_body, params.mpc)
         self._tracking = BaseTracking(params.whole_body, model, inertia)
@@ -54,7 +64,7 @@ class Locomotion:
         self.is_stance = np.ones(4, dtype=bool)
         self._forces = np.zeros((4, 3))
         self._since_solution = math.inf
-        self._height = params.reference.height
+        self._height = self._nominal_height
 
     def reset(self, state: RobotState) -> None:
         """Stand where the robot is, on level ground under its feet."""
@@ -77,7 +87,9 @@ class Locomotion:
 
         `is_halting` ends stepping in place as soon as the robot may stand.
         """
-        speed = math.hypot(float(command[0]), float(command[1])) + 0.15 * abs(float(command[2]))
+        speed = math.hypot(float(command[0]), float(command[1])) + self._turning_radius * abs(
+            float(command[2])
+        )
         self.schedule = self.gait.step(dt, speed, self._wants_steps(state, command, is_halting))
         self._update_stance(state)
         self.ground.step(self._contact_points(state), self._is_loaded(state), dt)
@@ -112,8 +124,8 @@ class Locomotion:
 
     def _settle_height(self, dt: float) -> float:
         """Height of the base above the ground, on its way from that at entry to the nominal."""
-        most = dt * _HEIGHT_RATE
-        ahead = self._params.reference.height - self._height
+        most = dt * self._height_rate
+        ahead = self._nominal_height - self._height
         self._height += min(max(ahead, -most), most)
         return self._height
 
@@ -126,9 +138,8 @@ class Locomotion:
         nominal = self.swing_legs.nominal @ yaw_matrix(float(state.rpy[2])).T
         stray = (state.feet - state.position - nominal)[:, :2]
         distance = math.sqrt(float((stray * stray).sum(axis=1).max()))
-        if self.gait.is_stepping:
-            return speed > 0.08 or distance > 0.05
-        return speed > 0.25 or distance > 0.10
+        limits = self._rest if self.gait.is_stepping else self._unrest
+        return speed > limits[0] or distance > limits[1]
 
     def trust(self, state: RobotState) -> np.ndarray:
         """How surely each foot stands (4,) in [0, 1]: by schedule, phase and felt force."""

@@ -37,5 +37,5 @@ class LegNodeParameters(Parameters):
     )
     odom_frame: str = parameter('odom', doc='Frame in which odometry is given', read_only=True)
     base_frame: str = parameter(
-        'base', doc='Frame of the robot that odometry follows', read_only=True
+        '', doc="Frame of the robot that odometry follows; '' is its root link", read_only=True
     )

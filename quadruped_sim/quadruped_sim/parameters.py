@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tuning of the leg controller, validated; docs/references.md resolves the papers' keys."""
+"""
+Tuning of the leg controller, validated; docs/references.md resolves the papers' keys.
+
+The numbers are the Go2's. `scaling` gives those of another robot, by the units that stand here.
+"""
 
 from dataclasses import dataclass
 from dataclasses import field
@@ -37,7 +41,7 @@ class GaitParameters(Parameters):
         False, doc='Trot on the spot at zero command; false stands on four feet until disturbed.'
     )
     step_height: float = parameter(
-        0.10, above=0.0, maximum=0.2, unit='m', doc='Height of the swing foot above the ground.'
+        0.10, above=0.0, unit='m', doc='Height of the swing foot above the ground.'
     )
     early_contact_phase: float = parameter(
         0.6, minimum=0.0, maximum=1.0, doc='Share of the swing after which a touch ends it.'
@@ -145,7 +149,7 @@ class ReferenceParameters(Parameters):
     """Desired motion of the base in trot."""
 
     height: float = parameter(
-        0.30, above=0.1, maximum=0.4, unit='m', doc="Height of the base above the feet's ground."
+        0.30, above=0.0, unit='m', doc="Height of the hips above the feet's ground."
     )
     position_leash: float = parameter(
         0.10, above=0.0, unit='m', doc='Farthest the desired position runs ahead of the real one.'

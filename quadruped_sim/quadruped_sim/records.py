@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes into and comes out of the controller; joints in `JOINT_NAMES` order, SI, REP 103."""
+"""What goes into and comes out of the controller; leg angles in `LEGS` order, SI, REP 103."""
 
 from dataclasses import dataclass
 from dataclasses import field

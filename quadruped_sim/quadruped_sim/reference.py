@@ -5,12 +5,17 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
+from robot_description.similarity import Scale
 
 from quadruped_sim.ground import Ground
 from quadruped_sim.parameters import ReferenceParameters
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.rotations import wrap_angle
 
+# Largest correction by the height integral [m], and the velocity error beyond which an error is
+# a push, which does not wind the velocity integral faster [m/s]; both on the Go2.
+_HEIGHT_INTEGRAL_LIMIT = 0.03
+_STEADY_ERROR = 0.3
 # Farthest the desired heading runs ahead of the real one [rad].
 _YAW_LEASH = 0.3
 
@@ -37,8 +42,10 @@ class Reference:
     remove the steady loss that rolling, slip and model error leave.
     """
 
-    def __init__(self, params: ReferenceParameters) -> None:
+    def __init__(self, params: ReferenceParameters, scale: Scale) -> None:
         self._params = params
+        self._height_limit = _HEIGHT_INTEGRAL_LIMIT * scale.of('m')
+        self._steady_error = _STEADY_ERROR * scale.of('m/s')
         self._xy = np.zeros(2)
         self._yaw = 0.0
         self._velocity_integral = np.zeros(2)
@@ -78,7 +85,9 @@ class Reference:
         gradient = to_world.T @ ground.gradient
         level = ground.height_at(state.position) + height
         self._height_integral += dt * params.height_integral * (level - float(state.position[2]))
-        self._height_integral = min(max(self._height_integral, -0.03), 0.03)
+        self._height_integral = min(
+            max(self._height_integral, -self._height_limit), self._height_limit
+        )
         rpy = np.array((math.atan(float(gradient[1])), -math.atan(float(gradient[0])), self._yaw))
         position = np.array((*self._xy, level + self._height_integral))
         climb = float(ground.gradient @ velocity)
@@ -90,10 +99,9 @@ class Reference:
         """Add the velocity error to its integral."""
         params = self._params
         error = command[:2] - to_world.T @ state.velocity[:2]
-        limit = params.velocity_integral_limit
+        limit, steady = params.velocity_integral_limit, self._steady_error
         for axis in (0, 1):
-            # A push is no steady error: beyond 0.3 m/s it does not wind the integral faster.
-            part = min(max(float(error[axis]), -0.3), 0.3)
+            part = min(max(float(error[axis]), -steady), steady)
             total = float(self._velocity_integral[axis]) + dt * params.velocity_integral * part
             self._velocity_integral[axis] = min(max(total, -limit), limit)
 

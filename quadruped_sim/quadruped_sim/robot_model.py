@@ -2,22 +2,38 @@
 """The robot as the controller knows it: built from its URDF by Pinocchio, nothing typed in."""
 
 from dataclasses import dataclass
+import math
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pinocchio as pin
+from robot_description.errors import DescriptionError
+from robot_description.imu import imu_position
+from robot_description.mujoco_model import REFLECTED_INERTIA
+from robot_description.quadruped import find_quadruped
+from robot_description.quadruped import Quadruped
+from robot_description.similarity import scale_of
+from robot_description.similarity import similar_pose
+from robot_description.urdf import parse_urdf
 
 from quadruped_sim.exceptions import RobotModelError
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import LegGeometry
-from quadruped_sim.legs import FOOT_NAMES
-from quadruped_sim.legs import JOINT_NAMES
-from quadruped_sim.legs import LEGS
+
+# The closed form may miss the feet by so much per leg length: descriptions round right angles.
+GEOMETRY_TOLERANCE = 2e-3
+# No-load speed of the Go2's knees, which bounds how fast it can walk [rad/s].
+GO2_KNEE_SPEED = 15.7
+# Thigh and calf of the Go2 [rad]: unitree_guide's stand, and about what they are in trot.
+STANDING = (0.67, -1.3)
+WALKING = (0.8, -1.6)
+# What a joint without stops gets instead of them [rad].
+UNBOUNDED = 100.0
 
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Limits of the joints, each (12,): [rad], [rad], [rad/s], [N m]."""
+    """Limits of the leg angles, each (12,): [rad], [rad], [rad/s], [N m]."""
 
     lower: np.ndarray
     upper: np.ndarray
@@ -28,10 +44,10 @@ class JointLimits:
 @dataclass
 class Dynamics:
     """
-    Terms of M dv + h = tau + J' f, with v = (base linear, base angular, joints), base axes.
+    Terms of M dv + h = tau + J' f, with v = (base linear, base angular, legs), base axes.
 
     `mass` (18, 18); `bias` (18,) is h at the present velocity, gravity included; `momentum` (12,)
-    is the joint part of M v and `momentum_drift` (12,) that of C' v - g.
+    is the legs' part of M v and `momentum_drift` (12,) that of C' v - g.
     """
 
     mass: np.ndarray
@@ -42,118 +58,106 @@ class Dynamics:
 
 class RobotModel:
     """
-    Mass, inertia, leg geometry and dynamics of a robot whose URDF has Unitree's joint names.
+    Mass, inertia, leg geometry and dynamics of a quadruped, in leg angles leg by leg.
 
-    Keeps Pinocchio's model and data and the permutation between its joint order and `LEGS`.
-    `armature` [kg m^2] is the rotors' inertia reflected through the gears, which a
-    URDF leaves out.
+    Leg angles are those of `robot_description.quadruped`: zero when a leg hangs straight down.
+    Keeps Pinocchio's model and data and the way from leg angles to its joint positions. `scale`
+    compares the robot with the Go2; the rotors' inertia reflected through the gears, which a
+    URDF leaves out, is taken to grow as it does.
+
+    Raises:
+        RobotModelError: the description is not a quadruped that can be walked.
     """
 
-    def __init__(self, urdf: str, armature: float = 0.01) -> None:
-        urdf = _without_world(urdf)
+    def __init__(self, urdf: str) -> None:
         try:
-            self._model = pin.buildModelFromXML(urdf, pin.JointModelFreeFlyer())
+            robot = parse_urdf(urdf)
+            self.quadruped = find_quadruped(robot)
+        except DescriptionError as error:
+            raise RobotModelError(str(error)) from error
+        self.scale = scale_of(self.quadruped)
+        self.limits = _limits(self.quadruped)
+        self.geometry = _geometry(self.quadruped)
+        self.imu_offset = imu_position(robot)
+        self.standing_pose = similar_pose(self.quadruped, *STANDING)
+        self.walking_pose = similar_pose(self.quadruped, *WALKING)
+        self._build(urdf)
+        self.mass = float(pin.computeTotalMass(self._model))
+        self.weight = self.mass * 9.81
+        self._check_geometry()
+
+    def _build(self, urdf: str) -> None:
+        """Have Pinocchio build its model, and note how its joints are ordered and turned."""
+        try:
+            self._model = pin.buildModelFromXML(_for_pinocchio(urdf), pin.JointModelFreeFlyer())
         except (ValueError, RuntimeError) as error:
-            raise RobotModelError(f'the description cannot be read: {error}') from error
-        self._check_names()
+            text = ' '.join(str(error).split())
+            raise RobotModelError(f'the description cannot be read: {text}') from error
+        if self._model.nv != 18:
+            raise RobotModelError(f'12 moving joints wanted, got {self._model.nv - 6}')
         self._data = self._model.createData()
-        joints = [self._model.joints[self._model.getJointId(name)] for name in JOINT_NAMES]
+        self._ids = [self._model.getJointId(name) for name in self.quadruped.joint_names]
+        joints = [self._model.joints[index] for index in self._ids]
         self._to_q = np.array([joint.idx_q for joint in joints])
         self._to_v = np.array([joint.idx_v for joint in joints])
         armatures = np.zeros(self._model.nv)
-        armatures[6:] = armature
+        armatures[6:] = REFLECTED_INERTIA * self.scale.of('kg m^2')
         self._model.armature = armatures
+        self._sign, self._zero = self.quadruped.sign, self.quadruped.zero
         self._order = np.concatenate((np.arange(6), self._to_v))
         self._grid = np.ix_(self._order, self._order)
-        self._is_ordered = bool((self._order == np.arange(18)).all())
-        self._q = pin.neutral(self._model)
+        self._signs = np.concatenate((np.ones(6), self._sign))
+        self._is_ordered = bool((self._order == np.arange(18)).all() and (self._sign > 0.0).all())
+        self._neutral = pin.neutral(self._model)
+        self._q = self._neutral.copy()
         self._v = np.zeros(self._model.nv)
-
-        self.mass = float(pin.computeTotalMass(self._model))
-        self.weight = self.mass * 9.81
-        self.limits = JointLimits(
-            lower=self._model.lowerPositionLimit[self._to_q],
-            upper=self._model.upperPositionLimit[self._to_q],
-            velocity=self._model.velocityLimit[self._to_v],
-            effort=self._model.effortLimit[self._to_v],
-        )
-        self.geometry = self._leg_geometry(_foot_radius(urdf))
-        self._check_geometry()
-        self.imu_offset = self._frame_offset('imu')
-
-    def _check_names(self) -> None:
-        missing = [name for name in JOINT_NAMES if not self._model.existJointName(name)]
-        missing += [name for name in FOOT_NAMES if not self._model.existFrame(name)]
-        if missing:
-            found = ', '.join(list(self._model.names)[2:])
-            raise RobotModelError(f'missing {", ".join(missing)}; joints found: {found}')
-        if self._model.nv != 18:
-            raise RobotModelError(f'12 moving joints wanted, got {self._model.nv - 6}')
-
-    def _leg_geometry(self, foot_radius: float) -> LegGeometry:
-        """Read the dimensions off the model at zero joint angles, where the legs hang straight."""
-        pin.framesForwardKinematics(self._model, self._data, pin.neutral(self._model))
-        place = self._data.oMi
-        hips, thighs, calves = (
-            np.array([place[self._joint(leg, part)].translation for leg in LEGS])
-            for part in ('hip', 'thigh', 'calf')
-        )
-        feet = self._feet_at_neutral()
-        hips[:, 0] = thighs[:, 0]
-        return LegGeometry(
-            hip=hips,
-            offset=(thighs - hips)[:, 1].copy(),
-            thigh=float((thighs - calves)[0, 2]),
-            calf=float((calves - feet)[0, 2]),
-            foot_radius=foot_radius,
-        )
-
-    def _joint(self, leg: str, part: str) -> int:
-        return int(self._model.getJointId(f'{leg}_{part}_joint'))
-
-    def _feet_at_neutral(self) -> np.ndarray:
-        return np.array(
-            [self._data.oMf[self._model.getFrameId(name)].translation for name in FOOT_NAMES]
-        )
-
-    def _frame_offset(self, name: str) -> np.ndarray:
-        """Place (3,) [m] of a frame fixed to the base; zero when there is none."""
-        if not self._model.existFrame(name):
-            return np.zeros(3)
-        frame = self._model.frames[self._model.getFrameId(name)]
-        return np.array(frame.placement.translation)
 
     def _check_geometry(self) -> None:
         """Compare the closed form with Pinocchio in a bent pose."""
         angles = np.tile((0.3, 0.8, -1.6), 4) + 0.01 * np.arange(12)
         difference = foot_positions(self.geometry, angles) - self.foot_positions(angles)
         worst = float(np.abs(difference).max())
-        if not worst < 1e-6:
+        if not worst < GEOMETRY_TOLERANCE * float(self.geometry.thigh.max()):
             raise RobotModelError(
-                'the legs must turn about x at the hip and about y at thigh and calf, with equal '
-                f'lengths; the closed form misses the feet by {worst:.4f} m'
+                'the legs must turn about x at the hip and about y at thigh and calf; the closed '
+                f'form misses the feet by {worst:.4f} m'
             )
+
+    @property
+    def agility(self) -> float:
+        """How fast the motors are, for its size, as a share of the Go2's; at most 1."""
+        pitching = self.limits.velocity.reshape(4, 3)[:, 1:]
+        return min(1.0, float(pitching.min()) / (GO2_KNEE_SPEED * self.scale.of('rad/s')))
 
     def foot_positions(self, angles: np.ndarray) -> np.ndarray:
         """Foot centres in base axes [m], shape (4, 3), by Pinocchio."""
-        q = pin.neutral(self._model)
-        q[self._to_q] = angles
-        pin.framesForwardKinematics(self._model, self._data, q)
-        return self._feet_at_neutral()
+        calves = self._ids[2::3]
+        pin.forwardKinematics(self._model, self._data, self._positions(self._zero))
+        centres = [leg.foot_centre for leg in self.quadruped.legs]
+        local = [
+            self._data.oMi[calf].actInv(centre)
+            for calf, centre in zip(calves, centres, strict=True)
+        ]
+        pin.forwardKinematics(self._model, self._data, self._positions(angles))
+        return np.array(
+            [self._data.oMi[calf].act(foot) for calf, foot in zip(calves, local, strict=True)]
+        )
 
     def inertia_about_com(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Inertia (3, 3) [kg m^2] about the CoM in this pose, and the CoM (3,) in base [m]."""
-        q = pin.neutral(self._model)
-        q[self._to_q] = angles
+        q = self._positions(angles)
         pin.ccrba(self._model, self._data, q, np.zeros(self._model.nv))
         return np.array(self._data.Ig.inertia), np.array(self._data.com[0])
 
     def centre_of_mass(self, angles: np.ndarray) -> np.ndarray:
         """Centre of mass in base axes (3,) [m]."""
-        q = self._q.copy()
-        q[:7] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-        q[self._to_q] = angles
-        return np.array(pin.centerOfMass(self._model, self._data, q))
+        return np.array(pin.centerOfMass(self._model, self._data, self._positions(angles)))
+
+    def _positions(self, angles: np.ndarray) -> np.ndarray:
+        """Pinocchio's configuration with the base at the origin and the legs at `angles`."""
+        q: np.ndarray = self._neutral.copy()
+        q[self._to_q] = self._sign * (angles - self._zero)
+        return q
 
     def dynamics(
         self,
@@ -172,10 +176,10 @@ class RobotModel:
         model, data, q, v = self._model, self._data, self._q, self._v
         q[3:6] = orientation[1:]
         q[6] = orientation[0]
-        q[self._to_q] = angles
+        q[self._to_q] = self._sign * (angles - self._zero)
         v[0:3] = velocity
         v[3:6] = angular_velocity
-        v[self._to_v] = rates
+        v[self._to_v] = self._sign * rates
         pin.computeAllTerms(model, data, q, v)
         M = data.M
         coriolis = pin.computeCoriolisMatrix(model, data, q, v)
@@ -183,20 +187,55 @@ class RobotModel:
         drift = (v @ coriolis - data.g)[self._to_v]
         if self._is_ordered:
             return Dynamics(M, data.nle, momentum, drift)
-        return Dynamics(M[self._grid], data.nle[self._order], momentum, drift)
+        signs = self._signs
+        return Dynamics(
+            M[self._grid] * signs * signs[:, None],
+            data.nle[self._order] * signs,
+            momentum * self._sign,
+            drift * self._sign,
+        )
 
 
-def _without_world(urdf: str) -> str:
+def _limits(quadruped: Quadruped) -> JointLimits:
     """
-    Drop a root link called `world` that holds the robot up (`DEBUG:=true`).
+    Return the limits of the leg angles.
 
     Raises:
-        RobotModelError: the text is not XML.
+        RobotModelError: a joint has no motor.
     """
-    try:
-        root = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError as error:
-        raise RobotModelError(f'the description is not XML: {error}') from error
+    weak = [joint.name for joint in quadruped.joints if not joint.effort > 0.0]
+    if weak:
+        raise RobotModelError(
+            f'no motor on {", ".join(weak)}: give the joint a <limit effort="..." velocity="..."/>'
+        )
+    return JointLimits(
+        lower=np.concatenate([leg.lower for leg in quadruped.legs]),
+        upper=np.concatenate([leg.upper for leg in quadruped.legs]),
+        velocity=np.array([joint.velocity or math.inf for joint in quadruped.joints]),
+        effort=np.array([joint.effort for joint in quadruped.joints]),
+    )
+
+
+def _geometry(quadruped: Quadruped) -> LegGeometry:
+    legs = quadruped.legs
+    return LegGeometry(
+        hip=np.array([leg.hip for leg in legs]),
+        offset=np.array([leg.offset for leg in legs]),
+        drop=np.array([leg.drop for leg in legs]),
+        thigh=np.array([leg.thigh for leg in legs]),
+        calf=np.array([leg.calf for leg in legs]),
+        foot_radius=float(np.median([leg.foot_radius for leg in legs])),
+        bend=np.array([leg.bend for leg in legs]),
+    )
+
+
+def _for_pinocchio(urdf: str) -> str:
+    """
+    Drop a root link called `world` that holds the robot up (`DEBUG:=true`); bound every joint.
+
+    Pinocchio gives a joint without stops two coordinates, cosine and sine.
+    """
+    root = ElementTree.fromstring(urdf)
     for joint in root.findall('joint'):
         parent = joint.find('parent')
         if parent is not None and parent.get('link') == 'world':
@@ -204,15 +243,11 @@ def _without_world(urdf: str) -> str:
             for link in root.findall('link'):
                 if link.get('name') == 'world':
                     root.remove(link)
-            return ElementTree.tostring(root, encoding='unicode')
-    return urdf
-
-
-def _foot_radius(urdf: str) -> float:
-    """Radius [m] of the sphere that is FL_foot's collision; 0.02 when it is no sphere."""
-    for link in ElementTree.fromstring(urdf).findall('link'):
-        if link.get('name') == FOOT_NAMES[0]:
-            sphere = link.find('collision/geometry/sphere')
-            if sphere is not None:
-                return float(sphere.get('radius', '0.02'))
-    return 0.02
+        if joint.get('type') == 'continuous':
+            joint.set('type', 'revolute')
+            limit = joint.find('limit')
+            if limit is None:
+                limit = ElementTree.SubElement(joint, 'limit', effort='0', velocity='0')
+            limit.set('lower', str(-UNBOUNDED))
+            limit.set('upper', str(UNBOUNDED))
+    return ElementTree.tostring(root, encoding='unicode')

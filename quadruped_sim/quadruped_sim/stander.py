@@ -12,9 +12,9 @@ from quadruped_sim.robot_state import RobotState
 from quadruped_sim.whole_body import WholeBody
 from quadruped_sim.whole_body import WholeBodyTask
 
-# Acceleration of a led foot per position error [1/s^2] and per velocity [1/s].
+# On the Go2: acceleration of a led foot per position error [1/s^2] and per velocity [1/s],
 _FOOT_GAINS = (300.0, 30.0)
-# Motor-side damping [N m s/rad].
+# and motor-side damping [N m s/rad].
 _DAMPING = 0.5
 
 
@@ -38,7 +38,8 @@ def stand_command(
         robot.motion.velocity @ robot.R.T
         + np.cross(robot.R @ robot.omega, robot.motion.position @ robot.R.T)
     )
-    led = _FOOT_GAINS[0] * (feet - robot.feet) - _FOOT_GAINS[1] * velocity
+    stiffness = _FOOT_GAINS[0] * model.scale.of('1/s^2')
+    led = stiffness * (feet - robot.feet) - _FOOT_GAINS[1] * model.scale.of('1/s') * velocity
     task = WholeBodyTask(
         acceleration, is_stance, standing_forces(model.weight, is_stance), led, np.eye(3)
     )
@@ -51,6 +52,7 @@ def stand_command(
         robot.contact,
         robot.dynamics,
     )
+    damping = _DAMPING * model.scale.of('N m s/rad')
     return LegCommand(
-        position=robot.joint_position.copy(), effort=result.torque, kd=np.full(12, _DAMPING)
+        position=robot.joint_position.copy(), effort=result.torque, kd=np.full(12, damping)
     )

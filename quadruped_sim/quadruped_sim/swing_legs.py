@@ -16,7 +16,7 @@ from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.swing import swing_point
 
-# Landing aims this deep into the ground [m], so that a foot arrives even if the ground is lower.
+# On the Go2 landing aims this deep into the ground [m]: a foot arrives even if it is lower.
 _PRESS = 0.005
 
 
@@ -39,6 +39,7 @@ class SwingLegs:
     def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
         self._params = params
         self._radius = model.geometry.foot_radius
+        self._press = _PRESS * model.scale.of('m')
         self.nominal = nominal_feet(model.geometry.hip, model.geometry.offset)
         self._lift_off = np.zeros((4, 3))
 
@@ -71,7 +72,7 @@ class SwingLegs:
             (1.0 - schedule.phase) * schedule.swing_time,
             schedule.stance_time,
             ground,
-            self._radius - _PRESS,
+            self._radius - self._press,
         )
         gains = params.whole_body
         return SwingTargets(

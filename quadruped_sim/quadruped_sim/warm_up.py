@@ -19,7 +19,7 @@ def warm_up(urdf: str) -> None:
     params = LegControllerParameters(gait=GaitParameters(step_in_place=True))
     controller = LegController(urdf, params)
     standing = Sensors(
-        joint_position=np.tile((0.0, 0.8, -1.6), 4),
+        joint_position=controller.model.walking_pose,
         joint_velocity=np.zeros(12),
         joint_effort=np.zeros(12),
         imu_orientation=np.array((1.0, 0.0, 0.0, 0.0)),

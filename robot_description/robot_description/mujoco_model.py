@@ -5,6 +5,8 @@ import mujoco
 import numpy as np
 
 from robot_description.errors import DescriptionError
+from robot_description.imu import find_imu
+from robot_description.imu import imu_position
 from robot_description.mujoco_contacts import exclude_pairs
 from robot_description.mujoco_contacts import name_collisions
 from robot_description.mujoco_contacts import set_contacts
@@ -22,7 +24,6 @@ ROOT_JOINT = 'root'
 REFLECTED_INERTIA = 0.01
 # How far in the floor a hanging robot may be, and how far above it is hung up otherwise [m].
 CLEARANCE = 0.05
-IMU_LINKS = ('imu', 'imu_link')
 
 
 def to_mujoco(
@@ -58,9 +59,8 @@ def to_mujoco(
             _add_motor(spec, joint.name, joint.effort)
         if joint.kind == 'revolute':
             spec.joint(joint.name).armature = REFLECTED_INERTIA
-    for link in IMU_LINKS:
-        if link in robot.links:
-            _add_imu(spec, robot, link)
+    if find_imu(robot) is not None:
+        add_imu(spec, robot)
     if not visuals:
         strip_visuals(spec)
     fill_meshes(spec, prepared.meshes, find_mesh)
@@ -103,13 +103,10 @@ def _parse(urdf: str) -> mujoco.MjSpec:
         raise DescriptionError(f'MuJoCo: {" ".join(str(error).split())}') from None
 
 
-def _add_imu(spec: mujoco.MjSpec, robot: Robot, link: str) -> None:
-    """Measure specific force and angular velocity at the IMU, in the axes of what carries it."""
-    site = f'{link}_site'
-    carrier = robot.carriers[link]
-    T_root_carrier, T_root_imu = robot.pose_of(carrier), robot.pose_of(link)
-    p_carrier_imu = T_root_carrier.rotation.T @ (T_root_imu.position - T_root_carrier.position)
-    spec.body(carrier).add_site(name=site, pos=p_carrier_imu)
+def add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Measure specific force and angular velocity where the IMU is, in the base's axes."""
+    site = 'imu_site'
+    spec.body(robot.base).add_site(name=site, pos=imu_position(robot))
     for name, kind in (
         ('accelerometer', mujoco.mjtSensor.mjSENS_ACCELEROMETER),
         ('gyro', mujoco.mjtSensor.mjSENS_GYRO),

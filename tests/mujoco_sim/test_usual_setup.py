@@ -5,11 +5,9 @@ from mujoco_sim.loading import build_world
 from mujoco_sim.loading import load_robot
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.usual_setup import COMMAND_DELAY
-from mujoco_sim.usual_setup import is_quadruped
 from mujoco_sim.usual_setup import usual_setup
 import numpy as np
 import pytest
-from robot_description.urdf import parse_urdf
 
 
 @pytest.fixture(scope='module')
@@ -20,15 +18,6 @@ def go2():
 @pytest.fixture(scope='module')
 def mbot():
     return load_robot('mbot')
-
-
-def test_the_go2_is_a_quadruped_and_mbot_is_none(go2, mbot):
-    assert is_quadruped(go2.robot)
-    assert not is_quadruped(mbot.robot)
-
-
-def test_a_dog_with_three_legs_is_no_quadruped(go2):
-    assert not is_quadruped(parse_urdf(go2.urdf.replace('RR_hip_joint', 'RR_joint')))
 
 
 def test_mbot_is_put_into_the_world_as_it_is(mbot):

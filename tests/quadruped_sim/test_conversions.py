@@ -12,14 +12,14 @@ from mujoco_sim.sensors import JointStates
 from mujoco_sim.sensors import Reading
 import numpy as np
 import pytest
+from quadruped_sim.conversions import Frames
 from quadruped_sim.conversions import from_messages
 from quadruped_sim.conversions import from_odometry
 from quadruped_sim.conversions import to_joint_command
 from quadruped_sim.conversions import to_odometry
 from quadruped_sim.conversions import to_sensors
 from quadruped_sim.conversions import to_transform
-from quadruped_sim.legs import JOINT_NAMES
-from quadruped_sim.node_parameters import LegNodeParameters
+from quadruped_sim.joint_map import JointMap
 from quadruped_sim.records import LegCommand
 from quadruped_sim.records import Odometry
 from sensor_msgs.msg import JointState
@@ -48,30 +48,28 @@ def test_the_truth_survives_its_message():
         np.testing.assert_allclose(one, other, atol=1e-12)
 
 
-def test_a_reading_survives_its_messages(reading):
+def test_a_reading_survives_its_messages(reading, model):
     joints, imu = reading
-    message = JointState(name=list(JOINT_NAMES), position=joints.position.tolist())
+    message = JointState(name=list(model.quadruped.joint_names), position=joints.position.tolist())
     message.velocity, message.effort = joints.velocity.tolist(), joints.effort.tolist()
     back = from_messages(message, to_imu(imu, 'base', Time()))
     for one, other in zip((*back.joints, *back.imu), (*joints, *imu), strict=True):
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_reading_is_put_into_the_controllers_order_by_name(reading):
-    # The simulator's joints in another order: place i of ours is at places[i] of theirs.
-    names = list(reversed(JOINT_NAMES))
-    places = np.array([names.index(name) for name in JOINT_NAMES])
-    sensors = to_sensors(Reading(*reading), places, None)
+def test_a_reading_is_put_into_the_controllers_order_by_name(reading, model):
+    names = model.quadruped.joint_names
+    joints = JointMap(model.quadruped, names[::-1], names)
+    sensors = to_sensors(Reading(*reading), joints, None)
     np.testing.assert_array_equal(sensors.joint_position, reading[0].position[::-1])
     np.testing.assert_array_equal(sensors.imu_orientation, reading[1].orientation)
     assert sensors.truth is None
 
 
-def test_a_command_is_put_into_the_motors_order_by_name(rng):
-    names = list(reversed(JOINT_NAMES))
-    motors = np.array([JOINT_NAMES.index(name) for name in names])
+def test_a_command_is_put_into_the_motors_order_by_name(rng, model):
+    names = model.quadruped.joint_names
     command = LegCommand(*(rng.normal(size=12) for _ in range(5)))
-    ordered = to_joint_command(command, motors)
+    ordered = to_joint_command(command, JointMap(model.quadruped, names, names[::-1]))
     for name in ('position', 'velocity', 'effort', 'kp', 'kd'):
         np.testing.assert_array_equal(getattr(ordered, name), getattr(command, name)[::-1])
 
@@ -84,10 +82,10 @@ def test_odometry_and_transform_carry_one_pose_and_one_stamp(rng):
         np.diag(np.arange(6.0)), 2.0 * np.eye(6),
     )  # fmt: skip
     stamp = Time(sec=3, nanosec=5)
-    odometry = to_odometry(state, stamp, LegNodeParameters())
-    transform = to_transform(state, stamp, LegNodeParameters())
+    odometry = to_odometry(state, stamp, Frames('odom', 'trunk'))
+    transform = to_transform(state, stamp, Frames('odom', 'trunk'))
     assert odometry.header == transform.header
-    assert odometry.child_frame_id == transform.child_frame_id == 'base'
+    assert odometry.child_frame_id == transform.child_frame_id == 'trunk'
     assert odometry.pose.pose.orientation == transform.transform.rotation
     assert odometry.pose.pose.position.y == transform.transform.translation.y == state.position[1]
     assert odometry.twist.twist.linear.x == state.linear_velocity[0]

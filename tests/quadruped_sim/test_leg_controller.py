@@ -8,9 +8,10 @@ from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.rotations import quaternion_from_rpy
-from quadruped_sim.states.fixed_stand import STAND_ANGLES
 
 DT = 0.002
+# unitree_guide's stand.
+STAND_ANGLES = np.tile((0.0, 0.67, -1.3), 4)
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.leg_controller_node import main
-from quadruped_sim.legs import JOINT_NAMES
+from quadruped_sim.legs import LEGS
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -22,6 +22,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 PERIOD = 0.002
+JOINT_NAMES = tuple(f'{leg}_{part}_joint' for leg in LEGS for part in ('hip', 'thigh', 'calf'))
 STAND = [0.0, 0.8, -1.6] * 4
 
 
@@ -267,7 +268,7 @@ def test_guides_limits_are_a_parameter(spawn):
     ('override', 'message'),
     [
         ('description:=cat', 'cat: no such file'),
-        ('description:=mbot', 'missing FL_hip_joint'),
+        ('description:=mbot', 'a quadruped is wanted'),
         ('estimator:=guess', 'estimator must be'),
         ('limits:=none', 'limits must be'),
         ('update_rate:=0.0', 'update_rate must be > 0 Hz'),

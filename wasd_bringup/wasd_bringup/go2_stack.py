@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Go2's nodes in one process: leg controller, and keys to velocity where a preset asks."""
+"""A quadruped's nodes in one process: leg controller, and keys to velocity where a preset asks."""
 
 import time
 
@@ -11,7 +11,6 @@ from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 from quadruped_sim.leg_controller_node import LegControllerNode
-from quadruped_sim.legs import FOOT_NAMES
 from quadruped_sim.rotations import matrix_from_quaternion
 from quadruped_sim.rotations import rpy_from_matrix
 from rclpy.logging import LoggingSeverity
@@ -33,19 +32,16 @@ DRIVEN = ('trotting', 'move base')
 
 class Go2Stack:
     """
-    What walks the Go2: `press` takes keys, `drive` takes velocities; `schedule` has it stepped.
+    What walks a quadruped: `press` takes keys, `drive` velocities; `schedule` has it stepped.
 
     With the preset `unitree` keys are states and sticks; with any other they also become
     velocities on cmd_vel, which the state move base (2, then 5) follows.
     """
 
-    camera = CameraView(distance=1.8, azimuth=130.0, elevation=-20.0)
-
     def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
         self.estimator = options.estimator
         self._world = world
         self._layout = options.layout
-        self._trunk = loaded.robot.root
         self._legs = LegControllerNode(
             loaded.urdf,
             lock_step=True,
@@ -55,6 +51,10 @@ class Go2Stack:
                 Parameter('limits', value=options.limits),
             ],
         )
+        quadruped = self._legs.quadruped
+        self._touching = (*quadruped.feet, *quadruped.trunk)
+        size = self._legs.controller.model.scale.of('m')
+        self.camera = CameraView(distance=1.8 * size, azimuth=130.0, elevation=-20.0)
         self._twists = self._legs.create_publisher(Twist, 'cmd_vel', RELIABLE)
         self._teleop: KeysToTwistNode | None = None
         self.nodes: list[Node] = [self._legs]
@@ -133,10 +133,10 @@ class Go2Stack:
             yaw = rpy_from_matrix(matrix_from_quaternion(odometry.orientation))[2]
             pose = (float(odometry.position[0]), float(odometry.position[1]), float(yaw))
         vx, vy, wz = self._command()
-        forces = self._world.contact_forces((*FOOT_NAMES, self._trunk))
+        forces = self._world.contact_forces(self._touching)
         touching = (forces > 0.0).astype(int).tolist()
         return Sample(
-            controller.state, (vx, vy, wz), pose, touching[:4], self._is_down(bool(touching[4]))
+            controller.state, (vx, vy, wz), pose, touching[:4], self._is_down(any(touching[4:]))
         )
 
     def status(self) -> list[str]:

@@ -11,7 +11,7 @@ from quadruped_sim.stander import stand_command
 from quadruped_sim.states.base import approach
 from quadruped_sim.states.base import State
 
-# x, y, z [m] and yaw [rad] at full stick.
+# x, y, z [m] and yaw [rad] at full stick, on the Go2.
 _FULL = np.array((0.05, 0.05, 0.04, math.radians(20.0)))
 _RATE = np.array((0.1, 0.1, 0.08, 0.7))
 
@@ -29,7 +29,9 @@ class BalanceTest(State):
         """Hold the pose that the sticks ask for."""
         sticks = self._parts.sticks.values
         wanted = _FULL * np.array((sticks.ly, -sticks.lx, sticks.ry, -sticks.rx))
-        self._now = approach(self._now, wanted, dt * _RATE)
+        length = self._parts.model.scale.of('m')
+        size = np.array((length, length, length, 1.0))
+        self._now = approach(self._now, wanted * size, dt * _RATE * size)
         x, y, z, turn = self._now.tolist()
         c, s = math.cos(self._yaw), math.sin(self._yaw)
         position = self._centre + np.array((c * x - s * y, s * x + c * y, z))

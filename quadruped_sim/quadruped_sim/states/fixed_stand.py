@@ -4,16 +4,22 @@
 import numpy as np
 
 from quadruped_sim.records import LegCommand
+from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.states.base import State
 
-STAND_ANGLES = np.tile((0.0, 0.67, -1.3), 4)
 STAND_TIME = 2.0
 # unitree_guide's simulation gains [N m/rad], [N m s/rad]; its robot gains sag by 8 mm more.
-STAND_KP = np.tile((180.0, 180.0, 300.0), 4)
-STAND_KD = np.tile((8.0, 8.0, 15.0), 4)
+_KP = np.tile((180.0, 180.0, 300.0), 4)
+_KD = np.tile((8.0, 8.0, 15.0), 4)
 # A trot that has not ended by now is ended anyway [s].
 _HALT_TIME_MAX = 3.0
+
+
+def stiff_command(model: RobotModel, position: np.ndarray) -> LegCommand:
+    """Hold leg angles `position` (12,) [rad] against the robot's weight."""
+    kp, kd = model.scale.of('N m/rad'), model.scale.of('N m s/rad')
+    return LegCommand(position=position, kp=_KP * kp, kd=_KD * kd)
 
 
 class FixedStand(State):
@@ -37,8 +43,8 @@ class FixedStand(State):
             return self._halt(robot, dt)
         self._time += dt
         share = min(self._time / STAND_TIME, 1.0)
-        position = (1.0 - share) * self._start + share * STAND_ANGLES
-        return LegCommand(position=position, kp=STAND_KP.copy(), kd=STAND_KD.copy())
+        position = (1.0 - share) * self._start + share * self._parts.model.standing_pose
+        return stiff_command(self._parts.model, position)
 
     def _halt(self, robot: RobotState, dt: float) -> LegCommand:
         """Trot on toward rest; the line starts from where the last step ends."""

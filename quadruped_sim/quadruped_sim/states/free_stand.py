@@ -13,10 +13,9 @@ from quadruped_sim.rotations import matrix_from_rpy
 from quadruped_sim.rotations import rotation_vector
 from quadruped_sim.states.base import approach
 from quadruped_sim.states.base import State
-from quadruped_sim.states.fixed_stand import STAND_KD
-from quadruped_sim.states.fixed_stand import STAND_KP
+from quadruped_sim.states.fixed_stand import stiff_command
 
-# Roll, pitch, yaw [rad] and height [m] at full stick.
+# Roll, pitch, yaw [rad] and height [m] at full stick, on the Go2.
 _FULL = np.array((math.radians(20.0), math.radians(15.0), math.radians(20.0), 0.04))
 # How fast they follow the sticks, per second: unitree_guide jumps.
 _RATE = np.array((0.7, 0.7, 0.7, 0.08))
@@ -41,14 +40,15 @@ class FreeStand(State):
         """Joint angles for the present lean."""
         sticks = self._parts.sticks.values
         wanted = _FULL * np.array((sticks.lx, sticks.ly, -sticks.rx, sticks.ry))
-        self._now = approach(self._now, wanted, dt * _RATE)
+        size = np.array((1.0, 1.0, 1.0, self._parts.model.scale.of('m')))
+        self._now = approach(self._now, wanted * size, dt * _RATE * size)
         roll, pitch, yaw, lift = self._now.tolist()
         R = matrix_from_rpy(roll, pitch, yaw)
         feet = (self._feet + self._rolled(R) - np.array((0.0, 0.0, lift))) @ R
         position = all_leg_angles(self._parts.model.geometry, feet)
         limits = self._parts.model.limits
         self._angles = np.clip(position, limits.lower, limits.upper)
-        return LegCommand(position=self._angles.copy(), kp=STAND_KP.copy(), kd=STAND_KD.copy())
+        return stiff_command(self._parts.model, self._angles.copy())
 
     def _rolled(self, R: np.ndarray) -> np.ndarray:
         """How far the centres of the feet have rolled since entry (4, 3) [m], base at entry."""

@@ -2,6 +2,7 @@
 """Motors only damp: the robot sinks to the ground."""
 
 import numpy as np
+from robot_description.similarity import Scale
 
 from quadruped_sim.records import LegCommand
 from quadruped_sim.robot_state import RobotState
@@ -11,9 +12,10 @@ from quadruped_sim.states.base import State
 _DAMPING = 8.0
 
 
-def damping_command(joint_position: np.ndarray) -> LegCommand:
+def damping_command(scale: Scale, joint_position: np.ndarray) -> LegCommand:
     """Damp every joint and nothing else."""
-    return LegCommand(position=joint_position.copy(), kd=np.full(12, _DAMPING))
+    damping = _DAMPING * scale.of('N m s/rad')
+    return LegCommand(position=joint_position.copy(), kd=np.full(12, damping))
 
 
 class Passive(State):
@@ -25,4 +27,4 @@ class Passive(State):
 
     def step(self, robot: RobotState, dt: float) -> LegCommand:
         """Damping, whatever the pose."""
-        return damping_command(robot.joint_position)
+        return damping_command(self._parts.model.scale, robot.joint_position)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lifts one foot after the other by 10 cm, the base moving over the three that stand."""
+"""Lifts one foot after the other by 10 cm on a Go2, the base moving over the three that stand."""
 
 import math
 
@@ -16,8 +16,8 @@ from quadruped_sim.states.base import State
 _ORDER = (1, 2, 0, 3)  # FR RL FL RR
 _SHIFT_TIME = 1.0
 _LIFT_TIME = 1.0
+# Half of how high a foot goes, and shift of the base away from it [m]; both on the Go2.
 _HALF_HEIGHT = 0.05
-# Shift of the base away from the lifted foot [m].
 _SHIFT = (0.045, 0.035)
 
 
@@ -39,17 +39,18 @@ class StepTest(State):
         cycle = _SHIFT_TIME + _LIFT_TIME
         turn, time = divmod(self._time, cycle)
         leg = _ORDER[int(turn) % 4]
-        before = _away_from(_ORDER[(int(turn) - 1) % 4]) if turn >= 1.0 else np.zeros(2)
+        size = self._parts.model.scale.of('m')
+        before = size * _away_from(_ORDER[(int(turn) - 1) % 4]) if turn >= 1.0 else np.zeros(2)
         share = min(time / _SHIFT_TIME, 1.0)
         share = share * share * (3.0 - 2.0 * share)
-        shift = before + share * (_away_from(leg) - before)
+        shift = before + share * (size * _away_from(leg) - before)
 
         is_stance = np.ones(4, dtype=bool)
         feet = self._feet.copy()
         if time > _SHIFT_TIME:
             is_stance[leg] = False
             angle = 2.0 * math.pi * (time - _SHIFT_TIME) / _LIFT_TIME
-            feet[leg, 2] += _HALF_HEIGHT * (1.0 - math.cos(angle))
+            feet[leg, 2] += size * _HALF_HEIGHT * (1.0 - math.cos(angle))
         else:
             self._feet[robot.is_contact] = robot.feet[robot.is_contact]
         self.trust = is_stance.astype(float)

@@ -13,15 +13,17 @@ from quadruped_sim.stander import stand_command
 from quadruped_sim.states.base import approach
 from quadruped_sim.states.base import State
 
-# Box of the foot around where it stood, yaw frame [m]: backward/forward, right/left, down/up.
+# All for the Go2. Box of the foot around where it stood, yaw frame [m]: backward/forward,
+# right/left, down/up.
 _LOW = np.array((-0.15, -0.15, -0.05))
 _HIGH = np.array((0.10, 0.15, 0.20))
 _FOOT_RATE = 0.3
 # Shift of the base away from the lifted foot, over the three that stand [m], and its speed [m/s].
 _SHIFT = np.array((-0.045, 0.035, 0.0))
 _SHIFT_RATE = 0.06
-# The foot leaves the ground by this much once the base is over the others [m].
+# The foot leaves the ground by this much once the base is so close to its place [m].
 _CLEARANCE = 0.03
+_CLOSE = 0.015
 
 
 class SwingTest(State):
@@ -38,16 +40,19 @@ class SwingTest(State):
 
     def step(self, robot: RobotState, dt: float) -> LegCommand:
         """Shift, then swing."""
-        self._shift = approach(self._shift, _SHIFT, np.full(3, dt * _SHIFT_RATE))
+        size = self._parts.model.scale.of('m')
+        self._shift = approach(self._shift, size * _SHIFT, np.full(3, dt * size * _SHIFT_RATE))
         Rz = yaw_matrix(self._yaw)
         position = self._centre + Rz @ self._shift
         off = (robot.position - position)[:2]
         is_stance = np.ones(4, dtype=bool)
-        is_shifted = bool((self._shift == _SHIFT).all())
-        if self.trust[FR] == 0.0 or (is_shifted and math.hypot(*off.tolist()) < 0.015):
+        is_shifted = bool((self._shift == size * _SHIFT).all())
+        if self.trust[FR] == 0.0 or (is_shifted and math.hypot(*off.tolist()) < size * _CLOSE):
             is_stance[FR] = False
             self.trust = np.array((1.0, 0.0, 1.0, 1.0))
-            self._foot = approach(self._foot, self._wanted(), np.full(3, dt * _FOOT_RATE))
+            self._foot = approach(
+                self._foot, size * self._wanted(), np.full(3, dt * size * _FOOT_RATE)
+            )
         feet = self._feet.copy()
         feet[FR] += Rz @ self._foot
         parts = self._parts

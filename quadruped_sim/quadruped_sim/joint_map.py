@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Between joints as a robot's description has them and leg angles as the controller has them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from robot_description.quadruped import Quadruped
+
+from quadruped_sim.records import LegCommand
+
+
+class JointMap:
+    """
+    Turns joint readings into leg angles and leg commands into motor commands.
+
+    `joint_names` are the joints of a reading and `motor_names` those of a command, in their
+    order; both hold the twelve leg joints.
+    """
+
+    def __init__(
+        self, quadruped: Quadruped, joint_names: Sequence[str], motor_names: Sequence[str]
+    ) -> None:
+        names = quadruped.joint_names
+        self._joints = np.array([joint_names.index(name) for name in names])
+        self._motors = np.array([names.index(name) for name in motor_names])
+        self._sign, self._zero = quadruped.sign, quadruped.zero
+        self._is_plain = bool((self._sign > 0.0).all()) and not self._zero.any()
+
+    def angles(self, positions: np.ndarray) -> np.ndarray:
+        """Leg angles (12,) [rad] of joint positions."""
+        positions = positions[self._joints]
+        return positions if self._is_plain else self._sign * positions + self._zero
+
+    def rates(self, velocities: np.ndarray) -> np.ndarray:
+        """Leg rates (12,) [rad/s] of joint velocities; torques [N m] turn in the same way."""
+        velocities = velocities[self._joints]
+        return velocities if self._is_plain else self._sign * velocities
+
+    def command(self, command: LegCommand) -> LegCommand:
+        """Return a command of leg angles as one of motors."""
+        position, velocity, effort = command.position, command.velocity, command.effort
+        if not self._is_plain:
+            position = self._sign * (position - self._zero)
+            velocity, effort = self._sign * velocity, self._sign * effort
+        motors = self._motors
+        return LegCommand(
+            position[motors],
+            velocity[motors],
+            effort[motors],
+            command.kp[motors],
+            command.kd[motors],
+        )
