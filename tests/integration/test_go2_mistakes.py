@@ -19,9 +19,12 @@ MISTAKES = [
     ([*SHORT, '--world', 'stairs:9'], '--world stairs:9: wanted a number from 0.001 to 0.5'),
     ([*SHORT, '--world', 'boxes:-1'], '--world boxes:-1: wanted a number'),
     ([*SHORT, '--world', 'lava:1'], 'worlds: flat, room, slope:DEG'),
-    ([*SHORT, '--description', 'mbot'], 'missing FL_hip_joint'),
-    ([*SHORT, '--description', 'tripod.urdf'], 'missing RR_hip_joint'),
-    ([*SHORT, '--description', 'blind.urdf'], 'needs a link imu or imu_link'),
+    (
+        [*SHORT, '--description', 'mbot'],
+        'found 4 limbs on base_footprint: left_wheel_joint (1 joint)',
+    ),
+    ([*SHORT, '--description', 'tripod.urdf'], 'tripod.urdf: a quadruped is wanted'),
+    ([*SHORT, '--description', 'weak.urdf'], 'no motor on FL_calf_joint, FR_calf_joint'),
     ([*SHORT, '--preset', 'piano'], 'piano'),
     ([*SHORT, '--play', 'slip.keys'], 'slip.keys:2:'),
     ([*SHORT, '--push', '1 nan 0 0 1'], "wanted 't fx fy fz seconds'"),
@@ -35,8 +38,9 @@ def files(tmp_path: Path) -> None:
     from robot_description.robots import description_path
 
     urdf = expand(description_path('go2'))
-    (tmp_path / 'tripod.urdf').write_text(urdf.replace('"RR_', '"third_'))
-    (tmp_path / 'blind.urdf').write_text(urdf.replace('"imu"', '"nose"'))
+    held = urdf.replace('name="RR_hip_joint" type="revolute"', 'name="RR_hip_joint" type="fixed"')
+    (tmp_path / 'tripod.urdf').write_text(held)
+    (tmp_path / 'weak.urdf').write_text(urdf.replace('effort="35.55"', 'effort="0"'))
     (tmp_path / 'slip.keys').write_text('0.1 2\n1 NOWHERE\n')
 
 

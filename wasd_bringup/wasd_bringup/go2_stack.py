@@ -10,6 +10,7 @@ from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
+from quadruped_sim.exceptions import RobotModelError
 from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.rotations import matrix_from_quaternion
 from quadruped_sim.rotations import rpy_from_matrix
@@ -42,15 +43,7 @@ class Go2Stack:
         self.estimator = options.estimator
         self._world = world
         self._layout = options.layout
-        self._legs = LegControllerNode(
-            loaded.urdf,
-            lock_step=True,
-            parameter_overrides=[
-                Parameter('description', value=options.description),
-                Parameter('estimator', value=options.estimator),
-                Parameter('limits', value=options.limits),
-            ],
-        )
+        self._legs = _make_legs(loaded, options)
         quadruped = self._legs.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)
         size = self._legs.controller.model.scale.of('m')
@@ -174,3 +167,18 @@ class Go2Stack:
         command = self._legs.control(world.read(), *names, self.period, truth)
         world.apply(command)
         self.ticks.add(time.perf_counter() - started)
+
+
+def _make_legs(loaded: LoadedRobot, options: RunOptions) -> LegControllerNode:
+    """
+    Return the leg controller of a robot.
+
+    Raises:
+        RobotModelError: the description is no quadruped that can be walked; says which file.
+    """
+    names = ('description', 'estimator', 'limits')
+    overrides = [Parameter(name, value=getattr(options, name)) for name in names]
+    try:
+        return LegControllerNode(loaded.urdf, lock_step=True, parameter_overrides=overrides)
+    except RobotModelError as error:
+        raise RobotModelError(f'{loaded.path}: {error}') from None
