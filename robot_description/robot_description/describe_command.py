@@ -22,6 +22,7 @@ MENDABLE = (
     'swapped-sides',
     'swapped-ends',
     'missing-footprint',
+    'wrong-mesh-path',
 )
 
 

@@ -16,6 +16,7 @@ LARGEST_FILE = 4_000_000
 MOST_ELEMENTS = 30_000
 # Python's own recursion limit lets no more levels through xacro.
 DEEPEST = 60
+NO_NAMESPACE = xml.parsers.expat.errors.XML_ERROR_UNBOUND_PREFIX
 
 
 def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
@@ -84,6 +85,8 @@ def check_xml(data: bytes | str, file: Path | None = None) -> None:
         parser.Parse(data, True)
     except xml.parsers.expat.ExpatError as error:
         reason = xml.parsers.expat.ErrorString(error.code)
+        if error.code == xml.parsers.expat.errors.codes[NO_NAMESPACE]:
+            reason += ' (<robot> needs xmlns:xacro="http://www.ros.org/wiki/xacro")'
         column = error.offset + 1
         text = f'not well-formed XML: {reason}, column {column}'
         raise _error(file, error.lineno, text) from None

@@ -18,7 +18,7 @@ MBOT = FIXTURES / 'mbot_description/urdf'
 FILES = [
     *sorted((FIXTURES / 'lint').glob('*.*')),
     MBOT / 'mbot.xacro',
-    FIXTURES / 'robots/dog_description/urdf/dog.urdf',
+    *sorted((FIXTURES / 'robots/dog_description/urdf').glob('*.urdf')),
 ]
 EXAMPLES = share_directory('example-robot-data') / 'robots'
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from robot_description.errors import DescriptionError
 from robot_description.fix.footprint import add_footprint
+from robot_description.fix.meshes import correct_mesh_paths
 from robot_description.fix.renames import rename_joints
 from robot_description.fix.sides import swap_sides
 from robot_description.fix.tags import drop_materials
@@ -27,6 +28,7 @@ FIXES: dict[str, Callable[[Workspace], Iterator[Edit]]] = {
     'swapped-sides': lambda workspace: swap_sides(workspace, 'left'),
     'swapped-ends': lambda workspace: swap_sides(workspace, 'front'),
     'missing-footprint': add_footprint,
+    'wrong-mesh-path': correct_mesh_paths,
 }
 
 

@@ -12,11 +12,14 @@ from robot_description.lint import Finding
 from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
 from robot_description.lint.run import lint_session
+from robot_description.mesh_report import MeshReport
+from robot_description.mesh_resolver import resolve_meshes
 from robot_description.package_tree import own_folder
 from robot_description.places import Place
 from robot_description.reach import Reach
 from robot_description.source_xml import parse_source
 from robot_description.source_xml import SourceTag
+from robot_description.urdf import parse_urdf
 from robot_description.xacro_session import XacroSession
 
 
@@ -57,6 +60,19 @@ class Workspace:
         session = self._session()
         try:
             return make_model(run_session(session), self.path, self._search)
+        finally:
+            self._remember(session)
+
+    def meshes(self) -> MeshReport:
+        """
+        Return what becomes of the meshes now.
+
+        Raises:
+            DescriptionError: the files do not expand, or to no robot.
+        """
+        session = self._session()
+        try:
+            return resolve_meshes(parse_urdf(run_session(session).urdf), self.path, self._search)
         finally:
             self._remember(session)
 

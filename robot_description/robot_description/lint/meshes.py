@@ -30,7 +30,7 @@ def check_meshes(model: Model, robot: Robot) -> Iterator[Finding]:
         elif 'foreign-package' in record.kind.split('+'):
             yield finding('foreign-mesh', place, f'{record.url!r} is the mesh of another robot')
         else:
-            cure = f'write {_url(record.file)}'
+            cure = f'write {better_url(record.file)}'
             yield finding('wrong-mesh-path', place, record.line(), cure)
 
 
@@ -41,7 +41,7 @@ def _place(model: Model, record: MeshRecord) -> Place:
     return model.links[record.link].place
 
 
-def _url(file: Path) -> str:
+def better_url(file: Path) -> str:
     """Return how a file is named in a description: by its package, if it has one."""
     package = own_package(file)
     name = manifest_name(package) if package else None

@@ -162,7 +162,7 @@ RULES = {
             'wrong-mesh-path',
             WARNING,
             'a mesh is not where the path says, but was found; other programs will not find it',
-            'write the path that was found',
+            'write the path that was found; `describe fix` does it',
         ),
         Rule(
             'foreign-mesh',
