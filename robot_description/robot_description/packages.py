@@ -75,6 +75,8 @@ class PackageFinder:
         if own is not None and self._is_ours(own):
             yield own
         for prefix in _ament_prefixes():
+            if own is not None and prefix == Path(sys.prefix):
+                continue  # what the wheel put there is a copy of our own, which has its turn
             if (prefix / 'share/ament_index/resource_index/packages' / name).is_file():
                 yield prefix / 'share' / name
         if self._own is not None and self._own.name == name:  # a copy without its package.xml

@@ -61,6 +61,17 @@ def test_find_knows_our_own_packages_without_a_ros(write, monkeypatch):
     assert f'name="{share_directory("robot_description")}"' in expand(path)
 
 
+def test_find_takes_our_own_packages_from_the_clone_not_from_the_venvs_copy(
+    write, tmp_path, monkeypatch
+):
+    marker = tmp_path / 'share/ament_index/resource_index/packages/robot_description'
+    marker.parent.mkdir(parents=True)
+    marker.touch()
+    monkeypatch.setattr('sys.prefix', str(tmp_path))
+    path = write('<link name="$(find robot_description)"/>')
+    assert f'name="{share_directory("robot_description")}"' in expand(path)
+
+
 def test_find_asks_the_ament_index(write, tmp_path, monkeypatch):
     marker = tmp_path / 'share/ament_index/resource_index/packages/arm'
     marker.parent.mkdir(parents=True)
