@@ -8,10 +8,10 @@ from typing import Any
 import mujoco
 import numpy as np
 from robot_description.pose import Pose
+from robot_description.renderer_choice import find_renderer
+from robot_description.renderer_choice import NO_RENDERER
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.renderer_choice import find_renderer
-from mujoco_sim.renderer_choice import NO_RENDERER
 from mujoco_sim.world import World
 
 MOST_GEOMS = 10_000

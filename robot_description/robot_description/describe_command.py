@@ -110,6 +110,11 @@ def _add_info(commands: 'argparse._SubParsersAction[_Parser]') -> None:
     parser = _add(commands, 'info', 'print the tree, masses, joints and meshes')
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='draw the robot, too')
     parser.add_argument('--json', action='store_true', help='print JSON')
+    parser.add_argument(
+        '--check',
+        action='store_true',
+        help='compare the links in MuJoCo, Pinocchio and yourdfpy, too',
+    )
     parser.set_defaults(run=_info)
 
 
@@ -161,10 +166,32 @@ def _fix(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from robot_description.info import describe_info
+    if options.picture is not None:
+        from robot_description.renderer_choice import choose_renderer
 
-    info = describe_info(options.path, options.arguments, options.package_path, options.picture)
-    print(json.dumps(info.record(), indent=2) if options.json else '\n'.join(info.lines()))
+        choose_renderer()  # before mujoco is imported
+    from robot_description.description import read_description
+    from robot_description.info import info_record
+
+    info = read_description(options.path, options.package_path, options.arguments)
+    record = info_record(info)
+    if options.check:
+        from robot_description.kinematic_check import check_kinematics
+
+        deviations = check_kinematics(info.urdf, info.robot)
+        record['kinematics'] = [deviation._asdict() for deviation in deviations]
+    if options.json:
+        print(json.dumps(record, indent=2))
+    else:
+        from robot_description.info_text import print_info
+
+        print_info(info)
+        for library, distance, link in deviations if options.check else ():
+            print(f'{library}: links within {distance:.1e} m of the description (worst: {link})')
+    if options.picture is not None:
+        from robot_description.picture import draw
+
+        draw(info.urdf, info.robot, info.meshes.files.get, options.picture)
     return 0
 
 

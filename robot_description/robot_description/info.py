@@ -1,62 +1,49 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a description says, in short: its tree, masses and joints."""
+"""What a description says, as JSON has it: its tree, masses, joints, limits and meshes."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from dataclasses import dataclass
-from pathlib import Path
+import math
+from typing import Any
 
-from robot_description.expand import expand
-from robot_description.urdf import parse_urdf
-from robot_description.urdf import Robot
+from robot_description.description import Description
+from robot_description.robot_kind import kind_of
+from robot_description.urdf import Joint
 
 
-@dataclass(frozen=True)
-class Info:
-    """A robot in short; `mass` is the sum over its links [kg]."""
-
-    name: str
-    root: str
-    mass: float
-    links: tuple[str, ...]
-    joints: tuple[str, ...]
-    movable_joints: tuple[str, ...]
-
-    def lines(self) -> list[str]:
-        """Return it as text for a terminal."""
-        return [
-            f'robot   {self.name}',
-            f'mass    {self.mass:.3f} kg',
-            f'links   {len(self.links)}, root {self.root}',
-            f'joints  {len(self.joints)}, movable: {", ".join(self.movable_joints) or "none"}',
-        ]
-
-    def record(self) -> dict[str, object]:
-        """Return it as JSON has it."""
-        return asdict(self)
-
-
-def describe_info(
-    path: Path,
-    arguments: Mapping[str, str],
-    search: Sequence[Path] = (),
-    picture: Path | None = None,
-) -> Info:
-    """
-    Return what a xacro or URDF file says; `arguments` are xacro args.
-
-    Raises:
-        DescriptionError: what is wrong with it, in one line.
-    """
-    return _summary(parse_urdf(expand(path, arguments, search)))
+def info_record(description: Description) -> dict[str, Any]:
+    """Return all there is to know in SI units, with `null` for a limit that there is not."""
+    robot = description.robot
+    return {
+        'path': str(description.path),
+        'name': robot.name,
+        'kind': kind_of(robot),
+        'root': robot.root,
+        'floating': not robot.is_fixed,
+        'mass': robot.mass,
+        'links': [
+            {
+                'name': link.name,
+                'mass': link.mass,
+                'visuals': [shape.url or shape.kind for shape in link.visuals],
+                'collisions': [shape.url or shape.kind for shape in link.collisions],
+            }
+            for link in robot.links.values()
+        ],
+        'joints': [_joint_record(joint) for joint in robot.joints.values()],
+        'meshes': [record.record() for record in description.meshes.records],
+        'repairs': list(description.repairs),
+    }
 
 
-def _summary(robot: Robot) -> Info:
-    return Info(
-        name=robot.name,
-        root=robot.root,
-        mass=robot.mass,
-        links=tuple(robot.links),
-        joints=tuple(robot.joints),
-        movable_joints=tuple(joint.name for joint in robot.movable_joints),
-    )
+def _joint_record(joint: Joint) -> dict[str, Any]:
+    return {
+        'name': joint.name,
+        'type': joint.kind,
+        'parent': joint.parent,
+        'child': joint.child,
+        'axis': joint.axis.tolist(),
+        'lower': joint.lower if math.isfinite(joint.lower) else None,
+        'upper': joint.upper if math.isfinite(joint.upper) else None,
+        'effort': joint.effort,
+        'velocity': joint.velocity,
+        'mimics': joint.mimics or None,
+    }

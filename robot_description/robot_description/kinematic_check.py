@@ -12,13 +12,12 @@ import numpy as np
 import yourdfpy
 
 from robot_description.errors import DescriptionError
+from robot_description.forward_kinematics import link_poses
 from robot_description.mujoco_model import to_mujoco
 from robot_description.pinocchio_model import bare_urdf
 from robot_description.pinocchio_model import configuration
 from robot_description.pinocchio_model import link_positions
 from robot_description.pinocchio_model import to_pinocchio
-from robot_description.pose import IDENTITY
-from robot_description.pose import Pose
 from robot_description.urdf import Joint
 from robot_description.urdf import parse_urdf
 from robot_description.urdf import Robot
@@ -66,15 +65,6 @@ def check_kinematics(
                 if distance > worst[name].distance:
                     worst[name] = Deviation(name, distance, link)
     return tuple(worst.values())
-
-
-def link_poses(robot: Robot, positions: Positions) -> dict[str, Pose]:
-    """Return the pose of every link in the root, with joints at positions [rad] or [m]."""
-    poses = {robot.root: IDENTITY}
-    for link in robot.links_from_root[1:]:
-        joint = robot.parent_joints[link]
-        poses[link] = poses[joint.parent] @ joint.transform(positions.get(joint.name, 0.0))
-    return poses
 
 
 def _any_position(joint: Joint, random: np.random.Generator) -> float:

@@ -47,6 +47,7 @@ ROSDEP_KEYS = {
     'numba': None,
     'numpy': 'python3-numpy',
     'pinocchio': None,  # Jazzy has an older one than the controller is tested with
+    'rich': 'python3-rich',
     'trimesh': None,
     'yaml': 'python3-yaml',
     'yourdfpy': None,

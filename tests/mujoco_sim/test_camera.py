@@ -9,13 +9,13 @@ from mujoco_sim.errors import SimulationError
 from mujoco_sim.loading import load_robot
 from mujoco_sim.mount import Snapshot
 from mujoco_sim.offscreen import Offscreen
-from mujoco_sim.renderer_choice import find_renderer
 from mujoco_sim.scene import furnish
 from mujoco_sim.sensor_tags import read_sensor_tags
 from mujoco_sim.world import World
 import numpy as np
 import pytest
 from robot_description.mujoco_model import to_mujoco
+from robot_description.renderer_choice import find_renderer
 
 WALL = 2.0  # from the origin to the wall [m]
 PILLAR = (1.2, 0.3)

@@ -3,13 +3,13 @@ import math
 
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.loading import build_world
-from mujoco_sim.renderer_choice import find_renderer
 from mujoco_sim.simulator_node import SimulatorNode
 import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
+from robot_description.renderer_choice import find_renderer
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan

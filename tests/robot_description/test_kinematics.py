@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 from robot_description.errors import DescriptionError
 from robot_description.expand import expand
+from robot_description.forward_kinematics import link_poses
 from robot_description.kinematic_check import check_kinematics
-from robot_description.kinematic_check import link_poses
 from robot_description.packages import share_directory
 from robot_description.pinocchio_model import configuration
 from robot_description.pinocchio_model import link_positions

@@ -12,12 +12,12 @@ from mujoco_sim.pictures import take_picture
 from mujoco_sim.pictures import take_strip
 from mujoco_sim.pictures import Trace
 from mujoco_sim.pictures import Viewpoint
-from mujoco_sim.renderer_choice import choose_renderer
-from mujoco_sim.renderer_choice import NO_RENDERER
 import numpy as np
 import rclpy
 from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
+from robot_description.renderer_choice import choose_renderer
+from robot_description.renderer_choice import NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
 
 from wasd_bringup.errors import UsageError

@@ -2,9 +2,8 @@
 import ctypes.util
 import os
 
-from mujoco_sim.errors import SimulationError
-from mujoco_sim.renderer_choice import choose_renderer
 import pytest
+from robot_description.renderer_choice import choose_renderer
 
 
 @pytest.fixture(autouse=True)
@@ -37,13 +36,3 @@ def test_what_the_user_has_set_stays(machine, monkeypatch, wish, renders):
     monkeypatch.setenv('MUJOCO_GL', wish)
     assert choose_renderer() == renders
     assert os.environ['MUJOCO_GL'] == wish
-
-
-def test_a_window_without_a_display_is_one_line(world, monkeypatch):
-    from mujoco_sim.native_viewer import NativeView
-    from mujoco_sim.viewer import CameraView
-
-    monkeypatch.delenv('DISPLAY', raising=False)
-    monkeypatch.delenv('WAYLAND_DISPLAY', raising=False)
-    with pytest.raises(SimulationError, match='no display here'):
-        NativeView(world, CameraView(1.0, 0.0, 0.0))

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a description says, as a terminal shows it."""
+
+from collections.abc import Iterable
+import math
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.tree import Tree
+
+from robot_description.description import Description
+from robot_description.mesh_report import MeshRecord
+from robot_description.robot_kind import kind_of
+from robot_description.urdf import Joint
+from robot_description.urdf import Robot
+
+# Where no terminal says how wide it is.
+WIDTH = 120
+
+
+def print_info(info: Description) -> None:
+    """Print the robot's tree, its joints and its meshes."""
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console = Console(highlight=False, width=WIDTH)
+    robot = info.robot
+    base = f'hangs on {robot.root}' if robot.is_fixed else f'floats, root {robot.root}'
+    movable = len(robot.movable_joints)
+    console.print(
+        f'[bold]{escape(robot.name)}[/]  {kind_of(robot)}, {robot.mass:.3f} kg, {base}; '
+        f'{len(robot.links)} links, {len(robot.joints)} joints, {movable} of them movable'
+    )
+    console.print(_tree(robot))
+    if movable:
+        console.print(_joints(robot.movable_joints))
+    if info.meshes.records:
+        console.print(_meshes(info.meshes.records))
+    for line in info.repairs:
+        console.print(escape(line), soft_wrap=True)
+
+
+def _tree(robot: Robot) -> Tree:
+    branches = {robot.root: Tree(_link(robot, robot.root))}
+    for link in robot.links_from_root[1:]:
+        parent = branches[robot.parent_joints[link].parent]
+        branches[link] = parent.add(_link(robot, link))
+    return branches[robot.root]
+
+
+def _link(robot: Robot, name: str) -> str:
+    mass = robot.links[name].mass
+    text = escape(name) + (f'  {mass:.4g} kg' if mass > 0.0 else '')
+    joint = robot.parent_joints.get(name)
+    return f'{text}  [dim]{joint.kind} {escape(joint.name)}[/]' if joint is not None else text
+
+
+def _joints(joints: Iterable[Joint]) -> Table:
+    table = Table('joint', 'type', 'from', 'to', 'effort', 'velocity', box=None)
+    for column in table.columns[2:]:
+        column.justify = 'right'
+    for joint in joints:
+        unit, force = ('m', 'N') if joint.kind == 'prismatic' else ('rad', 'N m')
+        kind = f'{joint.kind}, mimics {joint.mimics}' if joint.mimics else joint.kind
+        table.add_row(
+            escape(joint.name),
+            escape(kind),
+            _limit(joint.lower, unit),
+            _limit(joint.upper, unit),
+            f'{joint.effort:g} {force}',
+            f'{joint.velocity:g} {unit}/s',
+        )
+    return table
+
+
+def _limit(value: float, unit: str) -> str:
+    return f'{value:.4g} {unit}' if math.isfinite(value) else '-'
+
+
+def _meshes(records: Iterable[MeshRecord]) -> Table:
+    """Return each mesh once, with how often it is used."""
+    uses: dict[tuple[str, str], list[MeshRecord]] = {}
+    for record in records:
+        uses.setdefault((record.url, record.use), []).append(record)
+    table = Table('mesh', 'use', 'links', 'found', box=None)
+    table.columns[0].overflow = table.columns[3].overflow = 'fold'
+    for (url, use), same in uses.items():
+        table.add_row(escape(url), use, str(len(same)), same[0].kind)
+    return table

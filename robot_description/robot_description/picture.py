@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A picture of a robot, rendered without a display."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from PIL import Image
+
+from robot_description.errors import DescriptionError
+from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco_visuals import FindMesh
+from robot_description.mujoco_visuals import VISUAL_GROUP
+from robot_description.renderer_choice import find_renderer
+from robot_description.renderer_choice import NO_RENDERER
+from robot_description.urdf import Robot
+
+SIZE = (1280, 960)
+# How much of the ball around the robot has to be in view, and from where [degrees].
+MARGIN = 0.8
+AZIMUTH = 130.0
+ELEVATION = -20.0
+
+
+def draw(urdf: str, robot: Robot, find_mesh: FindMesh, path: Path) -> None:
+    """
+    Write a picture of the robot as a PNG: joints at 0, or as near to it as their limits allow.
+
+    To be called with MUJOCO_GL set, see `renderer_choice`.
+
+    Raises:
+        DescriptionError: nothing renders here, the robot does not load, or `path` is no place.
+    """
+    if find_renderer() is None:
+        raise DescriptionError(f'--picture needs {NO_RENDERER}')
+    spec = to_mujoco(urdf, robot, find_mesh, visuals=True)
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
+    spec.visual.headlight.ambient = np.full(3, 0.4)
+    spec.add_texture(
+        name='sky',
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=[0.75, 0.82, 0.90],
+        rgb2=[0.97, 0.98, 1.0],
+        width=64,
+        height=384,
+    )
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise DescriptionError(f'MuJoCo: {" ".join(str(error).split())}') from None
+    pixels = _render(model, _rest(model, robot))
+    try:
+        Image.fromarray(pixels).save(path, format='PNG')
+    except OSError as error:
+        raise DescriptionError(f'--picture {path}: {error.strerror or error}') from None
+
+
+def _rest(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    for joint in robot.movable_joints:
+        data.joint(joint.name).qpos[0] = min(max(0.0, joint.lower), joint.upper)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def _render(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Return the picture, shape (height, width, 3), with all that is drawn in view."""
+    drawn = model.geom_group == VISUAL_GROUP
+    reach = model.geom_rbound[drawn, None]
+    low = (data.geom_xpos[drawn] - reach).min(axis=0, initial=np.inf)
+    high = (data.geom_xpos[drawn] + reach).max(axis=0, initial=-np.inf)
+    if not drawn.any():
+        low, high = np.full(3, -0.5), np.full(3, 0.5)
+    camera = mujoco.MjvCamera()
+    camera.lookat = (low + high) / 2.0
+    half_angle = np.deg2rad(model.vis.global_.fovy) / 2.0
+    camera.distance = MARGIN * float(np.linalg.norm(high - low)) / 2.0 / np.tan(half_angle)
+    camera.azimuth, camera.elevation = AZIMUTH, ELEVATION
+    width, height = SIZE
+    renderer = mujoco.Renderer(model, height, width)
+    try:
+        renderer.update_scene(data, camera)
+        return np.array(renderer.render())
+    finally:
+        renderer.close()

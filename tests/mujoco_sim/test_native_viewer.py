@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
+from mujoco_sim.errors import SimulationError
+import pytest
+
+
+def test_a_window_without_a_display_is_one_line(world, monkeypatch):
+    from mujoco_sim.native_viewer import NativeView
+    from mujoco_sim.viewer import CameraView
+
+    monkeypatch.delenv('DISPLAY', raising=False)
+    monkeypatch.delenv('WAYLAND_DISPLAY', raising=False)
+    with pytest.raises(SimulationError, match='no display here'):
+        NativeView(world, CameraView(1.0, 0.0, 0.0))

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`describe info` says what a robot is, and draws it."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+from PIL import Image
+import pytest
+from robot_description.describe_command import main
+from robot_description.packages import share_directory
+from robot_description.renderer_choice import find_renderer
+from robot_description.robot_kind import kind_of
+from robot_description.urdf import parse_urdf
+
+ROBOTS = share_directory('example-robot-data') / 'robots'
+
+
+def info(capsys, *words):
+    assert main(['info', *map(str, words), '--json']) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ('name', 'kind'),
+    [
+        ('go2', 'quadruped'),
+        ('mbot', 'diff-drive'),
+        (ROBOTS / 'a1_description/urdf/a1.urdf', 'quadruped'),
+        (ROBOTS / 'b1_description/urdf/b1.urdf', 'quadruped'),
+        (ROBOTS / 'laikago_description/urdf/laikago.urdf', 'quadruped'),
+        (ROBOTS / 'anymal_c_simple_description/urdf/anymal.urdf', 'quadruped'),
+        (ROBOTS / 'solo_description/robots/solo12.urdf', 'quadruped'),
+        (ROBOTS / 'solo_description/robots/solo.urdf', 'other'),
+        (ROBOTS / 'z1_description/urdf/z1.urdf', 'other'),
+        (ROBOTS / 'g1_description/urdf/g1_29dof_rev_1_0.urdf', 'other'),
+        (ROBOTS / 'iris_description/robots/iris.urdf', 'other'),
+    ],
+)
+def test_the_kind_of_a_robot_follows_from_its_tree(capsys, name, kind):
+    assert info(capsys, name)['kind'] == kind
+
+
+def test_a_world_without_a_robot_is_none():
+    assert kind_of(parse_urdf('<robot name="r"><link name="world"/></robot>')) == 'other'
+
+
+def test_json_has_the_tree_masses_limits_and_meshes(capsys):
+    found = info(capsys, 'go2')
+    assert found['mass'] == pytest.approx(16.086)
+    assert (found['root'], found['floating']) == ('base', True)
+    assert sum(link['mass'] for link in found['links']) == pytest.approx(found['mass'])
+    joints = {joint['name']: joint for joint in found['joints']}
+    assert sum(joint['type'] == 'revolute' for joint in joints.values()) == 12
+    calf = joints['FL_calf_joint']
+    assert (calf['parent'], calf['child']) == ('FL_thigh', 'FL_calf')
+    assert (calf['lower'], calf['upper'], calf['effort']) == (-2.7227, -0.83776, 35.55)
+    assert joints['FL_foot_joint']['lower'] is None
+    assert {mesh['kind'] for mesh in found['meshes']} == {'exact'}
+    assert found['repairs'] == []
+
+
+def test_the_text_has_every_link_joint_and_mesh(capsys):
+    assert main(['info', 'go2']) == 0
+    said = capsys.readouterr().out
+    assert 'quadruped, 16.086 kg, floats, root base' in said
+    for word in ('RR_calf', 'RR_foot_joint', '-2.723 rad', '35.55 N m', 'visuals/base.dae'):
+        assert word in said
+
+
+def test_what_was_repaired_and_what_is_missing_is_said(capsys, make_package, tmp_path):
+    package = make_package(tmp_path / 'dog', 'm/base.stl')
+    visual = '<visual><geometry><mesh filename="package://dog/m/{}.stl"/></geometry></visual>'
+    (package / 'dog.urdf').write_text(
+        f'<robot name="dog"><link name="a">{visual.format("trunk")}{visual.format("hat")}</link>'
+        '</robot>'
+    )
+    meshes = info(capsys, package / 'dog.urdf')['meshes']
+    assert [mesh['kind'] for mesh in meshes] == ['near-name', 'missing']
+    main(['info', str(package / 'dog.urdf')])
+    said = capsys.readouterr().out
+    assert 'near-name' in said
+    assert 'hat.stl' in said
+    assert 'left out' in said
+
+
+def test_a_robot_that_hangs_says_so(capsys):
+    found = info(capsys, 'go2', 'DEBUG:=true')
+    assert (found['kind'], found['floating']) == ('quadruped', False)
+
+
+def test_three_libraries_are_compared_on_request(capsys):
+    found = info(capsys, 'mbot', '--check')['kinematics']
+    assert [row['library'] for row in found] == ['MuJoCo', 'Pinocchio', 'yourdfpy']
+    assert all(row['distance'] < 1e-6 for row in found)
+
+
+@pytest.mark.skipif(find_renderer() is None, reason='neither EGL nor OSMesa here')
+def test_a_picture_shows_the_robot(tmp_path):
+    # In a process of its own: what mujoco renders with is chosen when it is first imported.
+    path = tmp_path / 'mbot.png'
+    words = ['-m', 'robot_description.describe_command', 'info', 'mbot', '--picture', str(path)]
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    pixels = np.asarray(Image.open(path).convert('RGB')).astype(int)
+    # mbot's drum is orange, the sky is not.
+    orange = (pixels[..., 0] > pixels[..., 2] + 60).mean()
+    assert 0.05 < orange < 0.6
+
+
+@pytest.mark.skipif(find_renderer() is None, reason='neither EGL nor OSMesa here')
+def test_a_picture_that_cannot_be_written_is_one_line(tmp_path):
+    path = tmp_path / 'nowhere/mbot.png'
+    words = ['-m', 'robot_description.describe_command', 'info', 'mbot', '--picture', str(path)]
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == f'error: --picture {path}: No such file or directory\n'
