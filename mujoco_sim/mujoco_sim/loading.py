@@ -14,6 +14,7 @@ from robot_description.mujoco_model import add_imu
 from robot_description.mujoco_model import to_mujoco
 from robot_description.robots import description_path
 
+from mujoco_sim.physics import Physics
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.scene import furnish
 from mujoco_sim.world import World
@@ -80,3 +81,30 @@ def build_world(
     spec = robot_spec(loaded, setup, visuals)
     furnish(spec, world, seed)
     return World(spec, loaded.robot.base, seed, setup)
+
+
+def build_shared_world(
+    robots: Sequence[tuple[str, LoadedRobot, RobotSetup]],
+    world: str = 'flat',
+    seed: int = 0,
+    visuals: bool = False,
+) -> list[World]:
+    """
+    Put several robots into one world, each with its prefix; their setups say where.
+
+    Raises:
+        DescriptionError: MuJoCo cannot read a robot.
+        SimulationError: there is no such world, or they do not compile.
+    """
+    spec = mujoco.MjSpec()
+    spec.compiler.fusestatic = True  # as in models that come from a URDF
+    for prefix, loaded, setup in robots:
+        body = robot_spec(loaded, setup, visuals).body(loaded.robot.base)
+        spec.worldbody.add_frame().attach_body(body, prefix, '')
+    furnish(spec, world, seed)
+    physics = Physics(spec)
+    worlds = [
+        World(physics, loaded.robot.base, seed, setup, prefix) for prefix, loaded, setup in robots
+    ]
+    physics.reset()
+    return worlds

@@ -61,6 +61,11 @@ class NativeView:
             pressed.append(self._keys.get())
         return pressed
 
+    def follow(self, world: World) -> None:
+        """Look at another robot in the same model."""
+        with self._window.lock():
+            self._window.cam.trackbodyid = world.root
+
     def close(self) -> None:
         """Close the window."""
         self._window.close()

@@ -81,7 +81,7 @@ class _Page(plugin.ViewerPlugin):
         self.port = 0
         self._due: dict[str, float] = {}
         self._camera = camera
-        self._body = body
+        self.body = body
         self._panel = panel
 
     @messages.handler
@@ -95,7 +95,7 @@ class _Page(plugin.ViewerPlugin):
         """Follow the robot, from where it is seen well."""
         camera = self.viewer.camera
         camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
-        camera.trackbodyid = self._body
+        camera.trackbodyid = self.body
         camera.distance = self._camera.distance
         camera.azimuth = self._camera.azimuth
         camera.elevation = self._camera.elevation
@@ -103,6 +103,7 @@ class _Page(plugin.ViewerPlugin):
     @messages.handler
     def on_gui(self, event: messages.BuildGuiEvent) -> None:
         """Draw the panel and collect the keys pressed on the page."""
+        self.viewer.camera.trackbodyid = self.body
         self._draw_status()
         self._draw_help()
         shift = imgui.IsKeyDown(imgui.Key.LeftShift) or imgui.IsKeyDown(imgui.Key.RightShift)
@@ -189,6 +190,10 @@ class WebView:
         while not self._page.keys.empty():
             pressed.append(self._page.keys.get())
         return pressed
+
+    def follow(self, world: World) -> None:
+        """Look at another robot in the same model."""
+        self._page.body = world.root
 
     def close(self) -> None:
         """Stop serving."""

@@ -19,7 +19,7 @@ def read(tmp_path, monkeypatch):
     """Return a function that reads options in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     parser = argparse.ArgumentParser()
-    add_run_options(parser, 'go2', 'unitree')
+    add_run_options(parser, 'go2')
     add_legged_options(parser)
     return lambda *words: read_options(parser.parse_args(words))
 
@@ -36,7 +36,7 @@ def test_defaults_are_those_of_the_contract(read):
 
 def test_a_wheeled_robot_has_no_estimator_to_choose():
     parser = argparse.ArgumentParser()
-    add_run_options(parser, 'mbot', 'mbot')
+    add_run_options(parser, 'mbot')
     assert read_options(parser.parse_args([])).estimator == 'kalman'
     with pytest.raises(SystemExit):
         parser.parse_args(['--estimator', 'truth'])

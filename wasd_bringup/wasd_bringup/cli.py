@@ -14,6 +14,7 @@ from teleop_keyboard.terminal import tolerate_any_text
 
 from wasd_bringup.calibrate_options import add_calibrate_options
 from wasd_bringup.graph_options import add_graph_commands
+from wasd_bringup.options import add_both_options
 from wasd_bringup.options import add_legged_options
 from wasd_bringup.options import add_run_options
 from wasd_bringup.options import add_wheeled_options
@@ -37,11 +38,16 @@ def make_parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     mbot = commands.add_parser('mbot', help='drive the wheeled robot', allow_abbrev=False)
-    add_run_options(mbot, robot='mbot', preset='mbot')
+    add_run_options(mbot, robot='mbot')
     add_wheeled_options(mbot)
     go2 = commands.add_parser('go2', help='drive the legged robot', allow_abbrev=False)
-    add_run_options(go2, robot='go2', preset='unitree')
+    add_run_options(go2, robot='go2')
     add_legged_options(go2)
+    both = commands.add_parser(
+        'both', help='drive both in one world; TAB goes from one to the other', allow_abbrev=False
+    )
+    add_both_options(both)
+    add_legged_options(both)
     demo = commands.add_parser(
         'demo', help='a scripted tour; writes pictures and a table', allow_abbrev=False
     )

@@ -43,7 +43,7 @@ class Go2Stack:
         self.estimator = options.estimator
         self._world = world
         self._layout = options.layout
-        self._legs = _make_legs(loaded, options)
+        self._legs = _make_legs(loaded, world, options)
         quadruped = self._legs.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)
         size = self._legs.controller.model.scale.of('m')
@@ -54,6 +54,7 @@ class Go2Stack:
         if options.preset != UNITREE_PRESET:
             self._teleop = KeysToTwistNode(
                 lock_step=True,
+                namespace=options.namespace,
                 parameter_overrides=[
                     Parameter('preset', value=options.preset),
                     Parameter('layout', value=options.layout),
@@ -162,14 +163,14 @@ class Go2Stack:
     def _control(self) -> None:
         started = time.perf_counter()
         world = self._world
-        truth = world.base() if self.estimator == 'truth' else None
+        truth = world.base_since_start() if self.estimator == 'truth' else None
         names = world.joint_names, world.motor_names
         command = self._legs.control(world.read(), *names, self.period, truth)
         world.apply(command)
         self.ticks.add(time.perf_counter() - started)
 
 
-def _make_legs(loaded: LoadedRobot, options: RunOptions) -> LegControllerNode:
+def _make_legs(loaded: LoadedRobot, world: World, options: RunOptions) -> LegControllerNode:
     """
     Return the leg controller of a robot.
 
@@ -178,7 +179,15 @@ def _make_legs(loaded: LoadedRobot, options: RunOptions) -> LegControllerNode:
     """
     names = ('description', 'estimator', 'limits')
     overrides = [Parameter(name, value=getattr(options, name)) for name in names]
+    if world.prefix:
+        overrides.append(Parameter('odom_frame', value=f'{world.prefix}odom'))
+        overrides.append(Parameter('base_frame', value=world.prefix + loaded.robot.root))
     try:
-        return LegControllerNode(loaded.urdf, lock_step=True, parameter_overrides=overrides)
+        return LegControllerNode(
+            loaded.urdf,
+            lock_step=True,
+            namespace=options.namespace,
+            parameter_overrides=overrides,
+        )
     except RobotModelError as error:
         raise RobotModelError(f'{loaded.path}: {error}') from None

@@ -42,7 +42,10 @@ class MbotStack:
 
     def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
         self._driver = DiffDriveControllerNode(
-            loaded.robot, lock_step=True, parameter_overrides=_overrides(options)
+            loaded.robot,
+            lock_step=True,
+            namespace=options.namespace,
+            parameter_overrides=[*_overrides(options), *_frames(loaded, world)],
         )
         geometry = self._driver.controller.geometry
         wheels = (geometry.left_joint, geometry.right_joint)
@@ -61,6 +64,7 @@ class MbotStack:
         self._wheel_links = [loaded.robot.joints[name].child for name in wheels]
         self._teleop = KeysToTwistNode(
             lock_step=True,
+            namespace=options.namespace,
             parameter_overrides=[
                 Parameter('preset', value=options.preset),
                 Parameter('layout', value=options.layout),
@@ -172,3 +176,13 @@ def _overrides(options: RunOptions) -> list[Parameter]:
     given = {'controller': options.controller and str(options.controller)}
     given['mode'] = drive_mode(options)
     return [Parameter(name, value=value) for name, value in given.items() if value is not None]
+
+
+def _frames(loaded: LoadedRobot, world: World) -> list[Parameter]:
+    """Return the frames of one of several robots; alone, a controller file may name them."""
+    if not world.prefix:
+        return []
+    return [
+        Parameter('odom_frame_id', value=f'{world.prefix}odom'),
+        Parameter('base_frame_id', value=world.prefix + loaded.robot.root),
+    ]

@@ -5,6 +5,7 @@ import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import field
+from dataclasses import replace
 import math
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from wasd_bringup.scripts import ScriptedTwist
 WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
 MODES = ('sim', 'fake', 'float', 'arbotix')
 VIEWERS = ('web', 'native', 'none')
+# The robots and their usual keymaps.
+PRESETS = {'go2': 'unitree', 'mbot': 'mbot'}
 # A scripted run without --duration goes on for so long after its last line [s].
 AFTERGLOW = 2.0
 
@@ -31,6 +34,7 @@ class RunOptions:
 
     robot: str
     description: str
+    namespace: str = ''
     package_path: tuple[Path, ...] = ()
     xacro_arguments: Mapping[str, str] = field(default_factory=dict)
     strict: bool = False
@@ -59,18 +63,19 @@ class RunOptions:
         """Whether keys or velocities come from a file."""
         return self.keys is not None or self.twists is not None
 
+    def per_robot(self) -> tuple['RunOptions', ...]:
+        """Return the options of each robot: themselves, or those of the two of `both`."""
+        if self.robot != 'both':
+            return (self,)
+        return tuple(
+            replace(self, robot=name, description=name, namespace=name, preset=preset)
+            for name, preset in PRESETS.items()
+        )
 
-def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) -> None:
+
+def add_run_options(parser: argparse.ArgumentParser, robot: str) -> None:
     """Declare the options of a robot's command."""
     parser.set_defaults(robot=robot)
-    parser.add_argument(
-        '--viewer',
-        choices=VIEWERS,
-        help='web: a page on 127.0.0.1; native: a window (default: web on a terminal, else none)',
-    )
-    parser.add_argument(
-        '--port', type=int, default=0, metavar='N', help='port of the page (default: 8080 or next)'
-    )
     parser.add_argument(
         '--description', default=robot, metavar='PATH', help='a xacro or URDF of your own'
     )
@@ -93,16 +98,10 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) ->
         action='store_true',
         help='refuse a description whose meshes are not where it says',
     )
-    parser.add_argument(
-        '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
-    )
+    preset = PRESETS[robot]
     parser.add_argument(
         '--preset', default=preset, metavar='NAME', help=f'keymap (default: {preset})'
     )
-    parser.add_argument(
-        '--layout', choices=LAYOUTS, default='qwerty', help='your keyboard (default: qwerty)'
-    )
-    parser.add_argument('--play', metavar='FILE', help='scripted keys: lines "t key [key ...]"')
     parser.add_argument('--twist', metavar='FILE', help='scripted velocities: "t vx vy wz"')
     parser.add_argument(
         '--push',
@@ -111,6 +110,41 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str, preset: str) ->
         metavar='"T FX FY FZ S"',
         help='a force on the robot, world frame [N] (repeatable)',
     )
+    _add_shared_options(parser)
+
+
+def add_both_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command for both robots, which are the built-in ones."""
+    parser.set_defaults(
+        robot='both',
+        description='both',
+        package_path=[],
+        xacro_arg=[],
+        strict=False,
+        preset='',
+        twist=None,
+        push=[],
+    )
+    _add_shared_options(parser)
+
+
+def _add_shared_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of a run, whoever runs."""
+    parser.add_argument(
+        '--viewer',
+        choices=VIEWERS,
+        help='web: a page on 127.0.0.1; native: a window (default: web on a terminal, else none)',
+    )
+    parser.add_argument(
+        '--port', type=int, default=0, metavar='N', help='port of the page (default: 8080 or next)'
+    )
+    parser.add_argument(
+        '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
+    )
+    parser.add_argument(
+        '--layout', choices=LAYOUTS, default='qwerty', help='your keyboard (default: qwerty)'
+    )
+    parser.add_argument('--play', metavar='FILE', help='scripted keys: lines "t key [key ...]"')
     parser.add_argument('--duration', metavar='S', help='stop after S simulated seconds')
     parser.add_argument(
         '--speed',

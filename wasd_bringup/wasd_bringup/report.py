@@ -98,6 +98,16 @@ def build_report(
     }
 
 
+def join_reports(reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return one report of a run of several robots: what they share, and that of each by name."""
+    shared = ('schema', 'world', 'seed', 'sim_time', 'wall_time', 'real_time_factor')
+    return {
+        **{key: reports[0][key] for key in shared},
+        'robot': 'both',
+        'robots': {report['robot']: report for report in reports},
+    }
+
+
 def write_report(report: dict[str, Any], path: Path) -> None:
     """Write a report whole or not at all."""
     handle, name = tempfile.mkstemp(dir=path.absolute().parent, prefix=f'.{path.name}.')

@@ -90,15 +90,18 @@ def _is_interactive(reader: KeyReader | None) -> bool:
 def _greet(session: Session, where: str) -> None:
     if where:
         print(f'viewer: {where}')
-    print('\n'.join(session.stack.help_lines), flush=True)
+    print('\n'.join(session.help_lines), flush=True)
 
 
 def _summary(session: Session, options: RunOptions) -> str:
     report = session.report()
-    x, y, _ = session.world.base().position
+    places = []
+    for robot in session.robots:
+        x, y, _ = robot.world.base().position
+        places.append(f'{robot.name} at {x:.3f} {y:.3f} m')
     text = (
         f'{report["sim_time"]:.1f} s simulated in {report["wall_time"]:.1f} s '
-        f'(x{report["real_time_factor"]:.1f}); {options.robot} at {x:.3f} {y:.3f} m'
+        f'(x{report["real_time_factor"]:.1f}); {", ".join(places)}'
     )
     written = {'recorded to': options.record, 'report in': options.report}
     return '; '.join([text, *(f'{what} {path}' for what, path in written.items() if path)])

@@ -1,41 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run from start to end: robot, world, nodes in lock-step, keys, viewer, report."""
+"""One run from start to end: robots, nodes in lock-step, keys, viewer, report."""
 
 import math
 import sys
 import time
 from typing import Any, Protocol
 
-from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
-from mujoco_sim.simulator_node import SimulatorNode
-from mujoco_sim.usual_setup import usual_setup
 from mujoco_sim.viewer import Panel
 from mujoco_sim.viewer import WebView
+from mujoco_sim.world import World
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.time_source import TimeSource
 from robot_description.node_support import MessagePump
-from robot_description.state_publisher_node import StatePublisherNode
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import String
-from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.status_line import StatusLine
 
 from wasd_bringup.bag_recorder import BagRecorder
-from wasd_bringup.drive_mode import is_fake
+from wasd_bringup.driven_robot import build_robots
+from wasd_bringup.driven_robot import DrivenRobot
+from wasd_bringup.key_switch import KeySwitch
+from wasd_bringup.key_switch import SWITCH_KEY
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
-from wasd_bringup.report import build_report
-from wasd_bringup.report import Recorder
-from wasd_bringup.report import SAMPLE_PERIOD
+from wasd_bringup.report import join_reports
 from wasd_bringup.report import write_report
 from wasd_bringup.scripts import Player
-from wasd_bringup.scripts import TWIST_RATE
-from wasd_bringup.scripts import TwistPlayer
-from wasd_bringup.stack import make_stack
+from wasd_bringup.stack import Stack
 
 # The page gets so many pictures a second of wall time.
 FRAME_PERIOD = 1.0 / 60.0
@@ -52,16 +44,19 @@ class View(Protocol):
     def pressed_keys(self) -> list[str]:
         """Return the keys pressed in the viewer since the last call."""
 
+    def follow(self, world: World) -> None:
+        """Look at another robot."""
+
     def close(self) -> None:
         """End it."""
 
 
 class Session:
     """
-    All nodes of one robot in this process, and the loop that steps them.
+    All nodes of one robot or several in this process, and the loop that steps them.
 
     rclpy must be initialised. `run` returns when the duration is over or when `stop` says so;
-    `close` leaves the robot stopped, the report written and the nodes gone, in any case.
+    `close` leaves the robots stopped, the report written and the nodes gone, in any case.
     """
 
     def __init__(
@@ -72,7 +67,7 @@ class Session:
         recorder: BagRecorder | None = None,
     ) -> None:
         """
-        Load the robot and build everything; `visuals` are what viewers and pictures show.
+        Load the robots and build everything; `visuals` are what viewers and pictures show.
 
         A `recorder` is told the simulated time; whoever made it closes it after the session.
 
@@ -88,40 +83,48 @@ class Session:
         self._ended_at = math.inf
         self._status = StatusLine(sys.stdout)
         self._next_frame = self._next_messages = 0.0
-        loaded = load_robot(
-            options.description, options.package_path, options.xacro_arguments, options.strict
-        )
-        for line in loaded.repairs:
-            print(f'description: {line}', file=sys.stderr)
-        self._loaded = loaded
-        setup = usual_setup(loaded.robot, noise=options.estimator == 'kalman')
-        built = loaded.with_stand_in_masses() if is_fake(options) else loaded
-        self.world = build_world(built, options.world, options.seed, setup, visuals)
-        self.simulator = SimulatorNode(
-            loaded, self.world, lock_step=True, parameter_overrides=_overrides(options)
-        )
-        self._nodes.append(self.simulator)
-        self.simulation = self.simulator.simulation
-        self.stack = make_stack(loaded, self.world, options)
-        self._state_publisher = StatePublisherNode(loaded.urdf, lock_step=True)
-        self._keys = KeyPublisherNode()
-        self._keys.receivers.append(self.stack.press)
+        self.robots = build_robots(options, visuals)
+        self.simulation = self.robots[0].simulator.simulation
+        self._switch = KeySwitch(len(self.robots))
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
-        if self._writer is not None:
-            self._keys.receivers.append(self._save)
-        self._nodes += [*self.stack.nodes, self._state_publisher, self._keys]
+        self._nodes = [node for robot in self.robots for node in robot.nodes]
         self._pump = MessagePump()
         self._time_source = TimeSource()
         self._time_source.ros_time_is_active = True
         for node in self._nodes:
             self._pump.add_node(node)
             self._time_source.attach_clock(node.get_clock())
-        self._recorder = Recorder(self.world)
+        self._key_player = Player(options.keys or ())
         self._schedule()
-        self.simulation.on_reset.append(self.stack.reset)
+        self.simulation.on_reset += [robot.stack.reset for robot in self.robots]
         if recorder is not None:
             recorder.now = lambda: round(self.world.time * 1e9)
             self.simulation.on_reset.append(lambda: recorder.event('reset'))
+
+    @property
+    def robot(self) -> DrivenRobot:
+        """The robot that the keys drive."""
+        return self.robots[self._switch.active]
+
+    @property
+    def world(self) -> World:
+        """Its world."""
+        return self.robot.world
+
+    @property
+    def stack(self) -> Stack:
+        """Its nodes that drive."""
+        return self.robot.stack
+
+    @property
+    def help_lines(self) -> list[str]:
+        """The keys, for the terminal and the page."""
+        if len(self.robots) == 1:
+            return list(self.stack.help_lines)
+        lines = [f'{SWITCH_KEY} goes to the next robot']
+        for robot in self.robots:
+            lines += ['', f'{robot.name}:', *robot.stack.help_lines]
+        return lines
 
     def open_view(self, kind: str) -> str:
         """
@@ -131,7 +134,7 @@ class Session:
             SimulationError: the port is taken, or there is no display.
         """
         if kind == 'web':
-            panel = Panel(self._status_words, ['Click the scene first.', *self.stack.help_lines])
+            panel = Panel(self._status_words, ['Click the scene first.', *self.help_lines])
             web = WebView(self.world, self.stack.camera, panel, port=self._options.port)
             self._view = web
             return web.url
@@ -158,22 +161,14 @@ class Session:
 
     def report(self) -> dict[str, Any]:
         """Return the report of the run so far."""
-        options = self._options
-        asked = {
-            'robot': options.robot,
-            'description': self._loaded.record(),
-            'world': options.world,
-            'seed': options.seed,
-            'estimator': self.stack.estimator,
-        }
-        return build_report(
-            self._recorder, asked, self.world.time, self._wall_time, self.stack.ticks.summary()
-        )
+        reports = [robot.report(self._wall_time) for robot in self.robots]
+        return reports[0] if len(reports) == 1 else join_reports(reports)
 
     def close(self) -> None:
-        """Stop the robot, write the report, release everything."""
+        """Stop the robots, write the report, release everything."""
         try:
-            self.stack.close()
+            for robot in self.robots:
+                robot.stack.close()
             self._status.close()
             if self._writer is not None:
                 self._writer.close()
@@ -182,50 +177,44 @@ class Session:
         finally:
             if self._view is not None:
                 self._view.close()
-            self.simulator.close()
+            for robot in self.robots:
+                robot.simulator.close()
             self._pump.shutdown(timeout_sec=0.0)
             for node in self._nodes:
                 node.destroy_node()
 
     def _schedule(self) -> None:
         """Fix the order of one instant: time, scripts, controllers, publishers, report."""
-        options, schedule = self._options, self.simulation.schedule
-        self._key_player = Player(options.keys or ())
-        self._push_player = Player(options.pushes)
-        twists = TwistPlayer(options.twists or (), self.stack.drive)
-        schedule.every(self.stack.period, self._begin_instant)
-        if options.twists is not None:
-            schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
-        self.stack.schedule(schedule)
-        self.simulator.schedule_publishing()
-        state_period = 1.0 / self.simulator.settings.state_rate
-        schedule.every(state_period, self._publish_transforms)
-        schedule.every(state_period, lambda: self.simulator.truth.compare(self.stack.odometry))
-        schedule.every(SAMPLE_PERIOD, lambda: self._recorder.sample(self.stack.sample()))
+        schedule = self.simulation.schedule
+        schedule.every(min(robot.stack.period for robot in self.robots), self._begin_instant)
+        for robot in self.robots:
+            robot.schedule_control(schedule)
+        for robot in self.robots:
+            robot.schedule_publishing(schedule)
 
     def _begin_instant(self) -> None:
-        now = self.world.time
-        self._time_source.clock_callback(Clock(clock=self.simulator.stamp))
-        for push in self._push_player.due(now):
-            self.world.push(push.force, push.duration)
-        for press in self._key_player.due(now):
-            self._keys.publish_key(press.key)
+        self._time_source.clock_callback(Clock(clock=self.robots[0].simulator.stamp))
+        for robot in self.robots:
+            robot.begin_instant()
+        for press in self._key_player.due(self.world.time):
+            self._press(press.key)
 
-    def _publish_transforms(self) -> None:
-        joints = self.world.joints()
-        stamp = self.simulator.stamp
-        self._state_publisher.publish(self.world.joint_names, joints.position, stamp)
-
-    def _save(self, message: String) -> None:
-        """Write a key at the instant that it is in force from: the one that comes next."""
+    def _press(self, key: str) -> None:
+        """Give a key to the robot that it is for."""
         if self._writer is not None:
-            self._writer.write(self.world.time, message.data)
+            # At the instant that it is in force from: the one that comes next.
+            self._writer.write(self.world.time, key)
+        receiver = self._switch.receiver(key)
+        if receiver is not None:
+            self.robots[receiver].keys.publish_key(key)
+        elif self._view is not None:
+            self._view.follow(self.world)
 
     def _poll(self, timeout: float) -> None:
         """Look after everything that lives on wall time: keys, messages, the page, the status."""
         if self._reader is not None and not self._reader.closed:
             for key in self._reader.poll(timeout):
-                self._keys.publish_key(key)
+                self._press(key)
             timeout = 0.0
         now = time.monotonic()
         if timeout > 0.0 or now >= self._next_messages:
@@ -236,13 +225,14 @@ class Session:
             self._next_frame = now + FRAME_PERIOD
             self._view.sync()
             for key in self._view.pressed_keys():
-                self._keys.publish_key(key)
+                self._press(key)
         if self._bag is not None:
             self._bag.save_if_due()
         self._status.show('  '.join(self._status_words()), now)
 
     def _each_second(self) -> None:
-        self.simulator.publish_diagnostics(self.stack.state, self.stack.ticks)
+        for robot in self.robots:
+            robot.publish_diagnostics()
 
     def _keys_ended(self) -> bool:
         """Whether the pipe that gave the keys has ended and the robot has had time to stop."""
@@ -255,13 +245,5 @@ class Session:
     def _status_words(self) -> list[str]:
         factor = self.simulation.pacer.real_time_factor
         pace = 'paused' if self.simulation.paused else f'x{factor:.2f}'
-        return [*self.stack.status(), f'{self.world.time:.1f} s {pace}']
-
-
-def _overrides(options: RunOptions) -> list[Parameter]:
-    return [
-        Parameter('description', value=options.description),
-        Parameter('world', value=options.world),
-        Parameter('seed', value=options.seed),
-        Parameter('speed', value=options.speed),
-    ]
+        who = [f'[{self.robot.name}]'] if len(self.robots) > 1 else []
+        return [*who, *self.stack.status(), f'{self.world.time:.1f} s {pace}']

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One keyboard for several robots: no key reaches two, no end of a key reaches the wrong one."""
+
+from wasd_bringup.key_switch import KeySwitch
+
+
+def receivers(switch: KeySwitch, keys: str) -> list[int | None]:
+    """Return who gets each of the keys, which are parted by blanks."""
+    return [switch.receiver(key) for key in keys.split()]
+
+
+def test_tab_goes_from_robot_to_robot_and_is_for_none() -> None:
+    assert receivers(KeySwitch(2), 'w TAB i TAB w') == [0, None, 1, None, 0]
+
+
+def test_with_one_robot_tab_is_a_key_like_any_other() -> None:
+    assert receivers(KeySwitch(1), 'w TAB HELD+TAB') == [0, 0, 0]
+
+
+def test_a_key_held_over_a_switch_stays_with_its_robot_to_its_end() -> None:
+    keys = 'w HELD+w TAB HELD+w i HELD+i RELEASE+w RELEASE+i'
+    assert receivers(KeySwitch(2), keys) == [0, 0, None, 0, 1, 1, 0, 1]
+
+
+def test_holding_tab_switches_once() -> None:
+    assert receivers(KeySwitch(2), 'TAB HELD+TAB HELD+TAB RELEASE+TAB w') == [None] * 4 + [1]
+
+
+def test_a_key_let_go_begins_anew_with_the_robot_of_then() -> None:
+    keys = 'HELD+w RELEASE+w TAB HELD+w RELEASE+w'
+    assert receivers(KeySwitch(2), keys) == [0, 0, None, 1, 1]

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One robot of a session: its part of the world, its nodes, its scripts, its report."""
+
+import dataclasses
+import sys
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from mujoco_sim.loading import build_shared_world
+from mujoco_sim.loading import build_world
+from mujoco_sim.loading import load_robot
+from mujoco_sim.loading import LoadedRobot
+from mujoco_sim.robot_setup import RobotSetup
+from mujoco_sim.schedule import Schedule
+from mujoco_sim.simulation import Simulation
+from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.usual_setup import usual_setup
+from mujoco_sim.world import World
+import numpy as np
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from robot_description.conversions import to_transform
+from robot_description.pose import Pose
+from robot_description.state_publisher_node import StatePublisherNode
+from robot_description.tf import TfBroadcaster
+from teleop_keyboard.key_publisher_node import KeyPublisherNode
+
+from wasd_bringup.drive_mode import is_fake
+from wasd_bringup.options import RunOptions
+from wasd_bringup.report import build_report
+from wasd_bringup.report import Recorder
+from wasd_bringup.report import SAMPLE_PERIOD
+from wasd_bringup.scripts import Player
+from wasd_bringup.scripts import TWIST_RATE
+from wasd_bringup.scripts import TwistPlayer
+from wasd_bringup.stack import make_stack
+
+# Where robots that share a world start [m].
+PLACES = {'go2': (0.0, 0.6), 'mbot': (0.0, -0.6)}
+# The frame in which they share it.
+WORLD_FRAME = 'world'
+
+
+class DrivenRobot:
+    """
+    A robot with the nodes that simulate and drive it; `keys.publish_key` presses a key for it.
+
+    The session steps it: `begin_instant` first, then what was scheduled.
+    """
+
+    def __init__(
+        self,
+        options: RunOptions,
+        loaded: LoadedRobot,
+        world: World,
+        simulation: Simulation | None = None,
+    ) -> None:
+        self.options = options
+        self.world = world
+        self._loaded = loaded
+        self.simulator = SimulatorNode(
+            loaded,
+            world,
+            lock_step=True,
+            simulation=simulation,
+            parameter_overrides=_overrides(options),
+        )
+        self.stack = make_stack(loaded, world, options)
+        self._states = StatePublisherNode(loaded.urdf, lock_step=True, prefix=world.prefix)
+        self.keys = KeyPublisherNode(namespace=options.namespace)
+        self.keys.receivers.append(self.stack.press)
+        self.nodes: list[Node] = [self.simulator, *self.stack.nodes, self._states, self.keys]
+        self._recorder = Recorder(world)
+        self._pushes = Player(options.pushes)
+        if world.prefix:
+            self._say_where_odometry_begins()
+
+    @property
+    def name(self) -> str:
+        """What the robot is called."""
+        return self.options.robot
+
+    def schedule_control(self, schedule: Schedule) -> None:
+        """Have scripts and controllers stepped."""
+        options = self.options
+        if options.twists is not None:
+            twists = TwistPlayer(options.twists, self.stack.drive)
+            schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
+        self.stack.schedule(schedule)
+
+    def schedule_publishing(self, schedule: Schedule) -> None:
+        """Have the state published and sampled."""
+        self.simulator.schedule_publishing()
+        state_period = 1.0 / self.simulator.settings.state_rate
+        schedule.every(state_period, self._publish_transforms)
+        schedule.every(state_period, lambda: self.simulator.truth.compare(self.stack.odometry))
+        schedule.every(SAMPLE_PERIOD, lambda: self._recorder.sample(self.stack.sample()))
+
+    def begin_instant(self) -> None:
+        """Put the pushes in force that are due."""
+        for push in self._pushes.due(self.world.time):
+            self.world.push(push.force, push.duration)
+
+    def publish_diagnostics(self) -> None:
+        """Tell how the controller does."""
+        self.simulator.publish_diagnostics(self.stack.state, self.stack.ticks)
+
+    def report(self, wall_time: float) -> dict[str, Any]:
+        """Return what happened so far; the run has taken `wall_time` [s]."""
+        options = self.options
+        asked = {
+            'robot': options.robot,
+            'description': self._loaded.record(),
+            'world': options.world,
+            'seed': options.seed,
+            'estimator': self.stack.estimator,
+        }
+        ticks = self.stack.ticks.summary()
+        return build_report(self._recorder, asked, self.world.time, wall_time, ticks)
+
+    def _publish_transforms(self) -> None:
+        joints = self.world.joints()
+        stamp = self.simulator.stamp
+        self._states.publish(self.world.joint_names, joints.position, stamp)
+
+    def _say_where_odometry_begins(self) -> None:
+        start = Pose(np.array([*self.world.setup.place, 0.0]), np.eye(3))
+        frame = f'{self.world.prefix}odom'
+        self._static = TfBroadcaster(self.simulator, static=True)
+        self._static.send([to_transform(start, WORLD_FRAME, frame, Time())])
+
+
+def build_robots(options: RunOptions, visuals: bool) -> list[DrivenRobot]:
+    """
+    Load what the options name into one world, with its nodes.
+
+    Raises:
+        UserError: what is wrong with what was asked for, in one line.
+    """
+    parts = options.per_robot()
+    loaded = [_load(part) for part in parts]
+    setups = [_setup(part, robot) for part, robot in zip(parts, loaded, strict=True)]
+    if len(parts) == 1:
+        built = loaded[0].with_stand_in_masses() if is_fake(options) else loaded[0]
+        world = build_world(built, options.world, options.seed, setups[0], visuals)
+        return [DrivenRobot(options, loaded[0], world)]
+    prefixes = [f'{part.namespace}/' for part in parts]
+    members = list(zip(prefixes, loaded, setups, strict=True))
+    worlds = build_shared_world(members, options.world, options.seed, visuals)
+    robots: list[DrivenRobot] = []
+    for part, robot, world in zip(parts, loaded, worlds, strict=True):
+        shared = robots[0].simulator.simulation if robots else None
+        robots.append(DrivenRobot(part, robot, world, shared))
+    return robots
+
+
+def _load(options: RunOptions) -> LoadedRobot:
+    loaded = load_robot(
+        options.description, options.package_path, options.xacro_arguments, options.strict
+    )
+    for line in loaded.repairs:
+        print(f'description: {line}', file=sys.stderr)
+    return loaded
+
+
+def _setup(options: RunOptions, loaded: LoadedRobot) -> RobotSetup:
+    setup = usual_setup(loaded.robot, noise=options.estimator == 'kalman')
+    if not options.namespace:
+        return setup
+    return dataclasses.replace(setup, place=PLACES[options.robot])
+
+
+def _overrides(options: RunOptions) -> list[Parameter]:
+    return [
+        Parameter('description', value=options.description),
+        Parameter('world', value=options.world),
+        Parameter('seed', value=options.seed),
+        Parameter('speed', value=options.speed),
+    ]
