@@ -73,16 +73,19 @@ class SensorPublisher:
         """
         self._world = world
         self._noise = noise
+        found = read_sensor_tags(loaded.urdf, loaded.robot)
+        for note in found.notes:
+            node.get_logger().warning(note)
         lidars, cameras = (
             [dataclasses.replace(tag, frame=world.prefix + tag.frame) for tag in tags]
-            for tags in read_sensor_tags(loaded.urdf, loaded.robot)
+            for tags in (found.lidars, found.cameras)
         )
         robot, snapshot = loaded.robot, Snapshot(world)
-        found = [Camera(tag, world, robot, snapshot, camera_scale) for tag in cameras]
-        self._darkroom = _Darkroom(node, world, found)
+        made = [Camera(tag, world, robot, snapshot, camera_scale) for tag in cameras]
+        self._darkroom = _Darkroom(node, world, made)
         outputs: list[_Scan | _Film] = []
         outputs += [_Scan(node, Lidar(tag, world, robot, snapshot)) for tag in lidars]
-        outputs += [_Film(node, camera, self._darkroom) for camera in found]
+        outputs += [_Film(node, camera, self._darkroom) for camera in made]
         self._outputs = [(_Beat(output.rate), output) for output in outputs]
 
     def step(self) -> None:

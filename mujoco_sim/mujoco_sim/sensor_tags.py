@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import replace
 import math
+import re
+from typing import NamedTuple
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -18,7 +20,7 @@ from mujoco_sim.errors import SimulationError
 LIDAR_TYPES = ('ray', 'gpu_ray', 'lidar', 'gpu_lidar')
 COLOUR_TYPES = ('camera',)
 DEPTH_TYPES = ('depth', 'depth_camera')
-COLOUR_AND_DEPTH_TYPES = ('rgbd', 'rgbd_camera')
+CAMERA_TYPES = (*COLOUR_TYPES, *DEPTH_TYPES, 'rgbd', 'rgbd_camera')
 # More than this is a typing error: rays of a scan, pixels of an image's side.
 MOST_RAYS = 100_000
 LARGEST_IMAGE = 4096
@@ -65,38 +67,52 @@ class CameraTag(SensorTag):
     noise: float  # standard deviation of colour, as a share of full brightness
 
 
-def read_sensor_tags(urdf: str, robot: Robot) -> tuple[list[LidarTag], list[CameraTag]]:
+class SensorTags(NamedTuple):
+    """Lidars and cameras of a description, and in words what of them is not simulated."""
+
+    lidars: list[LidarTag]
+    cameras: list[CameraTag]
+    notes: list[str]
+
+
+def read_sensor_tags(urdf: str, robot: Robot) -> SensorTags:
     """
     Return the lidars and cameras of a URDF; sensors of other kinds are left to others.
 
-    Topics are relative, so that a namespace prefixes them. Where two sensors would publish one
-    topic, both get their sensor's name before it.
+    Topics are relative, so that a namespace prefixes them; what ROS does not allow in a name
+    becomes `_`. Where two sensors would publish one topic, both get their sensor's name before it.
 
     Raises:
-        SimulationError: a value that cannot be, or a link that is not there; names the sensor.
+        SimulationError: a value that cannot be; names the sensor.
     """
     lidars: list[LidarTag] = []
     cameras: list[CameraTag] = []
+    notes: list[str] = []
     for gazebo in ElementTree.fromstring(urdf).findall('gazebo'):
         link = gazebo.get('reference', '')
         for sensor in gazebo.findall('sensor'):
             kind = sensor.get('type', '')
-            if kind in LIDAR_TYPES:
-                lidars.append(_lidar(_Reader(sensor, link, robot)))
-            elif kind in COLOUR_TYPES + DEPTH_TYPES + COLOUR_AND_DEPTH_TYPES:
-                cameras.append(_camera(_Reader(sensor, link, robot), kind))
-    return _apart_lidars(lidars), _apart_cameras(cameras)
+            if kind not in LIDAR_TYPES + CAMERA_TYPES:
+                continue
+            reader = _Reader(sensor, link)
+            if link not in robot.links:
+                notes.append(f'sensor {reader.name!r} is on {link!r}, which is no link: left out')
+            elif kind in LIDAR_TYPES:
+                lidars.append(_lidar(reader))
+                if reader.number(_scan('vertical/samples'), 1) > 1:
+                    notes.append(f'sensor {reader.name!r}: of its rows of rays, one is simulated')
+            else:
+                cameras.append(_camera(reader, kind))
+    return SensorTags(_apart_lidars(lidars), _apart_cameras(cameras), notes)
 
 
 class _Reader:
     """Reads one `<sensor>`: numbers with their bounds, names of topics and frames."""
 
-    def __init__(self, tag: ElementTree.Element, link: str, robot: Robot) -> None:
+    def __init__(self, tag: ElementTree.Element, link: str) -> None:
         self.tag = tag
         self.name = tag.get('name', '') or tag.get('type', '')
         self.link = link
-        if link not in robot.links:
-            raise SimulationError(f'sensor {self.name!r} is on link {link!r}, not defined')
 
     def number(
         self, paths: str, default: float, least: float = -math.inf, most: float = math.inf
@@ -154,26 +170,32 @@ class _Reader:
         return next((text for text in texts if text is not None), None)
 
 
-def _lidar(reader: _Reader) -> LidarTag:
-    def path(tail: str) -> str:
-        return f'ray/{tail} lidar/{tail}'
+def _ray(tail: str) -> str:
+    """Return where both Gazebos have something of a lidar."""
+    return f'ray/{tail} lidar/{tail}'
 
-    low = reader.number(path('scan/horizontal/min_angle'), -math.pi)
-    nearest = reader.number(path('range/min'), 0.0, 0.0)
+
+def _scan(tail: str) -> str:
+    return _ray(f'scan/{tail}')
+
+
+def _lidar(reader: _Reader) -> LidarTag:
+    low = reader.number(_scan('horizontal/min_angle'), -math.pi)
+    nearest = reader.number(_ray('range/min'), 0.0, 0.0)
     return LidarTag(
         name=reader.name,
         link=reader.link,
         pose=reader.pose(),
         frame=reader.frame(),
         rate=reader.number('update_rate', 10.0, 0.001),
-        topic=reader.word('topicName', 'topic') or reader.remapped() or 'scan',
-        samples=int(reader.number(path('scan/horizontal/samples'), 360, 1, MOST_RAYS)),
+        topic=_legal(reader.word('topicName', 'topic') or reader.remapped() or 'scan'),
+        samples=int(reader.number(_scan('horizontal/samples'), 360, 1, MOST_RAYS)),
         min_angle=low,
-        max_angle=reader.number(path('scan/horizontal/max_angle'), math.pi, low),
+        max_angle=reader.number(_scan('horizontal/max_angle'), math.pi, low),
         min_range=nearest,
-        max_range=reader.number(path('range/max'), 10.0, nearest),
-        resolution=reader.number(path('range/resolution'), 0.0, 0.0),
-        noise=reader.number(f'{path("noise/stddev")} noise/stddev', 0.0, 0.0),
+        max_range=reader.number(_ray('range/max'), 10.0, nearest),
+        resolution=reader.number(_ray('range/resolution'), 0.0, 0.0),
+        noise=reader.number(f'{_ray("noise/stddev")} noise/stddev', 0.0, 0.0),
     )
 
 
@@ -187,7 +209,7 @@ def _camera(reader: _Reader, kind: str) -> CameraTag:
         depth = ''
 
     def topic(image: str) -> str:
-        return f'{name}/{image}' if image else ''
+        return _legal(f'{name}/{image}') if image else ''
 
     def info(element: str, image: str) -> str:
         beside = image.rpartition('/')[0]
@@ -213,10 +235,16 @@ def _camera(reader: _Reader, kind: str) -> CameraTag:
     )
 
 
+def _legal(topic: str) -> str:
+    """Return a topic of words that ROS allows: letters, digits and `_`, no digit first."""
+    words = (re.sub(r'\W', '_', word, flags=re.ASCII) for word in topic.split('/') if word)
+    return '/'.join(f'_{word}' if word[0].isdigit() else word for word in words)
+
+
 def _apart_lidars(lidars: Sequence[LidarTag]) -> list[LidarTag]:
     topics = [lidar.topic for lidar in lidars]
     return [
-        replace(lidar, topic=f'{lidar.name}/{lidar.topic}')
+        replace(lidar, topic=_legal(f'{lidar.name}/{lidar.topic}'))
         if topics.count(lidar.topic) > 1
         else lidar
         for lidar in lidars
@@ -230,6 +258,6 @@ def _apart_cameras(cameras: Sequence[CameraTag]) -> list[CameraTag]:
     for camera in cameras:
         used = {name: getattr(camera, name) for name in names if getattr(camera, name)}
         if any(topics.count(topic) > 1 for topic in used.values()):
-            used = {name: f'{camera.name}/{topic}' for name, topic in used.items()}
+            used = {name: _legal(f'{camera.name}/{topic}') for name, topic in used.items()}
         apart.append(replace(camera, **used))
     return apart

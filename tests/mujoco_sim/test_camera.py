@@ -56,7 +56,7 @@ def make(kinect, scene):
     """Return a function that puts the Kinect, changed as wanted, on the robot."""
 
     def make(scale=1.0, **changes):
-        _, (tag,) = read_sensor_tags(kinect.urdf, kinect.robot)
+        _, (tag,), _ = read_sensor_tags(kinect.urdf, kinect.robot)
         return Camera(replace(tag, **changes), scene, kinect.robot, Snapshot(scene), scale)
 
     return make
