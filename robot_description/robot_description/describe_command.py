@@ -133,6 +133,8 @@ def _expand(options: argparse.Namespace) -> int:
     if options.output is None:
         sys.stdout.write(expansion.urdf)
     else:
+        if options.output.resolve() in {file.resolve() for file in expansion.files}:
+            raise UserError(f'--output {options.output}: is a source; it is not written over')
         write_file(options.output, expansion.urdf)
     return 0
 
@@ -237,6 +239,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit status: 0, 1 with findings, 2 for a mistake."""
     from robot_description.robots import description_path
 
+    # URDF is UTF-8 whatever the terminal is; file names need not be text at all.
+    sys.stdout.reconfigure(encoding='utf-8', errors='backslashreplace')  # type: ignore[union-attr]
     try:
         options = read_command_line(sys.argv[1:] if argv is None else argv)
         options.path = description_path(options.path)

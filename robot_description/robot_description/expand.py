@@ -16,10 +16,11 @@ LONGEST_REASON = 300
 
 
 class Expansion(NamedTuple):
-    """An expanded file: its elements know their places; `warnings` are xacro's."""
+    """An expanded file: its elements know their places; `warnings` are xacro's, `files` read."""
 
     document: minidom.Document
     warnings: tuple[tuple[Place | None, str], ...]
+    files: tuple[Path, ...]
 
     @property
     def urdf(self) -> str:
@@ -64,7 +65,7 @@ def run_session(session: XacroSession) -> Expansion:
         document = session.run()
     except Exception as error:  # xacro raises a dozen unrelated types
         raise _located(error, session) from None
-    return Expansion(document, tuple(session.warnings))
+    return Expansion(document, tuple(session.warnings), tuple(session.sources))
 
 
 def _located(error: Exception, session: XacroSession) -> DescriptionError:

@@ -28,13 +28,10 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
     """
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(handle, 'rb') as file:
+        with open(handle, 'rb') as file:
             status = os.fstat(handle)
-            if stat.S_ISDIR(status.st_mode):
-                raise DescriptionError(f'{path}: is a folder, wanted a file')
-            if not stat.S_ISREG(status.st_mode):
-                raise DescriptionError(f'{path}: is a device or pipe, wanted a file')
-            data = file.read(largest + 1)
+            is_file = stat.S_ISREG(status.st_mode)
+            data = file.read(largest + 1) if is_file else b''
     except FileNotFoundError:
         raise DescriptionError(f'{path}: no such file') from None
     except IsADirectoryError:
@@ -42,6 +39,8 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = getattr(error, 'strerror', None) or str(error)
         raise DescriptionError(f'{path}: {reason}') from None
+    if not is_file:
+        raise DescriptionError(f'{path}: is a device or pipe, wanted a file')
     if len(data) > largest:
         size = max(status.st_size, len(data))
         raise DescriptionError(

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
+import os
+import subprocess
+import sys
 
 import pytest
 from robot_description.describe_command import main
@@ -45,3 +48,26 @@ def test_a_mistake_is_one_line_and_status_2(words, said, capsys):
     assert said in line
     assert line.startswith('error: ')
     assert line.count('\n') == 1
+
+
+def test_expand_does_not_write_over_a_source(tmp_path, capsys):
+    path = tmp_path / 'robot.urdf'
+    path.write_text('<robot name="robot"><link name="base"/></robot>')
+    assert main(['expand', str(path), '--output', str(tmp_path / '.' / 'robot.urdf')]) == 2
+    assert 'is a source; it is not written over' in capsys.readouterr().err
+    assert path.read_text().startswith('<robot')
+
+
+@pytest.mark.parametrize('command', ['expand', 'lint', 'fix', 'info'])
+def test_every_command_reads_and_writes_utf8_whatever_the_locale_is(command, tmp_path):
+    path = tmp_path / os.fsdecode(b'robot\xff.urdf')
+    path.write_text(
+        '<robot name="robot"><link name="räder"/><link name="räder"/></robot>', encoding='utf-8'
+    )
+    done = subprocess.run(
+        [sys.executable, '-m', 'robot_description.describe_command', command, str(path)],
+        env={**os.environ, 'LC_ALL': 'C', 'PYTHONUTF8': '0', 'PYTHONCOERCECLOCALE': '0'},
+        capture_output=True,
+    )
+    assert b'Traceback' not in done.stderr
+    assert done.returncode == {'expand': 0, 'lint': 1, 'fix': 1, 'info': 2}[command]

@@ -182,6 +182,11 @@ def test_it_is_refused_in_one_line_at_once(name, said):
     assert seconds < 2.0
 
 
+@pytest.mark.parametrize('name', PATHS)
+def test_the_path_is_named_once(name, said):
+    assert said[name][0].count(name) == 1
+
+
 @pytest.mark.parametrize('name', TEXTS)
 def test_the_line_is_named(name, said):
     assert 'robot.xacro:' in said[name][0] or 'two.xacro:' in said[name][0]

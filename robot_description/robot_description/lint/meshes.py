@@ -35,10 +35,12 @@ def check_meshes(model: Model, robot: Robot) -> Iterator[Finding]:
 
 
 def _place(model: Model, record: MeshRecord) -> Place:
-    for tag in model.links[record.link].walk():
+    """Return where a link names the mesh; other links may name it, too."""
+    link = model.links.get(record.link, model.robot)
+    for tag in (*link.walk(), *model.robot.walk()):
         if tag.tag == 'mesh' and tag.attributes.get('filename') == record.url:
             return tag.place
-    return model.links[record.link].place
+    return link.place
 
 
 def better_url(file: Path) -> str:
