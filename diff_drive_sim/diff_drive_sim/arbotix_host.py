@@ -31,10 +31,15 @@ class ArbotixHost:
     ) -> None:
         self._ticks_meter = ticks_meter
         self._base_width = base_width
+        self._rate = rate
         self._period = round(1e9 / rate)
-        self._timeout = round(1e9 * timeout)
-        self._step = int(accel_limit * ticks_meter / rate)
+        self.configure(timeout, accel_limit)
         self.reset(0)
+
+    def configure(self, timeout: float, accel_limit: float) -> None:
+        """Go on with another time-out [s] and ramp [m/s^2, as it were]."""
+        self._timeout = round(1e9 * timeout)
+        self._step = int(accel_limit * self._ticks_meter / self._rate)
 
     def reset(self, now: int) -> None:
         """Begin at a time [ns], at rest."""

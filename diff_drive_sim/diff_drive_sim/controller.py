@@ -5,6 +5,7 @@ import math
 from typing import NamedTuple, Protocol
 
 from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.limits import AxisLimits
 from diff_drive_sim.limits import AxisRamp
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.odometry import WheelOdometry
@@ -81,6 +82,7 @@ class DiffDriveController:
     def __init__(self, geometry: DiffDriveGeometry, parameters: DiffDriveParameters) -> None:
         self.geometry = geometry
         self.odometry = WheelOdometry(geometry, window=parameters.velocity_rolling_window_size)
+        self._linear, self._angular = AxisRamp(AxisLimits()), AxisRamp(AxisLimits())
         self.parameters = parameters
         self.refused_commands = 0
         self.reset()
@@ -110,18 +112,17 @@ class DiffDriveController:
     @parameters.setter
     def parameters(self, parameters: DiffDriveParameters) -> None:
         self._parameters = parameters
-        velocity = getattr(self, 'velocity', Velocity())
         linear = parameters.linear_limits()
         angular = parameters.angular_limits(self.geometry.wheel_separation)
-        self._linear = AxisRamp(linear, velocity.linear)
-        self._angular = AxisRamp(angular, velocity.angular)
+        self._linear.limits, self._angular.limits = linear, angular
         self.odometry.growth = Growth(
             parameters.distance_variance, parameters.turn_variance, parameters.drift_variance
         )
-        fastest = self.geometry.wheel_speeds(
-            max(linear.forward, linear.backward), max(angular.forward, angular.backward)
-        )
-        self.odometry.speed_limit = min(max(map(abs, fastest)), self.geometry.speed_limit)
+        geometry = self.geometry
+        rim = max(linear.forward, linear.backward)
+        rim += 0.5 * geometry.wheel_separation * max(angular.forward, angular.backward)
+        smallest = min(geometry.left_radius, geometry.right_radius)
+        self.odometry.speed_limit = min(rim / smallest, geometry.speed_limit)
 
     @property
     def target(self) -> Velocity:

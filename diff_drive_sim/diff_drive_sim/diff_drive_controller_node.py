@@ -265,9 +265,10 @@ class DiffDriveControllerNode(Node):
         """Return the names under which this node publishes the wheels' states; none if others."""
         geometry, wanted = self.controller.geometry, self.settings.joint_names
         described = (geometry.left_joint, geometry.right_joint)
-        names = described if alone and wanted in ('urdf', 'both') else ()
-        arbotix = wanted in ('arbotix', 'both') and described != ARBOTIX_JOINTS
-        return (*names, *ARBOTIX_JOINTS) if arbotix else names
+        if described == ARBOTIX_JOINTS:
+            return described if alone else ()
+        names = described if alone and wanted != 'arbotix' else ()
+        return names if wanted == 'urdf' else (*names, *ARBOTIX_JOINTS)
 
 
 def _seconds(stamp: Any) -> float:

@@ -29,18 +29,24 @@ class LegacyController:
     ) -> None:
         """Take the wheels and how many ticks there are to a radian."""
         self.geometry = geometry
-        self.parameters = parameters
         self.refused_commands = 0
         self._scale = scale
-        accel_limit = parameters.accel_limit
-        self.host = ArbotixHost(
-            parameters.ticks_meter,
-            geometry.wheel_separation,
-            parameters.rate,
-            parameters.cmd_vel_timeout,
-            DEFAULT_ACCEL_LIMIT if math.isnan(accel_limit) else accel_limit,
-        )
+        self.host = ArbotixHost(parameters.ticks_meter, geometry.wheel_separation, parameters.rate)
+        self.parameters = parameters
         self.reset()
+
+    @property
+    def parameters(self) -> DiffDriveParameters:
+        """What is in force; time-out and ramp may change while it drives."""
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, parameters: DiffDriveParameters) -> None:
+        self._parameters = parameters
+        limit = parameters.accel_limit
+        self.host.configure(
+            parameters.cmd_vel_timeout, DEFAULT_ACCEL_LIMIT if math.isnan(limit) else limit
+        )
 
     def reset(self) -> None:
         """Stand still at the origin, with no command."""

@@ -85,7 +85,7 @@ class _OtherParticipant:
     def __init__(self, node: Node, message_type: type, topic: str) -> None:
         self._type = message_type
         self._context = Context()
-        self._context.init(domain_id=node.context.get_domain_id())
+        self._context.init(args=[], domain_id=node.context.get_domain_id())
         self._node = rclpy.create_node(
             f'{node.get_name()}_stamped_input',
             namespace=node.get_namespace(),

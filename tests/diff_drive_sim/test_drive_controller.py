@@ -217,3 +217,78 @@ def test_a_reset_forgets_command_speed_and_place(controller):
     assert controller.odometry_state == OdometryState()
     assert controller.step(99.0, 99.0, DT) == (0.0, 0.0)
     assert controller.odometry_state == OdometryState()
+
+
+def test_without_limits_odometry_still_believes_the_wheels(geometry):
+    nan = math.nan
+    controller = DiffDriveController(
+        replace(geometry, speed_limit=25.0),
+        DiffDriveParameters(linear_max_velocity=nan, angular_max_velocity=nan),
+    )
+    controller.step(0.0, 0.0, DT)
+    for index in range(1, 101):  # 0.1 rad each 5 ms: 1.2 m/s
+        controller.step(0.1 * index, 0.1 * index, DT)
+    assert controller.odometry_state.x == pytest.approx(100 * 0.1 * 0.06)
+    assert controller.odometry.restarts == 0
+
+
+def test_reverse_and_braking_have_limits_of_their_own(geometry):
+    parameters = replace(
+        LIMITS, linear_max_deceleration=-2.0, linear_min_velocity=-0.1, cmd_vel_timeout=9.0
+    )
+    controller = DiffDriveController(geometry, parameters)
+    controller.command(0.4, 0.0)
+    run(controller, 1.0)
+    controller.command(-0.5, 0.0)
+    speeds = [velocity.linear for velocity in run(controller, 1.0)]
+    assert speeds[0] == pytest.approx(0.4 - 2.0 * DT)
+    assert speeds[-1] == -0.1
+
+
+def test_a_limit_of_jerk_makes_the_stop_after_the_time_out_smooth_too(geometry):
+    parameters = replace(LIMITS, linear_max_jerk=2.0)
+    controller = DiffDriveController(geometry, parameters)
+    for _ in range(10):
+        controller.command(0.4, 0.0)
+        run(controller, 0.1)
+    speeds = [velocity.linear for velocity in run(controller, 2.0)]
+    slopes = [(b - a) / DT for a, b in zip(speeds, speeds[1:], strict=False)]
+    jerks = [(b - a) / DT for a, b in zip(slopes, slopes[1:], strict=False)]
+    assert speeds[-1] == 0.0
+    assert max(map(abs, jerks)) <= 2.0 + 1e-6
+    assert min(slopes) == pytest.approx(-0.5)
+
+
+def test_a_change_of_limits_on_a_ramp_keeps_speed_and_acceleration(geometry):
+    parameters = replace(LIMITS, linear_max_jerk=2.0)
+    controller = DiffDriveController(geometry, parameters)
+    controller.command(0.8, 0.0)
+    before = [velocity.linear for velocity in run(controller, 0.2)][-2:]
+    controller.parameters = replace(parameters, angular_max_velocity=1.0)
+    after = run(controller, DT)[0].linear
+    slopes = (before[1] - before[0]) / DT, (after - before[1]) / DT
+    assert slopes[1] - slopes[0] <= 2.0 * DT + 1e-9
+    assert slopes[1] >= slopes[0]
+
+
+def test_open_loop_counts_what_is_commanded(geometry):
+    controller = DiffDriveController(geometry, replace(LIMITS, open_loop=True))
+    controller.command(0.2, 0.0)
+    run(controller, 0.4)  # the wheels stand
+    path = 0.5 * 0.4**2 / 2.0
+    assert controller.odometry_state.x == pytest.approx(path, abs=0.2 * DT)
+    assert controller.odometry_state.linear > 0.1
+
+
+@pytest.mark.parametrize('window', [1, 10])
+def test_the_velocity_is_the_mean_over_the_window(geometry, window):
+    parameters = replace(LIMITS, velocity_rolling_window_size=window)
+    controller = DiffDriveController(geometry, parameters)
+    speeds = [0.1 if index % 2 else 0.3 for index in range(40)]  # a wheel that judders
+    angle = 0.0
+    for speed in speeds:
+        controller.step(angle, angle, DT)
+        angle += speed * DT / 0.06
+    # The last step looked at is the one before the last.
+    expected = sum(speeds[-1 - window : -1]) / window
+    assert controller.odometry_state.linear == pytest.approx(expected)

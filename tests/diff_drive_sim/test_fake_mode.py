@@ -15,6 +15,8 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 DT = 0.005
+URDF = ['left_wheel_joint', 'right_wheel_joint']
+ARBOTIX = ['base_l_wheel_joint', 'base_r_wheel_joint']
 
 
 def test_half_a_circle_ends_on_the_circle(geometry):
@@ -113,18 +115,14 @@ def test_alone_it_drives_publishes_and_stops_by_itself(alone, spawn, spin_until,
     spin_until(spawn.pump, lambda: len(peer.joints) > count + 5)
     assert node.controller.odometry_state.x == x
     last = peer.joints[-1]
-    assert last.name == ['left_wheel_joint', 'right_wheel_joint']
+    assert last.name == URDF
     assert list(last.position) == pytest.approx([x / 0.06] * 2, rel=1e-3)
     assert list(last.velocity) == [0.0, 0.0]
     assert node.count_publishers('joint_commands') == 0
 
 
-def test_alone_it_may_have_the_names_of_arbotix(alone):
-    _, peer = alone(mode='fake', joint_names='both')
-    assert peer.joints[-1].name == [
-        'left_wheel_joint',
-        'right_wheel_joint',
-        'base_l_wheel_joint',
-        'base_r_wheel_joint',
-    ]
-    assert len(peer.joints[-1].position) == 4
+@pytest.mark.parametrize(('names', 'expected'), [('both', URDF + ARBOTIX), ('arbotix', ARBOTIX)])
+def test_alone_it_may_have_the_names_of_arbotix(alone, names, expected):
+    _, peer = alone(mode='fake', joint_names=names)
+    assert peer.joints[-1].name == expected
+    assert len(peer.joints[-1].position) == len(expected)

@@ -127,12 +127,14 @@ class MbotStack:
         """Return this instant for the report."""
         controller = self._driver.controller
         pose = controller.odometry_state
-        touching = self._world.contact_forces(self._wheel_links) > 0.0
+        # Without physics there is nothing that presses.
+        links = self._wheel_links
+        forces = self._world.contact_forces(links) * (not self._driver.is_fake)
         return Sample(
             controller.state,
             (controller.target.linear, 0.0, controller.target.angular),
             (pose.x, pose.y, pose.yaw),
-            touching.astype(int).tolist(),
+            (forces > 0.0).astype(int).tolist(),
         )
 
     def status(self) -> list[str]:
