@@ -116,6 +116,21 @@ def test_the_packages_are_those_of_the_design():
     assert set(PACKAGES) == set(BELOW)
 
 
+def test_colcon_finds_no_other_packages():
+    # It looks into no folder that is a package or has a COLCON_IGNORE.
+    others = [
+        path.relative_to(ROOT)
+        for path in ROOT.rglob('package.xml')
+        if path.parent.parent != ROOT and not path.relative_to(ROOT).parts[0].startswith('.')
+    ]
+    hidden = [
+        path
+        for path in others
+        if any((ROOT / folder / 'COLCON_IGNORE').is_file() for folder in path.parents)
+    ]
+    assert [str(path) for path in others if path not in hidden] == []
+
+
 @pytest.mark.parametrize('package', PACKAGES)
 def test_logic_imports_no_ros(package):
     offences = [
