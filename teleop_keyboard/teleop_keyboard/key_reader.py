@@ -133,7 +133,7 @@ class KeyReader:
     def poll(self, timeout: float) -> list[str]:
         """Wait at most `timeout` [s] of wall time for keys and return them in order."""
         self._ask()
-        sources = [source for source in self._decoders if not source.closed]
+        sources = [source for source in self._decoders if self._is_readable(source)]
         now = time.monotonic()
         if self._pending_since:
             age = now - min(self._pending_since.values())
@@ -154,6 +154,10 @@ class KeyReader:
         """Return single characters from now on instead of names of keys."""
         self._decoders = {source: CharacterDecoder() for source in self._decoders}
         self._has_asked = True
+
+    def _is_readable(self, source: Source) -> bool:
+        """Whether keys may come from a source: reading another job's terminal would stop us."""
+        return not source.closed and (source is not self.terminal or self.terminal.is_ours)
 
     @property
     def _down(self) -> tuple[str, ...]:

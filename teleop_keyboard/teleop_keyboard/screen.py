@@ -8,6 +8,7 @@ from typing import TextIO
 from teleop_keyboard.dashboard import ASCII
 from teleop_keyboard.dashboard import FULL
 from teleop_keyboard.dashboard import Line
+from teleop_keyboard.terminal import may_draw_on
 from teleop_keyboard.terminal import understands_escapes
 
 # A page is rewritten at most this often: fluent, and cheap over a slow connection [s].
@@ -58,6 +59,8 @@ class Screen:
         if not self._is_terminal or now - self._shown_at < REFRESH_PERIOD:
             return
         self._shown_at = now
+        if not may_draw_on(self._stream):
+            return
         size = shutil.get_terminal_size()
         lines = page(size.columns, size.lines)
         if self._is_open and self._shown == (size, *lines):

@@ -4,6 +4,7 @@
 import shutil
 from typing import TextIO
 
+from teleop_keyboard.terminal import may_draw_on
 from teleop_keyboard.terminal import understands_escapes
 
 # The line is rewritten at most this often: readable, and cheap over a slow connection [s].
@@ -27,6 +28,8 @@ class StatusLine:
     def show(self, text: str, now: float) -> None:
         """Show a text, unless the last one is younger than the refresh period; `now` in [s]."""
         if not self._is_terminal or now - self._shown_at < REFRESH_PERIOD:
+            return
+        if not may_draw_on(self._stream):
             return
         text = text[: shutil.get_terminal_size().columns - 1]
         if text != self._shown:

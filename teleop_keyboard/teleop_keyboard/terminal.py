@@ -66,6 +66,11 @@ class Terminal:
         return self._closed
 
     @property
+    def is_ours(self) -> bool:
+        """Whether its keys are for us; after `bg` they are the shell's."""
+        return _is_foreground(self._descriptor)
+
+    @property
     def tells_releases(self) -> bool:
         """Whether the terminal was told to report when a key is released."""
         return self._tells_releases
@@ -217,6 +222,15 @@ def open_terminal() -> Terminal:
 def understands_escapes(stream: TextIO) -> bool:
     """Whether a text may move the cursor and set colours where a stream goes."""
     return stream.isatty() and not _is_dumb()
+
+
+def may_draw_on(stream: TextIO) -> bool:
+    """Whether what stands where a stream goes is ours to rewrite; after `bg` it is not."""
+    try:
+        return _is_foreground(stream.fileno())
+    except OSError:
+        # No file of the system's.
+        return True
 
 
 def tolerate_any_text() -> None:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """However a teleoperation ends, or is cut off, the robot stands soon after."""
 
+from pathlib import Path
+import re
 import signal
 import time
 
@@ -14,9 +16,12 @@ pytestmark = pytest.mark.slow
 TELEOP = ('-m', 'teleop_keyboard.teleop_node')
 
 # A shell with job control: it starts the program as its foreground job, waits until the job is
-# stopped, says so, and brings it back to the foreground when a line comes on descriptor 3.
+# stopped, says so, and has it go on behind (bg) and then in front (fg), each when a file is there.
 SHELL = """
-import os, signal, sys
+import os, signal, sys, time
+def wait_for(name):
+    while not os.path.exists(os.path.join(os.environ['FOLDER'], name)):
+        time.sleep(0.01)
 signal.signal(signal.SIGTTOU, signal.SIG_IGN)
 job = os.fork()
 if job == 0:
@@ -30,8 +35,10 @@ while True:
         break
     os.tcsetpgrp(0, os.getpgrp())
     print('SUSPENDED', flush=True)
-    while not os.path.exists(os.environ['RESUME']):
-        pass
+    wait_for('bg')
+    os.kill(job, signal.SIGCONT)
+    print('BEHIND', job, flush=True)
+    wait_for('fg')
     os.tcsetpgrp(0, job)
     os.kill(job, signal.SIGCONT)
 os.tcsetpgrp(0, os.getpgrp())
@@ -62,7 +69,7 @@ def drive(process, listener, key=b'i'):
 
 
 def stands(listener):
-    return velocities(listener)[-1] == STANDSTILL
+    return velocities(listener)[-1:] == [STANDSTILL]
 
 
 def test_ctrl_backslash_stops_the_robot_and_restores_the_terminal(pty_process, listener):
@@ -89,9 +96,10 @@ def test_a_closed_terminal_stops_the_robot(pty_process, listener):
     assert stands(listener)
 
 
-def test_ctrl_z_stops_the_robot_and_fg_goes_on(pty_process, listener, tmp_path):
-    resume = tmp_path / 'resume'
-    process = pty_process('-c', SHELL, *TELEOP, environment={'RESUME': str(resume)})
+def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
+    pty_process, listener, tmp_path
+):
+    process = pty_process('-c', SHELL, *TELEOP, environment={'FOLDER': str(tmp_path)})
     listener.probe(process)
     drive(process, listener)
     process.type(b'\x1a')
@@ -105,8 +113,19 @@ def test_ctrl_z_stops_the_robot_and_fg_goes_on(pty_process, listener, tmp_path):
     listener.settle()
     assert len(listener.twists) == count
 
+    (tmp_path / 'bg').touch()
+    process.wait_for(b'BEHIND')
+    job = re.search(rb'BEHIND (\d+)', process.output)[1].decode()
     process.output = b''
-    resume.touch()
+    process.type(b'X\n')
+    time.sleep(0.5)
+    # It neither draws nor reads, which would stop it again: what is typed is the shell's.
+    assert process.output == b'X\r\n'
+    assert Path(f'/proc/{job}/stat').read_text().rsplit(')', 1)[1].split()[0] != 'T'
+    assert stands(listener)
+
+    process.output = b''
+    (tmp_path / 'fg').touch()
     wait_until(lambda: process.is_raw)
     wait_until(lambda: b'\x1b[?1049h' in process.output)
     assert stands(listener)
