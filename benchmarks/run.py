@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 
+import describe
 import go2
 import mbot
 from mbot_accuracy import simulate
@@ -23,7 +24,12 @@ from table import describe_machine
 from table import format_table
 import teleop
 
-PARTS = {'mbot': mbot.measure, 'go2': go2.measure, 'teleop': teleop.measure}
+PARTS = {
+    'mbot': mbot.measure,
+    'go2': go2.measure,
+    'teleop': teleop.measure,
+    'describe': describe.measure,
+}
 
 
 def note(text: str) -> None:

@@ -1,22 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Mesh files as triangles: read with trimesh, kept in the user's cache."""
+"""Mesh files as triangles: read once, kept in the user's cache."""
 
 import contextlib
 import hashlib
+import json
 import os
 from pathlib import Path
+import struct
 import tempfile
 from typing import NamedTuple
 import zipfile
 
 import numpy as np
 
-from robot_description.mesh_axes import to_metres_z_up
-
 # Raise it when what is cached changes.
-CACHE_VERSION = 2
+CACHE_VERSION = 3
 # The largest mesh in example-robot-data, the Go1's trunk, has 29 MB.
 LARGEST_FILE = 200_000_000
+
+# glTF is in metres with y up, except what trimesh wrote. Other formats, but Collada, do not say
+# what they are in: they are taken as they are.
+GLTF = ('.glb', '.gltf')
+GLB_MAGIC = b'glTF'
+Y_TO_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 class Mesh(NamedTuple):
@@ -47,20 +53,38 @@ def load_mesh(path: Path) -> Mesh:
 
 
 def _read_mesh(path: Path) -> Mesh:
-    # Here, because it takes longer to load than everything else, and a cached mesh needs it not.
-    import trimesh
-
+    suffix = path.suffix.lower()
     try:
-        merged = trimesh.load_scene(path).to_mesh()
-        axes = to_metres_z_up(path)
+        # Here, because readers take longer to load than a cached mesh.
+        if suffix == '.dae':
+            from robot_description.collada_file import read_collada
+
+            vertices, faces = read_collada(path)
+        else:
+            import trimesh
+
+            merged = trimesh.load_scene(path).to_mesh()
+            vertices, faces = np.asarray(merged.vertices), np.asarray(merged.faces)
+            if suffix in GLTF and 'trimesh' not in _gltf_generator(path):
+                vertices = vertices @ Y_TO_Z_UP.T
     except Exception as error:  # every decoder raises its own
-        raise ValueError(f'{path}: {" ".join(str(error).split())}') from None
-    if not len(merged.faces):
+        raise ValueError(
+            f'{path}: {" ".join(str(error).split()) or type(error).__name__}'
+        ) from None
+    if not len(faces):
         raise ValueError(f'{path}: no triangles in it')
-    vertices = np.asarray(merged.vertices) @ axes.T
     if not np.isfinite(vertices).all():
         raise ValueError(f'{path}: some of its points are no numbers')
-    return Mesh(vertices.astype(np.float32), np.asarray(merged.faces, np.int32))
+    return Mesh(vertices.astype(np.float32), faces.astype(np.int32))
+
+
+def _gltf_generator(path: Path) -> str:
+    """Return the program that wrote a glTF file."""
+    data = path.read_bytes()
+    if data[:4] == GLB_MAGIC:
+        (length,) = struct.unpack_from('<I', data, 12)
+        data = data[20 : 20 + length]
+    return str(json.loads(data).get('asset', {}).get('generator', ''))
 
 
 def _digest(path: Path) -> str:

@@ -41,6 +41,7 @@ EXECUTABLES = {
 # Import name -> rosdep key where they differ; None: on the Python package index only.
 ROSDEP_KEYS = {
     'PIL': 'python3-pil',
+    'collada': None,
     'daqp': None,
     'mcap': None,
     'mujoco': None,
