@@ -21,6 +21,7 @@ from mujoco_sim.lidar import Lidar
 from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.mount import Snapshot
 from mujoco_sim.offscreen import Offscreen
+from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.sensor_conversions import ENCODINGS
 from mujoco_sim.sensor_conversions import to_camera_info
 from mujoco_sim.sensor_conversions import to_image
@@ -63,7 +64,7 @@ class SensorPublisher:
     """
 
     def __init__(
-        self, node: Node, loaded: LoadedRobot, world: World, noise: bool, camera_scale: float
+        self, node: Node, loaded: LoadedRobot, world: World, settings: SimulatorParameters
     ) -> None:
         """
         Find the sensors in the robot's description; nothing is rendered yet.
@@ -72,7 +73,7 @@ class SensorPublisher:
             SimulationError: a sensor that cannot be, in one line.
         """
         self._world = world
-        self._noise = noise
+        self._noise = settings.sensor_noise
         found = read_sensor_tags(loaded.urdf, loaded.robot)
         for note in found.notes:
             node.get_logger().warning(note)
@@ -81,7 +82,7 @@ class SensorPublisher:
             for tags in (found.lidars, found.cameras)
         )
         robot, snapshot = loaded.robot, Snapshot(world)
-        made = [Camera(tag, world, robot, snapshot, camera_scale) for tag in cameras]
+        made = [Camera(tag, world, robot, snapshot, settings.camera_scale) for tag in cameras]
         self._darkroom = _Darkroom(node, world, made)
         outputs: list[_Scan | _Film] = []
         outputs += [_Scan(node, Lidar(tag, world, robot, snapshot)) for tag in lidars]

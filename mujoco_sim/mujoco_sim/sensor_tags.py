@@ -106,6 +106,11 @@ def read_sensor_tags(urdf: str, robot: Robot) -> SensorTags:
     return SensorTags(_apart_lidars(lidars), _apart_cameras(cameras), notes)
 
 
+def has_camera(urdf: str, robot: Robot) -> bool:
+    """Return whether a robot needs others, and itself, to be there to be looked at."""
+    return bool(read_sensor_tags(urdf, robot).cameras)
+
+
 class _Reader:
     """Reads one `<sensor>`: numbers with their bounds, names of topics and frames."""
 

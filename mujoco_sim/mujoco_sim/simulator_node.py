@@ -37,6 +37,7 @@ from mujoco_sim.loading import load_robot
 from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.sensor_publisher import SensorPublisher
+from mujoco_sim.sensor_tags import has_camera
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.truth_publisher import TruthPublisher
@@ -103,8 +104,7 @@ class SimulatorNode(Node):
         if world.has_imu:
             self._imu = self.create_publisher(Imu, 'imu/data', RELIABLE)
         self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', RELIABLE)
-        noise, scale = self.settings.sensor_noise, self.settings.camera_scale
-        self._sensors = SensorPublisher(self, robot, world, noise, scale)
+        self._sensors = SensorPublisher(self, robot, world, self.settings)
         self.simulation.on_reset.append(self._sensors.reset)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
@@ -157,7 +157,8 @@ class SimulatorNode(Node):
     def _build_world(self, robot: LoadedRobot) -> World:
         setup = usual_setup(robot.robot, self.settings.sensor_noise)
         try:
-            return build_world(robot, self.settings.world, self.settings.seed, setup)
+            visuals = has_camera(robot.urdf, robot.robot)
+            return build_world(robot, self.settings.world, self.settings.seed, setup, visuals)
         except SimulationError as error:
             # What is an option of the `wasd` command is a parameter of the same name here.
             raise SimulationError(str(error).removeprefix('--')) from None

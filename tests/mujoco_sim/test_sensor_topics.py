@@ -9,6 +9,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
+from robot_description.mujoco_visuals import VISUAL_GROUP
 from robot_description.renderer_choice import find_renderer
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
@@ -171,3 +172,10 @@ def test_without_a_renderer_it_says_so_once_and_goes_on(start, listen, run, monk
     said = capfd.readouterr().err
     assert said.count('cameras have no pictures: no EGL or OSMesa library') == 1
     assert node.simulation.world.tick == 200
+
+
+@pytest.mark.parametrize(('robot', 'drawn'), [('mbot', True), ('mbot_bare', False)])
+def test_a_robot_with_a_camera_is_there_to_be_looked_at(spawn, robot, drawn):
+    node = spawn(SimulatorNode(parameter_overrides=[Parameter('description', value=robot)]))
+    groups = node.simulation.world.model.geom_group
+    assert (groups == VISUAL_GROUP).any() == drawn

@@ -12,6 +12,7 @@ from mujoco_sim.loading import load_robot
 from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.schedule import Schedule
+from mujoco_sim.sensor_tags import has_camera
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.usual_setup import usual_setup
@@ -140,6 +141,7 @@ def build_robots(options: RunOptions, visuals: bool) -> list[DrivenRobot]:
     parts = options.per_robot()
     loaded = [_load(part) for part in parts]
     setups = [_setup(part, robot) for part, robot in zip(parts, loaded, strict=True)]
+    visuals = visuals or any(has_camera(robot.urdf, robot.robot) for robot in loaded)
     if len(parts) == 1:
         built = loaded[0].with_stand_in_masses() if is_fake(options) else loaded[0]
         world = build_world(built, options.world, options.seed, setups[0], visuals)
