@@ -142,6 +142,7 @@ class Mbot:
 
     def __init__(self, listener, background):
         self.speeds = []
+        self._listener = listener
         listener.node.create_subscription(
             Odometry, 'ground_truth/odom', lambda m: self.speeds.append(m.twist.twist.linear.x), 10
         )
@@ -150,12 +151,13 @@ class Mbot:
         wait_until(lambda: self.speeds, 60.0)
 
     def drive(self, process):
-        """Hold a key until the robot moves."""
+        """Hold a key until the robot moves, and the listener hears why."""
+        self._listener.twists.clear()
 
         def drives():
             process.type(b'i')
             time.sleep(1 / 30)
-            return max(self.speeds[-10:]) > 0.1
+            return max(self.speeds[-10:]) > 0.1 and self._listener.twists
 
         wait_until(drives, 60.0)
 

@@ -88,10 +88,11 @@ def test_it_imports_nothing_that_the_stand_in_would_hide():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(('speed', 'turn'), [('0.1', '0.4'), ('0.3', '2')])
 def test_launched_it_reads_keys_and_arrows_and_drives_as_fast_as_it_was_told(
-    launch, pty_process, listener, tmp_path, speed, turn
+    launch, pty_process, listener, tmp_path
 ):
+    # Neither is the preset's, 0.5 and 1.
+    speed, turn = '0.1', '0.4'
     (node,) = launch.start(
         preset='arrows',
         scale_linear=speed,
@@ -112,7 +113,6 @@ def test_launched_it_reads_keys_and_arrows_and_drives_as_fast_as_it_was_told(
     assert velocities[0] == (float(speed), 0.0, 0.0, 0.0)
     assert set(velocities) == {velocities[0], (0.0, 0.0, 0.0, float(turn)), STANDSTILL}
     assert b'[teleop-1] keys UP' in process.output
-    listener.twists.clear()
     process.type(b'\x03')
     process.wait()
     deadline = time.monotonic() + 20.0
