@@ -2,6 +2,7 @@
 """From a robot's name and a world's name to a World."""
 
 from collections.abc import Mapping, Sequence
+import logging
 from pathlib import Path
 
 import mujoco
@@ -19,6 +20,8 @@ from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.scene import furnish
 from mujoco_sim.world import World
 
+# Without a handler Python writes warnings to standard error, a line each.
+LOGGER = logging.getLogger(__name__)
 LoadedRobot = Description
 
 
@@ -32,7 +35,7 @@ def load_robot(
     Expand and parse a description and find its meshes, all that something collides with.
 
     `search` are folders in which packages are looked for first, `arguments` are xacro arguments;
-    with `strict` every mesh has to be where the description says.
+    with `strict` every mesh has to be where the description says; else repairs are logged.
 
     Raises:
         DescriptionError: what is wrong with it, in one line.
@@ -42,6 +45,8 @@ def load_robot(
         loaded.meshes.check(strict)
     except DescriptionError as error:
         raise DescriptionError(f'{loaded.path}: {error}') from None
+    for line in loaded.repairs:
+        LOGGER.warning('description: %s', line)
     return loaded._replace(robot=equipped(loaded.robot))
 
 

@@ -24,9 +24,11 @@ from robot_description.mesh_report import MISSING
 from robot_description.mesh_url import MeshUrl
 from robot_description.mesh_url import read_url
 from robot_description.package_tree import dependencies
+from robot_description.package_tree import MANIFEST
 from robot_description.package_tree import manifest_name
 from robot_description.package_tree import own_folder
 from robot_description.package_tree import own_package
+from robot_description.packages import installed_folders
 from robot_description.packages import OWN_PACKAGES
 from robot_description.packages import PackageFinder
 from robot_description.urdf import Robot
@@ -84,6 +86,7 @@ class MeshResolver:
         self._package = own_package(description)
         self._finder = PackageFinder(search, description)
         self._files = cache(mesh_files)
+        self._roots = {self._own, *self._finder.search, *installed_folders()}
         self._trunk = {link for link, carrier in robot.carriers.items() if carrier == robot.root}
 
     def report(self) -> MeshReport:
@@ -101,6 +104,9 @@ class MeshResolver:
         for url, one in found.items():
             if one.file is None and not one.candidates:
                 found[url] = self._guess(url, links[url], used)
+        for url, one in found.items():
+            if one.file is not None and not self._may_read(one.file):
+                raise self._refusal(url, links[url])
         return MeshReport(
             tuple(self._record(url, link, use, found[url]) for url, link, use in uses)
         )
@@ -130,11 +136,21 @@ class MeshResolver:
         # An absolute path that is not there leads nowhere: it is somebody else's.
         outside = [place for place in places if place not in inside]
         if any(place.folder != ROOT or place.file.is_file() for place in outside):
-            raise DescriptionError(
-                f'link {link!r}: mesh {url!r} leads out of {self._own} and of the packages it '
-                'names; --package-path DIR allows a folder'
-            )
+            raise self._refusal(url, link)
         return Found((), None)
+
+    def _refusal(self, url: str, link: str) -> DescriptionError:
+        return DescriptionError(
+            f'link {link!r}: mesh {url!r} leads out of {self._own} and of the packages it names; '
+            '--package-path DIR allows a folder'
+        )
+
+    def _may_read(self, file: Path) -> bool:
+        """Whether a file is in a folder that may be read when all links are followed."""
+        real = file.resolve()
+        # A package that colcon installed by links has its files where its manifest is.
+        roots = self._roots | {(root / MANIFEST).resolve().parent for root in self._roots}
+        return any(real.is_relative_to(root.resolve()) for root in roots)
 
     def _places(self, url: MeshUrl) -> Iterator[Place]:
         """Yield where the file of a URL may be, the likelier place first."""
@@ -155,6 +171,7 @@ class MeshResolver:
         known = False
         for folder in self._finder.folders(package):
             known = True
+            self._roots.add(folder)
             foreign = ('foreign-package',) if self._is_foreign(package, folder) else ()
             yield Place(folder, path, (*kinds, *foreign))
         if not known:
@@ -185,7 +202,10 @@ class MeshResolver:
             return True
         package = own_package(place.file)
         name = manifest_name(package) if package is not None else None
-        return name is not None and any(package == known for known in self._finder.folders(name))
+        if package is None or name is None or package not in set(self._finder.folders(name)):
+            return False
+        self._roots.add(package)
+        return True
 
     def _moved(self, place: Place) -> Found | None:
         """Look for the file's name anywhere in the folder's package."""

@@ -2,6 +2,7 @@
 """What is drawn of a robot in MuJoCo: meshes where they are found, its primitives where not."""
 
 from collections.abc import Callable
+import logging
 from pathlib import Path
 
 import mujoco
@@ -11,6 +12,8 @@ from robot_description.errors import DescriptionError
 from robot_description.meshes import load_mesh
 from robot_description.mujoco_urdf import MeshUse
 
+# Without a handler Python writes warnings to standard error, a line each.
+LOGGER = logging.getLogger(__name__)
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
 
@@ -54,12 +57,14 @@ def fill_meshes(spec: mujoco.MjSpec, meshes: dict[str, MeshUse], find: FindMesh)
     for target in list(spec.meshes):
         url, scale = meshes[target.name]
         path = find(url)
+        if path is None:
+            _do_without(spec, target, f'mesh {url} not found')
+            continue
         try:
-            if path is None:
-                raise ValueError(f'mesh {url} not found')
             mesh = load_mesh(path)
-        except ValueError as error:
+        except (OSError, ValueError) as error:
             _do_without(spec, target, str(error))
+            LOGGER.warning('description: visual mesh left out: %s', error)
             continue
         target.file = ''
         target.uservert = (mesh.vertices * np.array(scale, np.float32)).flatten()

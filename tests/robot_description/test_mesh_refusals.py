@@ -72,6 +72,30 @@ def test_a_neighbour_package_may_be_named_by_its_path(resolve, package, make_pac
     assert first(resolve('../../cat/m/a.stl'))[1] == package.parent / 'cat/m/a.stl'
 
 
+def test_a_link_that_leads_out_is_refused_and_one_within_is_not(resolve, package, put):
+    put(package.parent / 'secret/a.stl', package / 'm/b.stl')
+    os.symlink(package.parent / 'secret/a.stl', package / 'm/a.stl')
+    with pytest.raises(DescriptionError, match=r"'package://dog/m/a.stl' leads out of"):
+        resolve('package://dog/m/a.stl')
+    os.symlink(package / 'm/b.stl', package / 'm/c.stl')
+    assert first(resolve('package://dog/m/c.stl')) == ('exact', package / 'm/c.stl')
+
+
+def test_a_package_that_is_installed_by_links_is_read(
+    resolve, package, put, make_package, monkeypatch
+):
+    # As `colcon build --symlink-install` does it.
+    prefix = package.parents[2] / 'install/cat'
+    source = make_package(package.parents[2] / 'elsewhere/cat', 'm/a.stl')
+    put(prefix / 'share/ament_index/resource_index/packages/cat')
+    (prefix / 'share/cat/m').mkdir(parents=True)
+    for name in ('package.xml', 'm/a.stl'):
+        os.symlink(source / name, prefix / 'share/cat' / name)
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(prefix))
+    found = prefix / 'share/cat/m/a.stl'
+    assert first(resolve('package://cat/m/a.stl')) == ('foreign-package', found)
+
+
 def test_links_in_a_circle_end(resolve, package, put):
     os.symlink(package, package / 'again')
     os.symlink(package / 'loop.stl', package / 'loop.stl')

@@ -165,9 +165,11 @@ def test_without_any_mesh_it_loads_and_shows_primitives(urdf):
         assert shown(model, body), body
 
 
-def test_a_mesh_that_cannot_be_read_shows_primitives_too(urdf, tmp_path):
+def test_a_mesh_that_cannot_be_read_shows_primitives_too_and_is_said(urdf, tmp_path, caplog):
     broken = tmp_path / 'broken.dae'
     broken.write_text('<COLLADA>')
     model = to_mujoco(urdf, parse_urdf(urdf), lambda url: broken, visuals=True).compile()
     assert model.nmesh == 0
     assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]
+    assert all('visual mesh left out' in record.message for record in caplog.records)
+    assert str(broken) in caplog.text

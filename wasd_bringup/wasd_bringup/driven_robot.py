@@ -2,7 +2,6 @@
 """One robot of a session: its part of the world, its nodes, its scripts, its report."""
 
 import dataclasses
-import sys
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -157,12 +156,9 @@ def build_robots(options: RunOptions, visuals: bool) -> list[DrivenRobot]:
 
 
 def _load(options: RunOptions) -> LoadedRobot:
-    loaded = load_robot(
+    return load_robot(
         options.description, options.package_path, options.xacro_arguments, options.strict
     )
-    for line in loaded.repairs:
-        print(f'description: {line}', file=sys.stderr)
-    return loaded
 
 
 def _setup(options: RunOptions, loaded: LoadedRobot) -> RobotSetup:
