@@ -91,6 +91,10 @@ class XacroSession:
             document: minidom.Document = xacro.process_file(
                 str(self.path), mappings=self._arguments
             )
+        for element in document.getElementsByTagName('*'):
+            for name, value in element.attributes.items():
+                if not isinstance(value, str):  # <xacro:attribute> leaves numbers
+                    element.setAttribute(name, str(value))
         for name in sorted(set(self._arguments) - self._arguments.asked):
             known = ', '.join(sorted(self._arguments.asked)) or 'none'
             self.warnings.append((None, f'no argument {name!r} here; it has: {known}'))

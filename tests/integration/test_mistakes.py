@@ -31,6 +31,8 @@ MISTAKES = [
     (['mbot', '--duration', '1', '--description', 'nowhere.xacro'], 'nowhere.xacro'),
     (['mbot', '--duration', '1', '--description', 'broken.twist'], 'not well-formed'),
     (['mbot', '--duration', '1', '--description', 'empty.urdf'], 'no links'),
+    (['mbot', '--duration', '1', '--description', 'laughs.urdf'], 'laughs.urdf:1: defines'),
+    (['mbot', '--duration', '1', '--description', '/dev/zero'], '/dev/zero: is a device'),
     (['mbot', '--duration', '1', '--description', 'brick.urdf'], 'needs 2 driven wheels'),
     (['mbot', '--duration', '1', '--preset', 'piano'], 'piano'),
     (['mbot', '--duration', '1', '--report', 'no/such/folder/r.json'], '--report'),
@@ -47,6 +49,9 @@ def files(tmp_path: Path) -> None:
     (tmp_path / 'broken.keys').write_text('0.5 i\n\nsoon i\n')
     (tmp_path / 'broken.twist').write_text('0 0.5 0 0\n1 fast\n')
     (tmp_path / 'empty.urdf').write_text('<robot name="empty"><mbot_base/></robot>')
+    (tmp_path / 'laughs.urdf').write_text(
+        '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]><robot name="&b;"/>'
+    )
     (tmp_path / 'brick.urdf').write_text(
         '<robot name="brick"><link name="base"><inertial><mass value="1"/>'
         '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>'
