@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from mujoco_sim.loading import build_world
 from mujoco_sim.mount import Snapshot
+from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.wheel_slip import slip
 from mujoco_sim.wheel_slip import WheelSlip
+from mujoco_sim.world import JointCommand
+import numpy as np
 import pytest
 
 RADIUS, HALF_TRACK = 0.06, 0.19
@@ -76,3 +80,19 @@ def test_at_rest_nothing_slips(measured):
 def test_a_robot_pushed_sideways_does_not_slip_along_its_wheels(measured):
     for wheel in measured(0.0, 0.0, 0.0, 0.0, sideways=0.5):
         assert wheel.speed == pytest.approx(0.0, abs=1e-12)
+
+
+def test_wheels_that_push_against_a_wall_spin_in_place(loaded):
+    room = build_world(loaded, 'room')
+    wheels = WheelSlip(room, loaded.robot, Snapshot(room))
+    room.data.qpos[0] = ROOM_SIZE / 2.0 - 0.21
+    zeros = np.zeros(2)
+    room.apply(JointCommand(zeros, np.full(2, 20.0), zeros, zeros, np.full(2, 0.3)))
+    room.step(500)
+    ratios = []
+    for _ in range(100):
+        room.step(20)
+        ratios.append([wheel.ratio for wheel in wheels.measure()])
+    # The drum bounces off the wall a little, so each by itself is around 1.
+    np.testing.assert_allclose(np.mean(ratios, axis=0), 1.0, atol=0.05)
+    assert np.min(ratios) > 0.3

@@ -7,6 +7,7 @@ import io
 from diff_drive_sim.controller_file import read_controller_file
 import numpy as np
 import pytest
+from wasd_bringup.calibrate import to_yaml
 from wasd_bringup.cli import main
 
 TRUE_RADIUS, TRUE_SEPARATION = 0.06, 0.38
@@ -52,6 +53,20 @@ def test_the_corrected_robot_returns_to_where_it_began(calibrated):
     assert f'{corrected:.2f} mm after' in file.read_text()
 
 
+def test_the_file_keeps_what_the_controller_was_started_with(tmp_path):
+    started = {'left_wheel_names': ['left_wheel_joint'], 'wheel_separation': 0.26, 'Kp': 12.0}
+    started['right_wheel_names'] = ['right_wheel_joint']
+    file = tmp_path / 'all.yaml'
+    file.write_text(to_yaml(started | {'wheel_separation_multiplier': 0.38 / 0.26}, 'why'))
+    values = read_controller_file(str(file)).values
+    assert {key: values[key] for key in ('wheel_separation', 'Kp')} == {
+        'wheel_separation': 0.26,
+        'Kp': 12.0,
+    }
+    assert values['left_wheel_names'] == ('left_wheel_joint',)
+    assert values['wheel_separation_multiplier'] == pytest.approx(0.38 / 0.26, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ('words', 'error'),
     [
@@ -63,6 +78,7 @@ def test_the_corrected_robot_returns_to_where_it_began(calibrated):
         (['--description', 'go2'], 'needs 2 driven wheels'),
         (['--controller', 'none.yaml'], 'none.yaml: No such file'),
         (['--output', 'no/such/folder.yaml'], '--output no/such/folder.yaml: wanted a file'),
+        (['--output', '.'], '--output .: wanted a file'),
         (['--package-path', 'no/such'], '--package-path no/such: no such folder'),
     ],
 )

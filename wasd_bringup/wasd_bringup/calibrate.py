@@ -24,6 +24,8 @@ from wasd_bringup.square_runs import drive_squares
 from wasd_bringup.square_runs import DrivenSquares
 from wasd_bringup.square_runs import SquareTest
 
+# A return error that needs no calibration [m].
+GOOD = 0.002
 RADIUS = 'wheel_radius'
 SEPARATION = 'wheel_separation'
 LEFT, RIGHT = 'left_wheel_radius_multiplier', 'right_wheel_radius_multiplier'
@@ -34,15 +36,16 @@ def calibrate_command(arguments: argparse.Namespace) -> int:
     """
     Drive squares, print what they say, and drive them again with it; return the exit status.
 
-    It is 1 when the corrected robot does not return better than the first one did.
+    It is 1 when the corrected robot returns worse than before, and worse than GOOD.
 
     Raises:
         UserError: what is wrong with the options, in one line.
     """
     test = _read_test(arguments)
-    believed = _read_belief(arguments)
-    if arguments.output is not None and not Path(arguments.output).absolute().parent.is_dir():
-        raise UsageError(f'--output {arguments.output}: wanted a file in a folder that exists')
+    believed = _read_belief(arguments, test)
+    output = None if arguments.output is None else Path(arguments.output)
+    if output is not None and (output.is_dir() or not output.absolute().parent.is_dir()):
+        raise UsageError(f'--output {output}: wanted a file in a folder that exists')
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
     with StopSignals() as signals:
         before = drive_squares(test, believed, signals, _say('as believed', test.count))
@@ -51,12 +54,15 @@ def calibrate_command(arguments: argparse.Namespace) -> int:
     first = umbmark(before.runs, test.side, before.geometry.wheel_separation)
     second = umbmark(after.runs, test.side, after.geometry.wheel_separation)
     print('\n'.join(report(test, before, first, second)))
-    text = to_yaml(corrected, arguments.wheel_separation, _heading(test, first, second))
+    text = to_yaml(corrected, _heading(test, first, second))
     print(f'\n{text}', end='')
-    if arguments.output is not None:
-        Path(arguments.output).write_text(text, encoding='utf-8')
-        print(f'\nwritten to {arguments.output}: wasd mbot --controller {arguments.output}')
-    return 0 if second.largest_error <= first.largest_error else 1
+    if output is not None:
+        try:
+            output.write_text(text, encoding='utf-8')
+        except OSError as error:
+            raise UsageError(f'--output {output}: {error.strerror}') from None
+        print(f'\nwritten to {output}: wasd mbot --controller {output}')
+    return 0 if second.largest_error <= max(first.largest_error, GOOD) else 1
 
 
 def multipliers(
@@ -102,13 +108,13 @@ def _ratio(wheels: Wheels, believed: Wheels) -> float:
     return right * believed.left_radius / wheels.left_radius
 
 
-def to_yaml(parameters: dict[str, Any], separation: float | None, heading: str) -> str:
-    """Return the file that the controller loads: multipliers and the separation they are of."""
-    chosen = {key: parameters[key] for key in (SEPARATION_MULTIPLIER, LEFT, RIGHT)}
-    rounded = {key: round(float(value), 6) for key, value in chosen.items()}
-    if separation is not None:
-        rounded = {SEPARATION: separation, **rounded}
-    body = yaml.safe_dump({NODE_NAME: {'ros__parameters': rounded}}, sort_keys=False)
+def to_yaml(parameters: dict[str, Any], heading: str) -> str:
+    """Return the file that the controller loads: what it was started with, and the multipliers."""
+    plain = {
+        key: round(value, 6) if isinstance(value, float) else value
+        for key, value in parameters.items()
+    }
+    body = yaml.safe_dump({NODE_NAME: {'ros__parameters': plain}}, sort_keys=False)
     return f'# {heading}\n{body}'
 
 
@@ -149,11 +155,13 @@ def _read_test(arguments: argparse.Namespace) -> SquareTest:
     )
 
 
-def _read_belief(arguments: argparse.Namespace) -> dict[str, Any]:
+def _read_belief(arguments: argparse.Namespace, test: SquareTest) -> dict[str, Any]:
     """Return the controller's parameters as the command line and its file give them."""
     parameters: dict[str, Any] = {}
     if arguments.controller is not None:
-        parameters = dict(read_controller_file(arguments.controller).values)
+        # YAML has lists, where our parameters are tuples.
+        given = read_controller_file(arguments.controller).values
+        parameters = {key: list(v) if isinstance(v, tuple) else v for key, v in given.items()}
     for option in ('wheel_separation', 'left_radius', 'right_radius'):
         value = getattr(arguments, option)
         if value is not None and not 0.001 <= value <= 10.0:
@@ -162,7 +170,7 @@ def _read_belief(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.wheel_separation is not None:
         parameters[SEPARATION] = arguments.wheel_separation
     if arguments.left_radius is not None or arguments.right_radius is not None:
-        loaded = load_robot(arguments.description, arguments.package_path)
+        loaded = load_robot(test.description, test.package_path)
         radius = parameters.get(RADIUS) or find_wheels(loaded.robot).wheel_radius
         for option, key in ((arguments.left_radius, LEFT), (arguments.right_radius, RIGHT)):
             if option is not None:
