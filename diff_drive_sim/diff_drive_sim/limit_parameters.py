@@ -22,9 +22,9 @@ def _lower(axis: str, what: str, unit: str, doc: str, nan: str) -> Any:
     return parameter(float('nan'), name=name, unit=unit, doc=doc, below=0.0, nan=nan)
 
 
-def _slowing_back(axis: str, unit: str) -> Any:
-    what, doc = 'max_deceleration_reverse', 'Most that slows it down when it goes backward'
-    return _upper(axis, what, unit, doc, float('nan'), 'the negative of max_deceleration')
+def _slowing_back(axis: str, unit: str, doc: str) -> Any:
+    what, nan = 'max_deceleration_reverse', 'the negative of max_deceleration'
+    return _upper(axis, what, unit, doc, float('nan'), nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,9 @@ class LimitParameters(Parameters):
         'Most that speeds it up backward',
         '-max_acceleration',
     )
-    linear_max_deceleration_reverse: float = _slowing_back('linear.x', 'm/s^2')
+    linear_max_deceleration_reverse: float = _slowing_back(
+        'linear.x', 'm/s^2', 'Most that slows it down when it goes backward'
+    )
     linear_max_jerk: float = _upper(
         'linear.x', 'max_jerk', 'm/s^3', 'Fastest growth of acceleration', float('nan')
     )
@@ -84,7 +86,9 @@ class LimitParameters(Parameters):
         'Most that speeds a right turn up',
         '-max_acceleration',
     )
-    angular_max_deceleration_reverse: float = _slowing_back('angular.z', 'rad/s^2')
+    angular_max_deceleration_reverse: float = _slowing_back(
+        'angular.z', 'rad/s^2', 'Most that slows a right turn down'
+    )
     angular_max_jerk: float = _upper(
         'angular.z', 'max_jerk', 'rad/s^3', 'Fastest growth of acceleration', float('nan')
     )

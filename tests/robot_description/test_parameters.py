@@ -84,3 +84,54 @@ def test_an_unknown_key_names_its_neighbour():
 def test_an_unknown_key_without_a_neighbour_lists_what_is_known():
     with pytest.raises(InvalidParameter, match='known: speed, gain, count, mode, loud'):
         Arm.from_mapping({'xyz': 1.0})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leg(Parameters):
+    fastest: float = parameter(math.nan, name='knee.max', doc='', unit='m/s', above=0.0, nan='off')
+    slowest: float = parameter(-1.0, name='knee.min', doc='', below=0.0)
+    variances: tuple[float, ...] = parameter((0.0, 1.0), doc='', minimum=0.0)
+    joints: tuple[str, ...] = parameter((), doc='')
+
+
+def test_a_name_with_dots_is_what_mappings_and_errors_have():
+    leg = Leg.from_mapping({'knee.max': 2, 'knee.min': -0.5})
+    assert (leg.fastest, leg.slowest) == (2.0, -0.5)
+    with pytest.raises(InvalidParameter, match="unknown parameter 'fastest'"):
+        Leg.from_mapping({'fastest': 2.0})
+
+
+def test_nan_is_legal_where_it_has_a_meaning():
+    assert math.isnan(Leg().fastest)
+    with pytest.raises(InvalidParameter, match='knee.min must be a finite number, got nan'):
+        Leg(slowest=math.nan)
+
+
+def test_lists_are_kept_as_tuples():
+    leg = Leg(variances=[1, 2.5], joints=['a', 'b'])
+    assert (leg.variances, leg.joints) == ((1.0, 2.5), ('a', 'b'))
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'message'),
+    [
+        ('knee.max', 0.0, 'knee.max must be > 0 m/s, or NaN: off, got 0.0'),
+        ('knee.max', math.inf, 'knee.max must be a finite number, got inf'),
+        ('knee.min', 0.0, 'knee.min must be < 0, got 0.0'),
+        ('variances', [1.0], 'variances must be 2 numbers, got 1'),
+        ('variances', [1.0, -1.0], 'variances must be >= 0, got -1.0'),
+        ('variances', 3.0, 'variances must be a list, got float 3.0'),
+        ('joints', 'ab', "joints must be a list, got str 'ab'"),
+        ('joints', [1], 'joints must be a str, got int 1'),
+        ('knee', 1.0, "unknown parameter 'knee', did you mean 'knee.min'?"),
+    ],
+)
+def test_one_value_can_be_checked_by_itself(key, value, message):
+    with pytest.raises(InvalidParameter) as caught:
+        Leg.checked(key, value)
+    assert str(caught.value) == message
+
+
+def test_a_value_that_is_legal_comes_back_as_it_is_kept():
+    assert Leg.checked('knee.max', 3) == 3.0
+    assert Leg.checked('joints', ['a']) == ('a',)
