@@ -3,10 +3,12 @@
 
 from collections.abc import Iterator, Mapping
 import contextlib
+import glob
 import io
 import os
 from pathlib import Path
 import sys
+from types import SimpleNamespace
 from typing import Any
 from xml.dom import minidom
 
@@ -22,6 +24,7 @@ from robot_description.reach import Reach
 from robot_description.safe_reading import check_xml
 from robot_description.safe_reading import MOST_ELEMENTS
 from robot_description.safe_reading import read_file
+from robot_description.safe_yaml import read_yaml
 
 # Macros that unroll a loop call themselves; more often than this none has been seen to.
 DEEPEST_MACRO = 150
@@ -118,6 +121,7 @@ class XacroSession:
         functions = {
             'parse': self._parse,
             'open': self._open,
+            'glob': SimpleNamespace(glob=self._glob),
             'safe_eval': self._evaluator.evaluate,
             'eval_all': self._visit,
             'eval_text': self._measure,
@@ -172,9 +176,15 @@ class XacroSession:
             chain = ' -> '.join(file.name for file in circle)
             raise DescriptionError(f'files include each other in a circle: {chain}')
 
+    def _glob(self, pattern: str) -> list[str]:
+        """Stand in for glob.glob, which would look through the whole disk."""
+        fixed = [part for part in Path(pattern).parts if not glob.has_magic(part)]
+        self._reach.check(Path(*fixed))
+        return glob.glob(pattern)
+
     def _open(self, filename: str) -> io.StringIO:
         """Stand in for the `open` of load_yaml."""
-        return io.StringIO(read_file(self._reach.check(Path(filename))).decode())
+        return io.StringIO(read_yaml(self._reach.check(Path(filename))))
 
     def _visit(self, node: Any, macros: Any, symbols: Any) -> None:
         self._elements += 1

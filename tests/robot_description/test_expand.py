@@ -97,6 +97,13 @@ def test_dirname_is_the_folder_of_the_file_it_stands_in(write, tmp_path):
     assert f'name="{tmp_path}/parts"' in expand(path)
 
 
+def test_an_include_may_be_a_pattern(write):
+    write('<link name="a"/>', 'parts/a.xacro')
+    write('<link name="b"/>', 'parts/b.xacro')
+    text = expand(write('<xacro:include filename="parts/*.xacro"/>'))
+    assert text.index('name="a"') < text.index('name="b"')
+
+
 def test_an_optional_include_may_be_missing(write):
     path = write('<xacro:include filename="nope.xacro" optional="true"/><link name="a"/>')
     assert '<link name="a"/>' in expand(path)

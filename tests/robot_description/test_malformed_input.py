@@ -12,6 +12,9 @@ from robot_description.describe_command import main
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 LAUGHS = ''.join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
+YAML_LAUGHS = 'l0: &l0 ha\n' + ''.join(
+    f'l{i}: &l{i} [{", ".join([f"*l{i - 1}"] * 10)}]\n' for i in range(1, 10)
+)
 MACRO_BOMB = ''.join(
     f'<xacro:macro name="m{i}">{f"<xacro:m{i - 1}/>" * 10}</xacro:macro>' for i in range(1, 9)
 )
@@ -87,9 +90,22 @@ TEXTS = {
     'find of a folder above': (include('$(find ..)/x.xacro'), "package '..' not found"),
     'include by a link': (include('link.xacro'), 'link.xacro: refused'),
     'include of a circle of links': (include('circle.xacro'), 'leads nowhere'),
+    'include of everything': (include('/*/*/*/*'), '/: refused'),
     'yaml from elsewhere': (
         robot('<link name="${xacro.load_yaml(\'/etc/passwd\')}"/>'),
         '/etc/passwd: refused',
+    ),
+    'yaml laughs': (
+        robot('<link name="${xacro.load_yaml(\'laughs.yaml\')}"/>'),
+        'laughs.yaml: more than 10000 values',
+    ),
+    'yaml in itself': (
+        robot('<link name="${xacro.load_yaml(\'circle.yaml\')}"/>'),
+        'circle.yaml: more than 10000 values',
+    ),
+    'yaml that is none': (
+        robot('<link name="${xacro.load_yaml(\'link.yaml\')}"/>'),
+        'link.yaml: not YAML',
     ),
 }
 # Numbers and structure that only the URDF reader sees.
@@ -145,6 +161,9 @@ def furnish(folder):
     (package / 'circle.xacro').symlink_to(package / 'circle.xacro')
     (package / 'one.xacro').write_text(include('two.xacro'))
     (package / 'two.xacro').write_text(include('one.xacro'))
+    (package / 'laughs.yaml').write_text(YAML_LAUGHS)
+    (package / 'circle.yaml').write_text('&a [*a, *a]')
+    (package / 'link.yaml').write_text('a: [')
     with (package / 'large.urdf').open('wb') as file:
         file.truncate(100 * 1024 * 1024)
     return package
