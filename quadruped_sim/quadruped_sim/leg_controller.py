@@ -55,7 +55,7 @@ class LegController:
         self._uses_truth = estimator == 'truth'
         self.model = RobotModel(urdf)
         scale = self.model.scale
-        self._params = scaled(params or LegControllerParameters(), scale)
+        self._params = scaled(params or LegControllerParameters(), scale, self.model.friction)
         self.sticks = Sticks()
         self.command_filter = CommandFilter(self._params.command, scale, self.model.agility)
         self.locomotion = Locomotion(self.model, self._params)

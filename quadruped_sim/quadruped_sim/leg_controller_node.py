@@ -83,6 +83,9 @@ class LegControllerNode(Node):
             ),
             self.settings.estimator,
         )
+        if weak := self.controller.model.overloaded:
+            needed = ', '.join(f'{joint} {torque:.0f} N m' for joint, torque in weak.items())
+            self.get_logger().warning(f'motors too weak to trot, each leg needs: {needed}')
         # Compiled functions come from a cache; loading them must not be part of the first tick.
         warm_up(urdf)
         self._said: str | None = None

@@ -18,6 +18,7 @@ from robot_description.urdf import parse_urdf
 
 from quadruped_sim.exceptions import RobotModelError
 from quadruped_sim.leg_kinematics import foot_positions
+from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegGeometry
 
 # The closed form may miss the feet by so much per leg length: descriptions round right angles.
@@ -63,7 +64,7 @@ class RobotModel:
     Leg angles are those of `robot_description.quadruped`: zero when a leg hangs straight down.
     Keeps Pinocchio's model and data and the way from leg angles to its joint positions. `scale`
     compares the robot with the Go2; the rotors' inertia reflected through the gears, which a
-    URDF leaves out, is taken to grow as it does.
+    URDF leaves out, is taken to grow as it does. `friction` is the feet's, infinite if not given.
 
     Raises:
         RobotModelError: the description is not a quadruped that can be walked.
@@ -79,6 +80,7 @@ class RobotModel:
         self.limits = _limits(self.quadruped)
         self.geometry = _geometry(self.quadruped)
         self.imu_offset = imu_position(robot)
+        self.friction = min(robot.friction.get(foot, math.inf) for foot in self.quadruped.feet)
         self.standing_pose = similar_pose(self.quadruped, *STANDING)
         self.walking_pose = similar_pose(self.quadruped, *WALKING)
         self._build(urdf)
@@ -128,6 +130,14 @@ class RobotModel:
         """How fast the motors are, for its size, as a share of the Go2's; at most 1."""
         pitching = self.limits.velocity.reshape(4, 3)[:, 1:]
         return min(1.0, float(pitching.min()) / (GO2_KNEE_SPEED * self.scale.of('rad/s')))
+
+    @property
+    def overloaded(self) -> dict[str, float]:
+        """Joints too weak to carry half the weight on one leg, as in trot; the torque [N m]."""
+        motion = leg_motion(self.geometry, self.walking_pose, np.zeros(12))
+        torque = 0.5 * self.weight * np.abs(motion.jacobian[:, 2]).reshape(12)
+        names = self.quadruped.joint_names
+        return {names[i]: float(torque[i]) for i in np.flatnonzero(torque > self.limits.effort)}
 
     def foot_positions(self, angles: np.ndarray) -> np.ndarray:
         """Foot centres in base axes [m], shape (4, 3), by Pinocchio."""

@@ -11,11 +11,13 @@ robot: a parameter's unit says how it grows.
 
 from dataclasses import fields
 from dataclasses import replace
+import math
 from typing import Any, TypeVar
 
 from robot_description.parameters import Parameters
 from robot_description.similarity import Scale
 
+from quadruped_sim.convex_mpc import GRAVITY
 from quadruped_sim.parameters import LegControllerParameters
 
 # Costs of squared errors, so that their products stay comparable: units of each element.
@@ -25,16 +27,36 @@ WEIGHT_UNITS = {
     'acceleration_weights': ('s^4/m^2',) * 3 + ('s^4/rad^2',) * 3,
     'force_weight': ('1/N^2',),
 }
+# Of the friction that the feet have: what forces may use, and what speeding up may.
+FRICTION_SHARE = 0.8
+ACCELERATION_SHARE = 0.4
 # What belongs to the one who drives or to the wire, not to the body.
 NOT_SCALED = {'timeout'}
 
 Group = TypeVar('Group', bound=Parameters)
 
 
-def scaled(params: LegControllerParameters, scale: Scale) -> LegControllerParameters:
-    """Return parameters tuned on the Go2 as they are on a robot of this scale."""
+def scaled(
+    params: LegControllerParameters, scale: Scale, friction: float = math.inf
+) -> LegControllerParameters:
+    """
+    Return parameters tuned on the Go2 as they are on a robot of this scale.
+
+    On feet with little `friction` forces and accelerations keep inside it.
+    """
     groups = {field.name: _scaled(getattr(params, field.name), scale) for field in fields(params)}
-    return replace(params, **groups)
+    result = replace(params, **groups)
+    mpc, command = result.mpc, result.command
+    grip = ACCELERATION_SHARE * friction * GRAVITY
+    return replace(
+        result,
+        mpc=replace(mpc, friction=min(mpc.friction, FRICTION_SHARE * friction)),
+        command=replace(
+            command,
+            forward_acceleration=min(command.forward_acceleration, grip),
+            lateral_acceleration=min(command.lateral_acceleration, grip),
+        ),
+    )
 
 
 def _scaled(group: Group, scale: Scale) -> Group:

@@ -201,7 +201,6 @@ def _leg(
     )
     sign = np.array([1.0 if axes[0][0] > 0.0 else -1.0] + [np.sign(a @ left) for a in axes[1:]])
     zero, low, high = _angles(limb, sign, straight)
-    middle = 0.5 * float(low[2] + high[2]) if np.isfinite((low[2], high[2])).all() else 0.0
     return Leg(
         joints=(hip, thigh, calf),
         foot=foot.link,
@@ -216,7 +215,7 @@ def _leg(
         zero=zero,
         lower=low,
         upper=high,
-        bend=-1.0 if middle > NO_PREFERENCE else 1.0,
+        bend=-1.0 if _middle(low[2], high[2]) > NO_PREFERENCE else 1.0,
     )
 
 
@@ -254,12 +253,21 @@ def _angles(
     zero, low, high = np.zeros(3), np.zeros(3), np.zeros(3)
     for index, joint in enumerate(limb):
         ends = sorted((sign[index] * joint.lower, sign[index] * joint.upper))
-        middle = 0.5 * (ends[0] + ends[1]) if math.isfinite(ends[0] + ends[1]) else 0.0
-        # Of the angles that mean the same, the one whose range lies around zero.
-        turns = round((middle + straight[index]) / (2.0 * math.pi))
-        zero[index] = _snap(straight[index] - 2.0 * math.pi * turns)
+        # Of the angles that mean the same, the first whose range is around zero.
+        turned = (straight[index] + 2.0 * math.pi * turns for turns in (0, 1, -1, 2, -2))
+        zero[index] = _snap(max(turned, key=lambda angle: _overlap(ends, angle)))
         low[index], high[index] = ends[0] + zero[index], ends[1] + zero[index]
     return zero, low, high
+
+
+def _overlap(ends: list[float], angle: float) -> float:
+    """How much of a range, moved by `angle`, is within half a turn of zero; 1 rad is enough."""
+    return min(1.0, min(ends[1] + angle, math.pi) - max(ends[0] + angle, -math.pi))
+
+
+def _middle(lower: float, upper: float) -> float:
+    """Middle of a range; 0 of one without ends."""
+    return 0.5 * (lower + upper) if math.isfinite(lower) and math.isfinite(upper) else 0.0
 
 
 def _snap(value: float) -> float:

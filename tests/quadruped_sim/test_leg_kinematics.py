@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
 import numpy as np
 from quadruped_sim.leg_kinematics import all_leg_angles
 from quadruped_sim.leg_kinematics import foot_positions
@@ -79,3 +81,22 @@ def test_out_of_reach_foot_is_brought_to_the_sphere_and_reported(model):
     q = np.tile(angles, 4)
     foot = foot_positions(leg, q)[0] - leg.hip[0]
     assert abs(np.linalg.norm(foot - (0.0, leg.offset[0], 0.0)) - 0.426) < 1e-3
+
+
+def test_legs_of_other_shapes_are_inverted_too(model, rng):
+    """Below its hip axis the thigh turns, front and rear differ, rear knees point forward."""
+    leg = replace(
+        model.geometry,
+        drop=np.array((0.08, 0.08, 0.0, 0.0)),
+        bend=np.array((1.0, 1.0, -1.0, -1.0)),
+        thigh=np.array((0.2, 0.2, 0.25, 0.25)),
+    )
+    for _ in range(50):
+        angles = some_angles(rng)
+        angles[6:] *= np.tile((1.0, -1.0, -1.0), 2)
+        motion = leg_motion(leg, angles, np.zeros(12))
+        np.testing.assert_allclose(all_leg_angles(leg, motion.position), angles, atol=1e-7)
+        shift = STEP * rng.normal(size=12)
+        moved = foot_positions(leg, angles + shift) - foot_positions(leg, angles - shift)
+        wanted = (motion.jacobian @ shift.reshape(4, 3, 1))[..., 0]
+        np.testing.assert_allclose(0.5 * moved, wanted, atol=1e-10)

@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
+import xml.etree.ElementTree as ElementTree
+
 import numpy as np
 import pytest
 from quadruped_sim.exceptions import RobotModelError
+from quadruped_sim.joint_map import JointMap
+from quadruped_sim.legs import LEGS
+from quadruped_sim.records import LegCommand
 from quadruped_sim.robot_model import RobotModel
 from robot_description.similarity import GO2
 
@@ -85,3 +90,58 @@ def test_joint_momentum_obeys_its_balance(model, angles, rng):
         )
     # The base's turning does not change the joint rows of M; gravity's share is in the bias.
     np.testing.assert_allclose((momentum[0] - momentum[1]) / (2.0 * h), drift, atol=1e-5)
+
+
+def turned(urdf, names):
+    """Return a description in which some joints count the other way round."""
+    tree = ElementTree.fromstring(urdf)
+    for joint in tree.findall('joint'):
+        if joint.get('name') in names:
+            axis, limit = joint.find('axis'), joint.find('limit')
+            axis.set('xyz', ' '.join(str(-float(part)) for part in axis.get('xyz').split()))
+            lower, upper = limit.get('lower'), limit.get('upper')
+            limit.set('lower', str(-float(upper)))
+            limit.set('upper', str(-float(lower)))
+    return ElementTree.tostring(tree, encoding='unicode')
+
+
+def test_joints_that_count_the_other_way_change_nothing(urdf, model, angles, rng):
+    other = RobotModel(turned(urdf, model.quadruped.joint_names[3:8]))
+    assert other.quadruped.sign.tolist() == [1.0] * 3 + [-1.0] * 5 + [1.0] * 4
+    np.testing.assert_array_equal(other.limits.lower, model.limits.lower)
+    velocity, omega, rates = rng.normal(size=3), rng.normal(size=3), rng.normal(size=12)
+    one, two = (robot.dynamics(LEVEL, velocity, omega, angles, rates) for robot in (model, other))
+    for name in ('mass', 'bias', 'momentum', 'momentum_drift'):
+        np.testing.assert_allclose(getattr(two, name), getattr(one, name), atol=1e-9)
+    joints = other.quadruped.joint_names
+    back = JointMap(other.quadruped, joints, joints)
+    command = back.command(LegCommand(position=angles, velocity=rates, effort=rates))
+    np.testing.assert_allclose(back.angles(command.position), angles)
+    assert command.effort @ command.velocity == pytest.approx(rates @ rates)
+
+
+def test_a_joint_without_stops_may_turn(urdf, model, angles):
+    free = RobotModel(
+        urdf.replace('"FL_thigh_joint" type="revolute"', '"FL_thigh_joint" type="continuous"')
+    )
+    assert free.limits.upper[1] == np.inf
+    np.testing.assert_allclose(free.foot_positions(angles), model.foot_positions(angles))
+
+
+def test_a_joint_without_a_motor_is_named(urdf):
+    with pytest.raises(RobotModelError, match='no motor on FL_calf_joint, FR_calf_joint'):
+        RobotModel(urdf.replace('effort="35.55"', 'effort="0"'))
+
+
+def test_motors_are_weighed_against_the_robot(urdf, model):
+    assert model.overloaded == {}
+    assert set(RobotModel(urdf.replace('effort="35.55"', 'effort="8"')).overloaded) == {
+        f'{leg}_calf_joint' for leg in LEGS
+    }
+
+
+def test_slow_motors_make_a_slow_robot(urdf, model):
+    assert model.agility == 1.0
+    slow = RobotModel(urdf.replace('velocity="15.7"', 'velocity="7.85"'))
+    assert slow.agility == pytest.approx(0.5)
+    assert slow.friction == model.friction == 0.6

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A quadruped is known by its tree and geometry; what is none is refused with what was found."""
+
+from collections.abc import Callable
+import math
+import re
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+from robot_description.expand import expand
+from robot_description.imu import find_imu
+from robot_description.imu import imu_position
+from robot_description.quadruped import find_quadruped
+from robot_description.quadruped import NotAQuadruped
+from robot_description.quadruped import Quadruped
+from robot_description.robots import description_path
+from robot_description.urdf import parse_urdf
+
+HIPS = {'FL': (0.2, 0.05), 'FR': (0.2, -0.05), 'RL': (-0.2, 0.05), 'RR': (-0.2, -0.05)}
+
+
+def joint(name: str, parent: str, child: str, place: str, axis: str, **more: str) -> str:
+    """Return a joint of URDF with limits, or what `more` says instead."""
+    kind = more.get('kind', 'revolute')
+    limit = more.get('limit', 'lower="-2" upper="2"')
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{place}" rpy="{more.get("rpy", "0 0 0")}"/><axis xyz="{axis}"/>'
+        f'<limit effort="20" velocity="20" {limit}/></joint><link name="{child}">'
+        f'<inertial><mass value="0.5"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" '
+        f'ixz="0" iyz="0"/></inertial>{more.get("shape", "")}</link>'
+    )
+
+
+def sphere(place: str, radius: float = 0.02) -> str:
+    """Return a ball to collide with."""
+    return (
+        f'<collision><origin xyz="{place}"/><geometry><sphere radius="{radius}"/></geometry>'
+        '</collision>'
+    )
+
+
+def leg(name: str, x: float, y: float, **more: str) -> str:
+    """Return a leg whose foot is a ball on its lower link."""
+    side = math.copysign(0.08, y)
+    calf = more.get('calf', 'lower="-2.5" upper="-0.5"')
+    return (
+        joint(f'{name}_a', 'body', f'{name}_1', f'{x} {y} 0', more.get('roll', '1 0 0'))
+        + joint(f'{name}_b', f'{name}_1', f'{name}_2', f'0 {side} 0', '0 1 0')
+        + joint(
+            f'{name}_c', f'{name}_2', f'{name}_3', '0 0 -0.2', '0 1 0', limit=calf,
+            shape=more.get('shape', sphere('0 0 -0.25')),
+        )
+    )  # fmt: skip
+
+
+def dog(legs: str = '', extra: str = '', **more: str) -> str:
+    """Return a robot with a body and four legs, or those given."""
+    legs = legs or ''.join(leg(name, *place, **more) for name, place in HIPS.items())
+    body = '<link name="body"><inertial><mass value="8"/></inertial></link>'
+    return f'<robot name="dog">{body}{legs}{extra}</robot>'
+
+
+def found(text: str) -> Quadruped:
+    """Return the quadruped in a URDF."""
+    return find_quadruped(parse_urdf(text))
+
+
+def test_the_go2_is_found_as_its_makers_name_it() -> None:
+    go2 = found(expand(description_path('go2')))
+    names = [f'{leg}_{part}_joint' for leg in HIPS for part in ('hip', 'thigh', 'calf')]
+    assert list(go2.joint_names) == names
+    assert go2.feet == ('FL_foot', 'FR_foot', 'RL_foot', 'RR_foot')
+    assert [(leg.thigh, leg.calf, leg.bend) for leg in go2.legs] == [(0.213, 0.213, 1.0)] * 4
+    np.testing.assert_array_equal(go2.sign, 1.0)
+    np.testing.assert_array_equal(go2.zero, 0.0)
+
+
+def test_legs_are_ordered_by_where_they_are() -> None:
+    shuffled = ''.join(
+        leg(f'limb{i}', *HIPS[name]) for i, name in enumerate(('RR', 'FL', 'RL', 'FR'))
+    )
+    assert found(dog(shuffled)).feet == ('limb1_3', 'limb3_3', 'limb2_3', 'limb0_3')
+
+
+def test_a_ball_on_the_lower_leg_is_the_foot() -> None:
+    front = found(dog()).legs[0]
+    assert (front.thigh, front.calf, front.foot_radius) == pytest.approx((0.2, 0.25, 0.02))
+    assert front.offset == pytest.approx(0.08)
+    np.testing.assert_allclose(front.hip, (0.2, 0.05, 0.0))
+
+
+@pytest.mark.parametrize(
+    ('shape', 'length', 'radius'),
+    [
+        (sphere('0 0 -0.02', 0.03) + sphere('0 0 -0.25'), 0.25, 0.02),  # a knee guard is no foot
+        (sphere('0.06 0 -0.25'), math.hypot(0.06, 0.25), 0.02),
+        ('<collision><origin xyz="0 0 -0.12"/><geometry><cylinder radius="0.015" length="0.24"/>'
+         '</geometry></collision>', 0.225, 0.015),
+        ('<collision><origin xyz="0 0 -0.12" rpy="0 1.5707963267948966 0"/><geometry>'
+         '<box size="0.24 0.02 0.03"/></geometry></collision>', 0.225, 0.015),
+    ],
+)  # fmt: skip
+def test_the_foot_is_the_far_end_of_the_leg(shape: str, length: float, radius: float) -> None:
+    front = found(dog(shape=shape)).legs[0]
+    assert (front.calf, front.foot_radius) == pytest.approx((length, radius), abs=1e-9)
+
+
+def test_a_foot_link_with_a_mesh_counts_by_its_name() -> None:
+    feet = ''.join(
+        joint(f'{name}_d', f'{name}_3', f'{name}_toe', '0 0 -0.3', '1 0 0', kind='fixed')
+        for name in HIPS
+    )
+    front = found(dog(shape='', extra=feet)).legs[0]
+    assert (front.foot, front.calf) == ('FL_toe', pytest.approx(0.3))
+    assert 0.01 < front.foot_radius < 0.05
+
+
+@pytest.mark.parametrize(('limit', 'bend'), [('lower="0.5" upper="2.5"', -1.0), ('', 1.0)])
+def test_the_knee_bends_to_where_it_may(limit: str, bend: float) -> None:
+    assert [leg.bend for leg in found(dog(calf=limit)).legs] == [bend] * 4
+
+
+def test_turned_axes_and_frames_give_the_same_leg_angles() -> None:
+    """HyQ's way: every axis is z of a turned frame, the hip's points backward."""
+    half = math.pi / 2
+    legs = ''
+    for name, (x, y) in HIPS.items():
+        legs += joint(
+            f'{name}_a', 'body', f'{name}_1', f'{x} {y} 0', '0 0 1', rpy=f'0 {-half} 0',
+            limit='lower="-0.5" upper="1"',
+        )  # fmt: skip
+        legs += joint(
+            f'{name}_b', f'{name}_1', f'{name}_2', '-0.06 0 0', '0 0 1', rpy=f'{-half} 0 {math.pi}'
+        )
+        legs += joint(f'{name}_c', f'{name}_2', f'{name}_3', '0.2 0 0', '0 0 1',
+                      limit='lower="-2" upper="-1"', shape=sphere('0.25 0 0'))  # fmt: skip
+    front = found(dog(legs)).legs[0]
+    assert (front.drop, front.thigh, front.calf) == pytest.approx((0.06, 0.2, 0.25))
+    assert front.offset == pytest.approx(0.0, abs=1e-9)
+    assert front.sign[0] == -1.0
+    np.testing.assert_allclose(front.zero, 0.0, atol=1e-9)
+    np.testing.assert_allclose((front.lower[0], front.upper[0]), (-1.0, 0.5))
+
+
+def test_a_range_of_many_turns_is_not_wound_up() -> None:
+    """Unitree's B2 has a thigh from -94 rad, a slip of the pen."""
+    front = found(dog(calf='lower="-94" upper="-0.4"')).legs[0]
+    assert front.zero[2] == 0.0
+
+
+REFUSED: list[tuple[Callable[[], str], str]] = [
+    (lambda: dog(''.join(leg(name, *HIPS[name]) for name in ('FL', 'FR', 'RL'))),
+     'found 3 limbs on body: FL_a (3 joints), FR_a (3 joints), RL_a (3 joints)'),
+    (lambda: dog(extra=joint('arm', 'body', 'hand', '0 0 0.1', '0 0 1')),
+     'arm (1 joint); make the joints of what is no leg fixed'),
+    (lambda: dog(''.join(leg(f'{name}{i}', x, y) for i, (name, (x, y)) in
+                         enumerate([*HIPS.items(), ('ML', (0, 0.1)), ('MR', (0, -0.1))]))),
+     'found 6 limbs on body'),
+    (lambda: re.sub(r'(name="\w+_b" type=)"revolute"', r'\1"fixed"', dog()), 'FL_a (2 joints)'),
+    (lambda: re.sub(r'(name="\w+_c" type=)"revolute"', r'\1"prismatic"', dog()),
+     'four legs of three revolute joints'),
+    (lambda: '<robot name="stone"><link name="rock"/></robot>', 'found no movable joint on rock'),
+    (lambda: dog(roll='0 1 0'),
+     'the first about x, forward, the others both across it; found FL_a about (0 1 0)'),
+    (lambda: dog(shape=''), "no foot below joint 'FL_c': FL_3 need a sphere"),
+    (lambda: dog(''.join(leg(name, x, 0.05) for name, (x, _) in HIPS.items())),
+     'one at each corner, x forward; found hips'),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(('make', 'said'), REFUSED)
+def test_what_is_no_quadruped_is_refused_with_what_was_found(
+    make: Callable[[], str], said: str
+) -> None:
+    with pytest.raises(NotAQuadruped) as refusal:
+        found(make())
+    assert said in str(refusal.value)
+    assert '\n' not in str(refusal.value)
+
+
+@pytest.mark.parametrize('name', ['imu', 'imu_link', 'trunk_imu', 'base_IMU_frame'])
+def test_the_imu_is_a_link_on_the_trunk_that_says_so(name: str) -> None:
+    robot = parse_urdf(dog(extra=joint('j', 'body', name, '0.1 0 0.02', '1 0 0', kind='fixed')))
+    assert find_imu(robot) == name
+    np.testing.assert_allclose(imu_position(robot), (0.1, 0.0, 0.02))
+
+
+def test_an_imu_on_a_foot_is_not_the_robots() -> None:
+    robot = parse_urdf(dog(extra=joint('j', 'FL_3', 'imu', '0 0 0', '1 0 0', kind='fixed')))
+    assert find_imu(robot) is None
+    np.testing.assert_array_equal(imu_position(robot), 0.0)
+
+
+def test_a_robot_hung_from_the_world_is_seen_from_its_base() -> None:
+    tree = ElementTree.fromstring(dog())
+    ElementTree.SubElement(tree, 'link', name='world')
+    hang = ElementTree.SubElement(tree, 'joint', name='hang', type='fixed')
+    ElementTree.SubElement(hang, 'parent', link='world')
+    ElementTree.SubElement(hang, 'child', link='body')
+    ElementTree.SubElement(hang, 'origin', xyz='0 0 1.5', rpy='0 0 0.7')
+    hung = found(ElementTree.tostring(tree, encoding='unicode'))
+    for one, other in zip(hung.legs, found(dog()).legs, strict=True):
+        np.testing.assert_allclose(one.hip, other.hip, atol=1e-12)
