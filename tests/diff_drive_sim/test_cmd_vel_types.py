@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """cmd_vel as Twist and TwistStamped, from other processes' participants."""
 
+import time
+
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
@@ -25,6 +27,7 @@ def publish(ros):
             nodes.append(node)
             publishers[kind] = node.create_publisher(kind, 'cmd_vel', 10)
         publishers[kind].publish(message)
+        time.sleep(0.01)  # no flood: they take turns on a busy machine
 
     yield publish
     for node, context in zip(nodes, contexts, strict=True):
@@ -59,17 +62,18 @@ def make(spawn, mbot):
 
 def test_two_publishers_of_two_types_are_both_heard(make, publish, spawn, spin_until):
     node = make()
+
+    def reaches(linear, message):
+        """Publish, with a stamp of now each time, until it is in force."""
+        spin_until(
+            spawn.pump,
+            lambda: node.controller.target.linear == linear,
+            step=lambda: publish(message(linear)),
+        )
+
     for linear in (0.1, 0.2):  # and again, by turns
-        message = plain(linear)
-        spin_until(
-            spawn.pump, lambda v=linear: node.controller.target.linear == v,
-            step=lambda m=message: publish(m),
-        )  # fmt: skip
-        message = stamped(-linear, node.get_clock().now().to_msg())
-        spin_until(
-            spawn.pump, lambda v=linear: node.controller.target.linear == -v,
-            step=lambda m=message: publish(m),
-        )  # fmt: skip
+        reaches(linear, plain)
+        reaches(-linear, lambda v: stamped(v, node.get_clock().now().to_msg()))
 
 
 @pytest.mark.parametrize(('wanted', 'deaf'), [('true', plain), ('false', stamped)])
