@@ -102,10 +102,11 @@ def test_an_old_command_is_dropped_and_one_without_a_stamp_is_of_now(make, capfd
 
 def test_a_command_that_took_its_time_times_out_sooner(make):
     node = make(stamped='true')
-    stamp = node.get_clock().now() - rclpy.duration.Duration(seconds=0.4)
+    stamp = node.get_clock().now() - rclpy.duration.Duration(seconds=0.3)
     node.cmd_vel.put(stamped(0.3, stamp.to_msg()))
     steps = 0
     while node.controller.target.linear:
         node.control(0.0, 0.0, 0.005)
         steps += 1
-    assert steps * 0.005 == pytest.approx(0.1, abs=0.05)
+    # 0.3 of 0.5 s were over, and what this machine took since.
+    assert 0.0 < steps * 0.005 <= 0.205
