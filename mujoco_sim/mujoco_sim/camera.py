@@ -38,13 +38,18 @@ class Camera:
         self, tag: CameraTag, world: World, robot: Robot, snapshot: Snapshot, scale: float = 1.0
     ) -> None:
         self.tag = tag
+        self._snapshot = snapshot
+        self._mount = find_mount(world, robot, tag.link, tag.pose)
+        self.resize(scale)
+
+    def resize(self, scale: float) -> None:
+        """Take pictures of so much of the size that the description has, from now on."""
+        tag = self.tag
         self.width = max(1, round(scale * tag.width))
         self.height = max(1, round(scale * tag.height))
         self._frustum = Frustum(tag.field_of_view, self.width, self.height, tag.near, tag.far)
         self.focal_length = 0.5 * self.width / self._frustum.half_width
         self.centre = (0.5 * (self.width - 1), 0.5 * (self.height - 1))
-        self._snapshot = snapshot
-        self._mount = find_mount(world, robot, tag.link, tag.pose)
 
     def take(
         self,

@@ -44,7 +44,6 @@ class SimulatorParameters(Parameters):
         doc='Size of camera images, as a share of what the description says',
         above=0.0,
         maximum=1.0,
-        read_only=True,
     )
     command_timeout: float = parameter(
         0.1, doc='Motors brake when joint_commands is silent for so long', unit='s', above=0.0

@@ -82,11 +82,12 @@ class SensorPublisher:
             for tags in (found.lidars, found.cameras)
         )
         robot, snapshot = loaded.robot, Snapshot(world)
-        made = [Camera(tag, world, robot, snapshot, settings.camera_scale) for tag in cameras]
-        self._darkroom = _Darkroom(node, world, made)
+        scale = settings.camera_scale
+        self._cameras = [Camera(tag, world, robot, snapshot, scale) for tag in cameras]
+        self._darkroom = _Darkroom(node, world, self._cameras)
         outputs: list[_Scan | _Film] = []
         outputs += [_Scan(node, Lidar(tag, world, robot, snapshot)) for tag in lidars]
-        outputs += [_Film(node, camera, self._darkroom) for camera in made]
+        outputs += [_Film(node, camera, self._darkroom) for camera in self._cameras]
         self._outputs = [(_Beat(output.rate), output) for output in outputs]
 
     def step(self) -> None:
@@ -103,6 +104,11 @@ class SensorPublisher:
         """Draw the noise again from its beginning, as the robot is back at its own."""
         for beat, _ in self._outputs:
             beat.restart(self._world.time)
+
+    def resize(self, scale: float) -> None:
+        """Take pictures of so much of the size that the description has, from now on."""
+        for camera in self._cameras:
+            camera.resize(scale)
 
     def close(self) -> None:
         """Release the renderer, if there is one."""
@@ -171,8 +177,8 @@ class _Darkroom:
     def __init__(self, node: Node, world: World, cameras: list[Camera]) -> None:
         self._node = node
         self._world = world
-        self._width = max((camera.width for camera in cameras), default=0)
-        self._height = max((camera.height for camera in cameras), default=0)
+        self._width = max((camera.tag.width for camera in cameras), default=0)
+        self._height = max((camera.tag.height for camera in cameras), default=0)
         self._offscreen: Offscreen | None = None
         self._works = True
 

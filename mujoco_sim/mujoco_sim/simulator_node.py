@@ -2,7 +2,6 @@
 """The simulator's face on ROS: clock, joint states, truth, joint commands, services."""
 
 import sys
-import time
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -25,6 +24,7 @@ from std_srvs.srv import SetBool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from mujoco_sim.answer_hold import AnswerHold
 from mujoco_sim.conversions import from_joint_commands
 from mujoco_sim.conversions import to_diagnostics
 from mujoco_sim.conversions import to_foot_contacts
@@ -47,10 +47,6 @@ from mujoco_sim.world import World
 
 # A real-time factor below this share of the speed asked for is worth a warning.
 SLOW = 0.9
-# Physics runs at most so many states ahead of a controller in another process ...
-STATES_AHEAD = 3
-# ... that has answered within this time [s of wall time].
-PATIENCE = 0.2
 
 
 class SimulatorNode(Node):
@@ -90,8 +86,7 @@ class SimulatorNode(Node):
         self._world = world
         self._root = world.prefix + robot.robot.root
         self._commanded_at = 0.0
-        self._answered: float | None = None
-        self._held_since: float | None = None
+        self._hold = AnswerHold()
         self._is_braking = True
         # Instants that have been published: a step by hand may end where one is due.
         self._clock_tick = self._states_tick = -1
@@ -195,8 +190,8 @@ class SimulatorNode(Node):
             return
         if self._world.apply(command):
             self._commanded_at = self._world.time
-            self._answered = self._simulated_stamp(message)
-            self._held_since = None
+            stamp = message.header.stamp
+            self._hold.answer(stamp.sec + 1e-9 * stamp.nanosec, self._world.time)
             self._is_braking = False
         else:
             self.get_logger().warning(
@@ -204,29 +199,10 @@ class SimulatorNode(Node):
             )
 
     def may_advance(self) -> bool:
-        """
-        Whether physics may go on, or has to wait for the controller to answer.
-
-        A controller in another process that stamps its commands with the state they answer is
-        never more than STATES_AHEAD states behind: on a busy machine the robot slows down instead
-        of falling. One that does not answer for PATIENCE of wall time is waited for no longer.
-        """
-        if self._answered is None or self._is_braking:
-            return True
-        behind = self._world.time - self._answered
-        if behind <= STATES_AHEAD / self.settings.state_rate:
-            self._held_since = None
-            return True
-        now = time.monotonic()
-        if self._held_since is None:
-            self._held_since = now
-        return now - self._held_since > PATIENCE
-
-    def _simulated_stamp(self, message: JointTrajectory) -> float | None:
-        """Return a command's stamp in simulated time [s]; None when it is no such stamp."""
-        stamp = message.header.stamp
-        answered = float(stamp.sec) + 1e-9 * float(stamp.nanosec)
-        return answered if 0.0 < answered <= self._world.time + 1e-6 else None
+        """Whether physics may go on, or has to wait for the controller to answer."""
+        return self._is_braking or self._hold.may_advance(
+            self._world.time, self.settings.state_rate
+        )
 
     def _watch_commands(self) -> None:
         silent = self._world.time - self._commanded_at
@@ -265,6 +241,7 @@ class SimulatorNode(Node):
     def _on_change(self, changed: Parameters) -> None:
         assert isinstance(changed, SimulatorParameters)
         self.settings = changed
+        self._sensors.resize(changed.camera_scale)
         self.simulation.pacer.speed = changed.speed
         self.simulation.pacer.restart()
 

@@ -140,6 +140,18 @@ def test_what_is_known_of_the_lens_needs_no_renderer(
     np.testing.assert_allclose(np.reshape(info.p, (3, 4))[:, :3], np.reshape(info.k, (3, 3)))
 
 
+def test_pictures_can_be_made_smaller_while_it_runs(start, listen, run, spawn, spin_until):
+    node = start()
+    infos = listen(CameraInfo, 'camera/camera_info')
+    run(node, 100, ['camera/camera_info'])
+    node.set_parameters([Parameter('camera_scale', value=0.5)])
+    run(node, 100)
+    spin_until(spawn.pump, lambda: infos and infos[-1].width == 640)
+    assert infos[0].width == 320
+    # The angle of view stays: a pixel is twice as fine.
+    assert infos[-1].k[0] == pytest.approx(2.0 * infos[0].k[0])
+
+
 @pytest.mark.skipif(find_renderer() is None, reason='no EGL or OSMesa')
 def test_pictures_come_30_times_a_second_and_depth_is_in_metres(
     start, listen, run, spawn, spin_until

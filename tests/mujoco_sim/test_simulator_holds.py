@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Physics waits for a controller of another process that answers, and for no other."""
 
+from mujoco_sim.answer_hold import PATIENCE
+from mujoco_sim.answer_hold import STATES_AHEAD
 from mujoco_sim.conversions import to_joint_commands
-from mujoco_sim.simulator_node import PATIENCE
 from mujoco_sim.simulator_node import SimulatorNode
-from mujoco_sim.simulator_node import STATES_AHEAD
 from mujoco_sim.world import JointCommand
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_physics_stays_within_a_few_states_of_a_controller_that_answers(node):
 
 def test_a_controller_that_has_gone_is_waited_for_no_longer(node, monkeypatch):
     now = [100.0]
-    monkeypatch.setattr('mujoco_sim.simulator_node.time.monotonic', lambda: now[0])
+    monkeypatch.setattr('mujoco_sim.answer_hold.time.monotonic', lambda: now[0])
     answer(node, node.stamp)
     node.simulation.advance(STATES_AHEAD * STATE_STEPS + 1)
     assert not node.may_advance()
