@@ -2,6 +2,7 @@
 """A colcon workspace of the checkout, and programs started from it as from a sourced shell."""
 
 from collections.abc import Callable, Iterator
+import functools
 import os
 from pathlib import Path
 import pty
@@ -99,12 +100,23 @@ class Workspace:
         return Program(process, ours, said)
 
 
-@pytest.fixture(scope='session', params=[(), ('--symlink-install',)], ids=['copied', 'symlinks'])
-def workspace(request: Any, tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+@pytest.fixture(scope='session')
+def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Workspace]:
+    """Return `build(*options)`, which builds a workspace once for each set of options."""
+
+    @functools.cache
+    def build_workspace(*options: str) -> Workspace:
+        if COLCON is None:
+            pytest.skip("no colcon: pip install -e '.[colcon]'")
+        return Workspace(tmp_path_factory.mktemp('workspace'), *options)
+
+    return build_workspace
+
+
+@pytest.fixture(params=[(), ('--symlink-install',)], ids=['copied', 'symlinks'])
+def workspace(request: Any, build: Callable[..., Workspace]) -> Workspace:
     """Return a workspace that colcon has built, in each of its two ways."""
-    if COLCON is None:
-        pytest.skip("no colcon: pip install -e '.[colcon]'")
-    return Workspace(tmp_path_factory.mktemp('workspace'), *request.param)
+    return build(*request.param)
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@
 import json
 from pathlib import Path
 import tomllib
+import uuid
 
 import pytest
 from rcl_interfaces.msg import ParameterType
@@ -65,19 +66,31 @@ def test_a_command_works_from_the_workspace(executable, workspace):
     assert done.stdout
 
 
-@pytest.mark.parametrize('executable', sorted(set(EXECUTABLES) - set(COMMANDS)))
+@pytest.mark.parametrize(
+    ('workspace', 'executable'),
+    [
+        *(((), name) for name in sorted(set(EXECUTABLES) - set(COMMANDS))),
+        (('--symlink-install',), 'simulator'),
+        (('--symlink-install',), 'twist_mux'),
+    ],
+    indirect=['workspace'],
+)
 def test_an_executable_answers_its_parameters_and_stops_cleanly(
     executable, start, spawn, spin_until
 ):
-    program = start(EXECUTABLES[executable], executable, *ARGUMENTS.get(executable, ()))
-    node = NODES.get(executable, executable)
+    # A name that no other simulator on this machine has, whatever its ROS domain.
+    namespace = f'/colcon_{uuid.uuid4().hex}'
+    words = (*ARGUMENTS.get(executable, ()), '--ros-args', '-r', f'__ns:={namespace}')
+    program = start(EXECUTABLES[executable], executable, *words)
+    node = f'{namespace}/{NODES.get(executable, executable)}'
     asker = spawn(Node('asker'))
-    lister = asker.create_client(ListParameters, f'/{node}/list_parameters')
-    getter = asker.create_client(GetParameters, f'/{node}/get_parameters')
+    lister = asker.create_client(ListParameters, f'{node}/list_parameters')
+    getter = asker.create_client(GetParameters, f'{node}/get_parameters')
 
     def answer(client, request):
         future = client.call_async(request)
-        spin_until(spawn.pump, future.done)
+        # Parameters are there before the node is, whose compilation comes in between.
+        spin_until(spawn.pump, future.done, timeout=PATIENCE)
         return future.result()
 
     def is_there():

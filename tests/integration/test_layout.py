@@ -119,10 +119,12 @@ def test_the_packages_are_those_of_the_design():
 
 def test_colcon_finds_no_other_packages():
     # It looks into no folder that is a package or has a COLCON_IGNORE.
+    folders = [path for path in ROOT.iterdir() if path.is_dir() and path.name[0] != '.']
     others = [
         path.relative_to(ROOT)
-        for path in ROOT.rglob('package.xml')
-        if path.parent.parent != ROOT and not path.relative_to(ROOT).parts[0].startswith('.')
+        for folder in folders
+        for path in folder.rglob('*/package.xml')
+        if path.parent != folder
     ]
     hidden = [
         path
