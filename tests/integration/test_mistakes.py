@@ -39,6 +39,8 @@ MISTAKES = [
     (['mbot', '--duration', '1', '--record', 'no/such/folder/r.mcap'], '--record no/such'),
     (['mbot', '--duration', '1', '--record', '/dev/full'], 'No space left'),
     (['mbot', '--duration', '1', '--package-path', 'nowhere'], '--package-path nowhere'),
+    (['mbot', '--duration', '1', '--ros-args', '-p', 'bad'], "rule: '-p bad'"),
+    (['demo', '--ros-args', '-r', 'a:=b'], 'demo takes no --ros-args; go2 and mbot do'),
     (['demo', '--output', 'broken.twist'], '--output'),
 ]
 

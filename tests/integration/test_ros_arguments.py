@@ -4,10 +4,15 @@
 from collections.abc import Callable, Iterator
 import importlib
 from pathlib import Path
+import signal
+import subprocess
+import sys
 from typing import Any
 
 import pytest
+from rcl_interfaces.srv import GetParameters
 import rclpy
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import ReliabilityPolicy
 from robot_description.node_support import init_ros
@@ -133,6 +138,32 @@ def test_velocities_go_to_the_mux_of_the_tutorial(node_of):
     node = node_of('keys_to_twist', '-r', 'cmd_vel:=cmd_vel_mux/input/teleop')
     (publisher,) = (p for p in node.publishers if 'cmd_vel' in p.topic_name)
     assert publisher.topic_name == '/cmd_vel_mux/input/teleop'
+
+
+@pytest.mark.parametrize('robot', ['mbot', 'go2'])
+def test_a_whole_robot_moves_into_a_namespace(robot, spawn, spin_until):
+    rules = ('-r', '__ns:=/yard', '-r', 'cmd_vel:=steer', '-p', 'clock_rate:=50.0')
+    words = [robot, '--viewer', 'none', '--duration', '60', '--ros-args', *rules]
+    process = subprocess.Popen(
+        [sys.executable, '-m', 'wasd_bringup.cli', *words], stderr=subprocess.PIPE, text=True
+    )
+    peer = spawn(Node('peer'))
+    asker = peer.create_client(GetParameters, '/yard/simulator/get_parameters')
+    try:
+        spin_until(spawn.pump, asker.service_is_ready, timeout=30.0)
+        future = asker.call_async(GetParameters.Request(names=['clock_rate']))
+        spin_until(spawn.pump, future.done, timeout=30.0)
+        wanted = {'/yard/steer', '/yard/odom', '/yard/joint_states', '/yard/robot_description'}
+        spin_until(
+            spawn.pump,
+            lambda: wanted <= {name for name, _ in peer.get_topic_names_and_types()},
+        )
+        assert future.result().values[0].double_value == 50.0
+        assert not {'/cmd_vel', '/odom'} & {n for n, _ in peer.get_topic_names_and_types()}
+    finally:
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=20.0)
+    assert (process.returncode, 'Traceback' in errors) == (0, False), errors
 
 
 @pytest.mark.parametrize('name', CASES)

@@ -13,14 +13,17 @@ from teleop_keyboard.layouts import LAYOUTS
 from teleop_keyboard.terminal import tolerate_any_text
 
 from wasd_bringup.calibrate_options import add_calibrate_options
+from wasd_bringup.errors import UsageError
 from wasd_bringup.graph_options import add_graph_commands
-from wasd_bringup.run_parsers import add_both_options
-from wasd_bringup.run_parsers import add_legged_options
-from wasd_bringup.run_parsers import add_replay_options
-from wasd_bringup.run_parsers import add_run_options
-from wasd_bringup.run_parsers import add_wheeled_options
+from wasd_bringup.options import add_both_options
+from wasd_bringup.options import add_legged_options
+from wasd_bringup.options import add_run_options
+from wasd_bringup.options import add_wheeled_options
 from wasd_bringup.unitree_keys import unitree_help
 from wasd_bringup.unitree_keys import UNITREE_PRESET
+
+# The commands whose nodes can be renamed, remapped and set: `-r __ns:=/robot`, `-p name:=value`.
+TAKE_ROS_ARGUMENTS = ('go2', 'mbot')
 
 
 class _Parser(argparse.ArgumentParser):
@@ -62,16 +65,18 @@ def make_parser() -> argparse.ArgumentParser:
         'calibrate', help="measure mbot's wheels by driving squares", allow_abbrev=False
     )
     add_calibrate_options(calibrate)
-    replay = commands.add_parser(
-        'replay', help='show a recording, or drive its commands again', allow_abbrev=False
-    )
-    add_replay_options(replay)
     add_graph_commands(commands)
     commands.add_parser(
         'test', help='run the test-suite; further arguments go to pytest', add_help=False
     )
     commands.add_parser('bench', help='run the benchmark: a table and JSON', add_help=False)
     return parser
+
+
+def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Return the words for us, and those for ROS: from --ros-args on."""
+    start = list(words).index('--ros-args') if '--ros-args' in words else len(words)
+    return list(words[:start]), list(words[start:])
 
 
 def print_keys(arguments: argparse.Namespace) -> int:
@@ -97,7 +102,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             from wasd_bringup.clone_commands import run_tests
 
             return (run_tests if words[0] == 'test' else run_benchmark)(words[1:])
+        words, ros_arguments = split_ros_arguments(words)
         arguments = make_parser().parse_args(words)
+        if ros_arguments and arguments.command not in TAKE_ROS_ARGUMENTS:
+            takers = ' and '.join(TAKE_ROS_ARGUMENTS)
+            raise UsageError(f'{arguments.command} takes no --ros-args; {takers} do')
         if arguments.command == 'keys':
             return print_keys(arguments)
         if arguments.command == 'demo':
@@ -111,17 +120,13 @@ def main(argv: Sequence[str] | None = None) -> int:
             from wasd_bringup.calibrate import calibrate_command
 
             return calibrate_command(arguments)
-        if arguments.command == 'replay':
-            from wasd_bringup.replay_command import replay_command
-
-            return replay_command(arguments)
         if 'looks_into_graph' in arguments:
             from wasd_bringup.graph_commands import run_graph_command
 
             return run_graph_command(arguments)
         from wasd_bringup.run_command import run_command
 
-        return run_command(arguments)
+        return run_command(arguments, ros_arguments)
     except UserError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2

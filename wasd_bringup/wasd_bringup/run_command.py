@@ -2,6 +2,7 @@
 """`wasd mbot`: one robot, driven from the terminal, the page, a pipe or a script."""
 
 import argparse
+from collections.abc import Sequence
 import contextlib
 import dataclasses
 import math
@@ -23,9 +24,9 @@ from wasd_bringup.recorded_run import describe_run
 from wasd_bringup.session import Session
 
 
-def run_command(arguments: argparse.Namespace) -> int:
+def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()) -> int:
     """
-    Run a robot as the options say; return the exit status.
+    Run a robot as the options say; return the exit status. `ros_arguments` begin with --ros-args.
 
     Raises:
         UserError: what is wrong with the options or the files they name.
@@ -40,7 +41,7 @@ def run_command(arguments: argparse.Namespace) -> int:
         )
     with StopSignals() as stop, reader or contextlib.nullcontext():
         os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', _discovery_range(options))
-        init_ros([])
+        init_ros(ros_arguments)
         session = recorder = None
         try:
             options = dataclasses.replace(options, interactive=_is_interactive(reader))
