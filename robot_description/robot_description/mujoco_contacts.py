@@ -95,7 +95,7 @@ def _loners(robot: Robot) -> list[str]:
 
 def _colliding(spec: mujoco.MjSpec, robot: Robot, link: str) -> list[tuple[Shape, mujoco.MjsGeom]]:
     body = spec.body(link)
-    if body is None:  # welded into its parent
+    if body is None or link not in robot.links:  # welded on, or a tag's reference to nothing
         return []
     geoms = [geom for geom in body.geoms if geom.group == COLLISION_GROUP]
     return list(zip(robot.links[link].collisions, geoms, strict=False))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import xml.etree.ElementTree as ElementTree
 
 from robot_description.mujoco_masses import mend_inertials
-from robot_description.urdf import MOVABLE
+from robot_description.plain_urdf import plain_urdf
 from robot_description.urdf import Robot
 from robot_description.urdf_shapes import shape_tags
 
@@ -32,12 +32,10 @@ def for_mujoco(urdf: str, robot: Robot) -> MujocoUrdf:
 
     MuJoCo reads neither `package://` nor Collada, so each mesh and scale gets a plain name; it
     refuses a second material in a shape (Unitree's flat Go2 has five), a repeated shape name and
-    a material without a colour. Shapes of a kind that URDF does not know are left out.
+    a material without a colour. Shapes of a kind that URDF does not know are left out, as is what
+    is meant for other programs.
     """
-    tree = ElementTree.fromstring(urdf)
-    for extension in tree.findall('mujoco'):
-        tree.remove(extension)
-    _drop_idle_words(tree)
+    tree = plain_urdf(urdf)
     colours = _colours(tree)
     for material in tree.findall('material'):
         tree.remove(material)
@@ -65,34 +63,30 @@ def for_mujoco(urdf: str, robot: Robot) -> MujocoUrdf:
     return MujocoUrdf(text, {name: use for use, name in names.items()})
 
 
-def _drop_idle_words(tree: ElementTree.Element) -> None:
-    """Drop what MuJoCo ignores with a warning: limits of no width, imitation of nothing."""
-    movable = {
-        joint.get('name') for joint in tree.findall('joint') if joint.get('type') in MOVABLE
-    }
-    for joint in tree.findall('joint'):
-        mimic, limit = joint.find('mimic'), joint.find('limit')
-        if mimic is not None and not {joint.get('name'), mimic.get('joint')} <= movable:
-            joint.remove(mimic)
-        if limit is not None and float(limit.get('lower', '0')) == float(limit.get('upper', '0')):
-            limit.attrib.pop('lower', None)
-            limit.attrib.pop('upper', None)
-
-
 def _colours(tree: ElementTree.Element) -> dict[str, str]:
     """Return the colours by the names of the materials that define them, wherever they do."""
     return {
-        material.get('name', ''): colour.get('rgba', GREY)
+        material.get('name', ''): _rgba(colour)
         for material in tree.iter('material')
         if (colour := material.find('color')) is not None
     }
+
+
+def _rgba(colour: ElementTree.Element) -> str:
+    """Return a colour as four numbers; grey where it is none."""
+    text = colour.get('rgba', '')
+    try:
+        numbers = [float(number) for number in text.split()]
+    except ValueError:
+        numbers = []
+    return text if len(numbers) == 4 and all(0.0 <= n <= 1.0 for n in numbers) else GREY
 
 
 def _simplify_material(shape: ElementTree.Element, colours: dict[str, str]) -> None:
     """Leave the first colour of a shape; a texture alone counts as grey."""
     materials = shape.findall('material')
     found = [
-        colour.get('rgba', GREY)
+        _rgba(colour)
         if (colour := material.find('color')) is not None
         else colours.get(material.get('name', ''))
         for material in materials

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from robot_description.errors import DescriptionError
 from robot_description.mujoco_model import ROOT_JOINT
+from robot_description.plain_urdf import plain_urdf
 from robot_description.urdf import Robot
 
 # All that kinematics and dynamics need.
@@ -16,6 +17,8 @@ KEPT = {
     'link': {'inertial'},
     'joint': {'origin', 'parent', 'child', 'axis', 'limit', 'dynamics'},
 }
+# A joint without limits goes as far as anybody will ask for.
+NO_LIMIT = {'lower': '-1e9', 'upper': '1e9', 'effort': '0', 'velocity': '0'}
 
 
 def to_pinocchio(urdf: str, robot: Robot) -> pin.Model:
@@ -66,13 +69,29 @@ def link_positions(model: pin.Model, q: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def bare_urdf(urdf: str) -> str:
-    """Return the URDF without shapes, materials and tags, which urdfdom has complaints about."""
-    tree = ElementTree.fromstring(urdf)
+    """
+    Return the URDF without shapes, materials and tags, which urdfdom has complaints about.
+
+    It also wants a name for the robot and all of a limit for joints that may have one.
+    """
+    tree = plain_urdf(urdf)
+    tree.set('name', tree.get('name') or 'robot')
     for element in list(tree):
         if element.tag not in KEPT:
             tree.remove(element)
             continue
+        if element.get('type') in ('revolute', 'prismatic'):
+            limit = element.find('limit')
+            if limit is None:
+                limit = ElementTree.SubElement(element, 'limit')
+            limit.attrib.update({**NO_LIMIT, **limit.attrib})
         for child in list(element):
-            if child.tag not in KEPT[element.tag]:
+            if child.tag not in KEPT[element.tag] or _is_weightless(child):
                 element.remove(child)
     return ElementTree.tostring(tree, encoding='unicode')
+
+
+def _is_weightless(tag: ElementTree.Element) -> bool:
+    """Whether it is an inertial without all of its parts, for which urdfdom refuses the file."""
+    parts = [tag.find(part) for part in ('mass', 'inertia')]
+    return tag.tag == 'inertial' and any(part is None for part in parts)

@@ -212,6 +212,9 @@ def _find_root(links: dict[str, Link], joints: dict[str, Joint]) -> str:
 def _link(tag: ElementTree.Element) -> Link:
     name = tag.get('name', '')
     where = f'link {name!r}'
+    inertial = tag.find('inertial')
+    if inertial is not None:
+        read_origin(inertial, f'{where}: inertial')  # nothing here needs it, but others do
     return Link(
         name=name,
         mass=float(read_numbers(tag.find('inertial/mass'), 'value', '0', where)[0]),

@@ -88,8 +88,10 @@ def test_unknown_words_of_gazebo_are_ignored():
         '<gravity>true</gravity><kp value="1"/><sensor name="s" type="imu"><link>x</link></sensor>'
     )
     plugin = '<gazebo><plugin name="p" filename="p.so"><link>base</link></plugin></gazebo>'
+    said = '<mu1>1</mu1><self_collide>0</self_collide>'
+    nothing = tag('world', said) + tag('nobody', said)
     transmission = '<transmission name="t"><joint name="base_a"/></transmission>'
-    assert touching(*CHAIN, tag('a', words), plugin, transmission) == touching(*CHAIN)
+    assert touching(*CHAIN, tag('a', words), plugin, transmission, nothing) == touching(*CHAIN)
 
 
 def test_a_hanging_robot_hangs_above_the_floor_and_a_standing_one_stands():

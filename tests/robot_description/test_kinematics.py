@@ -11,6 +11,7 @@ from robot_description.errors import DescriptionError
 from robot_description.expand import expand
 from robot_description.forward_kinematics import link_poses
 from robot_description.kinematic_check import check_kinematics
+from robot_description.mujoco_model import to_mujoco
 from robot_description.packages import share_directory
 from robot_description.pinocchio_model import configuration
 from robot_description.pinocchio_model import link_positions
@@ -84,3 +85,21 @@ def test_what_pinocchio_cannot_read_is_one_line():
     with pytest.raises(DescriptionError, match='^Pinocchio: ') as caught:
         to_pinocchio('<robot name="r"></robot>', robot)
     assert '\n' not in str(caught.value)
+
+
+def test_what_one_reader_refuses_and_the_other_does_not_loads_in_all():
+    # No limit, no name, a repeated tag, an inertia in part: Pinocchio's reader or MuJoCo's would
+    # each refuse some of it.
+    mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    axis = '<axis xyz="0 1 0"/><axis xyz="1 0 0"/>'
+    urdf = (
+        f'<robot><link name="a">{mass}</link><link name="b">{mass}<inertial/></link>'
+        '<link name="c"><inertial><mass value="0"/></inertial></link>'
+        f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{axis}</joint>'
+        '<joint name="k" type="fixed"><parent link="b"/><child link="c"/>'
+        '<origin xyz="0 0 1"/></joint></robot>'
+    )
+    robot = parse_urdf(urdf)
+    assert to_pinocchio(urdf, robot).nq == 8
+    assert to_mujoco(urdf, robot).compile().nq == 8
+    assert max(deviation.distance for deviation in check_kinematics(urdf, robot)) < 1e-12

@@ -147,6 +147,10 @@ def test_every_collision_shape_is_kept_in_order():
             '</link></robot>',
             "link 'a': sphere needs a number, got ''",
         ),
+        (
+            '<robot><link name="a"><inertial><origin xyz="0"/></inertial></link></robot>',
+            "link 'a': inertial: xyz needs 3 numbers, got '0'",
+        ),
         (robot('a', rest='<gazebo reference="a"><mu1>low</mu1></gazebo>'), "mu1 .*'low'"),
     ],
 )  # fmt: skip
