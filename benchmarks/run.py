@@ -20,6 +20,7 @@ import mbot
 from mbot_accuracy import simulate
 from mbot_accuracy import SQUARE
 from mbot_picture import draw_square
+import quadrupeds
 from table import describe_machine
 from table import format_table
 import teleop
@@ -29,6 +30,7 @@ PARTS = {
     'go2': go2.measure,
     'teleop': teleop.measure,
     'describe': describe.measure,
+    'quadrupeds': quadrupeds.measure,
 }
 
 
@@ -58,6 +60,13 @@ def main() -> int:
     parser.add_argument('--json', default='wasd_bench.json', metavar='FILE', help='what to write')
     parser.add_argument('--quick', action='store_true', help='fewer seeds: at most 5 minutes')
     parser.add_argument(
+        '--description',
+        action='append',
+        default=[],
+        metavar='FILE',
+        help='another robot to walk with the quadrupeds (repeatable)',
+    )
+    parser.add_argument(
         '--picture', metavar='FILE', help="draw mbot's square as a PNG, and measure nothing"
     )
     arguments = parser.parse_args()
@@ -67,6 +76,7 @@ def main() -> int:
         return draw(parser, arguments)
     begin = time.monotonic()
     names = [arguments.part] if arguments.part else list(PARTS)
+    quadrupeds.more += arguments.description
     try:
         rows = [row for name in names for row in PARTS[name](arguments.quick, note)]
     except KeyboardInterrupt:

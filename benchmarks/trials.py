@@ -35,7 +35,7 @@ class RunFailed(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One run of the Go2: what it is told, in which world, with which seed."""
+    """One run of a quadruped: what it is told, in which world, with which seed."""
 
     seed: int
     twist: str = ''  # a --twist script
@@ -45,6 +45,7 @@ class Run:
     estimator: str = 'kalman'
     push: str = ''
     speed: float = 0.0
+    description: str = ''  # a file; '' is the Go2
     step_in_place: bool = False  # whether it steps at zero command
     repeat: int = 0  # tells a run from another that is the same
 
@@ -96,6 +97,8 @@ class Trace:
         """Return this run as one trial of the JSON."""
         run = self.run
         asked = {'seed': run.seed, 'world': run.world, 'estimator': run.estimator}
+        if run.description:
+            asked['description'] = Path(run.description).name
         seen = {'falls': self.report['falls'], 'state': self.state[-1]}
         return {**asked, 'passed': passed, **seen, **values}
 
@@ -115,6 +118,7 @@ def simulate(run: Run) -> Trace:
             path.write_text(text)
             words += [option, str(path)] if text else []
         words += ['--push', run.push] if run.push else []
+        words += ['--description', run.description] if run.description else []
         words += ['--world', run.world, '--seed', str(run.seed), '--estimator', run.estimator]
         words += ['--duration', str(run.duration), '--speed', str(run.speed)]
         words += ['--report', str(report)]
@@ -150,7 +154,7 @@ def simulate_all(runs: Sequence[Run], note: Callable[[str], None]) -> dict[Run, 
             result = RunFailed(str(error))
         with lock:
             done[run] = result
-            note(f'go2: {len(done)} of {len(wanted)} runs')
+            note(f'{len(done)} of {len(wanted)} runs')
 
     with ThreadPoolExecutor(max_workers=len(os.sched_getaffinity(0))) as pool:
         # Longest first: none is left to one core at the end.
