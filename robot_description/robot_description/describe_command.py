@@ -205,7 +205,7 @@ def write_file(path: Path, text: str) -> None:
         UserError: why it cannot be written.
     """
     try:
-        path.write_text(text, encoding='utf-8')
+        path.write_text(text, encoding='utf-8', errors='backslashreplace')
     except OSError as error:
         raise UserError(f'--output {path}: {error.strerror}') from None
 
@@ -218,18 +218,13 @@ def read_command_line(words: Sequence[str]) -> argparse.Namespace:
         UserError: an option or word that is not known.
     """
     # They are taken out first: argparse would take one that stands before PATH for the path.
-    words = list(words)
-    after_option = {index + 1 for index, word in enumerate(words) if word == RENAME}
-    assignments = [
-        word
-        for index, word in enumerate(words)
-        if re.match(r'[^\W\d]\w*:=', word) and index not in after_option
-    ]
-    rest = [
-        word
-        for index, word in enumerate(words)
-        if word not in assignments or index in after_option
-    ]
+    assignments: list[str] = []
+    rest: list[str] = []
+    before = ''
+    for word in words:
+        is_assignment = re.match(r'[^\W\d]\w*:=', word) and before != RENAME
+        (assignments if is_assignment else rest).append(word)
+        before = word
     options = make_parser().parse_args(rest)
     options.arguments = dict(word.split(ASSIGNMENT, 1) for word in assignments)
     return options

@@ -3,6 +3,7 @@
 
 from collections.abc import Collection
 import difflib
+from functools import lru_cache
 import re
 
 # Words and leg codes, and the sides they stand for.
@@ -31,6 +32,8 @@ LETTERS = {'l': ('left',), 'r': ('right',)}
 FILLERS = {'base', 'joint', 'link'}
 OPPOSITE = {'left': 'right', 'right': 'left', 'front': 'back', 'back': 'front'}
 LEAST_LIKENESS = 0.8
+# More names than a robot has; comparing their spelling would take long.
+MOST_KNOWN = 300
 
 
 def words(name: str) -> list[str]:
@@ -38,6 +41,7 @@ def words(name: str) -> list[str]:
     return [w.lower() for w in re.findall(r'[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+', name)]
 
 
+@lru_cache(maxsize=10_000)
 def sides(name: str) -> frozenset[str]:
     """Return what a name says of `left`, `right`, `front` and `back`."""
     parts = words(name)
@@ -45,6 +49,7 @@ def sides(name: str) -> frozenset[str]:
     return frozenset(side for part in parts for side in table.get(part, ()))
 
 
+@lru_cache(maxsize=10_000)
 def part(name: str) -> tuple[str, ...]:
     """Return a name's words without its sides: what it is, wherever it is."""
     parts = words(name)
@@ -67,6 +72,8 @@ def meant(name: str, known: Collection[str]) -> str | None:
     ]
     if same:
         return same[0] if len(same) == 1 else None
+    if len(known) > MOST_KNOWN:
+        return None
     alike = [other for other in known if sides(other) == sides(name)]
     close = difflib.get_close_matches(name, alike, n=2, cutoff=LEAST_LIKENESS)
     return close[0] if len(close) == 1 else None

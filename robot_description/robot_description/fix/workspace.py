@@ -49,6 +49,7 @@ class Workspace:
         self._arguments = arguments
         self._search = search
         self._parse = cache(parse_source)
+        self._linted: tuple[dict[Path, bytes], list[Finding]] | None = None
 
     def model(self) -> Model:
         """
@@ -77,10 +78,13 @@ class Workspace:
             self._remember(session)
 
     def lint(self) -> list[Finding]:
-        """Return what is wrong with the files as they are now."""
+        """Return what is wrong with the files as they are now; told from memory if unchanged."""
+        if self._linted is not None and self._linted[0] == self.changed:
+            return self._linted[1]
         session = self._session()
         found = lint_session(session, self._search)
         self._remember(session)
+        self._linted = dict(self.changed), found
         return found
 
     def texts(self) -> dict[Path, bytes]:

@@ -126,18 +126,29 @@ class Model:
         }
 
     @cached_property
-    def poses(self) -> dict[str, Pose]:
-        """Pose of each link in its root with all joints at zero; none for links in a circle."""
-        poses = {link: IDENTITY for link in self.links if link not in self.joint_above}
-        below: dict[str, list[tuple[str, Element]]] = {}
+    def roots(self) -> dict[str, str]:
+        """The root that each link hangs on, parents before children; none for circles."""
+        found = {link: link for link in self.links if link not in self.joint_above}
+        below: dict[str, list[str]] = {}
         for link, joint in self.joint_above.items():
-            below.setdefault(end(joint, 'parent'), []).append((link, joint))
-        waiting = list(poses)
-        while waiting:
-            link = waiting.pop()
-            for child, joint in below.get(link, []):
-                poses[child] = poses[link] @ joint.origin()
+            below.setdefault(end(joint, 'parent'), []).append(link)
+        waiting = list(found)
+        for link in waiting:  # which grows meanwhile
+            for child in below.get(link, []):
+                found[child] = found[link]
                 waiting.append(child)
+        return found
+
+    @cached_property
+    def poses(self) -> dict[str, Pose]:
+        """Pose of each link in its root with all joints at zero; none for links in circles."""
+        poses: dict[str, Pose] = {}
+        for link in self.roots:
+            joint = self.joint_above.get(link)
+            if joint is None:
+                poses[link] = IDENTITY
+            else:
+                poses[link] = poses[end(joint, 'parent')] @ joint.origin()
         return poses
 
 

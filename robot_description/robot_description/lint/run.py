@@ -2,6 +2,7 @@
 """Runs all checks on a file."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 
 from robot_description.errors import DescriptionError
@@ -45,6 +46,10 @@ CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
 )
 
 
+# What a check finds again and again is told so often; the file has other problems then.
+MOST_FINDINGS = 200
+
+
 def lint(
     path: Path,
     arguments: Mapping[str, str] | None = None,
@@ -82,7 +87,7 @@ def lint_session(
         found += [finding('xacro-warning', p or start, text) for p, text in expansion.warnings]
         model = make_model(expansion, session.path, search, expected_joints)
         for check in CHECKS:
-            found += check(model)
+            found += islice(check(model), MOST_FINDINGS)
         found += _meshes(model, expansion.urdf)
     calls = list(check_macro_calls(session.sources))
     told = {call.place for call in calls}

@@ -49,25 +49,27 @@ def swapped_pairs(model: Model, side: str) -> list[tuple[Element, Element]]:
     """
     axis = 1 if side == 'left' else 0
     pairs = []
-    for joint in model.joints.values():
-        other = _counterpart(model, joint, side) if side in sides(joint.name) else None
-        if other is not None:
-            here, there = (_position(model, j)[axis] for j in (joint, other))
-            if here < -MIDDLE and there > MIDDLE:
-                pairs.append((joint, other))
+    for joint, other in mirrored(model, side):
+        here, there = (_position(model, j)[axis] for j in (joint, other))
+        if here < -MIDDLE and there > MIDDLE:
+            pairs.append((joint, other))
     return pairs
 
 
-def _counterpart(model: Model, joint: Element, side: str) -> Element | None:
-    wanted = sides(joint.name) - {side} | {OPPOSITE[side]}
-    for other in model.joints.values():
-        if (
-            sides(other.name) == wanted
-            and part(other.name) == part(joint.name)
-            and end(other, 'parent') == end(joint, 'parent')
-        ):
-            return other
-    return None
+def mirrored(model: Model, side: str) -> list[tuple[Element, Element]]:
+    """Return the joints on `side`, each with its counterpart on the same link."""
+    by_part = {_role(joint, sides(joint.name)): joint for joint in model.joints.values()}
+    pairs = []
+    for joint in model.joints.values():
+        told = sides(joint.name)
+        other = by_part.get(_role(joint, told - {side} | {OPPOSITE[side]}))
+        if side in told and other is not None:
+            pairs.append((joint, other))
+    return pairs
+
+
+def _role(joint: Element, where: frozenset[str]) -> tuple[object, ...]:
+    return where, part(joint.name), end(joint, 'parent')
 
 
 def _position(model: Model, joint: Element) -> list[float]:
@@ -81,11 +83,11 @@ def _position(model: Model, joint: Element) -> list[float]:
 def check_wheels(model: Model) -> Iterator[Finding]:
     """The wheels of a pair have one radius, and are equally far from the middle."""
     wheels = {wheel.joint.name: wheel for wheel in find_wheels(model)}
-    for name, wheel in wheels.items():
-        other = _counterpart(model, wheel.joint, 'left') if 'left' in sides(name) else None
-        mate = wheels.get(other.name) if other is not None else None
-        if mate is None:
+    for left, right in mirrored(model, 'left'):
+        wheel, mate = wheels.get(left.name), wheels.get(right.name)
+        if wheel is None or mate is None:
             continue
+        name = left.name
         if abs(wheel.radius - mate.radius) > EQUAL:
             text = f'{name!r} turns a radius of {wheel.radius:g} m, {mate.joint.name!r} one of '
             yield finding('different-wheels', wheel.joint.place, f'{text}{mate.radius:g} m')

@@ -12,6 +12,7 @@ from robot_description.lint.model import end
 from robot_description.lint.model import Model
 from robot_description.lint.model import MOVABLE
 
+ENDS = ('parent', 'child')
 JOINT_TYPES = (*MOVABLE, 'fixed')
 # More than this many names make no message clearer.
 MOST_NAMES = 5
@@ -43,7 +44,7 @@ def check_links_exist(model: Model) -> Iterator[Finding]:
         return
     children: dict[str, Element] = {}
     for joint in model.robot.all('joint'):
-        for which in ('parent', 'child'):
+        for which in ENDS:
             name = end(joint, which)
             if name and name not in model.links:
                 text = f'{which} link {name!r} of joint {joint.name!r} is not defined'
@@ -67,39 +68,32 @@ def check_one_tree(model: Model) -> Iterator[Finding]:
             yield finding('orphan-link', link.place, f'no joint mentions link {name!r}')
     roots = [name for name in model.links if name not in model.joint_above and name in mentioned]
     if len(roots) > 1:
-        sizes = Counter(_root_of(model, name) for name in model.links)
+        sizes = Counter(model.roots.values())
         main = max(roots, key=lambda name: sizes[name])
         for name in roots:
             if name != main:
                 text = f'link {name!r} is a second root beside {main!r}'
                 yield finding('several-roots', model.links[name].place, text)
-    circle = sorted(
-        name for name in model.links if name not in model.poses and _closed(model, name)
-    )
+    circle = sorted(_in_circles(model))
     if circle:
         shown = ', '.join(circle[:MOST_NAMES]) + (' ...' if len(circle) > MOST_NAMES else '')
         text = f'joints run in a circle through {shown}'
         yield finding('cycle', model.joint_above[circle[0]].place, text)
 
 
-ENDS = ('parent', 'child')
-
-
-def _root_of(model: Model, link: str) -> str:
-    seen = set()
-    while link in model.joint_above and link not in seen:
-        seen.add(link)
-        link = end(model.joint_above[link], 'parent')
-    return link
-
-
-def _closed(model: Model, link: str) -> bool:
-    """Whether the way up from a link comes back to it."""
-    here, seen = link, set()
-    while here in model.joint_above and here not in seen:
-        seen.add(here)
-        here = end(model.joint_above[here], 'parent')
-    return here == link
+def _in_circles(model: Model) -> set[str]:
+    """Return the links from which the way up comes back to them."""
+    seen: set[str] = set()
+    circles: set[str] = set()
+    for link in model.links:
+        way: dict[str, int] = {}
+        while link in model.joint_above and link not in seen:
+            seen.add(link)
+            way[link] = len(way)
+            link = end(model.joint_above[link], 'parent')
+        if link in way:
+            circles.update(list(way)[way[link] :])
+    return circles
 
 
 def check_joints(model: Model) -> Iterator[Finding]:
