@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pages and parameter files that are written from the nodes say what the nodes say now."""
 
+import ast
 import importlib
 from pathlib import Path
 
@@ -23,6 +24,17 @@ def test_every_page_and_parameter_file_is_up_to_date(reference, ros):
         if not path.is_file() or path.read_text() != text
     ]
     assert not stale, f'{", ".join(stale)}: run {reference.COMMAND}'
+
+
+def test_every_node_of_the_packages_is_asked(reference):
+    classes = {
+        node.name
+        for package in ROOT.glob('*/package.xml')
+        for path in (package.parent / package.parent.name).rglob('*.py')
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef) and 'Node' in map(ast.unparse, node.bases)
+    }
+    assert classes == {make_node.__name__ for make_node in reference.NODES}
 
 
 def test_a_topic_that_nobody_describes_is_named(reference, ros, monkeypatch):
