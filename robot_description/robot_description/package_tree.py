@@ -58,7 +58,9 @@ def workspaces(description: Path) -> list[Path]:
     They are what holds its package, and the clones and `src` folders around it.
     """
     package = own_package(description)
+    # In a folder that is everybody's lie strangers, and very many of them.
     around = [package.parent] if package is not None else []
+    around = [folder for folder in around if folder not in _everybodys()]
     for folder in _above(description):
         if folder.name == 'src' or (folder / '.git').exists():
             around.append(folder)
@@ -91,11 +93,15 @@ def _folders_below(folder: Path) -> Iterator[Path]:
 
 def _above(description: Path) -> Iterator[Path]:
     """Yield the folders above a file, up to where everybody's things lie."""
-    everybodys = {Path('/'), Path.home(), Path(tempfile.gettempdir())}
     for folder in list(Path(os.path.normpath(description.absolute())).parents)[:LEVELS]:
-        if folder in everybodys:
+        if folder in _everybodys():
             return
         yield folder
+
+
+def _everybodys() -> set[Path]:
+    """Return the folders in which everybody's things lie."""
+    return {Path('/'), Path.home(), Path(tempfile.gettempdir())}
 
 
 def _manifest(folder: Path) -> str:

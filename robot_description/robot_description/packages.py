@@ -79,7 +79,8 @@ class PackageFinder:
                 continue  # what the wheel put there is a copy of our own, which has its turn
             if (prefix / 'share/ament_index/resource_index/packages' / name).is_file():
                 yield prefix / 'share' / name
-        if self._own is not None and self._own.name == name:  # a copy without its package.xml
+        # Before those around it, and also in a copy without its package.xml.
+        if self._own is not None and name in (self._own.name, manifest_name(self._own)):
             yield self._own
         for folder in (*self._around, *_ros_package_path()):
             yield from self._below(folder).get(name, [])

@@ -91,6 +91,25 @@ def test_find_knows_the_package_around_the_file_and_those_beside_it(write, tmp_p
     assert f'name="{tmp_path}/robots/dog {tmp_path}/robots/cat"' in expand(path)
 
 
+def test_the_package_around_the_file_comes_before_those_beside_it(write, tmp_path):
+    for folder in ('a_copy', 'mine'):
+        (tmp_path / folder).mkdir()
+        manifest = tmp_path / folder / 'package.xml'
+        manifest.write_text('<package><name>dog</name></package>')
+    path = write('<link name="$(find dog)"/>', 'mine/dog.xacro')
+    assert f'name="{tmp_path}/mine"' in expand(path)
+
+
+def test_packages_in_the_folder_for_temporary_files_are_strangers(write, tmp_path, monkeypatch):
+    monkeypatch.setattr('tempfile.gettempdir', lambda: str(tmp_path))
+    for name in ('dog', 'cat'):
+        (tmp_path / name).mkdir()
+        manifest = tmp_path / name / 'package.xml'
+        manifest.write_text(f'<package><name>{name}</name></package>')
+    path = write('<link name="$(find cat)"/>', 'dog/dog.xacro')
+    assert "package 'cat' not found" in error_of(path)
+
+
 def test_dirname_is_the_folder_of_the_file_it_stands_in(write, tmp_path):
     write('<link name="$(dirname)"/>', 'parts/part.xacro')
     path = write('<xacro:include filename="$(dirname)/parts/part.xacro"/>')
