@@ -17,11 +17,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
+from robot_description.packages import share_directory
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 pytestmark = pytest.mark.slow
 
+LAIKAGO = str(
+    share_directory('example-robot-data') / 'robots/laikago_description/urdf/laikago.urdf'
+)
 PERIOD = 0.002
 # Slower than real time, so that two processes on a busy machine can keep in step.
 SPEED = 0.5
@@ -62,17 +66,18 @@ def place(odometry):
 class Rig:
     """A simulator and a leg controller that know each other by topics only."""
 
-    def __init__(self, spawn, spin_until, **parameters):
+    def __init__(self, spawn, spin_until, description, **parameters):
         self.simulator = spawn(
             SimulatorNode(
                 parameter_overrides=[
-                    Parameter('description', value='go2'),
+                    Parameter('description', value=description),
                     Parameter('state_rate', value=1.0 / PERIOD),
                 ]
             )
         )
         self.simulator.schedule_publishing()
         self.world = self.simulator._world
+        parameters['description'] = description
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         self.legs = spawn(LegControllerNode(parameter_overrides=overrides))
         self.peer = spawn(Driver())
@@ -109,12 +114,22 @@ class Rig:
         return self.simulator._commanded_at == self.world.time
 
 
-@pytest.mark.parametrize('estimator', ['kalman', 'truth'])
-def test_keys_and_cmd_vel_walk_the_simulated_robot_over_topics(spawn, spin_until, estimator):
-    rig = Rig(spawn, spin_until, estimator=estimator)
+@pytest.mark.parametrize(
+    ('description', 'estimator', 'height', 'frame'),
+    [
+        ('go2', 'kalman', 0.335, 'base'),
+        ('go2', 'truth', 0.335, 'base'),
+        (LAIKAGO, 'kalman', 0.42, 'trunk'),  # other order of joints, no link for the IMU
+    ],
+    ids=['go2', 'go2-truth', 'laikago'],
+)
+def test_keys_and_cmd_vel_walk_the_simulated_robot_over_topics(
+    spawn, spin_until, description, estimator, height, frame
+):
+    rig = Rig(spawn, spin_until, description, estimator=estimator)
     rig.press('2', 'fixed stand')
     rig.run(2.2)
-    assert 0.31 < rig.world.base().position[2] < 0.36
+    assert rig.world.base().position[2] == pytest.approx(height, abs=0.025)
     rig.press('5', 'move base')
     for _ in range(8):
         rig.drive(0.4)
@@ -125,6 +140,7 @@ def test_keys_and_cmd_vel_walk_the_simulated_robot_over_topics(spawn, spin_until
     spin_until(spawn.pump, lambda: len(rig.peer.odometry) > 150)
     assert np.linalg.norm(place(rig.peer.odometry[-1]) - truth.position) < 0.05
     assert rig.peer.states == ['passive', 'fixed stand', 'move base']
+    assert {message.child_frame_id for message in rig.peer.odometry} == {frame}
 
 
 @pytest.fixture
