@@ -10,6 +10,7 @@ import pinocchio as pin
 from robot_description.errors import DescriptionError
 from robot_description.mujoco_model import ROOT_JOINT
 from robot_description.plain_urdf import plain_urdf
+from robot_description.urdf import MOVABLE
 from robot_description.urdf import Robot
 
 # All that kinematics and dynamics need.
@@ -80,7 +81,7 @@ def bare_urdf(urdf: str) -> str:
         if element.tag not in KEPT:
             tree.remove(element)
             continue
-        if element.get('type') in ('revolute', 'prismatic'):
+        if element.get('type') in MOVABLE:
             limit = element.find('limit')
             if limit is None:
                 limit = ElementTree.SubElement(element, 'limit')

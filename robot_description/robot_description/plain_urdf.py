@@ -29,12 +29,15 @@ def plain_urdf(urdf: str) -> ElementTree.Element:
         inertial = link.find('inertial')
         if inertial is not None:
             _keep_first(inertial)
+            for mass in inertial.findall('mass'):
+                mass.set('value', mass.get('value', '0'))
             for inertia in inertial.findall('inertia'):
                 for component in INERTIA_COMPONENTS:
                     inertia.set(component, inertia.get(component, '0'))
     movable = {j.get('name') for j in tree.findall('joint') if j.get('type') in MOVABLE}
     for joint in tree.findall('joint'):
         _keep_first(joint)
+        joint.set('type', joint.get('type', 'fixed'))
         _drop_idle_words(joint, movable)
     return tree
 

@@ -176,8 +176,10 @@ def parse_urdf(text: str) -> Robot:
 def _by_name(elements: list[Named]) -> dict[str, Named]:
     by_name: dict[str, Named] = {}
     for element in elements:
+        kind = type(element).__name__.lower()
+        if not element.name:
+            raise DescriptionError(f'a {kind} has no name')
         if element.name in by_name:
-            kind = type(element).__name__.lower()
             raise DescriptionError(f'{kind} {element.name!r} is defined twice')
         by_name[element.name] = element
     return by_name
@@ -241,6 +243,8 @@ def _joint(tag: ElementTree.Element) -> Joint:
     if kind not in JOINT_KINDS:
         raise DescriptionError(f'{where}: type {kind!r}, wanted one of {", ".join(JOINT_KINDS)}')
     limit, mimic = tag.find('limit'), tag.find('mimic')
+    for word in ('damping', 'friction'):
+        read_numbers(tag.find('dynamics'), word, '0', where)  # for MuJoCo and Pinocchio
     lower, upper = (float(read_numbers(limit, end, '0', where)[0]) for end in ('lower', 'upper'))
     is_free = kind not in ('revolute', 'prismatic') or limit is None or lower >= upper
     return Joint(

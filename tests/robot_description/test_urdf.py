@@ -121,6 +121,7 @@ def test_every_collision_shape_is_kept_in_order():
             "link 'c' is the child of two joints",
         ),
         (robot('a', 'a'), "link 'a' is defined twice"),
+        ('<robot><link/></robot>', 'a link has no name'),
         (robot('a', 'b', rest=2 * joint('a', 'b')), "joint 'a_b' is defined twice"),
         (
             robot('a', 'b', rest=joint('a', 'b', inner='<origin xyz="0 0"/>')),
