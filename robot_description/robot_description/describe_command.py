@@ -160,6 +160,8 @@ def _fix(options: argparse.Namespace) -> int:
     renames = read_renames(options.rename)
     fixes = mend(options.path, options.arguments, options.package_path, renames, options.only)
     sys.stdout.write(fixes.diff())
+    if fixes.mended:
+        print(f'mended: {", ".join(fixes.mended)}', file=sys.stderr)
     for one in fixes.left:
         print(f'left: {one.line()}', file=sys.stderr)
     if options.output is not None:

@@ -195,6 +195,27 @@ def test_joints_that_a_macro_makes_are_renamed_to_arbotix_and_back(courses_mbot)
     assert set(there) < set(parse_urdf(expand(path)).joints)
 
 
+def test_a_name_between_single_quotes_is_renamed_in_them(write):
+    made = joint('${side}_joint', '${side}').replace(
+        'name="${side}_joint"', "name='${side}_joint'"
+    )
+    path = write(f'<xacro:macro name="m" params="side">{made}</xacro:macro><xacro:m side="left"/>')
+    path.write_text(mended_text(path, renames={'left_joint': 'l_joint'}))
+    assert 'l_joint' in parse_urdf(expand(path)).joints
+
+
+def test_a_joint_of_another_package_is_not_renamed(tmp_path, capsys):
+    for name in ('dog', 'cat'):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / 'package.xml').write_text(f'<package><name>{name}</name></package>')
+    body = f'<link name="base"/>{joint("tail_joint", "tail")}'
+    (tmp_path / 'cat/cat.xacro').write_text(f'{HEAD}{body}</robot>')
+    path = tmp_path / 'dog/robot.xacro'
+    path.write_text(f'{HEAD}<xacro:include filename="$(find cat)/cat.xacro"/></robot>')
+    assert main(['fix', str(path), '--rename', 'tail_joint:=t']) == 2
+    assert '--rename tail_joint: cannot be done here' in capsys.readouterr().err
+
+
 def test_two_joints_exchange_their_names(write):
     path = write(joint('a_joint', 'a') + joint('b_joint', 'b'))
     text = mended_text(path, renames={'a_joint': 'b_joint', 'b_joint': 'a_joint'})

@@ -89,7 +89,10 @@ def _edit(workspace: Workspace, spot: _Spot, renames: Mapping[str, str]) -> Edit
     text = data[slice(*span)].decode()
     if text.strip() in renames:
         return Edit(path, *span, text.replace(text.strip(), renames[text.strip()]))
-    return Edit(path, *span, _choice(text, renames))
+    choice = _choice(text, renames)
+    if spot.attribute is not None and data[span[0] - 1 : span[0]] == b"'":
+        choice = choice.replace("'", '&apos;')
+    return Edit(path, *span, choice)
 
 
 def _choice(text: str, renames: Mapping[str, str]) -> str:

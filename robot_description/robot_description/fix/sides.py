@@ -60,9 +60,9 @@ def _swap_calls(workspace: Workspace, one: str, other: str, side: str) -> Iterat
                 for name in here.attributes:
                     if _is_negative(here.attributes[name], there.attributes.get(name, '')):
                         for tag, mate in ((here, there), (there, here)):
-                            span = tag.value_span(data, name)
-                            if span is not None:
-                                yield Edit(path, *span, mate.attributes[name])
+                            span, other_span = (t.value_span(data, name) for t in (tag, mate))
+                            if span is not None and other_span is not None:
+                                yield Edit(path, *span, data[slice(*other_span)].decode())
 
 
 def _are_sides(here: SourceTag, there: SourceTag, side: str, joints: tuple[str, str]) -> bool:

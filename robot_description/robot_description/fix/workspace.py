@@ -110,8 +110,9 @@ class Workspace:
 
     def apply(self, edits: Iterable[Edit]) -> None:
         """Change the files, the last place first; what overlaps is done once."""
+        ordered = sorted(set(edits), key=lambda edit: edit.start, reverse=True)
         sources = self.sources()
-        for edit in sorted(set(edits), key=lambda edit: edit.start, reverse=True):
+        for edit in ordered:
             data = self.changed.get(edit.path, sources[edit.path])
             text = edit.text.encode()
             self.changed[edit.path] = data[: edit.start] + text + data[edit.end :]
