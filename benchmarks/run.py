@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 
+import both
 import describe
 import go2
 import mbot
@@ -28,6 +29,7 @@ import teleop
 PARTS = {
     'mbot': mbot.measure,
     'go2': go2.measure,
+    'both': both.measure,
     'teleop': teleop.measure,
     'describe': describe.measure,
     'quadrupeds': quadrupeds.measure,
