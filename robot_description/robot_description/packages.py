@@ -103,16 +103,14 @@ class PackageFinder:
         return self._description is None or own in self._description.absolute().parents
 
 
-def share_directory(
-    name: str, search: Sequence[Path] = (), description: Path | None = None
-) -> Path:
+def share_directory(name: str, search: Sequence[Path] = ()) -> Path:
     """
     Return the folder that `$(find name)` and `package://name` mean, as PackageFinder finds it.
 
     Raises:
         PackageNotFound: says where was looked.
     """
-    return PackageFinder(search, description).find(name)
+    return PackageFinder(search).find(name)
 
 
 def installed_folders() -> list[Path]:
