@@ -69,17 +69,19 @@ def configured(
     if 'right' in left.lower() and 'left' in right.lower():
         notes.append(f'{left} is on the left and {right} on the right: their names are swapped')
     changes = {}
+    multiplier = parameters.wheel_separation_multiplier
     for name in ('wheel_separation', 'wheel_radius'):
         described, wanted = getattr(geometry, name), getattr(parameters, name)
         if wanted == 0.0:
             continue
         changes[name] = wanted
-        if not math.isclose(wanted, described, rel_tol=1e-6):
+        # A separation that has been calibrated is not odd.
+        is_calibrated = name == 'wheel_separation' and multiplier != 1.0
+        if not is_calibrated and not math.isclose(wanted, described, rel_tol=1e-6):
             notes.append(
                 f'{name} is {wanted:g} m, but {described:g} m in the description: using '
                 f'{wanted:g} (ratio {wanted / described:.3f})'
             )
-    multiplier = parameters.wheel_separation_multiplier
     return replace(
         geometry,
         wheel_radius=changes.get('wheel_radius', geometry.wheel_radius),

@@ -76,6 +76,7 @@ class VelocityInput:
     def _take(self) -> None:
         assert self._other is not None
         for message in self._other.take():
+            self._inlet.witness(message)
             self._handlers[type(message)](message)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A world without physics: the robot is where it is put."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import math
 from typing import NamedTuple
 
@@ -19,6 +19,28 @@ class PlanarPose(NamedTuple):
     linear: float  # [m/s], forward
     lateral: float  # [m/s], to the left
     angular: float  # [rad/s]
+
+
+def pose_base(world: World, position: Sequence[float], orientation: Sequence[float]) -> None:
+    """Put the root where it was: [m] from the place of its start, quaternion w, x, y, z."""
+    if world.parts.pose is not None:
+        start = (*world.setup.place, 0.0)
+        pose = world.data.qpos[world.parts.pose]
+        pose[:3] = [coordinate + begin for coordinate, begin in zip(position, start, strict=True)]
+        pose[3:] = orientation
+
+
+def pose_joints(world: World, names: Sequence[str], positions: Sequence[float]) -> None:
+    """Put the joints that the model knows at positions [rad] or [m]."""
+    known = dict(zip(world.joint_names, world.parts.position.tolist(), strict=True))
+    for name, position in zip(names, positions, strict=True):
+        if name in known:
+            world.data.qpos[known[name]] = position
+
+
+def update_bodies(world: World) -> None:
+    """Compute where all bodies of the model are with the joints and bases as they were put."""
+    mujoco.mj_forward(world.model, world.data)
 
 
 def place(world: World, pose: PlanarPose, joints: Mapping[str, tuple[float, float]]) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mujoco
 from robot_description.description import Description
+from robot_description.description import parse_description
 from robot_description.description import read_description
 from robot_description.drive_wheels import equipped
 from robot_description.errors import DescriptionError
@@ -30,17 +31,22 @@ def load_robot(
     search: Sequence[Path] = (),
     arguments: Mapping[str, str] | None = None,
     strict: bool = False,
+    urdf: str | None = None,
 ) -> LoadedRobot:
     """
     Expand and parse a description and find its meshes, all that something collides with.
 
     `search` are folders in which packages are looked for first, `arguments` are xacro arguments;
-    with `strict` every mesh has to be where the description says; else repairs are logged.
+    with `strict` every mesh has to be where the description says; else repairs are logged. A
+    `urdf` text is taken in place of the file, which may have gone.
 
     Raises:
         DescriptionError: what is wrong with it, in one line.
     """
-    loaded = read_description(description_path(name_or_path), search, arguments)
+    if urdf is not None:
+        loaded = parse_description(urdf, Path(name_or_path), search)
+    else:
+        loaded = read_description(description_path(name_or_path), search, arguments)
     try:
         loaded.meshes.check(strict)
     except DescriptionError as error:

@@ -54,7 +54,16 @@ def read_description(
     Raises:
         DescriptionError: what is wrong with it, in one line.
     """
-    urdf = expand(path, arguments, search)
+    return parse_description(expand(path, arguments, search), path, search)
+
+
+def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Description:
+    """
+    Parse the URDF text of a file and find its meshes, by names relative to the file, too.
+
+    Raises:
+        DescriptionError: what is wrong with it, in one line.
+    """
     try:
         robot = parse_urdf(urdf)
         return Description(path, urdf, robot, resolve_meshes(robot, path, search))

@@ -73,10 +73,14 @@ class Inlet(Generic[Message]):
         self._pending.append((time.monotonic(), serialize_message(message)))
         self._callback(message)
 
+    def witness(self, message: Any) -> None:
+        """Tell the witnesses of a message that came from another process."""
+        for tell in self.witnesses:
+            tell(self, message)
+
     def _on_message(self, message: Message) -> None:
         if not self._is_echo(message):
-            for tell in self.witnesses:
-                tell(self, message)
+            self.witness(message)
             self._callback(message)
 
     def _is_echo(self, message: Message) -> bool:

@@ -248,5 +248,5 @@ def _is_foreground(descriptor: int) -> bool:
     try:
         return os.tcgetpgrp(descriptor) == os.getpgrp()
     except OSError:
-        # Not our controlling terminal: no job control between us.
-        return os.isatty(descriptor)
+        # Not our controlling terminal: no job control between us. Or it hung up: reading tells.
+        return True

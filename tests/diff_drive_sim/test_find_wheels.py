@@ -173,3 +173,10 @@ def test_a_left_turn_lets_the_right_wheel_go_faster(geometry):
     left, right = geometry.wheel_speeds(0.0, 1.0)
     # 1 rad/s on half the track, on the radius.
     assert (left, right) == pytest.approx((-0.19 / 0.06, 0.19 / 0.06))
+
+
+def test_a_separation_that_has_been_calibrated_is_used_without_a_word():
+    parameters = WheelParameters(wheel_separation=0.26, wheel_separation_multiplier=1.461538)
+    geometry, notes = configured(find_wheels(load_robot('mbot').robot), parameters)
+    assert notes == ()
+    assert geometry.wheel_separation == pytest.approx(0.38, abs=1e-6)

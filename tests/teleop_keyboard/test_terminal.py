@@ -128,6 +128,16 @@ def test_a_terminal_that_hangs_up_is_closed(terminal_pair):
         assert terminal.closed
 
 
+def test_a_reader_notices_that_its_terminal_hung_up(terminal_pair):
+    master, slave = terminal_pair
+    with KeyReader(Terminal(slave)) as reader:
+        assert reader.poll(0.0) == []
+        assert not reader.closed
+        os.close(master)
+        assert reader.poll(0.0) == []
+        assert reader.closed
+
+
 def test_a_lone_escape_is_a_key_after_at_most_50_ms(terminal_pair):
     master, slave = terminal_pair
     waits = []

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from robot_description.errors import UserError
 from wasd_bringup.errors import UsageError
-from wasd_bringup.options import add_legged_options
-from wasd_bringup.options import add_run_options
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import read_options
+from wasd_bringup.run_parsers import add_legged_options
+from wasd_bringup.run_parsers import add_run_options
 
 
 @pytest.fixture

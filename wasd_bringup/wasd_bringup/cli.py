@@ -15,10 +15,11 @@ from teleop_keyboard.terminal import tolerate_any_text
 from wasd_bringup.calibrate_options import add_calibrate_options
 from wasd_bringup.errors import UsageError
 from wasd_bringup.graph_options import add_graph_commands
-from wasd_bringup.options import add_both_options
-from wasd_bringup.options import add_legged_options
-from wasd_bringup.options import add_run_options
-from wasd_bringup.options import add_wheeled_options
+from wasd_bringup.run_parsers import add_both_options
+from wasd_bringup.run_parsers import add_legged_options
+from wasd_bringup.run_parsers import add_replay_options
+from wasd_bringup.run_parsers import add_run_options
+from wasd_bringup.run_parsers import add_wheeled_options
 from wasd_bringup.unitree_keys import unitree_help
 from wasd_bringup.unitree_keys import UNITREE_PRESET
 
@@ -65,6 +66,10 @@ def make_parser() -> argparse.ArgumentParser:
         'calibrate', help="measure mbot's wheels by driving squares", allow_abbrev=False
     )
     add_calibrate_options(calibrate)
+    replay = commands.add_parser(
+        'replay', help='show a recording, or drive its commands again', allow_abbrev=False
+    )
+    add_replay_options(replay)
     add_graph_commands(commands)
     commands.add_parser(
         'test', help='run the test-suite; further arguments go to pytest', add_help=False
@@ -120,6 +125,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             from wasd_bringup.calibrate import calibrate_command
 
             return calibrate_command(arguments)
+        if arguments.command == 'replay':
+            from wasd_bringup.replay_command import replay_command
+
+            return replay_command(arguments)
         if 'looks_into_graph' in arguments:
             from wasd_bringup.graph_commands import run_graph_command
 

@@ -137,6 +137,22 @@ def build_robots(options: RunOptions, visuals: bool) -> list[DrivenRobot]:
     Raises:
         UserError: what is wrong with what was asked for, in one line.
     """
+    robots: list[DrivenRobot] = []
+    for part, loaded, world in build_worlds(options, visuals):
+        shared = robots[0].simulator.simulation if robots else None
+        robots.append(DrivenRobot(part, loaded, world, shared))
+    return robots
+
+
+def build_worlds(
+    options: RunOptions, visuals: bool
+) -> list[tuple[RunOptions, LoadedRobot, World]]:
+    """
+    Load what the options name into one world; return each robot's options and part of it.
+
+    Raises:
+        UserError: what is wrong with what was asked for, in one line.
+    """
     parts = options.per_robot()
     loaded = [_load(part) for part in parts]
     setups = [_setup(part, robot) for part, robot in zip(parts, loaded, strict=True)]
@@ -144,20 +160,20 @@ def build_robots(options: RunOptions, visuals: bool) -> list[DrivenRobot]:
     if len(parts) == 1:
         built = loaded[0].with_stand_in_masses() if is_fake(options) else loaded[0]
         world = build_world(built, options.world, options.seed, setups[0], visuals)
-        return [DrivenRobot(options, loaded[0], world)]
+        return [(options, loaded[0], world)]
     prefixes = [f'{part.namespace}/' for part in parts]
     members = list(zip(prefixes, loaded, setups, strict=True))
     worlds = build_shared_world(members, options.world, options.seed, visuals)
-    robots: list[DrivenRobot] = []
-    for part, robot, world in zip(parts, loaded, worlds, strict=True):
-        shared = robots[0].simulator.simulation if robots else None
-        robots.append(DrivenRobot(part, robot, world, shared))
-    return robots
+    return list(zip(parts, loaded, worlds, strict=True))
 
 
 def _load(options: RunOptions) -> LoadedRobot:
     return load_robot(
-        options.description, options.package_path, options.xacro_arguments, options.strict
+        options.description,
+        options.package_path,
+        options.xacro_arguments,
+        options.strict,
+        options.urdfs.get(options.namespace),
     )
 
 

@@ -39,6 +39,8 @@ class Go2Stack:
     velocities on cmd_vel, which the state move base (2, then 5) follows.
     """
 
+    has_states = True
+
     def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
         self.estimator = options.estimator
         self._world = world

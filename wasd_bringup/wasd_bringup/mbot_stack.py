@@ -38,6 +38,7 @@ class MbotStack:
     """
 
     estimator = 'wheels'
+    has_states = False
     camera = CameraView(distance=1.6, azimuth=130.0, elevation=-25.0)
 
     def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:

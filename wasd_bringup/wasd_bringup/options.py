@@ -11,17 +11,14 @@ from pathlib import Path
 
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
-from teleop_keyboard.layouts import LAYOUTS
 
 from wasd_bringup.errors import UsageError
+from wasd_bringup.scripts import Command
 from wasd_bringup.scripts import parse_push
 from wasd_bringup.scripts import parse_twist_script
 from wasd_bringup.scripts import ScriptedPush
 from wasd_bringup.scripts import ScriptedTwist
 
-WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
-MODES = ('sim', 'fake', 'float', 'arbotix')
-VIEWERS = ('web', 'native', 'none')
 # The robots and their usual keymaps.
 PRESETS = {'go2': 'unitree', 'mbot': 'mbot'}
 # A scripted run without --duration goes on for so long after its last line [s].
@@ -57,6 +54,9 @@ class RunOptions:
     mode: str | None = None
     controller: Path | None = None
     interactive: bool = False
+    # Of a recording: the descriptions by namespace, and the commands in place of all others.
+    urdfs: Mapping[str, str] = field(default_factory=dict)
+    commands: tuple[Command, ...] | None = None
 
     @property
     def scripted(self) -> bool:
@@ -71,122 +71,6 @@ class RunOptions:
             replace(self, robot=name, description=name, namespace=name, preset=preset)
             for name, preset in PRESETS.items()
         )
-
-
-def add_run_options(parser: argparse.ArgumentParser, robot: str) -> None:
-    """Declare the options of a robot's command."""
-    parser.set_defaults(robot=robot)
-    parser.add_argument(
-        '--description', default=robot, metavar='PATH', help='a xacro or URDF of your own'
-    )
-    parser.add_argument(
-        '--package-path',
-        action='append',
-        default=[],
-        metavar='DIR',
-        help='where package:// and $(find) look first (repeatable)',
-    )
-    parser.add_argument(
-        '--xacro-arg',
-        action='append',
-        default=[],
-        metavar='NAME:=VALUE',
-        help='an argument of the xacro file (repeatable)',
-    )
-    parser.add_argument(
-        '--strict',
-        action='store_true',
-        help='refuse a description whose meshes are not where it says',
-    )
-    preset = PRESETS[robot]
-    parser.add_argument(
-        '--preset', default=preset, metavar='NAME', help=f'keymap (default: {preset})'
-    )
-    parser.add_argument('--twist', metavar='FILE', help='scripted velocities: "t vx vy wz"')
-    parser.add_argument(
-        '--push',
-        action='append',
-        default=[],
-        metavar='"T FX FY FZ S"',
-        help='a force on the robot, world frame [N] (repeatable)',
-    )
-    _add_shared_options(parser)
-
-
-def add_both_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of the command for both robots, which are the built-in ones."""
-    parser.set_defaults(
-        robot='both',
-        description='both',
-        package_path=[],
-        xacro_arg=[],
-        strict=False,
-        preset='',
-        twist=None,
-        push=[],
-    )
-    _add_shared_options(parser)
-
-
-def _add_shared_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of a run, whoever runs."""
-    parser.add_argument(
-        '--viewer',
-        choices=VIEWERS,
-        help='web: a page on 127.0.0.1; native: a window (default: web on a terminal, else none)',
-    )
-    parser.add_argument(
-        '--port', type=int, default=0, metavar='N', help='port of the page (default: 8080 or next)'
-    )
-    parser.add_argument(
-        '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
-    )
-    parser.add_argument(
-        '--layout', choices=LAYOUTS, default='qwerty', help='your keyboard (default: qwerty)'
-    )
-    parser.add_argument('--play', metavar='FILE', help='scripted keys: lines "t key [key ...]"')
-    parser.add_argument('--duration', metavar='S', help='stop after S simulated seconds')
-    parser.add_argument(
-        '--speed',
-        default='1',
-        metavar='X',
-        help='real-time factor aimed at; 0: as fast as it goes (default 1)',
-    )
-    parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed (default 0)')
-    parser.add_argument('--save-keys', metavar='FILE', help='write the keys, as --play reads them')
-    parser.add_argument('--record', metavar='FILE.mcap', help='record every topic')
-    parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
-
-
-def add_wheeled_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what only a wheeled robot's command has."""
-    parser.add_argument(
-        '--mode',
-        choices=MODES,
-        help='fake: no physics, wheels do as told; sim: physics, a PID loop turns the wheels '
-        '(float; default); arbotix: physics, and the integer loop of the ArbotiX board',
-    )
-    parser.add_argument(
-        '--controller',
-        metavar='FILE',
-        help="YAML with the drive's parameters: arbotix's, ros2_controllers' or your own",
-    )
-
-
-def add_legged_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what only a legged robot's command has."""
-    parser.add_argument(
-        '--estimator',
-        choices=('kalman', 'truth'),
-        default='kalman',
-        help='what feeds the controller: IMU and legs (default), or the simulator without noise',
-    )
-    parser.add_argument(
-        '--limits',
-        choices=('sport', 'guide'),
-        default='sport',
-        help="full stick: what the controller is good for (default), or unitree_guide's",
-    )
 
 
 def read_options(arguments: argparse.Namespace) -> RunOptions:
@@ -207,7 +91,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         twists = tuple(parse_twist_script(_read(arguments.twist, '--twist'), arguments.twist))
     duration = math.inf
     if arguments.duration is not None:
-        duration = _number(arguments.duration, '--duration')
+        duration = read_number(arguments.duration, '--duration')
     elif keys is not None or twists is not None:
         times = [press.time for press in keys or ()] + [twist.time for twist in twists or ()]
         duration = AFTERGLOW + max(times, default=0.0)
@@ -226,7 +110,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         twists=twists,
         pushes=tuple(parse_push(text) for text in arguments.push),
         duration=duration,
-        speed=_number(arguments.speed, '--speed'),
+        speed=read_number(arguments.speed, '--speed'),
         seed=arguments.seed,
         record=_writable(arguments.record, '--record'),
         report=_writable(arguments.report, '--report'),
@@ -253,7 +137,13 @@ def _file(path: str | None, option: str) -> Path | None:
     return None if path is None else Path(path)
 
 
-def _number(text: str, option: str) -> float:
+def read_number(text: str, option: str) -> float:
+    """
+    Return the value of an option.
+
+    Raises:
+        UsageError: it is not a number >= 0.
+    """
     try:
         value = float(text)
     except ValueError:

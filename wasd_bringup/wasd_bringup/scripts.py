@@ -28,6 +28,19 @@ class ScriptedPush(NamedTuple):
     duration: float
 
 
+class Command(NamedTuple):
+    """
+    What a recording says came at `time` [s] to the robot with a namespace: a key or a velocity.
+
+    One without either is a reset of the run.
+    """
+
+    time: float
+    namespace: str
+    key: str | None = None
+    velocity: tuple[float, float, float] | None = None
+
+
 class Timed(Protocol):
     """What a player needs of an event: when it is due [s]."""
 

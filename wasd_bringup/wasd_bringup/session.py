@@ -26,13 +26,16 @@ from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import join_reports
 from wasd_bringup.report import write_report
+from wasd_bringup.scripts import Command
 from wasd_bringup.scripts import Player
 from wasd_bringup.stack import Stack
 
 # The page gets so many pictures a second of wall time.
 FRAME_PERIOD = 1.0 / 60.0
-# Messages and services are looked after so often [s of wall time].
+# Messages and services are looked after so often [s of wall time], but for no more than this
+# share of it: a look at two dozen subscriptions takes milliseconds, on a busy machine many.
 MESSAGE_PERIOD = 0.02
+MESSAGE_SHARE = 0.1
 
 
 class View(Protocol):
@@ -95,6 +98,7 @@ class Session:
             self._pump.add_node(node)
             self._time_source.attach_clock(node.get_clock())
         self._key_player = Player(options.keys or ())
+        self._commands = Player(options.commands or ())
         self._schedule()
         self.simulation.on_reset += [robot.stack.reset for robot in self.robots]
         if recorder is not None:
@@ -196,8 +200,23 @@ class Session:
         self._time_source.clock_callback(Clock(clock=self.robots[0].simulator.stamp))
         for robot in self.robots:
             robot.begin_instant()
+        for command in self._commands.due(self.world.time):
+            self._repeat(command)
         for press in self._key_player.due(self.world.time):
             self._press(press.key)
+
+    def _repeat(self, command: Command) -> None:
+        """Do what a recording says was done."""
+        if command.key is None and command.velocity is None:
+            self.simulation.reset()
+        for robot in self.robots:
+            if robot.options.namespace != command.namespace:
+                continue
+            # Keys that only became velocities are not to become some again.
+            if command.key is not None and robot.stack.has_states:
+                robot.keys.publish_key(command.key)
+            elif command.velocity is not None:
+                robot.stack.drive(command.velocity)
 
     def _press(self, key: str) -> None:
         """Give a key to the robot that it is for."""
@@ -218,9 +237,11 @@ class Session:
             timeout = 0.0
         now = time.monotonic()
         if timeout > 0.0 or now >= self._next_messages:
+            started = now
             self._pump.handle(timeout)
             now = time.monotonic()
-            self._next_messages = now + MESSAGE_PERIOD
+            took = now - started if timeout == 0.0 else 0.0
+            self._next_messages = now + max(MESSAGE_PERIOD, took / MESSAGE_SHARE)
         if self._view is not None and now >= self._next_frame:
             self._next_frame = now + FRAME_PERIOD
             self._view.sync()

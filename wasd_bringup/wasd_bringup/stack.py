@@ -20,6 +20,7 @@ class Stack(Protocol):
     """The nodes that drive one robot in lock-step."""
 
     estimator: str
+    has_states: bool  # whether keys are more than velocities
     camera: CameraView
     nodes: list[Node]
     ticks: TickStatistics

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`wasd replay`: a recording is shown as it was, and driven again to the same bits."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from wasd_bringup.bag_reader import BagReader
+from wasd_bringup.bag_writer import BagWriter
+from wasd_bringup.driven_robot import build_worlds
+from wasd_bringup.recorded_run import recorded_options
+from wasd_bringup.replay_view import ReplayView
+
+KEYS = '0.5 i*40\n2.5 j*30'
+PUSH = '1 20 5 0 0.3'
+
+
+@pytest.fixture(scope='module')
+def run(new_runner: Any) -> tuple[Any, dict[str, Any]]:
+    """Record 5 s of mbot, driven and pushed; return the runner and the report."""
+    runner = new_runner()
+    words = ('mbot', '--duration', '5', '--push', PUSH, '--record', 'run.mcap')
+    return runner, runner.report(*words, play=KEYS)
+
+
+def test_the_commands_driven_again_go_the_same_way(run: Any) -> None:
+    done = run[0]('replay', 'run.mcap', '--drive')
+    assert (done.returncode, done.stdout) == (0, '250 of 250 recorded poses are identical\n')
+
+
+def test_velocities_are_driven_again_too(run: Any) -> None:
+    runner, _ = run
+    words = ('mbot', '--duration', '3', '--record', 'twist.mcap')
+    runner.report(*words, twist='0.3 0.4 0 0.5\n1.5 -0.1 0 0\n2 stop')
+    done = runner('replay', 'twist.mcap', '--drive')
+    assert (done.returncode, done.stdout) == (0, '150 of 150 recorded poses are identical\n')
+
+
+def test_another_way_is_told_with_its_beginning(run: Any) -> None:
+    """A copy that says nothing of the push leads elsewhere from 1 s on."""
+    runner, _ = run
+    original = BagReader(runner.folder / 'run.mcap')
+    copy = BagWriter(runner.folder / 'other.mcap', {**original.run, 'pushes': '[]'})
+    kinds = {topic.name: topic.kind for topic in original.topics}
+    channels = {name: copy.add_channel(name, kind, '', '') for name, kind in kinds.items()}
+    for message in original.messages(kinds):
+        copy.write(channels[message.topic], message.time, message.data)
+    copy.close()
+    done = runner('replay', 'other.mcap', '--drive')
+    assert done.returncode == 1
+    assert done.stdout.startswith('51 of 250 recorded poses are identical')
+    assert 'differs from 1.02 s on' in done.stdout
+
+
+def test_unseen_it_says_what_is_in_it(run: Any) -> None:
+    done = run[0]('replay', 'run.mcap')
+    assert done.returncode == 0
+    assert 'Storage id:        mcap' in done.stdout
+    line = '  Topic: /ground_truth/odom | Type: nav_msgs/msg/Odometry | Count: 250'
+    assert line in done.stdout.splitlines()
+
+
+class Film:
+    """A viewer that keeps where the robot was in each picture."""
+
+    def __init__(self, world: Any) -> None:
+        self.world = world
+        self.places: list[list[float]] = []
+
+    def sync(self) -> None:
+        self.places.append(self.world.base().position.tolist())
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def shown(run: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Film]:
+    """Show the recording, a picture for each instant; yield what was seen."""
+    bag = BagReader(run[0].folder / 'run.mcap')
+    ((_, _, world),) = build_worlds(recorded_options(bag.run), visuals=False)
+    film = Film(world)
+    monkeypatch.setattr('wasd_bringup.replay_view.FRAME_PERIOD', 0.0)
+    view = ReplayView(bag, [world], speed=0.0)
+    view._view = film
+    view.run(lambda: len(film.places) >= 250)
+    yield film
+
+
+def test_it_is_shown_where_it_was(run: Any, shown: Film) -> None:
+    np.testing.assert_array_equal(shown.places[:250], run[1]['samples']['position'])
+
+
+@pytest.mark.parametrize(
+    ('name', 'said'),
+    [
+        ('nowhere.mcap', 'nowhere.mcap: No such file'),
+        ('play.txt', 'play.txt: no MCAP recording'),
+        ('.', '.: Is a directory'),
+        ('foreign.mcap', 'foreign.mcap: recorded by another version'),
+        ('cut.mcap', 'cut.mcap: no MCAP recording'),
+    ],
+)
+def test_what_is_no_recording_is_said_in_one_line(run: Any, name: str, said: str) -> None:
+    runner, _ = run
+    BagWriter(Path(runner.folder) / 'foreign.mcap', {'robot': 'mbot'}).close()
+    whole = (runner.folder / 'run.mcap').read_bytes()
+    (runner.folder / 'cut.mcap').write_bytes(whole[: len(whole) // 2])
+    done = runner('replay', name, '--drive')
+    assert done.returncode == 2
+    assert done.stderr.startswith(f'error: {said}'), done.stderr
+    assert len(done.stderr.splitlines()) == 1
