@@ -113,8 +113,8 @@ def start(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[...,
     """Return a function that starts a session; all are ended after the test."""
     sessions: list[Session] = []
 
-    def begin(*arguments: str, program: tuple[str, ...] = WASD) -> Session:
-        sessions.append(Session([*program, 'mbot', *arguments], environment, tmp_path))
+    def begin(*arguments: str, program: tuple[str, ...] = WASD, robot: str = 'mbot') -> Session:
+        sessions.append(Session([*program, robot, *arguments], environment, tmp_path))
         return sessions[-1]
 
     yield begin
@@ -194,6 +194,20 @@ def test_it_shows_the_keys_and_a_status_line(start: Callable[..., Session]) -> N
     session.wait_for('full 0.20 m/s')
     session.type('q')
     session.wait_for('full 0.22 m/s')
+
+
+def test_tab_goes_from_robot_to_robot_and_the_status_line_says_to_which(
+    start: Callable[..., Session],
+) -> None:
+    session = start(robot='both')
+    session.wait_for('TAB goes to the next robot')
+    session.wait_for('[go2]')
+    session.type('\t')
+    session.wait_for('[mbot]')
+    session.type('i')
+    session.wait_for('driving')
+    session.type('\x03')
+    assert session.end() == 0
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ POLL_PERIOD = 0.05
 Found = TypeVar('Found')
 
 
-class Interrupted(Exception):  # noqa: N818
+class Interrupted(Exception):
     """The user has had enough."""
 
 
