@@ -7,11 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.bag_reader import BagReader
+from wasd_bringup.bag_recorder import BagRecorder
 from wasd_bringup.bag_writer import BagWriter
 from wasd_bringup.driven_robot import build_worlds
+from wasd_bringup.options import RunOptions
+from wasd_bringup.recorded_run import describe_run
 from wasd_bringup.recorded_run import recorded_options
 from wasd_bringup.replay_view import ReplayView
+from wasd_bringup.session import Session
 
 KEYS = '0.5 i*40\n2.5 j*30'
 PUSH = '1 20 5 0 0.3'
@@ -36,6 +41,23 @@ def test_velocities_are_driven_again_too(run: Any) -> None:
     runner.report(*words, twist='0.3 0.4 0 0.5\n1.5 -0.1 0 0\n2 stop')
     done = runner('replay', 'twist.mcap', '--drive')
     assert (done.returncode, done.stdout) == (0, '150 of 150 recorded poses are identical\n')
+
+
+@pytest.mark.usefixtures('ros')
+def test_a_reset_in_the_midst_is_repeated(run: Any) -> None:
+    runner, path = run[0], run[0].folder / 'reset.mcap'
+    keys = tuple(parse_key_script('0.2 i*40', 'keys'))
+    options = RunOptions(robot='mbot', description='mbot', preset='mbot', keys=keys, speed=0.0)
+    recorder = BagRecorder(path, describe_run(options))
+    session = Session(options, recorder=recorder)
+    session.simulation.advance(1000)
+    assert session.world.base().position[0] > 0.05
+    session.simulation.reset()
+    session.simulation.advance(1000)
+    session.close()
+    recorder.close()
+    done = runner('replay', path.name, '--drive')
+    assert (done.returncode, done.stdout) == (0, '100 of 100 recorded poses are identical\n')
 
 
 def test_another_way_is_told_with_its_beginning(run: Any) -> None:
