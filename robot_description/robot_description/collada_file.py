@@ -2,8 +2,10 @@
 """Reads the triangles of a Collada file, without materials, in metres and with z up."""
 
 from collections.abc import Iterator
+import io
 from pathlib import Path
 from typing import Any
+import xml.etree.ElementTree as ElementTree
 
 # Not trimesh, which reads Collada too: it takes three times as long to load, and leaves unit and
 # up axis to others.
@@ -16,6 +18,8 @@ UP_AXES = {
     'Y_UP': np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     'Z_UP': np.eye(3),
 }
+IGNORED = [collada.common.DaeError]
+MATERIALS = ('bind_material', 'library_materials', 'library_effects', 'library_images')
 
 
 def read_collada(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -25,7 +29,9 @@ def read_collada(path: Path) -> tuple[np.ndarray, np.ndarray]:
     Raises:
         Exception: whatever pycollada does.
     """
-    document = collada.Collada(str(path), ignore=[collada.common.DaeError])
+    document = collada.Collada(str(path), ignore=IGNORED)
+    if document.errors:  # of materials mostly, with which pycollada drops what they are on
+        document = collada.Collada(io.BytesIO(_without_materials(path)), ignore=IGNORED)
     if document.scene is None:
         raise ValueError('no scene in it')
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
@@ -34,6 +40,15 @@ def read_collada(path: Path) -> tuple[np.ndarray, np.ndarray]:
         faces.append(corners + count)
         count += len(points)
     return np.concatenate(vertices) @ _to_metres_z_up(document.assetInfo).T, np.concatenate(faces)
+
+
+def _without_materials(path: Path) -> bytes:
+    tree = ElementTree.parse(path)
+    for parent in list(tree.iter()):
+        for child in list(parent):
+            if child.tag.rpartition('}')[2] in MATERIALS:
+                parent.remove(child)
+    return ElementTree.tostring(tree.getroot())
 
 
 def _parts(scene: Any) -> Iterator[tuple[np.ndarray, np.ndarray]]:

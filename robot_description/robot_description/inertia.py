@@ -10,8 +10,22 @@ SMALLEST_SHARE = 1e-9
 # What it is raised to, and the radius of gyration [m] of a mass without any extent.
 RAISED_SHARE = 1e-6
 SMALLEST_RADIUS = 1e-4
+# A negative moment of this share of their sum is more than rounding.
+WORTH_SAYING = 1e-3
 # Nothing to MuJoCo, whose limit is lower by two digits [kg m^2].
 SMALLEST_MOMENT = 1e-12
+
+
+def _second_moments(inertia: np.ndarray) -> np.ndarray:
+    moments: np.ndarray = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return moments
+
+
+def _smallest_share(inertia: np.ndarray) -> float:
+    """Return the smallest second moment as a share of their sum; 0 for none."""
+    values = np.linalg.eigvalsh(_second_moments(inertia))
+    total = float(np.abs(values).sum())
+    return float(values[0]) / total if total > SMALLEST_MOMENT else 0.0
 
 
 def possible_inertia(inertia: np.ndarray, mass: float) -> np.ndarray | None:
@@ -22,8 +36,7 @@ def possible_inertia(inertia: np.ndarray, mass: float) -> np.ndarray | None:
     which says at once that principal inertias are positive and obey the triangle inequality.
     Negative ones are raised to next to nothing [Wensing2018, eq. 9].
     """
-    moments = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    values, directions = np.linalg.eigh(moments)
+    values, directions = np.linalg.eigh(_second_moments(inertia))
     total = float(np.abs(values).sum())
     if values[0] > max(SMALLEST_SHARE * total, 0.1 * SMALLEST_MOMENT):
         return None
@@ -34,10 +47,14 @@ def possible_inertia(inertia: np.ndarray, mass: float) -> np.ndarray | None:
 
 
 def impossible_inertias(robot: Robot) -> tuple[str, ...]:
-    """Return a line for each link whose inertia no body can have."""
+    """
+    Return a line for each link whose inertia no body can have.
+
+    Points, rods and plates, which have none in some direction, and rounding are not worth a line.
+    """
     return tuple(
         f'inertia of link {link.name!r}: impossible: using the nearest that a body can have '
         f'(principal {", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(link.inertia))})'
         for link in robot.links.values()
-        if link.mass > 0.0 and possible_inertia(link.inertia, link.mass) is not None
+        if link.mass > 0.0 and _smallest_share(link.inertia) < -WORTH_SAYING
     )

@@ -10,6 +10,7 @@ from mujoco_sim.loading import load_robot
 import numpy as np
 import pytest
 from robot_description.errors import DescriptionError
+from robot_description.inertia import impossible_inertias
 from robot_description.inertia import possible_inertia
 from robot_description.mujoco_model import to_mujoco
 from robot_description.packages import share_directory
@@ -199,6 +200,17 @@ def test_an_impossible_inertia_becomes_the_nearest_possible(principal):
 @pytest.mark.parametrize('principal', [(1.0, 1.0, 1.0), (1.0, 1.0, 1.999), (2e-7, 3e-7, 4e-7)])
 def test_a_possible_inertia_stays_as_it_is(principal):
     assert possible_inertia(np.diag(principal), 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ('principal', 'lines'),
+    [((0, 0, 0), 0), ((0, 1, 1), 0), ((1, 1, 2), 0), ((1, 1, 2.0001), 0), ((1, 1, 3), 1)],
+)
+def test_an_impossible_inertia_is_said_but_not_a_point_or_a_rod(principal, lines):
+    xx, yy, zz = principal
+    inertia = f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/>'
+    text = f'<robot name="r">{link("a", f"<inertial>{MASS}{inertia}</inertial>")}</robot>'
+    assert len(impossible_inertias(parse_urdf(text))) == lines
 
 
 def test_a_point_mass_loads():

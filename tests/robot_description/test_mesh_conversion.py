@@ -71,6 +71,13 @@ def test_every_geometry_of_a_file_is_there(tmp_path):
     np.testing.assert_allclose(np.sort(both[:, 0]), [0, 0, 1, 5, 5, 6], atol=1e-6)
 
 
+def test_a_material_that_is_not_there_takes_nothing_away(tmp_path):
+    material = '<instance_material symbol="m" target="#nowhere"/>'
+    bound = f'<bind_material><technique_common>{material}</technique_common></bind_material>'
+    nodes = f'<node><instance_geometry url="#g">{bound}</instance_geometry></node>'
+    np.testing.assert_allclose(collada(tmp_path, nodes=nodes), POINTS)
+
+
 @pytest.mark.parametrize('suffix', ['.stl', '.obj', '.ply', '.glb', '.dae'])
 def test_every_format_gives_the_same_triangle(tmp_path, suffix):
     import trimesh
