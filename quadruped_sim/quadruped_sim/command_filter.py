@@ -26,14 +26,16 @@ GUIDE = VelocityLimits(0.4, 0.4, 0.3, 0.5)
 SPORT = VelocityLimits(2.0, 1.5, 0.8, 2.0)
 
 
-def velocity_limits(name: str, scale: Scale, agility: float = 1.0) -> VelocityLimits:
+def velocity_limits(
+    name: str, scale: Scale, agility: float = 1.0, turning: float = 1.0
+) -> VelocityLimits:
     """
     Return the limits of a robot: `sport` grows with it, `guide` is the same for all.
 
-    `agility` is the share of that which its motors are fast enough for; no robot is asked for
-    more than its `sport`.
+    `agility` is the share of that which its legs are fast enough for, `turning` the share of that
+    when it turns; no robot is asked for more than its `sport`.
     """
-    speed, turn = agility * scale.of('m/s'), agility * scale.of('1/s')
+    speed, turn = agility * scale.of('m/s'), agility * turning * scale.of('1/s')
     sport = VelocityLimits(
         SPORT.forward * speed, SPORT.backward * speed, SPORT.lateral * speed, SPORT.yaw * turn
     )
@@ -56,10 +58,14 @@ class CommandFilter:
     """
 
     def __init__(
-        self, params: CommandParameters, scale: Scale = GO2, agility: float = 1.0
+        self,
+        params: CommandParameters,
+        scale: Scale = GO2,
+        agility: float = 1.0,
+        turning: float = 1.0,
     ) -> None:
         self._params = params
-        self.limits = velocity_limits(params.limits, scale, agility)
+        self.limits = velocity_limits(params.limits, scale, agility, turning)
         self.refused = 0
         self.reset()
 

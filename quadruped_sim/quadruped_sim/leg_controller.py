@@ -57,7 +57,9 @@ class LegController:
         scale = self.model.scale
         self._params = scaled(params or LegControllerParameters(), scale, self.model.friction)
         self.sticks = Sticks()
-        self.command_filter = CommandFilter(self._params.command, scale, self.model.agility)
+        self.command_filter = CommandFilter(
+            self._params.command, scale, self.model.agility, self.model.turning
+        )
         self.locomotion = Locomotion(self.model, self._params)
         self._solvers = (self.locomotion.mpc.solver, self.locomotion.whole_body.solver)
         self.safety = Safety(self._params.safety, self.model.limits)

@@ -23,6 +23,12 @@ from quadruped_sim.leg_kinematics import LegGeometry
 
 # The closed form may miss the feet by so much per leg length: descriptions round right angles.
 GEOMETRY_TOLERANCE = 2e-3
+# Three times the torque of the Go2's knees [N m]: descriptions without a limit say 1000.
+EFFORT_MAX = 107.0
+# From the middle of the Go2 to a foot under its hip, a hair more [m].
+GO2_HIP_DISTANCE = 0.2402
+# A leg whose knee points forward walks ahead as its mirror image walks back.
+FORWARD_KNEES = 0.75
 # No-load speed of the Go2's knees, which bounds how fast it can walk [rad/s].
 GO2_KNEE_SPEED = 15.7
 # Thigh and calf of the Go2 [rad]: unitree_guide's stand, and about what they are in trot.
@@ -77,7 +83,7 @@ class RobotModel:
         except DescriptionError as error:
             raise RobotModelError(str(error)) from error
         self.scale = scale_of(self.quadruped)
-        self.limits = _limits(self.quadruped)
+        self.limits = _limits(self.quadruped, EFFORT_MAX * self.scale.of('N m'))
         self.geometry = _geometry(self.quadruped)
         self.imu_offset = imu_position(robot)
         self.friction = min(robot.friction.get(foot, math.inf) for foot in self.quadruped.feet)
@@ -127,9 +133,19 @@ class RobotModel:
 
     @property
     def agility(self) -> float:
-        """How fast the motors are, for its size, as a share of the Go2's; at most 1."""
+        """How fast it may walk, for its size, as a share of the Go2's; at most 1."""
         pitching = self.limits.velocity.reshape(4, 3)[:, 1:]
-        return min(1.0, float(pitching.min()) / (GO2_KNEE_SPEED * self.scale.of('rad/s')))
+        motors = float(pitching.min()) / (GO2_KNEE_SPEED * self.scale.of('rad/s'))
+        knees = 1.0 if (self.geometry.bend > 0.0).all() else FORWARD_KNEES
+        return knees * min(1.0, motors)
+
+    @property
+    def turning(self) -> float:
+        """How fast it may turn, for its size: far from the middle, feet have far to go."""
+        hips = self.geometry.hip[:, :2].copy()
+        hips[:, 1] += self.geometry.offset
+        farthest = float(np.linalg.norm(hips - hips.mean(axis=0), axis=1).max())
+        return min(1.0, GO2_HIP_DISTANCE * self.scale.of('m') / farthest)
 
     @property
     def overloaded(self) -> dict[str, float]:
@@ -206,9 +222,9 @@ class RobotModel:
         )
 
 
-def _limits(quadruped: Quadruped) -> JointLimits:
+def _limits(quadruped: Quadruped, effort_max: float) -> JointLimits:
     """
-    Return the limits of the leg angles.
+    Return the limits of the leg angles; no torque is above `effort_max` [N m].
 
     Raises:
         RobotModelError: a joint has no motor.
@@ -222,7 +238,7 @@ def _limits(quadruped: Quadruped) -> JointLimits:
         lower=np.concatenate([leg.lower for leg in quadruped.legs]),
         upper=np.concatenate([leg.upper for leg in quadruped.legs]),
         velocity=np.array([joint.velocity or math.inf for joint in quadruped.joints]),
-        effort=np.array([joint.effort for joint in quadruped.joints]),
+        effort=np.array([min(joint.effort, effort_max) for joint in quadruped.joints]),
     )
 
 

@@ -79,5 +79,6 @@ def test_speed_limits_grow_by_froude_and_shrink_with_slow_motors():
     sport = velocity_limits('sport', Scale(2.25, 10.0))
     assert (sport.forward, sport.yaw) == pytest.approx((3.0, 2.0 / 1.5))
     assert velocity_limits('sport', GO2, agility=0.5).forward == 1.0
+    assert velocity_limits('sport', GO2, agility=0.5, turning=0.5).yaw == 0.5
     assert velocity_limits('guide', Scale(2.25, 10.0)).forward == 0.4
     assert velocity_limits('guide', Scale(0.1, 0.001), agility=0.5).forward < 0.4
