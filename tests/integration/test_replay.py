@@ -60,6 +60,22 @@ def test_a_reset_in_the_midst_is_repeated(run: Any) -> None:
     assert (done.returncode, done.stdout) == (0, '100 of 100 recorded poses are identical\n')
 
 
+def test_ros_arguments_are_repeated_but_for_other_names_of_topics(run: Any) -> None:
+    runner = run[0]
+    words = ('mbot', '--duration', '2', '--record', 'ros.mcap')
+    ros = ('--ros-args', '-r', '__ns:=/robot', '-p', 'diff_drive_controller:publish_rate:=25.0')
+    (runner.folder / 'keys.txt').write_text(KEYS)
+    play = ('--speed', '0', '--play', 'keys.txt')
+    assert runner(*words, *play, *ros).returncode == 0
+    done = runner('replay', 'ros.mcap', '--drive')
+    assert (done.returncode, done.stdout) == (0, '100 of 100 recorded poses are identical\n')
+    assert runner(*words, *play, '--ros-args', '-r', 'cmd_vel:=other').returncode == 0
+    done = runner('replay', 'ros.mcap', '--drive')
+    assert done.returncode == 2
+    said = 'error: ros.mcap: recorded with cmd_vel:=other: cannot be driven again\n'
+    assert done.stderr == said
+
+
 def test_another_way_is_told_with_its_beginning(run: Any) -> None:
     """A copy that says nothing of the push leads elsewhere from 1 s on."""
     runner, _ = run

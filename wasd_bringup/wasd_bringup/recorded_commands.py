@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The commands of a recording: keys, velocities, and what happened to the run from outside."""
 
+import json
 from typing import Any
 
 from geometry_msgs.msg import Twist
@@ -23,12 +24,17 @@ TWISTS: dict[str, Any] = {
 
 
 def robot_topics(bag: BagReader, name: str) -> dict[str, str]:
-    """Return the full names of a topic of every robot, by the robot's namespace."""
+    """
+    Return the full names of a topic of every robot, by the robot's name.
+
+    A robot alone has none, whichever namespace ROS arguments gave it.
+    """
     found = {}
+    is_alone = json.loads(bag.run['robot']) != 'both'
     for topic in bag.topics:
         namespace, _, last = topic.name[1:].rpartition(name)
         if topic.name.endswith(f'/{name}') and not last and '/' not in namespace.rstrip('/'):
-            found[namespace.rstrip('/')] = topic.name
+            found['' if is_alone else namespace.rstrip('/')] = topic.name
     return found
 
 

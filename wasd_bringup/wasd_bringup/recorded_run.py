@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a recording says of its run, beside the topics, and the options that repeat it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import json
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,11 @@ from wasd_bringup.scripts import push_text
 
 # Name of the metadata record in the file.
 RECORD_NAME = 'wasd'
+# Topics that a replay has to find under their own names.
+RENAMED = ('keys', 'cmd_vel', 'robot_description', 'ground_truth/odom')
 
 
-def describe_run(options: RunOptions) -> dict[str, str]:
+def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict[str, str]:
     """Return what has to be known to run the same commands again, as JSON by name."""
     controller = options.controller
     run: dict[str, Any] = {
@@ -29,6 +31,7 @@ def describe_run(options: RunOptions) -> dict[str, str]:
         'mode': options.mode,
         'controller': None if controller is None else str(controller.resolve()),
         'pushes': [push_text(push) for push in options.pushes],
+        'ros_arguments': list(ros_arguments),
     }
     return {name: json.dumps(value) for name, value in run.items()}
 
@@ -59,6 +62,20 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f'recorded by another version of wasd ({error!r})') from None
+
+
+def recorded_ros_arguments(run: Mapping[str, str]) -> list[str]:
+    """
+    Return the ROS arguments of a recorded run.
+
+    Raises:
+        RecordingError: they give other names to topics, which then cannot be told apart.
+    """
+    arguments: list[str] = json.loads(run.get('ros_arguments', '[]'))
+    for word in arguments:
+        if ':=' in word and word.partition(':=')[0].rpartition(':')[2] in RENAMED:
+            raise RecordingError(f'recorded with {word}: cannot be driven again')
+    return arguments
 
 
 def _absolute(name_or_path: str) -> str:

@@ -25,6 +25,7 @@ from wasd_bringup.recorded_commands import robot_topics
 from wasd_bringup.recorded_commands import TRUTH
 from wasd_bringup.recorded_path import PathComparison
 from wasd_bringup.recorded_run import recorded_options
+from wasd_bringup.recorded_run import recorded_ros_arguments
 from wasd_bringup.replay_view import ReplayView
 from wasd_bringup.session import Session
 
@@ -41,6 +42,8 @@ def replay_command(arguments: argparse.Namespace) -> int:
     bag = BagReader(Path(arguments.file))
     try:
         options = recorded_options(bag.run)
+        # Says now what cannot be repeated.
+        ros_arguments = recorded_ros_arguments(bag.run) if arguments.drive else []
         options = dataclasses.replace(options, urdfs=_descriptions(bag), port=arguments.port)
     except RecordingError as error:
         raise RecordingError(f'{bag.path}: {error}') from None
@@ -50,7 +53,7 @@ def replay_command(arguments: argparse.Namespace) -> int:
     with StopSignals() as stop:
         if arguments.drive:
             options = dataclasses.replace(options, speed=speed, commands=read_commands(bag))
-            return _drive(bag, options, viewer, stop)
+            return _drive(bag, options, ros_arguments, viewer, stop)
         if viewer == 'none':
             print('\n'.join(_summary(bag)))
             return 0
@@ -68,12 +71,14 @@ def _show(
     return stop.exit_status
 
 
-def _drive(bag: BagReader, options: RunOptions, viewer: str, stop: StopSignals) -> int:
+def _drive(
+    bag: BagReader, options: RunOptions, ros_arguments: list[str], viewer: str, stop: StopSignals
+) -> int:
     """Run the simulation with the recorded commands, by itself, and compare the paths."""
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
     comparison = PathComparison(bag, robot_topics(bag, TRUTH))
     options = dataclasses.replace(options, duration=comparison.duration)
-    init_ros([])
+    init_ros(ros_arguments)
     session = None
     try:
         session = Session(options, visuals=viewer != 'none')

@@ -46,7 +46,7 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
         try:
             options = dataclasses.replace(options, interactive=_is_interactive(reader))
             if options.record is not None:
-                recorder = BagRecorder(options.record, describe_run(options))
+                recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
             session = Session(options, reader, viewer != 'none', recorder)
             where = session.open_view(viewer)
             if _is_interactive(reader) or viewer != 'none':
