@@ -24,7 +24,7 @@ class JointMap:
         self._joints = np.array([joint_names.index(name) for name in names])
         self._motors = np.array([names.index(name) for name in motor_names])
         self._sign, self._zero = quadruped.sign, quadruped.zero
-        self._is_plain = bool((self._sign > 0.0).all()) and not self._zero.any()
+        self._is_plain = quadruped.is_plain
 
     def angles(self, positions: np.ndarray) -> np.ndarray:
         """Leg angles (12,) [rad] of joint positions."""

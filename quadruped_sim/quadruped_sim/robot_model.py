@@ -115,7 +115,8 @@ class RobotModel:
         self._order = np.concatenate((np.arange(6), self._to_v))
         self._grid = np.ix_(self._order, self._order)
         self._signs = np.concatenate((np.ones(6), self._sign))
-        self._is_ordered = bool((self._order == np.arange(18)).all() and (self._sign > 0.0).all())
+        self._is_plain = self.quadruped.is_plain
+        self._is_ordered = self._is_plain and bool((self._order == np.arange(18)).all())
         self._neutral = pin.neutral(self._model)
         self._q = self._neutral.copy()
         self._v = np.zeros(self._model.nv)
@@ -182,8 +183,11 @@ class RobotModel:
     def _positions(self, angles: np.ndarray) -> np.ndarray:
         """Pinocchio's configuration with the base at the origin and the legs at `angles`."""
         q: np.ndarray = self._neutral.copy()
-        q[self._to_q] = self._sign * (angles - self._zero)
+        q[self._to_q] = self._joint_positions(angles)
         return q
+
+    def _joint_positions(self, angles: np.ndarray) -> np.ndarray:
+        return angles if self._is_plain else self._sign * (angles - self._zero)
 
     def dynamics(
         self,
@@ -202,10 +206,10 @@ class RobotModel:
         model, data, q, v = self._model, self._data, self._q, self._v
         q[3:6] = orientation[1:]
         q[6] = orientation[0]
-        q[self._to_q] = self._sign * (angles - self._zero)
+        q[self._to_q] = self._joint_positions(angles)
         v[0:3] = velocity
         v[3:6] = angular_velocity
-        v[self._to_v] = self._sign * rates
+        v[self._to_v] = rates if self._is_plain else self._sign * rates
         pin.computeAllTerms(model, data, q, v)
         M = data.M
         coriolis = pin.computeCoriolisMatrix(model, data, q, v)

@@ -2,8 +2,8 @@
 """What kind of robot a tree is, whatever its links and joints are called."""
 
 from robot_description.drive_wheels import drive_wheels
+from robot_description.leg import NotAQuadruped
 from robot_description.quadruped import find_quadruped
-from robot_description.quadruped import NotAQuadruped
 from robot_description.urdf import Robot
 
 QUADRUPED = 'quadruped'

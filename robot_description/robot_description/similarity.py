@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 
-from robot_description.quadruped import Leg
+from robot_description.leg import Leg
 from robot_description.quadruped import Quadruped
 
 # The built-in Go2, for which everything is tuned: upper and lower leg [m], whole mass [kg].

@@ -11,8 +11,8 @@ import pytest
 from robot_description.expand import expand
 from robot_description.imu import find_imu
 from robot_description.imu import imu_position
+from robot_description.leg import NotAQuadruped
 from robot_description.quadruped import find_quadruped
-from robot_description.quadruped import NotAQuadruped
 from robot_description.quadruped import Quadruped
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf

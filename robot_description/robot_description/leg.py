@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One leg of a quadruped: its dimensions and the meaning of its joints, from the tree alone."""
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from robot_description.errors import DescriptionError
+from robot_description.foot import find_foot
+from robot_description.pose import Pose
+from robot_description.urdf import Joint
+from robot_description.urdf import Robot
+
+WANTED = 'a quadruped is wanted: four legs of three revolute joints (roll, pitch, pitch)'
+# A description's rotations are often rounded to `1.57`: axes may be off by so much [rad].
+AXIS_TOLERANCE = 0.01
+# Angles and lengths below this are zero: [rad] and [m].
+TINY = 1e-9
+# A knee whose range is centred nearer to zero than this bends either way [rad].
+NO_PREFERENCE = 0.1
+
+
+class NotAQuadruped(DescriptionError):
+    """The tree is not one of a quadruped; says what was found and what is wanted."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """
+    One leg, seen from the base with the leg hanging straight down.
+
+    `hip` (3,) [m] is where the hip axis passes the thigh's plane, in base axes; `offset` the
+    signed distance to the left from that axis to the leg's plane, `drop` how far below it the
+    thigh turns, `thigh` and `calf` the lengths of the links [m].
+
+    Leg angles are zero when the leg hangs straight down, and positive about x at the hip and
+    about y at thigh and calf; `sign` and `zero` (3,) turn joint positions into them:
+    angle = sign * position + zero. `lower` and `upper` (3,) are limits of the angles [rad]. `bend`
+    is +1 for a knee that points backward (negative calf angles), -1 for one that points forward.
+    """
+
+    joints: tuple[Joint, Joint, Joint]
+    foot: str
+    foot_centre: np.ndarray  # in the base at zero joint positions [m]
+    hip: np.ndarray
+    offset: float
+    drop: float
+    thigh: float
+    calf: float
+    foot_radius: float
+    sign: np.ndarray
+    zero: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    bend: float
+
+    @property
+    def length(self) -> float:
+        """From the hip axis to the foot of the stretched leg [m]."""
+        return self.drop + self.thigh + self.calf
+
+
+def measure_leg(
+    robot: Robot, groups: dict[str, tuple[str, ...]], poses: dict[str, Pose], limb: list[Joint]
+) -> Leg:
+    """
+    Return a leg of three joints, `limb`.
+
+    `groups` are for each link those that move as one with it, `poses` where they are in the base
+    with all joints at zero.
+
+    Raises:
+        NotAQuadruped: it does not roll, pitch and pitch, or has no foot.
+    """
+    hip, thigh, calf = limb
+    axes = [poses[joint.child].rotation @ joint.axis for joint in limb]
+    left = _check_axes(limb, axes)
+    at_hip, at_thigh, at_calf = (poses[joint.child].position for joint in limb)
+    lower_leg = groups[calf.child]
+    foot = find_foot(robot, lower_leg, poses, at_calf, float(np.linalg.norm(at_calf - at_thigh)))
+    if foot is None:
+        raise NotAQuadruped(
+            f'no foot below joint {calf.name!r}: {", ".join(lower_leg)} need a sphere to collide '
+            'with, or a fixed link named foot at the end'
+        )
+    # The plane of the leg: forward is x, `left` its normal, `down` where it hangs.
+    down = np.array((0.0, left[2], -left[1]))
+    steps = (at_thigh - at_hip, at_calf - at_thigh, foot.centre - at_calf)
+    (lead, drop), upper, lower = ((float(step[0]), float(step @ down)) for step in steps)
+    thigh_length, calf_length = math.hypot(*upper), math.hypot(*lower)
+    if not min(thigh_length, calf_length) > TINY:
+        raise NotAQuadruped(f'{WANTED}; the leg of {hip.name!r} has no length')
+    lean = math.atan2(-upper[0], upper[1])
+    straight = (
+        math.atan2(float(left[2]), float(left[1])),
+        lean,
+        math.atan2(-lower[0], lower[1]) - lean,
+    )
+    sign = np.array([1.0 if axes[0][0] > 0.0 else -1.0] + [np.sign(a @ left) for a in axes[1:]])
+    zero, low, high = _angles(limb, sign, straight)
+    return Leg(
+        joints=(hip, thigh, calf),
+        foot=foot.link,
+        foot_centre=foot.centre,
+        hip=at_hip + np.array((lead, 0.0, 0.0)),
+        offset=sum(_snap(float(step @ left)) for step in steps),
+        drop=_snap(drop),
+        thigh=thigh_length,
+        calf=calf_length,
+        foot_radius=foot.radius,
+        sign=sign,
+        zero=zero,
+        lower=low,
+        upper=high,
+        bend=-1.0 if _middle(low[2], high[2]) > NO_PREFERENCE else 1.0,
+    )
+
+
+def _check_axes(limb: list[Joint], axes: list[np.ndarray]) -> np.ndarray:
+    """
+    Return the normal of a leg's plane, (3,), to the left.
+
+    Raises:
+        NotAQuadruped: the joints do not roll, pitch and pitch.
+    """
+    roll, pitch, knee = axes
+    cosine = math.cos(AXIS_TOLERANCE)
+    is_right = (
+        abs(roll[0]) > cosine
+        and abs(pitch[0]) < math.sin(AXIS_TOLERANCE)
+        and abs(float(pitch @ knee)) > cosine
+    )
+    if not is_right:
+        turns = ', '.join(
+            f'{joint.name} about ({" ".join(f"{part:.3g}" for part in axis)})'
+            for joint, axis in zip(limb, axes, strict=True)
+        )
+        raise NotAQuadruped(
+            f'{WANTED}: the first about x, forward, the others both across it; found {turns}'
+        )
+    left = np.array((0.0, pitch[1], pitch[2]))
+    left /= np.linalg.norm(left)
+    return left if left[1] > 0.0 else -left
+
+
+def _angles(
+    limb: list[Joint], sign: np.ndarray, straight: tuple[float, ...]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the leg angles at zero joint positions, and their limits, each (3,) [rad]."""
+    zero, low, high = np.zeros(3), np.zeros(3), np.zeros(3)
+    for index, joint in enumerate(limb):
+        ends = sorted((sign[index] * joint.lower, sign[index] * joint.upper))
+        # Of the angles that mean the same, the first whose range is around zero.
+        turned = (straight[index] + 2.0 * math.pi * turns for turns in (0, 1, -1, 2, -2))
+        zero[index] = _snap(max(turned, key=lambda angle: _overlap(ends, angle)))
+        low[index], high[index] = ends[0] + zero[index], ends[1] + zero[index]
+    return zero, low, high
+
+
+def _overlap(ends: list[float], angle: float) -> float:
+    """How much of a range, moved by `angle`, is within half a turn of zero; 1 rad is enough."""
+    return min(1.0, min(ends[1] + angle, math.pi) - max(ends[0] + angle, -math.pi))
+
+
+def _middle(lower: float, upper: float) -> float:
+    """Middle of a range; 0 of one without ends."""
+    return 0.5 * (lower + upper) if math.isfinite(lower) and math.isfinite(upper) else 0.0
+
+
+def _snap(value: float) -> float:
+    return 0.0 if abs(value) < TINY else value
