@@ -16,6 +16,7 @@ from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.conversions import to_seconds
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import has_listener
 from robot_description.node_support import run_node
@@ -192,7 +193,7 @@ class DiffDriveControllerNode(Node):
                 once=True,
             )
             return
-        now = _seconds(message.header.stamp)
+        now = to_seconds(message.header.stamp)
         command = self.control(wheels[0], wheels[1], self._elapsed(now))
         self._joint_commands.publish(to_joint_commands(names, command, message.header.stamp))
         self._publish_when_due(now, message.header.stamp)
@@ -218,7 +219,7 @@ class DiffDriveControllerNode(Node):
 
     def _on_twist_stamped(self, message: TwistStamped) -> None:
         now = 1e-9 * self.get_clock().now().nanoseconds
-        stamp = _seconds(message.header.stamp)
+        stamp = to_seconds(message.header.stamp)
         verdict = judge_stamp(stamp, now, self.settings.cmd_vel_timeout)
         if verdict.age is None:
             self.get_logger().warning(f'cmd_vel {verdict.note}', throttle_duration_sec=1.0)
@@ -269,10 +270,6 @@ class DiffDriveControllerNode(Node):
             return described if alone else ()
         names = described if alone and wanted != 'arbotix' else ()
         return names if wanted == 'urdf' else (*names, *ARBOTIX_JOINTS)
-
-
-def _seconds(stamp: Any) -> float:
-    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
 
 
 def main(args: list[str] | None = None) -> int:

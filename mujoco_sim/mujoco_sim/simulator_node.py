@@ -8,11 +8,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.errors import UserError
+from robot_description.conversions import to_seconds
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import has_listener
-from robot_description.node_support import init_ros
 from robot_description.node_support import MessagePump
+from robot_description.node_support import run_node
 from robot_description.node_support import StopSignals
 from robot_description.parameters import Parameters
 from robot_description.qos import RELIABLE
@@ -105,11 +105,12 @@ class SimulatorNode(Node):
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
         if not lock_step:
-            self.create_subscription(
-                JointTrajectory, 'joint_commands', self._on_command, SENSOR_DATA
-            )
-            self.simulation.schedule.every(world.time_step, self._watch_commands)
-            self.simulation.schedule.every(world.time_step, self.truth.remember)
+            self._take_commands()
+
+    def _take_commands(self) -> None:
+        self.create_subscription(JointTrajectory, 'joint_commands', self._on_command, SENSOR_DATA)
+        self.simulation.schedule.every(self._world.time_step, self._watch_commands)
+        self.simulation.schedule.every(self._world.time_step, self.truth.remember)
 
     def schedule_publishing(self) -> None:
         """
@@ -191,7 +192,7 @@ class SimulatorNode(Node):
         if self._world.apply(command):
             self._commanded_at = self._world.time
             stamp = message.header.stamp
-            self._hold.answer(stamp.sec + 1e-9 * stamp.nanosec, self._world.time)
+            self._hold.answer(to_seconds(stamp), self._world.time)
             self._is_braking = False
         else:
             self.get_logger().warning(
@@ -246,31 +247,22 @@ class SimulatorNode(Node):
         self.simulation.pacer.restart()
 
 
+def simulate(node: SimulatorNode, stop: StopSignals) -> None:
+    """Step a node's simulation, and handle messages between the steps, until a stop signal."""
+    node.schedule_publishing()
+    pump = MessagePump()
+    pump.add_node(node)
+    node.simulation.run(
+        stop=lambda: stop.requested or not rclpy.ok(),
+        poll=pump.handle,
+        each_second=lambda: node.publish_diagnostics('running'),
+        may_advance=node.may_advance,
+    )
+
+
 def main(args: list[str] | None = None) -> int:
     """Run the simulator as a process of its own; controllers talk to it over topics."""
-    with StopSignals() as stop:
-        node = None
-        try:
-            init_ros(args)
-            node = SimulatorNode()
-            node.schedule_publishing()
-            pump = MessagePump()
-            pump.add_node(node)
-            node.simulation.run(
-                stop=lambda: stop.requested or not rclpy.ok(),
-                poll=pump.handle,
-                each_second=lambda: node.publish_diagnostics('running'),
-                may_advance=node.may_advance,
-            )
-        except UserError as error:
-            print(f'error: {error}', file=sys.stderr)
-            return 2
-        finally:
-            if node is not None:
-                node.close()
-                node.destroy_node()
-            rclpy.try_shutdown()
-        return stop.exit_status
+    return run_node(SimulatorNode, args, simulate)
 
 
 if __name__ == '__main__':

@@ -8,6 +8,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from robot_description.conversions import to_seconds
 from robot_description.node_support import has_listener
 from robot_description.node_support import has_subscriber
 from robot_description.qos import RELIABLE
@@ -86,7 +87,7 @@ class TruthPublisher:
         base = self._past.get(_key(stamp))
         if base is None:
             self._node.get_logger().warning(
-                f'odom of {stamp.sec + 1e-9 * stamp.nanosec:.3f} s has no stamp of this '
+                f'odom of {to_seconds(stamp):.3f} s has no stamp of this '
                 f'simulation (it is at {self._world.time:.3f} s): no odom_error',
                 throttle_duration_sec=10.0,
             )

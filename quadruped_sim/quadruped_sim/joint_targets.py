@@ -81,10 +81,8 @@ def _joint_targets(
     bend: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Joint angles and rates, both (12,); swing targets and base motion in world axes."""
-    position = angles.copy()
-    rates = np.empty(12)
-    turn = np.empty(3)
-    relative = np.empty(3)
+    position, rates = angles.copy(), np.empty(12)
+    turn, relative = np.empty(3), np.empty(3)
     for i in range(4):
         for k in range(3):
             if is_stance[i]:

@@ -3,7 +3,6 @@
 
 import sys
 
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Twist
 from mujoco_sim.base_state import BaseState
 from mujoco_sim.conversions import to_joint_commands
@@ -13,6 +12,7 @@ from mujoco_sim.world import JointCommand
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.conversions import to_seconds
 from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
@@ -205,11 +205,11 @@ class LegControllerNode(Node):
         if self._imu is None or not self._is_complete(message):
             return
         stamp = message.header.stamp
-        now = _seconds(stamp)
+        now = to_seconds(stamp)
         previous, self._last = self._last, now
         if previous is None or now <= previous:
             return
-        if abs(now - _seconds(self._imu.header.stamp)) > MAXIMUM_STEP:
+        if abs(now - to_seconds(self._imu.header.stamp)) > MAXIMUM_STEP:
             self._warn('imu/data is silent: no commands')
             return
         names, motors = tuple(message.name), self.quadruped.joint_names
@@ -231,10 +231,6 @@ class LegControllerNode(Node):
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=5.0)
-
-
-def _seconds(stamp: Time) -> float:
-    return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
 def main(args: list[str] | None = None) -> int:

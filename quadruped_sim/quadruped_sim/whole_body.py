@@ -127,15 +127,9 @@ class WholeBody:
             motion.bias,
             task.foot_acceleration,
         )
-        T, t = _reduce(
-            dynamics.mass,
-            dynamics.bias,
-            R.T @ task.ground,
-            task.is_stance,
-            inverse,
-            base_to_foot,
-            wanted,
-        )
+        mass, bias = dynamics.mass, dynamics.bias
+        ground = R.T @ task.ground
+        T, t = _reduce(mass, bias, ground, task.is_stance, inverse, base_to_foot, wanted)
         goal = np.empty(6)
         goal[:3] = R.T @ task.base_acceleration[:3] - cross(omega, velocity)
         goal[3:] = R.T @ task.base_acceleration[3:]
@@ -144,16 +138,8 @@ class WholeBody:
         forces, is_solved = self._forces(T, t - goal, forces_wanted, len(legs))
         in_world = np.zeros((4, 3))
         in_world[legs] = forces.reshape(-1, 3) @ task.ground.T
-        torque = _torque(
-            dynamics.mass,
-            dynamics.bias,
-            T @ forces + t,
-            inverse,
-            wanted,
-            base_to_foot,
-            J,
-            in_world @ R,
-        )
+        acceleration = T @ forces + t
+        torque = _torque(mass, bias, acceleration, inverse, wanted, base_to_foot, J, in_world @ R)
         return WholeBodyResult(torque, in_world, is_solved)
 
     def _forces(

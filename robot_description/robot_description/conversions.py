@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses as messages."""
+"""Poses and times, as messages have them."""
 
 import math
 
@@ -8,6 +8,11 @@ from geometry_msgs.msg import TransformStamped
 import numpy as np
 
 from robot_description.pose import Pose
+
+
+def to_seconds(stamp: Time) -> float:
+    """Return the time of a stamp [s]."""
+    return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
 def to_transform(pose: Pose, parent: str, child: str, stamp: Time) -> TransformStamped:

@@ -7,8 +7,8 @@ import json
 from pathlib import Path
 import re
 import sys
-from typing import NoReturn
 
+from robot_description.argument_parser import OneLineParser
 from robot_description.errors import UserError
 
 # What a xacro argument looks like on the command line.
@@ -26,16 +26,9 @@ MENDABLE = (
 )
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser that says what is wrong in one line."""
-
-    def error(self, message: str) -> NoReturn:
-        raise UserError(f'{message} (see: {self.prog} --help)')
-
-
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = _Parser(
+    parser = OneLineParser(
         prog='describe',
         description='Expand, check, mend and show robot descriptions (xacro or URDF).',
         epilog='Words like name:=value are xacro arguments.',
@@ -49,7 +42,9 @@ def make_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add(commands: 'argparse._SubParsersAction[_Parser]', name: str, text: str) -> _Parser:
+def _add(
+    commands: 'argparse._SubParsersAction[OneLineParser]', name: str, text: str
+) -> OneLineParser:
     parser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
     parser.add_argument('path', metavar='PATH', help='a xacro or URDF file, or go2, or mbot')
     parser.add_argument(
@@ -63,13 +58,13 @@ def _add(commands: 'argparse._SubParsersAction[_Parser]', name: str, text: str) 
     return parser
 
 
-def _add_expand(commands: 'argparse._SubParsersAction[_Parser]') -> None:
+def _add_expand(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
     parser = _add(commands, 'expand', 'print the URDF of a xacro file')
     parser.add_argument('--output', type=Path, metavar='FILE', help='write it there instead')
     parser.set_defaults(run=_expand)
 
 
-def _add_lint(commands: 'argparse._SubParsersAction[_Parser]') -> None:
+def _add_lint(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
     parser = _add(commands, 'lint', 'say what is wrong, where, and how to cure it')
     parser.add_argument('--json', action='store_true', help='print JSON')
     parser.add_argument('--strict', action='store_true', help='status 1 on warnings, too')
@@ -83,7 +78,7 @@ def _add_lint(commands: 'argparse._SubParsersAction[_Parser]') -> None:
     parser.set_defaults(run=_lint)
 
 
-def _add_fix(commands: 'argparse._SubParsersAction[_Parser]') -> None:
+def _add_fix(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
     parser = _add(commands, 'fix', 'mend what can be mended; prints a diff, writes nothing')
     parser.add_argument(
         '--rename',
@@ -106,7 +101,7 @@ def _add_fix(commands: 'argparse._SubParsersAction[_Parser]') -> None:
     parser.set_defaults(run=_fix)
 
 
-def _add_info(commands: 'argparse._SubParsersAction[_Parser]') -> None:
+def _add_info(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
     parser = _add(commands, 'info', 'print the tree, masses, joints and meshes')
     parser.add_argument('--picture', type=Path, metavar='FILE.png', help='draw the robot, too')
     parser.add_argument('--json', action='store_true', help='print JSON')

@@ -9,7 +9,7 @@ import sys
 import time
 from types import FrameType
 from types import TracebackType
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
@@ -34,16 +34,6 @@ ParametersType = TypeVar('ParametersType', bound=Parameters)
 
 # How long one wait for messages may last [s]: bounds the time a stop signal goes unnoticed.
 SPIN_PERIOD = 0.05
-
-
-class ClosableNode(Protocol):
-    """A node that leaves its robot stopped: `close` publishes the last (zero) command."""
-
-    def close(self) -> None:
-        """Publish whatever must be the last word, while publishers still exist."""
-
-    def destroy_node(self) -> None:
-        """Release the node, as rclpy's."""
 
 
 def declare_parameters(
@@ -181,10 +171,22 @@ def init_ros(args: Sequence[str] | None = None) -> None:
         rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.UNSET)
 
 
-def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) -> int:
+def spin_alone(node: Node, stop: StopSignals) -> None:
+    """Spin one node until a stop signal or a shutdown."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    spin(executor, lambda: stop.requested)
+
+
+def run_node(
+    make_node: Callable[[], Any],
+    args: Sequence[str] | None = None,
+    run: Callable[[Any, StopSignals], None] = spin_alone,
+) -> int:
     """
     Run one node as a process until a signal or a shutdown; return the exit status.
 
+    The node's `close` publishes what must be the last word, the zero command, on every way out.
     What is wrong with the arguments or parameters ends with one line on stderr and status 2.
     """
     with StopSignals() as stop:
@@ -193,9 +195,7 @@ def run_node(make_node: Callable[[], Any], args: Sequence[str] | None = None) ->
             init_ros(args)
             with explained():
                 node = make_node()
-            executor = SingleThreadedExecutor()
-            executor.add_node(node)
-            spin(executor, lambda: stop.requested)
+            run(node, stop)
         except UserError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Options of the executables that read keys; what is ROS's is left to ROS."""
 
-import argparse
 from collections.abc import Sequence
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
-from robot_description.errors import UserError
+from robot_description.argument_parser import OneLineParser
 
 
 class KeyOptions(NamedTuple):
@@ -15,11 +14,6 @@ class KeyOptions(NamedTuple):
     ros: list[str]
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise UserError(f'{message} (see: {self.prog} --help)')
-
-
 def read_options(program: str, words: Sequence[str]) -> KeyOptions:
     """
     Return the options given to a program.
@@ -27,7 +21,7 @@ def read_options(program: str, words: Sequence[str]) -> KeyOptions:
     Raises:
         UserError: an option that neither we nor ROS know.
     """
-    parser = _Parser(prog=program, allow_abbrev=False, epilog='--ros-args ... goes to ROS.')
+    parser = OneLineParser(prog=program, allow_abbrev=False, epilog='--ros-args ... goes to ROS.')
     parser.add_argument('--save-keys', metavar='FILE', help='write a key script, as --play reads')
     start = list(words).index('--ros-args') if '--ros-args' in words else len(words)
     given = parser.parse_args(list(words[:start]))

@@ -17,7 +17,7 @@ from teleop_keyboard.key_names import HELD
 from teleop_keyboard.key_names import with_event
 from teleop_keyboard.terminal import NoTerminal
 from teleop_keyboard.terminal import open_terminal
-from teleop_keyboard.terminal import READ_SIZE
+from teleop_keyboard.terminal import read_ready
 from teleop_keyboard.terminal import Terminal
 
 # How long the rest of an escape sequence may take, so after what time ESC is just ESC [s].
@@ -65,15 +65,10 @@ class Pipe:
 
     def read(self) -> bytes:
         """Return what is there, at most one buffer; b'' with `closed` at the end."""
-        if self._closed or not select.select([self._descriptor], [], [], 0.0)[0]:
-            return b''
-        try:
-            data = os.read(self._descriptor, READ_SIZE)
-        except OSError:
-            data = b''
-        self._closed = not data
+        data = None if self._closed else read_ready(self._descriptor)
+        self._closed = self._closed or data == b''
         self.was_used = self.was_used or bool(data)
-        return data
+        return data or b''
 
 
 class KeyReader:

@@ -35,6 +35,17 @@ KITTY_OFF = b'\x1b[?1004l\x1b[<u'
 READ_SIZE = 65536
 
 
+def read_ready(descriptor: int) -> bytes | None:
+    """Return what is there, at most one buffer; None for nothing yet, b'' for the end."""
+    if not select.select([descriptor], [], [], 0.0)[0]:
+        return None
+    try:
+        return os.read(descriptor, READ_SIZE)
+    except OSError:
+        # EIO: the other side of a pseudo-terminal is gone.
+        return b''
+
+
 class NoTerminal(UserError):
     """There is no terminal to read keys from; says in one line what to do."""
 
@@ -92,15 +103,9 @@ class Terminal:
 
     def read(self) -> bytes:
         """Return everything that was typed since the last read, without waiting."""
-        if self._closed or not select.select([self._descriptor], [], [], 0.0)[0]:
-            return b''
-        try:
-            data = os.read(self._descriptor, READ_SIZE)
-        except OSError:
-            # EIO: the other side of a pseudo-terminal is gone.
-            data = b''
-        self._closed = not data
-        return data
+        data = None if self._closed else read_ready(self._descriptor)
+        self._closed = self._closed or data == b''
+        return data or b''
 
     def __enter__(self) -> Self:
         """Enter raw mode and watch the signals that would leave it behind."""

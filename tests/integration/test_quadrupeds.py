@@ -14,7 +14,6 @@ from robot_description.robots import description_path
 
 KEYS = '0.1 2\n2.3 5\n'
 SHRUNK = (0.7, 0.5)  # length, mass
-Fetch = Callable[[Path], str]
 
 
 def resize(tree: ElementTree.Element, length: float, mass: float) -> None:

@@ -19,7 +19,6 @@ from robot_description.renderer_choice import find_renderer
 
 WALL = 2.0  # from the origin to the wall [m]
 PILLAR = (1.2, 0.3)
-CAMERA_X = 0.17
 RED, GREEN = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0)
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 # From its joint in the course's URDF: on the axis of the robot, above its lid.
-LIDAR_HEIGHT = 0.11 + 0.105
 
 
 @pytest.fixture

@@ -78,5 +78,5 @@ def test_a_run_takes_its_duration_divided_by_the_speed(world, speed):
     simulation.schedule.every(0.005, lambda: None)
     started = time.monotonic()
     simulation.run(never, lambda timeout: time.sleep(timeout), duration=0.4 * speed)
-    # One stride early at best; a busy machine may be late.
-    assert 0.39 < time.monotonic() - started < 0.8
+    # One stride early at best; a busy machine may be late. Unpaced by it, speed 4 takes 1.6 s.
+    assert 0.39 < time.monotonic() - started < 1.2

@@ -244,7 +244,7 @@ def test_the_pump_handles_what_is_there_and_returns(spawn, spin_until):
     assert received == [str(index) for index in range(150)]
     started = time.monotonic()
     spawn.pump.handle()
-    assert time.monotonic() - started < 0.1
+    assert time.monotonic() - started < 1.0  # nothing more comes, and it does not wait
 
 
 def test_a_flood_does_not_keep_the_pump_busy(spawn, monkeypatch):

@@ -21,7 +21,6 @@ from wasd_bringup.report import write_report
 NOW = Sample('trotting', (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), (1, 0, 0, 1))
 DOWN = NOW._replace(is_down=True)
 TICKS = TickSummary(1.0, 2.0, 3.0, 0)
-UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture

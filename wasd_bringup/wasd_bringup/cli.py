@@ -4,8 +4,8 @@
 import argparse
 from collections.abc import Sequence
 import sys
-from typing import NoReturn
 
+from robot_description.argument_parser import OneLineParser
 from robot_description.errors import UserError
 from teleop_keyboard.keymap_text import describe_keymap
 from teleop_keyboard.keymap_text import list_presets
@@ -27,18 +27,9 @@ from wasd_bringup.unitree_keys import UNITREE_PRESET
 TAKE_ROS_ARGUMENTS = ('go2', 'mbot')
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser that says what is wrong in one line."""
-
-    def error(self, message: str) -> NoReturn:
-        """Exit with status 2."""
-        print(f'error: {message} (see: {self.prog} --help)', file=sys.stderr)
-        raise SystemExit(2)
-
-
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = _Parser(
+    parser = OneLineParser(
         prog='wasd', description='Drive simulated robots from the keyboard.', allow_abbrev=False
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
