@@ -51,7 +51,7 @@ def load_robot(
         loaded.meshes.check(strict)
     except DescriptionError as error:
         raise DescriptionError(f'{loaded.path}: {error}') from None
-    for line in loaded.repairs:
+    for line in (*loaded.warnings, *loaded.repairs):
         LOGGER.warning('description: %s', line)
     return loaded._replace(robot=equipped(loaded.robot))
 

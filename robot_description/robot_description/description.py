@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from robot_description.errors import DescriptionError
-from robot_description.expand import expand
+from robot_description.expand import expand_document
 from robot_description.inertia import impossible_inertias
 from robot_description.mesh_report import MeshReport
 from robot_description.mesh_resolver import resolve_meshes
@@ -16,12 +16,17 @@ from robot_description.urdf import Robot
 
 
 class Description(NamedTuple):
-    """A robot's description: its file, URDF text and content, and what became of its meshes."""
+    """
+    A robot's description: its file, URDF text and content, and what became of its meshes.
+
+    `warnings` are what xacro was not happy with, an argument that the file does not have, say.
+    """
 
     path: Path
     urdf: str
     robot: Robot
     meshes: MeshReport
+    warnings: tuple[str, ...] = ()
 
     @property
     def repairs(self) -> tuple[str, ...]:
@@ -54,7 +59,9 @@ def read_description(
     Raises:
         DescriptionError: what is wrong with it, in one line.
     """
-    return parse_description(expand(path, arguments, search), path, search)
+    expansion = expand_document(path, arguments, search)
+    warnings = tuple(f'{place or path}: {text}' for place, text in expansion.warnings)
+    return parse_description(expansion.urdf, path, search)._replace(warnings=warnings)
 
 
 def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Description:

@@ -31,6 +31,7 @@ def info_record(description: Description) -> dict[str, Any]:
         'joints': [_joint_record(joint) for joint in robot.joints.values()],
         'meshes': [record.record() for record in description.meshes.records],
         'repairs': list(description.repairs),
+        'warnings': list(description.warnings),
     }
 
 

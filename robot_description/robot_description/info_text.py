@@ -36,7 +36,7 @@ def print_info(info: Description) -> None:
         console.print(_joints(robot.movable_joints))
     if info.meshes.records:
         console.print(_meshes(info.meshes.records))
-    for line in info.repairs:
+    for line in (*info.warnings, *info.repairs):
         console.print(escape(line), soft_wrap=True)
 
 

@@ -28,6 +28,8 @@ JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
 INERTIA_COMPONENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 # A root link of this name is no part of the robot: what hangs on it does not float.
 WORLD_LINK = 'world'
+# More names than these are not listed in an error.
+MOST_NAMES = 8
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,9 @@ def _by_name(elements: list[Named]) -> dict[str, Named]:
 def _find_root(links: dict[str, Link], joints: dict[str, Joint]) -> str:
     """Return the root of the tree, having checked that it is one."""
     if not links:
-        raise DescriptionError('the description has no links (is a macro call missing "xacro:"?)')
+        raise DescriptionError(
+            'the description has no links (is a macro call missing "xacro:"? see: describe lint)'
+        )
     parents: dict[str, str] = {}
     for joint in joints.values():
         for end in (joint.parent, joint.child):
@@ -199,7 +203,8 @@ def _find_root(links: dict[str, Link], joints: dict[str, Joint]) -> str:
         parents[joint.child] = joint.parent
     roots = sorted(set(links) - set(parents))
     if len(roots) != 1:
-        raise DescriptionError(f'the links need one root, found {len(roots)}: {", ".join(roots)}')
+        names = ', '.join(roots[:MOST_NAMES]) + (', ...' if len(roots) > MOST_NAMES else '')
+        raise DescriptionError(f'the links need one root, found {len(roots)}: {names}')
     children: dict[str, list[str]] = {link: [] for link in links}
     for child, parent in parents.items():
         children[parent].append(child)

@@ -11,6 +11,7 @@ that its end will be told, and `RELEASE+w` is that end; who cares for presses on
 """
 
 import difflib
+import signal
 
 MODIFIERS = ('CTRL', 'ALT', 'SHIFT')
 FUNCTION_KEYS = tuple(f'F{number}' for number in range(1, 13))
@@ -22,6 +23,13 @@ NAMED_KEYS = frozenset(
 
 # Names for characters that a file format cannot hold as themselves.
 ALIASES = {'SPACE': ' '}
+
+# Keys that a terminal makes a signal of; from one that reports them as sequences, we do.
+SIGNAL_KEYS = {
+    'CTRL+C': signal.SIGINT,
+    'CTRL+Z': signal.SIGTSTP,
+    'CTRL+\\': signal.SIGQUIT,
+}
 
 # What a message may tell of a key besides a press.
 HELD = 'HELD'

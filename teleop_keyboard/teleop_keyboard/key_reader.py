@@ -4,7 +4,6 @@
 import contextlib
 import os
 import select
-import signal
 import stat
 import sys
 import time
@@ -14,6 +13,7 @@ from typing import Protocol, Self
 from teleop_keyboard.character_decoder import CharacterDecoder
 from teleop_keyboard.decoder import KeyDecoder
 from teleop_keyboard.key_names import HELD
+from teleop_keyboard.key_names import SIGNAL_KEYS
 from teleop_keyboard.key_names import with_event
 from teleop_keyboard.terminal import NoTerminal
 from teleop_keyboard.terminal import open_terminal
@@ -24,12 +24,6 @@ from teleop_keyboard.terminal import Terminal
 SEQUENCE_TIMEOUT = 0.04
 # How often it is told that a key is still down, where the terminal tells releases [s].
 HELD_PERIOD = 0.1
-# A terminal that reports all keys as sequences makes no signals of these: we do.
-SIGNAL_KEYS = {
-    'CTRL+C': signal.SIGINT,
-    'CTRL+Z': signal.SIGTSTP,
-    'CTRL+\\': signal.SIGQUIT,
-}
 
 
 class Source(Protocol):

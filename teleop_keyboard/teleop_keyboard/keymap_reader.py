@@ -15,6 +15,7 @@ from typing import Any, NoReturn, TypeVar
 import yaml
 
 from teleop_keyboard.key_names import canonical_key
+from teleop_keyboard.key_names import SIGNAL_KEYS
 from teleop_keyboard.keymap import Direction
 from teleop_keyboard.keymap import IDLE_POLICIES
 from teleop_keyboard.keymap import Keymap
@@ -80,6 +81,8 @@ class _KeymapReader:
     def keymap(self, name: str) -> Keymap:
         """Return the keymap; fields that may be left out get their defaults."""
         motion = self._table('motion', self._direction)
+        if not motion:
+            self._fail(self._fields['motion'], 'motion', 'names no key, wanted one or more')
         speed_keys = self._table('speed_keys', self._speed_factor)
         stop_keys = self._stop_keys()
         self._check_unique({'motion': motion, 'speed_keys': speed_keys, 'stop': stop_keys})
@@ -133,9 +136,12 @@ class _KeymapReader:
 
     def _key(self, node: yaml.Node, text: str) -> str:
         try:
-            return canonical_key(text)
+            key = canonical_key(text)
         except ValueError as error:
             self._fail(node, repr(text), str(error))
+        if key in SIGNAL_KEYS:
+            self._fail(node, text, 'ends or suspends the program, and never arrives as a key')
+        return key
 
     def _direction(self, node: yaml.Node, key: str) -> Direction:
         """Read [forward, left, counter-clockwise], or four shares, of which the third is up."""
@@ -146,7 +152,8 @@ class _KeymapReader:
             z = 0.0
         direction = Direction(x, y, z, yaw)
         if any(abs(share) > 1.0 for share in direction):
-            self._fail(node, key, f'each share must be within -1 and 1, got {[*direction]}')
+            got = next(share for share in direction if abs(share) > 1.0)
+            self._fail(node, key, f'each share must be within -1 and 1, got {got:g}')
         return direction
 
     def _speed_factor(self, node: yaml.Node, key: str) -> SpeedFactor:

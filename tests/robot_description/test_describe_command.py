@@ -19,6 +19,11 @@ def test_xacro_arguments_may_stand_anywhere(capsys, tmp_path):
     assert capsys.readouterr().out == ''
 
 
+def test_info_warns_of_an_argument_that_the_file_does_not_have(capsys):
+    assert main(['info', 'go2', 'DEBUGG:=true']) == 0
+    assert "no argument 'DEBUGG' here; it has: DEBUG" in capsys.readouterr().out
+
+
 def test_info_tells_the_mass(capsys):
     assert main(['info', 'mbot']) == 0
     assert '1.800 kg' in capsys.readouterr().out

@@ -112,6 +112,7 @@ def test_every_collision_shape_is_kept_in_order():
         (robot('a', rest=joint('a', 'b')), "joint 'a_b' names link 'b', not defined"),
         (robot('a', 'b', 'c', rest=joint('a', 'b')), 'one root, found 2: a, c'),
         (robot('a', 'b', rest=joint('a', 'b') + joint('b', 'a')), 'one root, found 0'),
+        (robot(*'abcdefghi'), 'one root, found 9: a, b, c, d, e, f, g, h, ...'),
         (
             robot('a', 'b', 'c', rest=joint('b', 'c') + joint('c', 'b')),
             'joints run in a circle through b, c',

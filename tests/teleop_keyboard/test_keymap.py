@@ -118,7 +118,8 @@ def test_a_file_is_found_by_its_path(tmp_path):
         ('i: [1, 0, 0]', 'i: [1, 0]', 2, 'i: must be a list of 3 numbers'),
         ('i: [1, 0, 0]', 'i: [1, 0, 0, 0, 0]', 2, 'i: must be a list of 3 numbers'),
         ('i: [1, 0, 0]', 'i: [1, 0, -2, 0]', 2, 'i: each share must be within -1 and 1'),
-        ('i: [1, 0, 0]', 'i: [2, 0, 0]', 2, 'i: each share must be within -1 and 1'),
+        ('i: [1, 0, 0]', 'i: [2, 0, 0]', 2, 'i: each share must be within -1 and 1, got 2'),
+        ('i: [1, 0, 0]', 'CTRL+c: [1, 0, 0]', 2, 'CTRL+c: ends or suspends the program'),
         ('i: [1, 0, 0]', 'i: [x, 0, 0]', 2, "i: must be a number, got 'x'"),
         ('i: [1, 0, 0]', 'UPP: [1, 0, 0]', 2, "'UPP': unknown key 'UPP', did you mean UP?"),
         ("'1': [0, 0, 1]", 'i: [0, 0, 1]', 3, 'i: stands here for the second time'),
@@ -153,6 +154,12 @@ def test_an_error_names_file_line_and_key(old, new, line, message):
 @pytest.mark.parametrize('text', ['', '- a', 'word', '\t'])
 def test_text_that_is_no_mapping_is_an_error(text):
     with pytest.raises(KeymapError, match='mine.yaml'):
+        read_keymap(text, 'mine.yaml', 'mine')
+
+
+def test_a_keymap_that_moves_nothing_is_an_error():
+    text = 'speed: 1\nturn: 1\nlinear_accel: 1\nangular_accel: 1\nmotion: {}'
+    with pytest.raises(KeymapError, match='mine.yaml:5: motion: names no key'):
         read_keymap(text, 'mine.yaml', 'mine')
 
 
