@@ -16,8 +16,9 @@ from robot_description.qos import RELIABLE
 
 Message = TypeVar('Message')
 
-# How long the middleware may take to bring back what this process published itself [s].
-ECHO_LIFETIME = 1.0
+# How long the middleware may take to bring back what this process published itself [s]. Under
+# load, at --speed 0, a second of messages waits in its queues.
+ECHO_LIFETIME = 10.0
 
 
 class Inlet(Generic[Message]):
@@ -32,8 +33,9 @@ class Inlet(Generic[Message]):
     Echo and message are matched by their bytes, which are equal also where NaN is in them, and in
     the order in which they were put. An equal message from outside that overtakes an echo is
     dropped in its place, and the echo delivered: the receiver sees the same. An echo that gets
-    lost is waited for up to ECHO_LIFETIME; so long, one equal message from outside may be taken
-    for it. While nobody spins the node that time stands still: echoes are waiting, too.
+    lost is waited for up to ECHO_LIFETIME, or until a later one comes; so long, one equal message
+    from outside may be taken for it. While nobody spins the node that time stands still: echoes
+    are waiting, too.
     """
 
     # Told of every message that came from another process, and of the inlet that took it.
@@ -96,9 +98,9 @@ class Inlet(Generic[Message]):
         return False
 
     def _forget(self) -> None:
-        """Give up echoes that are overdue, if messages have been handled since they were put."""
-        now = time.monotonic()
-        oldest = min(self._looked_at, now - 0.75 * ECHO_LIFETIME)
+        """Give up echoes that were overdue at the last look already, and have not come since."""
+        # Timers come before messages: an echo that is overdue now may be the next to be handled.
+        oldest = self._looked_at - 0.5 * ECHO_LIFETIME
         while self._pending and self._pending[0][0] < oldest:
             self._pending.popleft()
-        self._looked_at = now
+        self._looked_at = time.monotonic()

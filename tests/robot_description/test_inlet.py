@@ -134,6 +134,19 @@ def test_echoes_that_wait_for_a_busy_process_are_dropped(impatient, spawn, spin_
     assert impatient.received == [0.5, 0.5, 0.5]
 
 
+def test_an_echo_that_is_handled_after_the_look_for_overdue_ones_is_dropped(
+    impatient, spawn, spin_until
+):
+    spin_until(spawn.pump, lambda: impatient.publisher.get_subscription_count() == 1)
+    impatient.send(0.5)
+    impatient.inlet._forget()
+    time.sleep(0.15)  # now the echo is overdue, and the timer of the next look comes before it
+    spin_until(spawn.pump, lambda: not impatient.inlet._pending)
+    for _ in range(5):
+        spawn.pump.handle(0.02)
+    assert impatient.received == [0.5]
+
+
 def test_a_lost_echo_does_not_hold_up_the_next(receiver, outside, spawn, spin_until):
     receiver.inlet.put(twist(0.1))  # lost: only the next one comes back
     receiver.send(0.2)
