@@ -86,6 +86,16 @@ def test_the_odometry_of_a_curve_is_within_a_millimetre(
     assert odometry_error(report) < 0.001
 
 
+def test_with_stamped_commands_only_it_drives_the_same(report_of: RunMbot, tmp_path: Path) -> None:
+    file = tmp_path / 'stamped.yaml'
+    file.write_text('use_stamped_vel: true\n')  # ros2_controllers' default
+    ends = [
+        report_of(*arguments, twist=CURVE)['samples']['position'][-1]
+        for arguments in ((), ('--controller', str(file)))
+    ]
+    np.testing.assert_allclose(*ends, atol=1e-3)
+
+
 def test_beyond_the_wheels_speed_the_curve_is_kept(report_of: RunMbot, tmp_path: Path) -> None:
     path = tmp_path / 'c.yaml'
     path.write_text(

@@ -3,10 +3,12 @@
 
 from collections.abc import Callable
 import time
+from typing import Any
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.geometry import DiffDriveGeometry
 from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
 from mujoco_sim.kinematic import place
 from mujoco_sim.kinematic import PlanarPose
 from mujoco_sim.loading import LoadedRobot
@@ -72,7 +74,10 @@ class MbotStack:
             ],
         )
         self._teleop.receivers.append(self._driver.cmd_vel.put)
-        self._twists = self._teleop.create_publisher(Twist, 'cmd_vel', RELIABLE)
+        # A participant knows one type per topic: that of the controller's subscription.
+        self._is_stamped = self._driver.settings.stamped == 'true'
+        kind = TwistStamped if self._is_stamped else Twist
+        self._twists = self._teleop.create_publisher(kind, 'cmd_vel', RELIABLE)
         self.nodes: list[Node] = [self._driver, self._teleop]
         self.press: Callable[[String], None] = self._teleop.keys.put
         self.ticks = TickStatistics(self.period)
@@ -110,8 +115,13 @@ class MbotStack:
 
     def drive(self, velocity: tuple[float, float, float]) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
-        message = Twist()
-        message.linear.x, message.linear.y, message.angular.z = velocity
+        message: Any = TwistStamped() if self._is_stamped else Twist()
+        twist = message
+        if self._is_stamped:
+            message.header.stamp = self._driver.get_clock().now().to_msg()
+            message.header.frame_id = self._driver.settings.base_frame_id
+            twist = message.twist
+        twist.linear.x, twist.linear.y, twist.angular.z = velocity
         self._driver.cmd_vel.put(message)
         self._twists.publish(message)
 
