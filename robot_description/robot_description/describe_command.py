@@ -174,10 +174,11 @@ def _info(options: argparse.Namespace) -> int:
 
     info = read_description(options.path, options.package_path, options.arguments)
     record = info_record(info)
+    weighed = info.with_stand_in_masses()  # MuJoCo takes none without; where links are is the same
     if options.check:
         from robot_description.kinematic_check import check_kinematics
 
-        deviations = check_kinematics(info.urdf, info.robot)
+        deviations = check_kinematics(weighed.urdf, weighed.robot)
         record['kinematics'] = [deviation._asdict() for deviation in deviations]
     if options.json:
         print(json.dumps(record, indent=2))
@@ -190,7 +191,7 @@ def _info(options: argparse.Namespace) -> int:
     if options.picture is not None:
         from robot_description.picture import draw
 
-        draw(info.urdf, info.robot, info.meshes.files.get, options.picture)
+        draw(weighed.urdf, weighed.robot, info.meshes.files.get, options.picture)
     return 0
 
 

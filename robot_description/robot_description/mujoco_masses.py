@@ -71,8 +71,9 @@ def _virtual_links(robot: Robot) -> set[str]:
             continue
         if beyond[link] <= 0.0:
             by = f' (joint {joint.name!r})' if joint is not None else ''
+            has = f'a mass of {beyond[link]:g} kg' if beyond[link] else 'no mass'
             raise DescriptionError(
-                f'link {link!r} moves{by} but has no mass: '
+                f'link {link!r} moves{by} but has {has}: '
                 'give it an <inertial> with <mass> and <inertia>'
             )
         virtual.add(link)

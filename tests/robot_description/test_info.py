@@ -96,6 +96,18 @@ def test_three_libraries_are_compared_on_request(capsys):
     assert all(row['distance'] < 1e-6 for row in found)
 
 
+def test_a_robot_without_masses_can_be_checked(capsys, tmp_path):
+    path = tmp_path / 'bare.urdf'
+    path.write_text(
+        '<robot name="bare"><link name="base"/><link name="wheel"/>'
+        '<joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/>'
+        '<origin xyz="1 2 3"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    record = info(capsys, path, '--check')
+    assert record['mass'] == 0.0
+    assert all(row['distance'] < 1e-6 for row in record['kinematics'])
+
+
 @pytest.mark.skipif(find_renderer() is None, reason='neither EGL nor OSMesa here')
 def test_a_picture_shows_the_robot(tmp_path):
     # In a process of its own: what mujoco renders with is chosen when it is first imported.
