@@ -6,6 +6,7 @@ import importlib.util
 import os
 from pathlib import Path
 import random
+import signal
 import sys
 import time
 from typing import Any
@@ -14,6 +15,12 @@ import pytest
 
 # How long a message may take to arrive on a busy machine [s].
 PATIENCE = 10.0
+
+# A shell starts what goes to the background deaf to these, and children inherit that.
+for number in (signal.SIGINT, signal.SIGQUIT):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        is_interrupt = number == signal.SIGINT
+        signal.signal(number, signal.default_int_handler if is_interrupt else signal.SIG_DFL)
 
 # Domains up to 101 have their ports below the ephemeral ones; 0 is everybody's.
 _DOMAINS = range(1, 101)

@@ -68,6 +68,7 @@ def test_find_takes_our_own_packages_from_the_clone_not_from_the_venvs_copy(
     marker.parent.mkdir(parents=True)
     marker.touch()
     monkeypatch.setattr('sys.prefix', str(tmp_path))
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
     path = write('<link name="$(find robot_description)"/>')
     assert f'name="{share_directory("robot_description")}"' in expand(path)
 
