@@ -33,10 +33,13 @@ def make_parser() -> argparse.ArgumentParser:
         prog='wasd', description='Drive simulated robots from the keyboard.', allow_abbrev=False
     )
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    mbot = commands.add_parser('mbot', help='drive the wheeled robot', allow_abbrev=False)
+    ros = '--ros-args ... goes to the nodes: -r __ns:=/robot1, -r odom:=wheel_odom, -p name:=value'
+    mbot = commands.add_parser(
+        'mbot', help='drive the wheeled robot', epilog=ros, allow_abbrev=False
+    )
     add_run_options(mbot, robot='mbot')
     add_wheeled_options(mbot)
-    go2 = commands.add_parser('go2', help='drive the legged robot', allow_abbrev=False)
+    go2 = commands.add_parser('go2', help='drive the legged robot', epilog=ros, allow_abbrev=False)
     add_run_options(go2, robot='go2')
     add_legged_options(go2)
     both = commands.add_parser(
