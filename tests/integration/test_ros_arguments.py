@@ -151,8 +151,15 @@ def test_a_whole_robot_moves_into_a_namespace(robot, spawn, spin_until):
     asker = peer.create_client(GetParameters, '/yard/simulator/get_parameters')
     try:
         spin_until(spawn.pump, asker.service_is_ready, timeout=30.0)
-        future = asker.call_async(GetParameters.Request(names=['clock_rate']))
-        spin_until(spawn.pump, future.done, timeout=30.0)
+        # An answer is lost when the robot has not found the asker yet: it asks until one comes.
+        answers: list[Any] = []
+
+        def ask() -> None:
+            answers.append(asker.call_async(GetParameters.Request(names=['clock_rate'])))
+            spawn.pump.handle(1.0)
+
+        spin_until(spawn.pump, lambda: any(a.done() for a in answers), timeout=30.0, step=ask)
+        future = next(answer for answer in answers if answer.done())
         wanted = {'/yard/steer', '/yard/odom', '/yard/joint_states', '/yard/robot_description'}
         spin_until(
             spawn.pump,

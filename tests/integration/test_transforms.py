@@ -111,7 +111,8 @@ def start(robot: str, folder: Path) -> 'subprocess.Popen[str]':
     script = folder / 'keys.txt'
     script.write_text(KEYS[robot])
     return subprocess.Popen(
-        [sys.executable, '-m', 'wasd_bringup.cli', robot, '--play', str(script)],
+        [sys.executable, '-m', 'wasd_bringup.cli', robot, '--play', str(script)]
+        + ['--duration', '60'],  # until it has been heard for long enough
         env=dict(os.environ),
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

@@ -25,6 +25,7 @@ from wasd_bringup.message_text import to_yaml
 from wasd_bringup.ros_graph import find_type
 from wasd_bringup.ros_graph import full_name
 from wasd_bringup.ros_graph import Interrupted
+from wasd_bringup.ros_graph import PATIENCE
 from wasd_bringup.ros_graph import RosGraph
 from wasd_bringup.suggestions import suggest
 from wasd_bringup.topic_listener import TopicListener
@@ -138,7 +139,8 @@ def call(graph: RosGraph, arguments: argparse.Namespace) -> int:
         print('waiting for service to become available...', flush=True)
     _wait_until_ready(graph, client, service)
     print(f'requester: making request: {request!r}\n', flush=True)
-    print(f'response:\n{_answer(graph, client.call_async(request), client.service_is_ready)!r}\n')
+    future = client.call_async(request)  # once: a request may do something each time
+    print(f'response:\n{_answer(graph, lambda: future, client.service_is_ready)!r}\n')
     return 0
 
 
@@ -150,14 +152,14 @@ def params(graph: RosGraph, arguments: argparse.Namespace) -> int:
     there = client.services_are_ready
     if graph.wait(lambda: there() or None) is None:
         raise NotFound(f'node {node} has no parameter services')
-    names = sorted(_answer(graph, client.list_parameters(), there).result.names)
+    names = sorted(_answer(graph, client.list_parameters, there).result.names)
     name = arguments.name
     if name is None:
         print('\n'.join(f'  {one}' for one in names))
         return 0
     if name not in names:
         raise NotFound(f'node {node} has no parameter {name!r}{suggest(name, names)}')
-    value = _answer(graph, client.get_parameters([name]), there).values[0]
+    value = _answer(graph, lambda: client.get_parameters([name]), there).values[0]
     if arguments.value is None:
         print(KINDS[value.type], *([parameter_value_to_python(value)] if value.type else ()))
         return 0
@@ -169,7 +171,8 @@ COMMANDS = {'topics': list_topics, 'echo': echo, 'hz': hz, 'call': call, 'params
 
 
 def _set(graph: RosGraph, client: AsyncParameterClient, change: Parameter) -> int:
-    (result,) = _answer(graph, client.set_parameters([change]), client.services_are_ready).results
+    there = client.services_are_ready
+    (result,) = _answer(graph, lambda: client.set_parameters([change]), there).results
     reason = f': {result.reason}' if result.reason else ''
     if not result.successful:
         print(f'Setting parameter failed{reason}', file=sys.stderr)
@@ -202,10 +205,17 @@ def _wait_until_ready(graph: RosGraph, client: Any, service: str) -> None:
         raise NotFound(f'service {service} does not answer')
 
 
-def _answer(graph: RosGraph, future: Any, is_there: Callable[[], bool]) -> Any:
-    """Return what a call brings, waiting as long as whoever was asked is there."""
-    while not future.done():
-        graph.spin()
-        if not (future.done() or is_there()):
-            raise NotFound('gone before it has answered')
-    return future.result()
+def _answer(graph: RosGraph, ask: Callable[[], Any], is_there: Callable[[], bool]) -> Any:
+    """
+    Return what a call brings, waiting as long as whoever was asked is there.
+
+    Asks again in between: an answer is lost when the service has not found the asker yet.
+    """
+    while True:
+        future, again = ask(), time.monotonic() + PATIENCE
+        while not future.done() and time.monotonic() < again:
+            graph.spin()
+            if not (future.done() or is_there()):
+                raise NotFound('gone before it has answered')
+        if future.done():
+            return future.result()
