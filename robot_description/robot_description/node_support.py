@@ -175,7 +175,11 @@ def spin_alone(node: Node, stop: StopSignals) -> None:
     """Spin one node until a stop signal or a shutdown."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    spin(executor, lambda: stop.requested)
+    try:
+        spin(executor, lambda: stop.requested)
+    finally:
+        # Whatever is left to the garbage collector complains when rclpy is gone before it.
+        executor.shutdown(timeout_sec=0.0)
 
 
 def run_node(
