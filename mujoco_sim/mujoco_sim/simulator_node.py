@@ -252,12 +252,15 @@ def simulate(node: SimulatorNode, stop: StopSignals) -> None:
     node.schedule_publishing()
     pump = MessagePump()
     pump.add_node(node)
-    node.simulation.run(
-        stop=lambda: stop.requested or not rclpy.ok(),
-        poll=pump.handle,
-        each_second=lambda: node.publish_diagnostics('running'),
-        may_advance=node.may_advance,
-    )
+    try:
+        node.simulation.run(
+            stop=lambda: stop.requested or not rclpy.ok(),
+            poll=pump.handle,
+            each_second=lambda: node.publish_diagnostics('running'),
+            may_advance=node.may_advance,
+        )
+    finally:
+        pump.shutdown(timeout_sec=0.0)
 
 
 def main(args: list[str] | None = None) -> int:
