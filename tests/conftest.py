@@ -22,8 +22,21 @@ for number in (signal.SIGINT, signal.SIGQUIT):
         is_interrupt = number == signal.SIGINT
         signal.signal(number, signal.default_int_handler if is_interrupt else signal.SIG_DFL)
 
-# Domains up to 101 have their ports below the ephemeral ones; 0 is everybody's.
-_DOMAINS = range(1, 101)
+# Domains up to 101 have their ports below the ephemeral ones; 0 is everybody's. Two test runs on
+# one machine keep apart with a part each: WASD_TEST_DOMAINS=1-50 for one, 51-100 for the other.
+_first, _, _last = os.environ.get('WASD_TEST_DOMAINS', '1-100').partition('-')
+_DOMAINS = range(int(_first), int(_last or _first) + 1)
+
+
+def random_domain() -> int:
+    """Return a ROS domain that this test run may use."""
+    return random.SystemRandom().choice(_DOMAINS)
+
+
+@pytest.fixture(scope='session')
+def ros_domains() -> range:
+    """Return the ROS domains that this test run may use."""
+    return _DOMAINS
 
 
 @pytest.fixture(scope='session')
@@ -35,7 +48,7 @@ def log_directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def isolated_ros(monkeypatch: pytest.MonkeyPatch, log_directory: Path) -> int:
     """Keep to a ROS domain that no other test and no robot nearby uses; return its number."""
-    domain = random.SystemRandom().choice(_DOMAINS)
+    domain = random_domain()
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_LOG_DIR', str(log_directory))

@@ -34,11 +34,11 @@ FLAGS = (
 )
 
 
-def private_environment(folder: Path, domain: int | None = None) -> dict[str, str]:
+def private_environment(folder: Path, domain: int) -> dict[str, str]:
     """Return an environment that no other ROS program on this machine shares."""
     return {
         **os.environ,
-        'ROS_DOMAIN_ID': str(domain or random.SystemRandom().randint(1, 100)),
+        'ROS_DOMAIN_ID': str(domain),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'ROS_LOG_DIR': str(folder / 'log'),
     }
@@ -105,9 +105,9 @@ class Runner:
 
 
 @pytest.fixture
-def environment(tmp_path: Path) -> dict[str, str]:
+def environment(tmp_path: Path, ros_domains: range) -> dict[str, str]:
     """Return an environment that no other ROS program on this machine shares."""
-    return private_environment(tmp_path)
+    return private_environment(tmp_path, random.SystemRandom().choice(ros_domains))
 
 
 @pytest.fixture
@@ -117,7 +117,9 @@ def wasd(environment: dict[str, str], tmp_path: Path) -> Runner:
 
 
 @pytest.fixture(scope='session')
-def new_runner(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Runner]:
+def new_runner(
+    tmp_path_factory: pytest.TempPathFactory, ros_domains: range
+) -> Callable[..., Runner]:
     """
     Return a function that makes a Runner, for runs that several tests look at.
 
@@ -126,7 +128,8 @@ def new_runner(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Runner
 
     def make(domain: int | None = None) -> Runner:
         folder = tmp_path_factory.mktemp('run')
-        return Runner(folder, private_environment(folder, domain))
+        chosen = domain or random.SystemRandom().choice(ros_domains)
+        return Runner(folder, private_environment(folder, chosen))
 
     return make
 

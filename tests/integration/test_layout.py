@@ -54,7 +54,7 @@ ROSDEP_KEYS = {
     'yourdfpy': None,
 }
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
-LONGEST_MODULE = 300
+LONGEST_MODULE = 400
 
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('*/package.xml'))
 

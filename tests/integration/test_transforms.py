@@ -77,11 +77,13 @@ class Observer:
 
 
 @pytest.fixture(scope='module', params=['mbot', 'go2'])
-def seen(request: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Observer]]:
+def seen(
+    request: Any, tmp_path_factory: pytest.TempPathFactory, ros_domains: range
+) -> Iterator[tuple[str, Observer]]:
     """Run a robot in a process of its own and observe it from this one, late."""
     robot, folder = request.param, tmp_path_factory.mktemp('transforms')
     private = {
-        'ROS_DOMAIN_ID': str(random.SystemRandom().randint(1, 100)),
+        'ROS_DOMAIN_ID': str(random.SystemRandom().choice(ros_domains)),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'ROS_LOG_DIR': str(folder),
     }

@@ -132,9 +132,9 @@ def is_free(domain):
 
 
 @pytest.fixture
-def ros_domain(monkeypatch):
+def ros_domain(monkeypatch, ros_domains):
     """Return the number of a ROS domain that nobody else uses; children inherit it."""
-    domains = list(range(1, 101))
+    domains = list(ros_domains)
     random.SystemRandom().shuffle(domains)
     domain = next(domain for domain in domains if is_free(domain))
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
