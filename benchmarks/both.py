@@ -14,6 +14,7 @@ import subprocess
 import tempfile
 from typing import Any
 
+from environment import alone
 from mbot_accuracy import run_quietly
 from mbot_accuracy import WASD
 from table import Row
@@ -84,6 +85,7 @@ def recording(folder: Path) -> list[Row]:
     lost = sum(abs(samples - counts.get(name, 0)) for name in names)
     again = subprocess.run(
         [*WASD, 'replay', str(path), '--drive'],
+        env=alone(),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

@@ -14,6 +14,8 @@ import tempfile
 import time
 from typing import Any
 
+from environment import alone
+from environment import together
 from experiment import Experiment
 from experiment import Verdict
 from table import at_most
@@ -104,7 +106,9 @@ def ticks(seed: int, count: int) -> list[Row]:
 def walk_over_topics() -> dict[str, Any]:
     """Return what topics.py says of one walk; only `error` when it could not be."""
     try:
-        finished = subprocess.run(TOPICS, capture_output=True, text=True, timeout=TOPICS_PATIENCE)
+        finished = subprocess.run(
+            TOPICS, env=together(), capture_output=True, text=True, timeout=TOPICS_PATIENCE
+        )
     except subprocess.TimeoutExpired:
         return {'error': f'no end in {TOPICS_PATIENCE:g} s'}
     lines = finished.stdout.splitlines()
@@ -155,6 +159,7 @@ def first_start(count: int) -> Row:
             begin = time.monotonic()
             subprocess.run(
                 [*WASD, *words, '--report', str(report)],
+                env=alone(),
                 check=True,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,

@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 
+from environment import alone
 from mbot_accuracy import calibration
 from mbot_accuracy import odometry
 from mbot_accuracy import sensors
@@ -79,6 +80,7 @@ def idle(seconds: float) -> list[Row]:
     master, slave = pty.openpty()
     process = subprocess.Popen(
         [sys.executable, '-m', 'teleop_keyboard.key_publisher_node'],
+        env=alone(),
         stdin=slave,
         stdout=subprocess.DEVNULL,
         start_new_session=True,

@@ -9,6 +9,7 @@ import sys
 import time
 from typing import Any
 
+from environment import alone
 from mujoco_sim.camera import Camera
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.lidar import Lidar
@@ -52,6 +53,7 @@ def run_quietly(words: list[str]) -> None:
     """Run `wasd` with these words."""
     subprocess.run(
         [*WASD, *words],
+        env=alone(),
         check=True,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,

@@ -6,9 +6,11 @@ Exit status 1 when a bound is missed.
 """
 
 import argparse
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 import datetime
 import json
-import os
+import multiprocessing
 from pathlib import Path
 import sys
 import tempfile
@@ -24,6 +26,7 @@ from mbot_picture import draw_square
 import quadrupeds
 from table import describe_machine
 from table import format_table
+from table import Row
 import teleop
 
 PARTS = {
@@ -40,6 +43,18 @@ def note(text: str) -> None:
     """Say how far it is, where somebody watches."""
     if sys.stderr.isatty():
         print(f'\r\033[K{text}', end='', file=sys.stderr, flush=True)
+
+
+def measure(name: str, quick: bool, descriptions: Sequence[str] = ()) -> list[Row]:
+    """Measure one part in a process of its own: whatever it sets, no other part inherits."""
+    spawning = multiprocessing.get_context('spawn')
+    with ProcessPoolExecutor(max_workers=1, mp_context=spawning) as pool:
+        return pool.submit(_measure_here, name, quick, descriptions).result()
+
+
+def _measure_here(name: str, quick: bool, descriptions: Sequence[str]) -> list[Row]:
+    quadrupeds.more += descriptions
+    return PARTS[name](quick, note)
 
 
 def draw(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
@@ -72,15 +87,14 @@ def main() -> int:
         '--picture', metavar='FILE', help="draw mbot's square as a PNG, and measure nothing"
     )
     arguments = parser.parse_args()
-    # Runs go side by side, perhaps beside somebody's robot: none is to hear another's cmd_vel.
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
     if arguments.picture is not None:
         return draw(parser, arguments)
     begin = time.monotonic()
     names = [arguments.part] if arguments.part else list(PARTS)
-    quadrupeds.more += arguments.description
     try:
-        rows = [row for name in names for row in PARTS[name](arguments.quick, note)]
+        rows = [
+            row for name in names for row in measure(name, arguments.quick, arguments.description)
+        ]
     except KeyboardInterrupt:
         return 130
     finally:

@@ -7,6 +7,7 @@ keys typed one at a time. It needs an idle machine.
 """
 
 from collections.abc import Callable
+import json
 import os
 import pty
 import random
@@ -16,6 +17,7 @@ import sys
 import threading
 import time
 
+from environment import together
 from geometry_msgs.msg import Twist
 from mbot import cpu_time
 import rclpy
@@ -154,16 +156,31 @@ def measure_executable(name: str, count: int, idle: float) -> list[Row]:
 
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     """Return the rows of the keyboard."""
-    count, idle = (20, 3.0) if quick else (100, 10.0)
+    words = ('20', '3') if quick else ('100', '10')
     rows: list[Row] = []
-    # Two processes that have to hear each other, and nobody else.
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    os.environ['ROS_DOMAIN_ID'] = str(random.SystemRandom().randint(1, 100))
+    for name in ('key_publisher', 'teleop'):
+        note(f'keyboard: {name}')
+        # A process of its own, because it has to hear the executable, and only that.
+        done = subprocess.run(
+            [sys.executable, __file__, name, *words],
+            env=together(),
+            check=True,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        rows += [Row(**fields) for fields in json.loads(done.stdout)]
+    return rows
+
+
+def main(name: str, count: str, idle: str) -> None:
+    """Measure one executable and print its rows as JSON."""
     rclpy.init()
     try:
-        for name in ('key_publisher', 'teleop'):
-            note(f'keyboard: {name}')
-            rows += measure_executable(name, count, idle)
+        rows = measure_executable(name, int(count), float(idle))
     finally:
         rclpy.try_shutdown()
-    return rows
+    print(json.dumps([vars(row) for row in rows]))
+
+
+if __name__ == '__main__':
+    main(*sys.argv[1:])

@@ -2,14 +2,14 @@
 """
 The leg controller as a process of its own: it and the simulator talk over topics.
 
-Started as a script, so that this process has a ROS of its own; prints one line of JSON.
+Started as a script, so that this process has a ROS of its own; prints one line of JSON. Whoever
+starts it says in its environment which domain: a robot in the same one would be driven.
 """
 
 from collections.abc import Callable, Iterator
 import contextlib
 import json
 import math
-import os
 import subprocess
 import sys
 import time
@@ -151,9 +151,6 @@ def started_processes() -> Iterator[None]:
 
 def main() -> int:
     """Walk once; the line of JSON has `error` instead when it could not be."""
-    # A domain of its own: a robot that runs on this machine is not to be driven by accident.
-    os.environ['ROS_DOMAIN_ID'] = str(40 + os.getpid() % 60)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     with started_processes():
         rclpy.init()
         driver = Driver()

@@ -15,6 +15,7 @@ import tempfile
 import threading
 from typing import Any
 
+from environment import alone
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
@@ -123,7 +124,12 @@ def simulate(run: Run) -> Trace:
         words += ['--duration', str(run.duration), '--speed', str(run.speed)]
         words += ['--report', str(report)]
         finished = subprocess.run(
-            words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PATIENCE
+            words,
+            env=alone(),
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
         )
         if finished.returncode or not report.exists():
             raise RunFailed(f'exit status {finished.returncode}: {finished.stderr.strip()[-300:]}')

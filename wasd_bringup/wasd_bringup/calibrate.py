@@ -3,7 +3,6 @@
 
 import argparse
 from collections.abc import Sequence
-import os
 from pathlib import Path
 import sys
 from typing import Any
@@ -19,6 +18,7 @@ from mujoco_sim.loading import load_robot
 from robot_description.node_support import StopSignals
 import yaml
 
+from wasd_bringup.discovery_range import keep_alone
 from wasd_bringup.errors import UsageError
 from wasd_bringup.square_runs import drive_squares
 from wasd_bringup.square_runs import DrivenSquares
@@ -46,7 +46,7 @@ def calibrate_command(arguments: argparse.Namespace) -> int:
     output = None if arguments.output is None else Path(arguments.output)
     if output is not None and (output.is_dir() or not output.absolute().parent.is_dir()):
         raise UsageError(f'--output {output}: wanted a file in a folder that exists')
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
+    keep_alone()
     with StopSignals() as signals:
         before = drive_squares(test, believed, signals, _say('as believed', test.count))
         corrected = believed | multipliers(least_squares(before.runs), before, believed)

@@ -4,7 +4,6 @@
 from collections import deque
 import json
 import math
-import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +19,7 @@ from robot_description.renderer_choice import choose_renderer
 from robot_description.renderer_choice import NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
 
+from wasd_bringup.discovery_range import keep_alone
 from wasd_bringup.errors import UsageError
 from wasd_bringup.options import RunOptions
 from wasd_bringup.scripts import parse_twist_script
@@ -130,7 +130,7 @@ def demo_command(output: str) -> int:
         print(f'no pictures: {NO_RENDERER}')
     results = []
     with StopSignals() as signals:
-        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
+        keep_alone()
         init_ros([])
         try:
             for stop in TOUR:

@@ -49,6 +49,7 @@ class RunOptions:
     record: Path | None = None
     report: Path | None = None
     save_keys: str | None = None
+    discovery: str | None = None
     estimator: str = 'kalman'
     limits: str = 'sport'
     mode: str | None = None
@@ -115,6 +116,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         record=_writable(arguments.record, '--record'),
         report=_writable(arguments.report, '--report'),
         save_keys=arguments.save_keys,
+        discovery=arguments.discovery,
         estimator=getattr(arguments, 'estimator', 'kalman'),
         limits=getattr(arguments, 'limits', 'sport'),
         mode=getattr(arguments, 'mode', None),

@@ -4,7 +4,6 @@
 import argparse
 import contextlib
 import dataclasses
-import os
 from pathlib import Path
 import sys
 
@@ -15,6 +14,7 @@ from robot_description.node_support import StopSignals
 from std_msgs.msg import String
 
 from wasd_bringup.bag_reader import BagReader
+from wasd_bringup.discovery_range import keep_alone
 from wasd_bringup.driven_robot import build_worlds
 from wasd_bringup.errors import RecordingError
 from wasd_bringup.options import read_number
@@ -75,7 +75,7 @@ def _drive(
     bag: BagReader, options: RunOptions, ros_arguments: list[str], viewer: str, stop: StopSignals
 ) -> int:
     """Run the simulation with the recorded commands, by itself, and compare the paths."""
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
+    keep_alone()
     comparison = PathComparison(bag, robot_topics(bag, TRUTH))
     options = dataclasses.replace(options, duration=comparison.duration)
     init_ros(ros_arguments)

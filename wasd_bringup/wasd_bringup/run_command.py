@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import contextlib
 import dataclasses
 import math
-import os
 import sys
 
 import rclpy
@@ -17,6 +16,7 @@ from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.terminal import NoTerminal
 
 from wasd_bringup.bag_recorder import BagRecorder
+from wasd_bringup.discovery_range import choose_range
 from wasd_bringup.errors import UsageError
 from wasd_bringup.options import read_options
 from wasd_bringup.options import RunOptions
@@ -40,7 +40,7 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
             '--viewer web, or pipe keys into standard input'
         )
     with StopSignals() as stop, reader or contextlib.nullcontext():
-        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', _discovery_range(options))
+        choose_range(options.discovery, options.scripted and options.speed == 0.0)
         init_ros(ros_arguments)
         session = recorder = None
         try:
@@ -62,16 +62,6 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
     with contextlib.suppress(OSError):  # the terminal may have gone
         print(_summary(session, options), flush=True)
     return stop.exit_status
-
-
-def _discovery_range(options: RunOptions) -> str:
-    """
-    Return who may talk to this run, unless the user has said so.
-
-    A classroom shares a network: nobody is to drive the neighbour's robot by accident. A script
-    at full speed is an experiment to be repeated: not even another run on this machine may join.
-    """
-    return 'OFF' if options.scripted and options.speed == 0.0 else 'LOCALHOST'
 
 
 def _open_keys(options: RunOptions) -> KeyReader | None:

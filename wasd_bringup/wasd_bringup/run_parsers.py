@@ -5,6 +5,7 @@ import argparse
 
 from teleop_keyboard.layouts import LAYOUTS
 
+from wasd_bringup.discovery_range import RANGES
 from wasd_bringup.options import PRESETS
 
 WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
@@ -92,6 +93,12 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
         help='real-time factor aimed at; 0: as fast as it goes (default 1)',
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed (default 0)')
+    parser.add_argument(
+        '--discovery',
+        choices=RANGES,
+        help='who may join over ROS: nobody, this machine, the network (default: localhost, or as '
+        'ROS_AUTOMATIC_DISCOVERY_RANGE says; off for a script at --speed 0)',
+    )
     parser.add_argument('--save-keys', metavar='FILE', help='write the keys, as --play reads them')
     parser.add_argument('--record', metavar='FILE.mcap', help='record every topic')
     parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is measured is measured alone: no part of the benchmark, no run beside it, is heard."""
+
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+from typing import Any
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
+# A part that does to its process what a keyboard and a renderer do, and one that looks around.
+PARTS = """
+import os, sys
+sys.path.insert(0, {folder!r})
+import run
+from table import Row
+
+def careless(quick, note):
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    return []
+
+def curious(quick, note):
+    seen = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE')
+    return [Row(what='', measured=str(seen), must='', passed=True)]
+
+run.PARTS |= {{'careless': careless, 'curious': curious}}
+if __name__ == '__main__':
+    before = dict(os.environ)
+    rows = [*run.measure('careless', True), *run.measure('curious', True)]
+    print(rows[0].measured, os.environ == before)
+"""
+GOES = '0 0.3 0 0\n'
+STANDS = '0 0 0 0\n'
+
+
+def test_no_part_of_the_benchmark_changes_the_environment_of_another(tmp_path: Path) -> None:
+    script = tmp_path / 'parts.py'
+    script.write_text(PARTS.format(folder=str(BENCHMARKS)))
+    environment = {**os.environ}
+    environment.pop('ROS_AUTOMATIC_DISCOVERY_RANGE')
+    done = subprocess.run(
+        [sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert (done.stdout, done.returncode) == ('None True\n', 0), done.stderr
+
+
+@pytest.mark.parametrize('variable', ['ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY'])
+def test_a_script_at_full_speed_hears_nobody_whatever_the_environment_says(
+    new_runner: Any, isolated_ros: int, monkeypatch: pytest.MonkeyPatch, variable: str
+) -> None:
+    value = {'ROS_LOCALHOST_ONLY': '1'}.get(variable, 'LOCALHOST')
+    monkeypatch.delenv('ROS_AUTOMATIC_DISCOVERY_RANGE')
+    monkeypatch.setenv(variable, value)
+    assert distance_beside_another(new_runner, isolated_ros) < 1e-6
+
+
+def test_a_script_at_full_speed_has_company_when_it_is_asked_for(
+    new_runner: Any, isolated_ros: int
+) -> None:
+    distance = distance_beside_another(new_runner, isolated_ros, '--discovery', 'localhost')
+    assert distance > 0.01
+
+
+def distance_beside_another(new_runner: Any, domain: int, *words: str) -> float:
+    """Return how far a robot that is told to stand goes beside one that is told to drive [m]."""
+    other, runner = new_runner(domain), new_runner(domain)
+    (other.folder / 'goes').write_text(GOES)
+    driving = ('mbot', '--twist', 'goes', '--viewer', 'none', '--duration', '600')
+    process = other.start(*driving, '--discovery', 'localhost', stdout=subprocess.PIPE)
+    try:
+        time.sleep(3.0)  # it has been driving for a while
+        # Some seconds of wall time: enough for two processes to meet.
+        report = runner.report('mbot', '--duration', '150', *words, twist=STANDS)
+    finally:
+        process.terminate()
+        process.wait(10.0)
+    assert process.returncode == 128 + 15
+    x, y, _ = report['samples']['position'][-1]
+    return float(x**2 + y**2) ** 0.5
