@@ -3,15 +3,17 @@
 
 from collections.abc import Callable, Iterator
 import importlib.util
+import itertools
 import os
 from pathlib import Path
-import random
 import signal
 import sys
 import time
 from typing import Any
 
 import pytest
+
+pytest_plugins = ['marking']
 
 # How long a message may take to arrive on a busy machine [s].
 PATIENCE = 10.0
@@ -24,19 +26,31 @@ for number in (signal.SIGINT, signal.SIGQUIT):
 
 # Domains up to 101 have their ports below the ephemeral ones; 0 is everybody's. Two test runs on
 # one machine keep apart with a part each: WASD_TEST_DOMAINS=1-50 for one, 51-100 for the other.
-_first, _, _last = os.environ.get('WASD_TEST_DOMAINS', '1-100').partition('-')
-_DOMAINS = range(int(_first), int(_last or _first) + 1)
+_ALL_DOMAINS = os.environ.get('WASD_TEST_DOMAINS', '1-100')
 
 
-def random_domain() -> int:
-    """Return a ROS domain that this test run may use."""
-    return random.SystemRandom().choice(_DOMAINS)
+def _domains_of_worker(worker: int, workers: int, all_domains: str = _ALL_DOMAINS) -> range:
+    """Return the ROS domains of one of several workers: no two share one."""
+    first, _, last = all_domains.partition('-')
+    return range(int(first) + worker, int(last or first) + 1, workers)
+
+
+_WORKER = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+_DOMAINS = _domains_of_worker(_WORKER, int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')))
+# In turn, so that what a test left behind is long gone when its domain comes again.
+_next_domain = itertools.cycle(_DOMAINS)
+
+
+@pytest.fixture
+def domains_of_worker() -> Callable[..., range]:
+    """Return `domains_of_worker(worker, workers, all_domains)`."""
+    return _domains_of_worker
 
 
 @pytest.fixture(scope='session')
-def ros_domains() -> range:
-    """Return the ROS domains that this test run may use."""
-    return _DOMAINS
+def ros_domains() -> Iterator[int]:
+    """Return the ROS domains for this worker's tests, one after the other."""
+    return _next_domain
 
 
 @pytest.fixture(scope='session')
@@ -48,7 +62,7 @@ def log_directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def isolated_ros(monkeypatch: pytest.MonkeyPatch, log_directory: Path) -> int:
     """Keep to a ROS domain that no other test and no robot nearby uses; return its number."""
-    domain = random_domain()
+    domain = next(_next_domain)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_LOG_DIR', str(log_directory))

@@ -71,6 +71,7 @@ class Rig:
         return np.array(rows).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('acceleration', [math.nan, 3.0])
 @pytest.mark.parametrize('gains', [(5.0, 1.0, 50.0), (12.0, 12.0, 50.0), (25.0, 30.0, 100.0)])
 def test_a_step_of_the_robot_overshoots_by_less_than_5_percent_and_ends_at_rest(
@@ -86,6 +87,7 @@ def test_a_step_of_the_robot_overshoots_by_less_than_5_percent_and_ends_at_rest(
     assert np.abs(speeds[-20:]).max() < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('speed', [0.05, 0.1, 0.2, 0.35, 0.5])
 def test_the_robot_settles_at_the_speed_that_is_wanted(speed):
     rig = Rig()

@@ -6,7 +6,6 @@ import io
 import json
 import os
 from pathlib import Path
-import random
 import re
 import shutil
 import subprocess
@@ -105,9 +104,9 @@ class Runner:
 
 
 @pytest.fixture
-def environment(tmp_path: Path, ros_domains: range) -> dict[str, str]:
+def environment(tmp_path: Path, ros_domains: Iterator[int]) -> dict[str, str]:
     """Return an environment that no other ROS program on this machine shares."""
-    return private_environment(tmp_path, random.SystemRandom().choice(ros_domains))
+    return private_environment(tmp_path, next(ros_domains))
 
 
 @pytest.fixture
@@ -118,7 +117,7 @@ def wasd(environment: dict[str, str], tmp_path: Path) -> Runner:
 
 @pytest.fixture(scope='session')
 def new_runner(
-    tmp_path_factory: pytest.TempPathFactory, ros_domains: range
+    tmp_path_factory: pytest.TempPathFactory, ros_domains: Iterator[int]
 ) -> Callable[..., Runner]:
     """
     Return a function that makes a Runner, for runs that several tests look at.
@@ -128,7 +127,7 @@ def new_runner(
 
     def make(domain: int | None = None) -> Runner:
         folder = tmp_path_factory.mktemp('run')
-        chosen = domain or random.SystemRandom().choice(ros_domains)
+        chosen = domain or next(ros_domains)
         return Runner(folder, private_environment(folder, chosen))
 
     return make

@@ -5,6 +5,7 @@ import ast
 from collections.abc import Iterator
 import configparser
 from fnmatch import fnmatch
+import functools
 import importlib.metadata
 import importlib.util
 from pathlib import Path
@@ -59,6 +60,7 @@ LONGEST_MODULE = 400
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('*/package.xml'))
 
 
+@functools.cache
 def modules(package: str) -> dict[str, Path]:
     """Return the modules of a package, by dotted name."""
     folder = ROOT / package
@@ -68,8 +70,13 @@ def modules(package: str) -> dict[str, Path]:
     }
 
 
-def imports(path: Path) -> Iterator[str]:
-    """Yield the dotted names that a module imports anywhere in it, also by `import_module`."""
+@functools.cache
+def imports(path: Path) -> tuple[str, ...]:
+    """Return the dotted names that a module imports anywhere in it, also by `import_module`."""
+    return tuple(_imports(path))
+
+
+def _imports(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

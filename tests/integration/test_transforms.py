@@ -4,7 +4,6 @@
 from collections.abc import Callable, Iterator
 import os
 from pathlib import Path
-import random
 import signal
 import subprocess
 import sys
@@ -78,12 +77,12 @@ class Observer:
 
 @pytest.fixture(scope='module', params=['mbot', 'go2'])
 def seen(
-    request: Any, tmp_path_factory: pytest.TempPathFactory, ros_domains: range
+    request: Any, tmp_path_factory: pytest.TempPathFactory, ros_domains: Iterator[int]
 ) -> Iterator[tuple[str, Observer]]:
     """Run a robot in a process of its own and observe it from this one, late."""
     robot, folder = request.param, tmp_path_factory.mktemp('transforms')
     private = {
-        'ROS_DOMAIN_ID': str(random.SystemRandom().choice(ros_domains)),
+        'ROS_DOMAIN_ID': str(next(ros_domains)),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'ROS_LOG_DIR': str(folder),
     }

@@ -73,6 +73,7 @@ def tetrahedron(tmp_path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', DESCRIPTIONS.values())
 def test_a_robot_of_example_robot_data_loads_with_its_mass(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -94,6 +95,7 @@ def test_what_cannot_be_loaded_is_said_in_one_line(name, said):
     assert '\n' not in str(caught.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', QUADRUPEDS)
 def test_a_quadruped_floats_on_twelve_motors_and_shows_its_meshes(name):
     loaded = load_robot(str(ROBOTS / f'{name}_description/urdf/{name}.urdf'))

@@ -22,6 +22,7 @@ def info(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'kind'),
     [

@@ -24,6 +24,7 @@ OTHERS = [f'{name}_description/urdf/{name}.urdf' for name in ('a1', 'go1', 'go2'
 FEET = ('FL_foot', 'FR_foot', 'RL_foot', 'RR_foot')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['go2', 'mbot', *(str(ROBOTS / other) for other in OTHERS)])
 def test_every_link_is_where_the_urdf_says_in_three_libraries(name):
     loaded = load_robot(name)

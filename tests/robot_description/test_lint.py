@@ -53,6 +53,7 @@ def test_our_own_robots_have_no_finding(name, capsys):
     assert capsys.readouterr().out.endswith(': no findings\n')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     'robot',
     ['a1_description/urdf/a1.urdf', 'b1_description/urdf/b1.urdf', 'go1_description/urdf/go1.urdf',

@@ -3,7 +3,6 @@
 
 import os
 import pty
-import random
 import select
 import socket
 import subprocess
@@ -134,9 +133,7 @@ def is_free(domain):
 @pytest.fixture
 def ros_domain(monkeypatch, ros_domains):
     """Return the number of a ROS domain that nobody else uses; children inherit it."""
-    domains = list(ros_domains)
-    random.SystemRandom().shuffle(domains)
-    domain = next(domain for domain in domains if is_free(domain))
+    domain = next(domain for domain in ros_domains if is_free(domain))
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     return domain

@@ -66,8 +66,11 @@ def make_parser() -> argparse.ArgumentParser:
     add_replay_options(replay)
     add_graph_commands(commands)
     commands.add_parser(
-        'test', help='run the test-suite; further arguments go to pytest', add_help=False
+        'test',
+        help='run the test-suite; --quick: what needs no process, in seconds; the rest to pytest',
+        add_help=False,
     )
+    commands.add_parser('lint', help='run the linters: ruff and mypy', add_help=False)
     commands.add_parser('bench', help='run the benchmark: a table and JSON', add_help=False)
     return parser
 
@@ -96,11 +99,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     tolerate_any_text()
     # Heavy imports wait until it is known what is wanted: errors and --help come at once.
     try:
-        if words[:1] in (['test'], ['bench']):
-            from wasd_bringup.clone_commands import run_benchmark
-            from wasd_bringup.clone_commands import run_tests
+        if words[:1] in (['test'], ['lint'], ['bench']):
+            from wasd_bringup import clone_commands
 
-            return (run_tests if words[0] == 'test' else run_benchmark)(words[1:])
+            commands = {
+                'test': clone_commands.run_tests,
+                'lint': clone_commands.run_linters,
+                'bench': clone_commands.run_benchmark,
+            }
+            return commands[words[0]](words[1:])
         words, ros_arguments = split_ros_arguments(words)
         arguments = make_parser().parse_args(words)
         if ros_arguments and arguments.command not in TAKE_ROS_ARGUMENTS:
