@@ -21,6 +21,8 @@ from wasd_bringup.errors import UsageError
 from wasd_bringup.options import read_options
 from wasd_bringup.options import RunOptions
 from wasd_bringup.recorded_run import describe_run
+from wasd_bringup.run_place import own_place
+from wasd_bringup.run_place import with_own_frames
 from wasd_bringup.session import Session
 
 
@@ -39,9 +41,10 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
             'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
             '--viewer web, or pipe keys into standard input'
         )
-    with StopSignals() as stop, reader or contextlib.nullcontext():
-        choose_range(options.discovery, options.scripted and options.speed == 0.0)
-        init_ros(ros_arguments)
+    choose_range(options.discovery, options.scripted and options.speed == 0.0)
+    place = own_place(options, ros_arguments)
+    with place, StopSignals() as stop, reader or contextlib.nullcontext():
+        init_ros(with_own_frames(ros_arguments), is_local=True)
         session = recorder = None
         try:
             options = dataclasses.replace(options, interactive=_is_interactive(reader))
