@@ -51,9 +51,9 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
             if options.record is not None:
                 recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
             session = Session(options, reader, viewer != 'none', recorder)
-            where = session.open_view(viewer)
+            session.open_view(viewer)
             if _is_interactive(reader) or viewer != 'none':
-                _greet(session, where)
+                print('\n'.join(session.first_lines), flush=True)
             session.run(stop)
         finally:
             with contextlib.ExitStack() as last:
@@ -79,12 +79,6 @@ def _open_keys(options: RunOptions) -> KeyReader | None:
 
 def _is_interactive(reader: KeyReader | None) -> bool:
     return reader is not None and reader.terminal is not None and sys.stdout.isatty()
-
-
-def _greet(session: Session, where: str) -> None:
-    if where:
-        print(f'viewer: {where}')
-    print('\n'.join(session.help_lines), flush=True)
 
 
 def _summary(session: Session, options: RunOptions) -> str:
