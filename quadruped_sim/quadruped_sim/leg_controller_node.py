@@ -16,7 +16,7 @@ from robot_description.conversions import to_seconds
 from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
-from robot_description.notice import Notice
+from robot_description.node_support import stop_requested
 from robot_description.qos import EVENTS
 from robot_description.qos import LATCHED
 from robot_description.qos import RELIABLE
@@ -29,6 +29,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from quadruped_sim.compilation import compile_once
 from quadruped_sim.conversions import Frames
 from quadruped_sim.conversions import from_messages
 from quadruped_sim.conversions import from_odometry
@@ -70,12 +71,15 @@ class LegControllerNode(Node):
 
         Raises:
             UserError: what is wrong with the parameters or the robot, in one line.
+            Stopped: a signal came while the controller was being compiled.
         """
         super().__init__(
             'leg_controller', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
         self.settings = declare_parameters(self, LegNodeParameters)
         urdf = urdf or load_robot(self.settings.description).urdf
+        # Before anything calls a compiled function; loading them is no part of the first tick.
+        compile_once(lambda: warm_up(urdf), self.get_logger().info, stop_requested)
         self.controller = LegController(
             urdf,
             LegControllerParameters(
@@ -87,11 +91,7 @@ class LegControllerNode(Node):
         if weak := self.controller.model.overloaded:
             needed = ', '.join(f'{joint} {torque:.0f} N m' for joint, torque in weak.items())
             self.get_logger().warning(f'motors too weak to trot, each leg needs: {needed}')
-        # Compiled functions come from a cache; loading them must not be part of the first tick.
-        warm_up(urdf)
-        # What is said to the driver. In lock-step whoever shows it lets its time pass.
-        self.notice = Notice()
-        self._refused: str | None = None
+        self._said: str | None = None
         self.quadruped = self.controller.model.quadruped
         self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
         root = parse_urdf(urdf).base
@@ -134,8 +134,7 @@ class LegControllerNode(Node):
             self._published_state = self.controller.state
             self._state.publish(String(data=self._published_state))
             if self.controller.event is not None and self._published_state == 'passive':
-                controller = self.controller
-                self._say(controller.words.to_event(controller.event, controller.is_fallen))
+                self._say(f'passive: {self.controller.event}')
 
     def odometry(self) -> Odometry | None:
         """Return odom as `publish_odometry` would publish it; None before there is any."""
@@ -144,32 +143,40 @@ class LegControllerNode(Node):
             return None
         return to_odometry(state, self.get_clock().now().to_msg(), self._frames)
 
+    @property
+    def said(self) -> str:
+        """The last refusal or event, for a status line; '' when there is none."""
+        return self._said or ''
+
     def reset(self) -> None:
         """Begin anew, passive."""
         self.controller.reset()
-        self.notice.say(None)
+        self._said = None
 
     def close(self) -> None:
         """Leave the legs passive (the simulator's own watchdog brakes them, too)."""
         self.controller.e_stop()
 
-    def _say(self, text: str | None) -> None:
-        if self.notice.say(text) and text:
+    def _say(self, text: str) -> None:
+        if text != self._said:
+            self._said = text
             self.get_logger().warning(text)
 
     def _on_key(self, message: String) -> None:
         if message.data.startswith(('HELD+', 'RELEASE+')):
             return  # the sticks go by presses alone
-        self._say(self.controller.press(message.data))
+        refusal = self.controller.press(message.data)
+        if refusal is not None:
+            self._say(refusal)
+        elif message.data.isdigit():
+            self._said = None
 
     def _on_twist(self, message: Twist) -> None:
         refusal = self.controller.set_velocity(
             message.linear.x, message.linear.y, message.angular.z
         )
-        # Once: commands come twenty times a second, and keys are to have their say, too.
-        if refusal is not None and refusal != self._refused:
+        if refusal is not None:
             self._say(refusal)
-        self._refused = refusal
 
     def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.controller.e_stop()
@@ -209,7 +216,6 @@ class LegControllerNode(Node):
             self._warn('imu/data is silent: no commands')
             return
         names, motors = tuple(message.name), self.quadruped.joint_names
-        self.notice.step(now - previous)
         dt = min(now - previous, MAXIMUM_STEP)
         reading = from_messages(message, self._imu)
         command = self.control(reading, names, motors, dt, self._truth)

@@ -6,6 +6,10 @@ class UserError(ValueError):
     """Something given to the program is wrong; the text is one line: what, got, wanted, where."""
 
 
+class Stopped(Exception):
+    """A stop signal came while something was made that takes its time."""
+
+
 class DescriptionError(UserError):
     """A robot description cannot be used; the text is one line that says what and where."""
 

@@ -4,13 +4,12 @@
 import array
 from collections.abc import Callable, Sequence
 import dataclasses
-import os
 import signal
 import sys
 import time
 from types import FrameType
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
@@ -25,14 +24,12 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from robot_description.descriptors import to_descriptor
+from robot_description.errors import Stopped
 from robot_description.errors import UserError
 from robot_description.parameters import InvalidParameter
 from robot_description.parameters import outward_name
 from robot_description.parameters import Parameters
-from robot_description.ros_domains import join_domain
 from robot_description.ros_errors import explained
-from robot_description.ros_isolation import is_sourced
-from robot_description.ros_isolation import keep_to_this_machine
 
 ParametersType = TypeVar('ParametersType', bound=Parameters)
 
@@ -107,6 +104,8 @@ class StopSignals:
     the way out of a shutdown that hangs. Sooner it means nothing: a held Ctrl-C repeats.
     """
 
+    # The contexts we are in, for what cannot be handed one.
+    entered: 'ClassVar[list[StopSignals]]' = []
     WATCHED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     # How long an orderly shutdown may take before Ctrl-C cuts it short [s].
     PATIENCE = 3.0
@@ -133,6 +132,7 @@ class StopSignals:
             if number == signal.SIGHUP and previous == signal.SIG_IGN:
                 continue
             self._previous[number] = signal.signal(number, self._handle)
+        self.entered.append(self)
         return self
 
     def __exit__(
@@ -142,6 +142,7 @@ class StopSignals:
         traceback: TracebackType | None,
     ) -> None:
         """Put back the handlers that were there."""
+        self.entered.remove(self)
         for number, previous in self._previous.items():
             signal.signal(number, previous)
 
@@ -154,24 +155,20 @@ class StopSignals:
         self.number = number
 
 
-def init_ros(
-    args: Sequence[str] | None = None, *, is_local: bool = False, joins: bool = False
-) -> None:
+def stop_requested() -> bool:
+    """Whether a stop signal came in the StopSignals context that we are in, if we are."""
+    return any(stop.requested for stop in StopSignals.entered)
+
+
+def init_ros(args: Sequence[str] | None = None) -> None:
     """
     Initialise rclpy but leave the signals to us.
 
     Its own handlers end the context before a node could publish its last, zero command.
-    ROS keeps to this machine unless the user says otherwise, in a sourced ROS only if `is_local`.
-    With `joins` it is in the domain of the user's run, where there is one.
 
     Raises:
         UserError: arguments after --ros-args that are none, in one line.
     """
-    if is_local or not is_sourced(os.environ):
-        keep_to_this_machine(os.environ, rclpy.get_rmw_implementation_identifier())
-        choice = join_domain(os.environ) if joins else ''
-        if choice:
-            print(choice, file=sys.stderr, flush=True)
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
     try:
@@ -199,22 +196,22 @@ def run_node(
     make_node: Callable[[], Any],
     args: Sequence[str] | None = None,
     run: Callable[[Any, StopSignals], None] = spin_alone,
-    joins: bool = False,
 ) -> int:
     """
     Run one node as a process until a signal or a shutdown; return the exit status.
 
     The node's `close` publishes what must be the last word, the zero command, on every way out.
     What is wrong with the arguments or parameters ends with one line on stderr and status 2.
-    A node that `joins` is for the run that is there; see `init_ros`.
     """
     with StopSignals() as stop:
         node = None
         try:
-            init_ros(args, joins=joins)
+            init_ros(args)
             with explained():
                 node = make_node()
             run(node, stop)
+        except Stopped:
+            pass
         except UserError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2

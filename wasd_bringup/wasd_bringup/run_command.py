@@ -9,6 +9,7 @@ import math
 import sys
 
 import rclpy
+from robot_description.errors import Stopped
 from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
 from teleop_keyboard.key_reader import KeyReader
@@ -21,8 +22,6 @@ from wasd_bringup.errors import UsageError
 from wasd_bringup.options import read_options
 from wasd_bringup.options import RunOptions
 from wasd_bringup.recorded_run import describe_run
-from wasd_bringup.run_place import own_place
-from wasd_bringup.run_place import with_own_frames
 from wasd_bringup.session import Session
 
 
@@ -41,20 +40,21 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
             'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
             '--viewer web, or pipe keys into standard input'
         )
-    choose_range(options.discovery, options.scripted and options.speed == 0.0)
-    place = own_place(options, ros_arguments)
-    with place, StopSignals() as stop, reader or contextlib.nullcontext():
-        init_ros(with_own_frames(ros_arguments), is_local=True)
+    with StopSignals() as stop, reader or contextlib.nullcontext():
+        choose_range(options.discovery, options.scripted and options.speed == 0.0)
+        init_ros(ros_arguments)
         session = recorder = None
         try:
             options = dataclasses.replace(options, interactive=_is_interactive(reader))
             if options.record is not None:
                 recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
             session = Session(options, reader, viewer != 'none', recorder)
-            session.open_view(viewer)
+            where = session.open_view(viewer)
             if _is_interactive(reader) or viewer != 'none':
-                print('\n'.join(session.first_lines), flush=True)
+                _greet(session, where)
             session.run(stop)
+        except Stopped:
+            return stop.exit_status
         finally:
             with contextlib.ExitStack() as last:
                 last.callback(rclpy.try_shutdown)
@@ -79,6 +79,12 @@ def _open_keys(options: RunOptions) -> KeyReader | None:
 
 def _is_interactive(reader: KeyReader | None) -> bool:
     return reader is not None and reader.terminal is not None and sys.stdout.isatty()
+
+
+def _greet(session: Session, where: str) -> None:
+    if where:
+        print(f'viewer: {where}')
+    print('\n'.join(session.help_lines), flush=True)
 
 
 def _summary(session: Session, options: RunOptions) -> str:
