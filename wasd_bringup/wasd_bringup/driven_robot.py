@@ -66,7 +66,7 @@ class DrivenRobot:
             parameter_overrides=_overrides(options),
         )
         self.stack = make_stack(loaded, world, options)
-        self._states = StatePublisherNode(loaded.urdf, lock_step=True, prefix=world.prefix)
+        self._states = StatePublisherNode(loaded, lock_step=True, prefix=world.prefix)
         self.keys = KeyPublisherNode(namespace=options.namespace)
         self.keys.receivers.append(self.stack.press)
         self.nodes: list[Node] = [self.simulator, *self.stack.nodes, self._states, self.keys]
