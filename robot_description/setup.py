@@ -17,9 +17,7 @@ setup(
     description=MANIFEST.findtext('description'),
     license=MANIFEST.findtext('license'),
     packages=find_packages(include=[NAME, NAME + '.*']),
-    package_data={
-        NAME: ['**/*.xacro', '**/*.yaml', '**/*.keys', '**/*.xml', 'interfaces/**/*', 'py.typed']
-    },
+    package_data={NAME: ['**/*.xacro', '**/*.yaml', '**/*.keys', 'interfaces/**/*', 'py.typed']},
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
         ('share/' + NAME, ['package.xml']),
@@ -34,6 +32,7 @@ setup(
         ),
     ],
     install_requires=['setuptools'],
+    extras_require={'test': ['pytest']},
     zip_safe=False,
     entry_points={
         'console_scripts': [
