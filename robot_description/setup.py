@@ -17,7 +17,9 @@ setup(
     description=MANIFEST.findtext('description'),
     license=MANIFEST.findtext('license'),
     packages=find_packages(include=[NAME, NAME + '.*']),
-    package_data={NAME: ['**/*.xacro', '**/*.yaml', '**/*.keys', 'interfaces/**/*', 'py.typed']},
+    package_data={
+        NAME: ['**/*.xacro', '**/*.yaml', '**/*.keys', '**/*.xml', 'interfaces/**/*', 'py.typed']
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
         ('share/' + NAME, ['package.xml']),

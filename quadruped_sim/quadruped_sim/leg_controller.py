@@ -7,6 +7,7 @@ from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.contact_detection import ContactDetector
 from quadruped_sim.estimator import ImuSample
 from quadruped_sim.estimator import KalmanEstimator
+from quadruped_sim.key_words import KeyWords
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.locomotion import Locomotion
@@ -57,6 +58,7 @@ class LegController:
         scale = self.model.scale
         self._params = scaled(params or LegControllerParameters(), scale, self.model.friction)
         self.sticks = Sticks()
+        self.words = KeyWords()
         self.command_filter = CommandFilter(
             self._params.command, scale, self.model.agility, self.model.turning
         )
@@ -109,19 +111,24 @@ class LegController:
         return sum(solver.failures for solver in self._solvers)
 
     def press(self, key: str) -> str | None:
-        """Take a key; a text for the user when it is refused."""
+        """Take a key; a text for the driver when it does nothing, or not what one expects."""
+        if self.is_fallen and key != '1':
+            return self.words.to_fallen()
+        state = self._machine.coming
         if key in STATE_KEYS:
-            if self.is_fallen and key != '1':
-                return 'the robot has fallen: put it on its feet first'
-            return self._machine.press(key)
-        if self.sticks.press(key):
-            return None
-        return f'key {key!r} does nothing here'
+            is_legal = state is not STATE_KEYS[key] and self._machine.press(key)
+            return None if is_legal else self.words.to_state(state, STATE_KEYS[key])
+        before = self.sticks.values
+        if not self.sticks.press(key):
+            return self.words.to_other(state, key)
+        return self.words.to_stick(state, key, has_moved=self.sticks.values != before)
 
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Velocity command for move base [m/s, m/s, rad/s]; a text when it is refused."""
         if self._machine.state is not StateName.MOVE_BASE:
-            return f'velocity commands need the state move base, not {self.state}'
+            if self.is_fallen:
+                return self.words.to_fallen()
+            return self.words.to_velocity(self._machine.coming)
         return self.command_filter.request(vx, vy, yaw_rate)
 
     def e_stop(self) -> None:

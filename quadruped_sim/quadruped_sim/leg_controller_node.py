@@ -17,6 +17,7 @@ from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.node_support import stop_requested
+from robot_description.notice import Notice
 from robot_description.qos import EVENTS
 from robot_description.qos import LATCHED
 from robot_description.qos import RELIABLE
@@ -91,7 +92,9 @@ class LegControllerNode(Node):
         if weak := self.controller.model.overloaded:
             needed = ', '.join(f'{joint} {torque:.0f} N m' for joint, torque in weak.items())
             self.get_logger().warning(f'motors too weak to trot, each leg needs: {needed}')
-        self._said: str | None = None
+        # What is said to the driver. In lock-step whoever shows it lets its time pass.
+        self.notice = Notice()
+        self._refused: str | None = None
         self.quadruped = self.controller.model.quadruped
         self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
         root = parse_urdf(urdf).base
@@ -134,7 +137,8 @@ class LegControllerNode(Node):
             self._published_state = self.controller.state
             self._state.publish(String(data=self._published_state))
             if self.controller.event is not None and self._published_state == 'passive':
-                self._say(f'passive: {self.controller.event}')
+                controller = self.controller
+                self._say(controller.words.to_event(controller.event, controller.is_fallen))
 
     def odometry(self) -> Odometry | None:
         """Return odom as `publish_odometry` would publish it; None before there is any."""
@@ -143,40 +147,32 @@ class LegControllerNode(Node):
             return None
         return to_odometry(state, self.get_clock().now().to_msg(), self._frames)
 
-    @property
-    def said(self) -> str:
-        """The last refusal or event, for a status line; '' when there is none."""
-        return self._said or ''
-
     def reset(self) -> None:
         """Begin anew, passive."""
         self.controller.reset()
-        self._said = None
+        self.notice.say(None)
 
     def close(self) -> None:
         """Leave the legs passive (the simulator's own watchdog brakes them, too)."""
         self.controller.e_stop()
 
-    def _say(self, text: str) -> None:
-        if text != self._said:
-            self._said = text
+    def _say(self, text: str | None) -> None:
+        if self.notice.say(text) and text:
             self.get_logger().warning(text)
 
     def _on_key(self, message: String) -> None:
         if message.data.startswith(('HELD+', 'RELEASE+')):
             return  # the sticks go by presses alone
-        refusal = self.controller.press(message.data)
-        if refusal is not None:
-            self._say(refusal)
-        elif message.data.isdigit():
-            self._said = None
+        self._say(self.controller.press(message.data))
 
     def _on_twist(self, message: Twist) -> None:
         refusal = self.controller.set_velocity(
             message.linear.x, message.linear.y, message.angular.z
         )
-        if refusal is not None:
+        # Once: commands come twenty times a second, and keys are to have their say, too.
+        if refusal is not None and refusal != self._refused:
             self._say(refusal)
+        self._refused = refusal
 
     def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.controller.e_stop()
@@ -216,6 +212,7 @@ class LegControllerNode(Node):
             self._warn('imu/data is silent: no commands')
             return
         names, motors = tuple(message.name), self.quadruped.joint_names
+        self.notice.step(now - previous)
         dt = min(now - previous, MAXIMUM_STEP)
         reading = from_messages(message, self._imu)
         command = self.control(reading, names, motors, dt, self._truth)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which state follows which key: unitree_guide's table, with reasons for what it refuses."""
+"""Which state follows which key: unitree_guide's table."""
 
 from enum import StrEnum
 
@@ -41,15 +41,15 @@ TRANSITIONS = {
 }
 
 
-def explain_refusal(state: StateName, key: str) -> str:
-    """Why `key` does nothing in `state`, and what is legal there."""
-    wanted = STATE_KEYS[key]
-    legal = ', '.join(f'{key} {STATE_KEYS[key].value}' for key in TRANSITIONS[state])
-    sources = [source.value for source, keys in TRANSITIONS.items() if key in keys]
-    return (
-        f'{wanted.value} cannot follow {state.value}: '
-        f'it is entered from {" or ".join(sources)}. Legal now: {legal}'
-    )
+def path(state: StateName, wanted: StateName) -> tuple[str, ...]:
+    """Return the fewest keys that lead from a state to another; none when it is the same."""
+    ways: dict[StateName, tuple[str, ...]] = {state: ()}
+    for source in (queue := [state]):
+        for key in TRANSITIONS[source]:
+            if STATE_KEYS[key] not in ways:
+                ways[STATE_KEYS[key]] = (*ways[source], key)
+                queue.append(STATE_KEYS[key])
+    return ways[wanted]
 
 
 class StateMachine:
@@ -65,21 +65,21 @@ class StateMachine:
         self._due: StateName | None = None
         self._is_armed = False
 
-    def press(self, key: str) -> str | None:
-        """
-        Take a state key; a text when it is refused.
+    @property
+    def coming(self) -> StateName:
+        """The state that is due, else the present one: keys are judged from it."""
+        return self._due or self.state
 
-        A key that comes while a change is due is judged from the state that is due.
-        """
-        wanted = STATE_KEYS[key]
-        origin = self._due or self.state
+    def press(self, key: str) -> bool:
+        """Take a state key; False when its state cannot follow."""
+        wanted, origin = STATE_KEYS[key], self.coming
         if wanted is origin:
-            return None
+            return True
         if key not in TRANSITIONS[origin]:
-            return explain_refusal(origin, key)
+            return False
         self._due = wanted
         self._is_armed = False
-        return None
+        return True
 
     def force(self, state: StateName) -> bool:
         """Be in `state` now, forgetting what was due; True when that is a change."""

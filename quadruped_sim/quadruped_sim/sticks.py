@@ -16,7 +16,17 @@ STICK_KEYS = {
     'i': ('ry', 1),
     'k': ('ry', -1),
 }
-ZERO_KEY = ' '
+ZERO_KEYS = (' ', 'SPACE')
+
+
+def is_stick_key(key: str) -> bool:
+    """Whether a key, upper or lower case, moves or centres the sticks."""
+    return key in ZERO_KEYS or (len(key) == 1 and key.lower() in STICK_KEYS)
+
+
+def axis_and_direction(key: str) -> tuple[str, int]:
+    """Return what a stick's key, upper or lower case, moves: 'ly' and 1 for forward."""
+    return STICK_KEYS[key.lower()]
 
 
 @dataclass(frozen=True)
@@ -45,12 +55,12 @@ class Sticks:
 
     def press(self, key: str) -> bool:
         """Take a key, upper or lower case; False when it is no stick key."""
-        if key in (ZERO_KEY, 'SPACE'):
+        if not is_stick_key(key):
+            return False
+        if key in ZERO_KEYS:
             self.zero()
             return True
-        if key.lower() not in STICK_KEYS or len(key) != 1:
-            return False
-        axis, direction = STICK_KEYS[key.lower()]
+        axis, direction = axis_and_direction(key)
         full = round(1.0 / STEP)
         self._counts[axis] = min(max(self._counts[axis] + direction, -full), full)
         return True

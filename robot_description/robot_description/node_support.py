@@ -4,6 +4,7 @@
 import array
 from collections.abc import Callable, Sequence
 import dataclasses
+import os
 import signal
 import sys
 import time
@@ -29,7 +30,10 @@ from robot_description.errors import UserError
 from robot_description.parameters import InvalidParameter
 from robot_description.parameters import outward_name
 from robot_description.parameters import Parameters
+from robot_description.ros_domains import join_domain
 from robot_description.ros_errors import explained
+from robot_description.ros_isolation import is_sourced
+from robot_description.ros_isolation import keep_to_this_machine
 
 ParametersType = TypeVar('ParametersType', bound=Parameters)
 
@@ -160,15 +164,24 @@ def stop_requested() -> bool:
     return any(stop.requested for stop in StopSignals.entered)
 
 
-def init_ros(args: Sequence[str] | None = None) -> None:
+def init_ros(
+    args: Sequence[str] | None = None, *, is_local: bool = False, joins: bool = False
+) -> None:
     """
     Initialise rclpy but leave the signals to us.
 
     Its own handlers end the context before a node could publish its last, zero command.
+    ROS keeps to this machine unless the user says otherwise, in a sourced ROS only if `is_local`.
+    With `joins` it is in the domain of the user's run, where there is one.
 
     Raises:
         UserError: arguments after --ros-args that are none, in one line.
     """
+    if is_local or not is_sourced(os.environ):
+        keep_to_this_machine(os.environ, rclpy.get_rmw_implementation_identifier())
+        choice = join_domain(os.environ) if joins else ''
+        if choice:
+            print(choice, file=sys.stderr, flush=True)
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
     try:
@@ -196,17 +209,19 @@ def run_node(
     make_node: Callable[[], Any],
     args: Sequence[str] | None = None,
     run: Callable[[Any, StopSignals], None] = spin_alone,
+    joins: bool = False,
 ) -> int:
     """
     Run one node as a process until a signal or a shutdown; return the exit status.
 
     The node's `close` publishes what must be the last word, the zero command, on every way out.
     What is wrong with the arguments or parameters ends with one line on stderr and status 2.
+    A node that `joins` is for the run that is there; see `init_ros`.
     """
     with StopSignals() as stop:
         node = None
         try:
-            init_ros(args)
+            init_ros(args, joins=joins)
             with explained():
                 node = make_node()
             run(node, stop)

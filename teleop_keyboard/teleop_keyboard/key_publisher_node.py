@@ -109,7 +109,7 @@ def main(args: Sequence[str] | None = None) -> int:
     with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
         node = None
         try:
-            init_ros(options.ros)
+            init_ros(options.ros, joins=True)
             with explained():
                 node = KeyPublisherNode()
             if writer is not None:

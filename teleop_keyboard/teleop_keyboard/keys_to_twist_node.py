@@ -156,7 +156,7 @@ class KeysToTwistNode(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `keys_to_twist`; return the exit status."""
-    return run_node(KeysToTwistNode, args)
+    return run_node(KeysToTwistNode, args, joins=True)
 
 
 if __name__ == '__main__':

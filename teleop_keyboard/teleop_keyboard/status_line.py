@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One line of a terminal that is rewritten in place."""
 
+from collections.abc import Callable, Sequence
+import math
 import shutil
 from typing import TextIO
 
@@ -23,19 +25,31 @@ class StatusLine:
         self._stream = stream
         self._is_terminal = understands_escapes(stream)
         self._shown = ''
-        self._shown_at = -REFRESH_PERIOD
+        self._shown_at = -math.inf
 
-    def show(self, text: str, now: float) -> None:
-        """Show a text, unless the last one is younger than the refresh period; `now` in [s]."""
+    def show(self, compose: Callable[[int], str], now: float) -> None:
+        """
+        Show a text, unless the last one is younger than the refresh period; `now` in [s].
+
+        `compose` is asked for a text of so many columns at most.
+        """
         if not self._is_terminal or now - self._shown_at < REFRESH_PERIOD:
             return
         if not may_draw_on(self._stream):
             return
-        text = text[: shutil.get_terminal_size().columns - 1]
+        width = max(shutil.get_terminal_size().columns - 1, 0)
+        text = compose(width)[:width]
         if text != self._shown:
             self._write(f'\r{text}\x1b[K')
         self._shown = text
         self._shown_at = now
+
+    def print(self, lines: Sequence[str]) -> None:
+        """Write lines above the status, which comes again below them."""
+        clear = '\r\x1b[K' if self._shown else ''
+        self._write(clear + '\n'.join([*lines, '']))
+        self._shown = ''
+        self._shown_at = -math.inf
 
     def close(self) -> None:
         """Leave the last text behind and go to the next line."""

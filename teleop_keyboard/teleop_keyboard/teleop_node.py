@@ -126,7 +126,7 @@ def main(args: Sequence[str] | None = None) -> int:
     with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
         teleop = None
         try:
-            init_ros(options.ros)
+            init_ros(options.ros, joins=True)
             with explained():
                 teleop = Teleop(reader)
             if writer is not None:

@@ -217,7 +217,7 @@ def _checked(**values: Any) -> dict[str, Any]:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `twist_mux`; return the exit status."""
-    return run_node(TwistMuxNode, args)
+    return run_node(TwistMuxNode, args, joins=True)
 
 
 if __name__ == '__main__':

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Iterator
 import importlib
+import importlib.util
 from pathlib import Path
 import signal
 import subprocess
@@ -161,12 +162,17 @@ def test_a_whole_robot_moves_into_a_namespace(robot, spawn, spin_until):
         spin_until(spawn.pump, lambda: any(a.done() for a in answers), timeout=30.0, step=ask)
         future = next(answer for answer in answers if answer.done())
         wanted = {'/yard/steer', '/yard/odom', '/yard/joint_states', '/yard/robot_description'}
+        # Time and frames are those of one world: a namespace has its own, as in a launch file.
+        wanted |= {'/yard/clock'}
+        if importlib.util.find_spec('tf2_msgs'):
+            wanted |= {'/yard/tf', '/yard/tf_static'}
         spin_until(
             spawn.pump,
             lambda: wanted <= {name for name, _ in peer.get_topic_names_and_types()},
         )
         assert future.result().values[0].double_value == 50.0
-        assert not {'/cmd_vel', '/odom'} & {n for n, _ in peer.get_topic_names_and_types()}
+        outside = {'/cmd_vel', '/odom', '/clock', '/tf', '/tf_static'}
+        assert not outside & {name for name, _ in peer.get_topic_names_and_types()}
     finally:
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=20.0)

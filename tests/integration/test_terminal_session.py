@@ -171,7 +171,7 @@ def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says(
     start: Callable[..., Session], tmp_path: Path
 ) -> None:
     session = start('--report', 'report.json')
-    session.wait_for('CTRL-C to quit')
+    session.wait_for('Ctrl-C quit')
     session.wait_for('stopped')
     held = session.hold('i', 3.0)
     session.read(0.1)
@@ -190,10 +190,12 @@ def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says(
 
 def test_it_shows_the_keys_and_a_status_line(start: Callable[..., Session]) -> None:
     session = start()
-    session.wait_for('Control mbot!')
+    session.wait_for('drive with i , j l')
     session.wait_for('full 0.20 m/s')
     session.type('q')
     session.wait_for('full 0.22 m/s')
+    session.type('?')
+    session.wait_for('Control mbot!')
 
 
 def test_tab_goes_from_robot_to_robot_and_the_status_line_says_to_which(

@@ -9,12 +9,12 @@ import subprocess
 import sys
 import time
 
+import numba
 import pytest
 from quadruped_sim.compilation import compile_once
 from quadruped_sim.compilation import NOTICE
 from robot_description.errors import Stopped
 
-import numba
 import quadruped_sim
 from quadruped_sim import compilation
 

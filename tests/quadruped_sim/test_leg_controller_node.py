@@ -152,19 +152,23 @@ def test_an_illegal_key_is_explained_once(legs, peer, spawn, spin_until, capfd):
     for _ in range(3):
         peer.press('4')
     peer.press('Q')
-    spin_until(spawn.pump, lambda: "'Q'" in legs.said)
+    spin_until(spawn.pump, lambda: legs.notice.text.endswith("('Q' does nothing)"))
     said = capfd.readouterr().err
     assert said.count('trotting cannot follow passive') == 1
-    assert said.count("key 'Q' does nothing here") == 1
+    assert said.count('press 2 to stand, then 4 to trot') == 1
+    assert said.count("('Q' does nothing)") == 1
     assert legs.controller.state == 'passive'
 
 
 def test_cmd_vel_needs_move_base_and_says_so_once(legs, peer, spawn, spin_until, capfd):
     for _ in range(3):
         peer.cmd_vel.publish(twist(0.5))
-    spin_until(spawn.pump, lambda: legs.said)
-    assert legs.said == 'velocity commands need the state move base, not passive'
-    assert capfd.readouterr().err.count(legs.said) == 1
+    spin_until(spawn.pump, lambda: legs.notice.text)
+    said = legs.notice.text
+    assert (
+        said == 'press 2 to stand, then 5 for cmd_vel (cmd_vel drives in move base, not passive)'
+    )
+    assert capfd.readouterr().err.count(said) == 1
     np.testing.assert_array_equal(legs.controller.command_filter.command, 0.0)
 
 
@@ -280,3 +284,25 @@ def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys, ov
     rclpy.try_shutdown()
     assert said.startswith(f'error: {message}')
     assert said.count('\n') == 1
+
+
+@pytest.mark.usefixtures('alive')
+def test_what_was_said_goes_after_three_seconds_of_the_nodes_time(
+    feed, peer, legs, spawn, spin_until
+):
+    feed(1.0)
+    peer.press('w')
+    spin_until(spawn.pump, lambda: legs.notice.text)
+    assert legs.notice.text == 'press 2 to stand, then 4 to trot (w does nothing here)'
+    stamps = iter(np.arange(1.002, 9.0, 0.01).tolist())
+    spin_until(spawn.pump, lambda: not legs.notice.text, step=lambda: feed(next(stamps)))
+    assert 3.9 < next(stamps) < 6.0
+
+
+@pytest.mark.usefixtures('alive')
+def test_a_legal_key_ends_what_was_said(feed, peer, legs, spawn, spin_until):
+    feed(1.0)
+    peer.press('w')
+    spin_until(spawn.pump, lambda: legs.notice.text)
+    peer.press('2')
+    spin_until(spawn.pump, lambda: not legs.notice.text)

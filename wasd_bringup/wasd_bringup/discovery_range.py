@@ -3,7 +3,9 @@
 
 import os
 
-RANGE_VARIABLE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+from robot_description.ros_isolation import RANGE
+from robot_description.ros_isolation import SAYS_WHO
+
 # Values of --discovery; rcl knows them in capitals.
 RANGES = ('off', 'localhost', 'subnet')
 
@@ -19,7 +21,7 @@ def keep_alone() -> None:
 
 def set_range(name: str) -> None:
     """Have what is initialised next look for others in one of RANGES."""
-    os.environ[RANGE_VARIABLE] = name.upper()
+    os.environ[RANGE] = name.upper()
     # The variable of old takes precedence where it is set, and knows no "off".
     os.environ.pop('ROS_LOCALHOST_ONLY', None)
 
@@ -28,12 +30,14 @@ def choose_range(asked: str | None, is_experiment: bool) -> None:
     """
     Set the range of a run: as asked, else off for an experiment, else what the user has set.
 
-    Who has set nothing keeps to this machine: a classroom shares a network, and nobody is to
-    drive the neighbour's robot by accident.
+    Who has set nothing keeps to this machine, by `init_ros`: a classroom shares a network, and
+    nobody is to drive the neighbour's robot by accident. Asked for by name, that holds whatever
+    the environment says.
     """
-    if asked is not None:
+    if asked == 'localhost':
+        for name in SAYS_WHO:
+            os.environ.pop(name, None)
+    elif asked is not None:
         set_range(asked)
     elif is_experiment:
         keep_alone()
-    elif 'ROS_LOCALHOST_ONLY' not in os.environ:
-        os.environ.setdefault(RANGE_VARIABLE, 'LOCALHOST')

@@ -11,19 +11,30 @@ from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 from quadruped_sim.exceptions import RobotModelError
+from quadruped_sim.key_words import KeyWords
 from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.rotations import matrix_from_quaternion
 from quadruped_sim.rotations import rpy_from_matrix
+from quadruped_sim.state_machine import STATE_KEYS
+from quadruped_sim.state_machine import StateName
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.qos import RELIABLE
 from std_msgs.msg import String
+from teleop_keyboard.key_hints import driving_keys
+from teleop_keyboard.key_hints import is_press
+from teleop_keyboard.key_hints import KeyHints
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from teleop_keyboard.layouts import on_layout
 from teleop_keyboard.layouts import on_qwerty
+from teleop_keyboard.status_text import Status
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
+from wasd_bringup.run_keys import HELP_KEY
+from wasd_bringup.run_keys import RESET_KEY
+from wasd_bringup.unitree_keys import unitree_first_keys
 from wasd_bringup.unitree_keys import unitree_help
 from wasd_bringup.unitree_keys import UNITREE_PRESET
 
@@ -64,6 +75,9 @@ class Go2Stack:
             )
             self._teleop.receivers.append(self._legs.cmd_vel.put)
             self.nodes.append(self._teleop)
+        self._legs.controller.words = self._key_words()
+        self._hints = None if self._teleop is None else KeyHints(self._teleop.logic, HELP_KEY)
+        self.notice = self._legs.notice
         if options.interactive:
             # What it refuses is in the status line; a log would break that line.
             self._legs.get_logger().set_level(LoggingSeverity.ERROR)
@@ -84,6 +98,14 @@ class Go2Stack:
         return (*self._teleop.logic.keymap.help_lines, *lines[:2], 'First 2, then 5, then drive.')
 
     @property
+    def first_keys(self) -> str:
+        """The keys to press first."""
+        if self._teleop is None:
+            return unitree_first_keys(self._layout)
+        keys = driving_keys(self._teleop.logic.keymap)
+        return f'press 2 to stand, 5 to drive; then {keys} (forward, back, left, right)'
+
+    @property
     def state(self) -> str:
         """The leg controller's state."""
         return self._legs.controller.state
@@ -91,8 +113,16 @@ class Go2Stack:
     def press(self, message: String) -> None:
         """Take a key; the leg controller knows those of qwerty."""
         self._legs.keys.put(String(data=on_qwerty(message.data, self._layout)))
-        if self._teleop is not None:
-            self._teleop.keys.put(message)
+        if self._teleop is None or self._hints is None:
+            return
+        self._teleop.keys.put(message)
+        is_ours = message.data not in STATE_KEYS and is_press(message.data)
+        if self.state == StateName.MOVE_BASE and is_ours:
+            self.notice.say(self._hints.press(message.data))
+
+    def takes(self, key: str) -> bool:
+        """Return whether a key means something of its own to this robot."""
+        return self._teleop is not None and key in self._teleop.logic.keymap.keys
 
     def drive(self, velocity: tuple[float, float, float]) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
@@ -135,17 +165,29 @@ class Go2Stack:
             controller.state, (vx, vy, wz), pose, touching[:4], self._is_down(any(touching[4:]))
         )
 
-    def status(self) -> list[str]:
-        """Return what a driver wants to see, in a few words each."""
+    def status(self) -> Status:
+        """Return what a driver wants to see."""
         vx, vy, wz = self._command()
-        lines = [f'{self.state:12}', f'command {vx:+.2f} {vy:+.2f} m/s {wz:+.2f} rad/s']
-        return [*lines, self._legs.said] if self._legs.said else lines
+        command = (f'command {vx:+.2f} {vy:+.2f} m/s {wz:+.2f} rad/s',)
+        state = 'fallen' if self._legs.controller.is_fallen else self.state
+        return Status(state, command if self.state in DRIVEN else (), self.notice.text)
 
     def close(self) -> None:
         """Stop the robot: the last cmd_vel is zero, the legs go passive."""
         if self._teleop is not None:
             self._teleop.close()
         self._legs.close()
+
+    def _key_words(self) -> KeyWords:
+        """Return what the legs tell of keys, some of which may be the keymap's."""
+        keys = () if self._teleop is None else self._teleop.logic.keymap.keys
+        return KeyWords(
+            drive=StateName.TROTTING if self._teleop is None else StateName.MOVE_BASE,
+            elsewhere=frozenset(on_qwerty(key, self._layout) for key in keys),
+            reset_key=RESET_KEY,
+            help_key=HELP_KEY,
+            name=lambda key: on_layout(key, self._layout),
+        )
 
     def _command(self) -> tuple[float, float, float]:
         if self.state not in DRIVEN:

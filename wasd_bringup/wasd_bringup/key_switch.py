@@ -6,6 +6,7 @@ from teleop_keyboard.key_names import RELEASE
 from teleop_keyboard.key_names import split_event
 
 SWITCH_KEY = 'TAB'
+SWITCH_LINE = f'{SWITCH_KEY} goes to the next robot'
 
 
 class KeySwitch:

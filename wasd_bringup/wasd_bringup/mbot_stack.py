@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """mbot's nodes in one process: keys, velocity commands, drive controller, in lock-step."""
 
-from collections.abc import Callable
 import time
 from typing import Any
 
@@ -21,14 +20,22 @@ from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.notice import Notice
 from robot_description.qos import RELIABLE
 from std_msgs.msg import String
+from teleop_keyboard.key_hints import driving_keys
+from teleop_keyboard.key_hints import is_press
+from teleop_keyboard.key_hints import KeyHints
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from teleop_keyboard.status_text import Status
 
 from wasd_bringup.drive_mode import drive_mode
 from wasd_bringup.errors import UsageError
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
+from wasd_bringup.run_keys import HELP_KEY
+
+WASD_ADVICE = 'or start with --preset wasd'
 
 
 class MbotStack:
@@ -79,7 +86,11 @@ class MbotStack:
         kind = TwistStamped if self._is_stamped else Twist
         self._twists = self._teleop.create_publisher(kind, 'cmd_vel', RELIABLE)
         self.nodes: list[Node] = [self._driver, self._teleop]
-        self.press: Callable[[String], None] = self._teleop.keys.put
+        self._other_presets = '' if options.namespace or options.preset != 'mbot' else WASD_ADVICE
+        self._hints = KeyHints(
+            self._teleop.logic, HELP_KEY, advice=self._other_presets, axes=('x', 'yaw')
+        )
+        self.notice = Notice()
         self.ticks = TickStatistics(self.period)
 
     @property
@@ -98,9 +109,26 @@ class MbotStack:
         return tuple(self._teleop.logic.keymap.help_lines)
 
     @property
+    def first_keys(self) -> str:
+        """The keys to press first."""
+        keys = driving_keys(self._teleop.logic.keymap)
+        advice = f', {self._other_presets}' if self._other_presets else ''
+        return f'drive with {keys} (forward, back, left, right){advice}'
+
+    @property
     def state(self) -> str:
         """The drive controller's state."""
         return self._driver.controller.state
+
+    def press(self, message: String) -> None:
+        """Take a key."""
+        self._teleop.keys.put(message)
+        if is_press(message.data):
+            self.notice.say(self._hints.press(message.data))
+
+    def takes(self, key: str) -> bool:
+        """Return whether a key means something of its own to this robot."""
+        return key in self._teleop.logic.keymap.keys
 
     def schedule(self, schedule: Schedule) -> None:
         """Have the nodes stepped on simulated time: ramps, then wheels, then odometry."""
@@ -129,6 +157,7 @@ class MbotStack:
         """Forget the past: commands, ramps, odometry."""
         self._teleop.logic.reset()
         self._driver.unit.reset()
+        self.notice.say(None)
 
     def odometry(self) -> Odometry:
         """Return odom as it is published in this instant."""
@@ -148,15 +177,15 @@ class MbotStack:
             (forces > 0.0).astype(int).tolist(),
         )
 
-    def status(self) -> list[str]:
-        """Return what a driver wants to see, in a few words each."""
+    def status(self) -> Status:
+        """Return what a driver wants to see."""
         logic, controller = self._teleop.logic, self._driver.controller
         linear, angular = controller.velocity
-        return [
-            f'{controller.state:9}',
+        facts = (
             f'now {linear:+.2f} m/s {angular:+.2f} rad/s',
             f'full {logic.speed:.2f} m/s {logic.turn:.2f} rad/s',
-        ]
+        )
+        return Status(controller.state, facts, self.notice.text)
 
     def close(self) -> None:
         """Stop the robot: the last cmd_vel is zero."""

@@ -27,6 +27,7 @@ from wasd_bringup.recorded_path import PathComparison
 from wasd_bringup.recorded_run import recorded_options
 from wasd_bringup.recorded_run import recorded_ros_arguments
 from wasd_bringup.replay_view import ReplayView
+from wasd_bringup.run_place import with_own_frames
 from wasd_bringup.session import Session
 
 
@@ -78,7 +79,7 @@ def _drive(
     keep_alone()
     comparison = PathComparison(bag, robot_topics(bag, TRUTH))
     options = dataclasses.replace(options, duration=comparison.duration)
-    init_ros(ros_arguments)
+    init_ros(with_own_frames(ros_arguments))
     session = None
     try:
         session = Session(options, visuals=viewer != 'none')

@@ -44,10 +44,9 @@ class RosGraph:
         self.stop = StopSignals()
 
     def __enter__(self) -> Self:
-        """Start rclpy; by default only this machine is looked at, as `wasd go2` does."""
-        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        """Start rclpy; by default only this machine is looked at, and the run that is there."""
         self.stop.__enter__()
-        init_ros([])
+        init_ros([], is_local=True, joins=True)
         self.node = Node(
             f'_wasd_{os.getpid()}', enable_rosout=False, start_parameter_services=False
         )

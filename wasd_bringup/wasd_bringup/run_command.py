@@ -22,6 +22,8 @@ from wasd_bringup.errors import UsageError
 from wasd_bringup.options import read_options
 from wasd_bringup.options import RunOptions
 from wasd_bringup.recorded_run import describe_run
+from wasd_bringup.run_place import own_place
+from wasd_bringup.run_place import with_own_frames
 from wasd_bringup.session import Session
 
 
@@ -40,18 +42,19 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
             'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
             '--viewer web, or pipe keys into standard input'
         )
-    with StopSignals() as stop, reader or contextlib.nullcontext():
-        choose_range(options.discovery, options.scripted and options.speed == 0.0)
-        init_ros(ros_arguments)
+    choose_range(options.discovery, options.scripted and options.speed == 0.0)
+    place = own_place(options, ros_arguments)
+    with place, StopSignals() as stop, reader or contextlib.nullcontext():
+        init_ros(with_own_frames(ros_arguments), is_local=True)
         session = recorder = None
         try:
             options = dataclasses.replace(options, interactive=_is_interactive(reader))
             if options.record is not None:
                 recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
             session = Session(options, reader, viewer != 'none', recorder)
-            where = session.open_view(viewer)
+            session.open_view(viewer)
             if _is_interactive(reader) or viewer != 'none':
-                _greet(session, where)
+                print('\n'.join(session.first_lines), flush=True)
             session.run(stop)
         except Stopped:
             return stop.exit_status
@@ -79,12 +82,6 @@ def _open_keys(options: RunOptions) -> KeyReader | None:
 
 def _is_interactive(reader: KeyReader | None) -> bool:
     return reader is not None and reader.terminal is not None and sys.stdout.isatty()
-
-
-def _greet(session: Session, where: str) -> None:
-    if where:
-        print(f'viewer: {where}')
-    print('\n'.join(session.help_lines), flush=True)
 
 
 def _summary(session: Session, options: RunOptions) -> str:

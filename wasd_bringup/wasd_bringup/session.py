@@ -16,16 +16,21 @@ from rosgraph_msgs.msg import Clock
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.status_line import StatusLine
+from teleop_keyboard.status_text import Status
+from teleop_keyboard.status_text import status_line
 
 from wasd_bringup.bag_recorder import BagRecorder
 from wasd_bringup.driven_robot import build_robots
 from wasd_bringup.driven_robot import DrivenRobot
 from wasd_bringup.key_switch import KeySwitch
-from wasd_bringup.key_switch import SWITCH_KEY
+from wasd_bringup.key_switch import SWITCH_LINE
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import join_reports
 from wasd_bringup.report import write_report
+from wasd_bringup.run_keys import HELP_KEYS
+from wasd_bringup.run_keys import KEY_LINE
+from wasd_bringup.run_keys import RESET_KEY
 from wasd_bringup.scripts import Command
 from wasd_bringup.scripts import Player
 from wasd_bringup.stack import Stack
@@ -86,6 +91,8 @@ class Session:
         self._ended_at = math.inf
         self._status = StatusLine(sys.stdout)
         self._next_frame = self._next_messages = 0.0
+        self._polled_at = time.monotonic()
+        self._where = ''
         self.robots = build_robots(options, visuals)
         self.simulation = self.robots[0].simulator.simulation
         self._switch = KeySwitch(len(self.robots))
@@ -122,13 +129,29 @@ class Session:
 
     @property
     def help_lines(self) -> list[str]:
-        """The keys, for the terminal and the page."""
+        """All keys, for the terminal and the page."""
         if len(self.robots) == 1:
-            return list(self.stack.help_lines)
-        lines = [f'{SWITCH_KEY} goes to the next robot']
+            return [*self.stack.help_lines, KEY_LINE]
+        lines = [SWITCH_LINE]
         for robot in self.robots:
             lines += ['', f'{robot.name}:', *robot.stack.help_lines]
-        return lines
+        return [*lines, '', KEY_LINE]
+
+    @property
+    def first_lines(self) -> list[str]:
+        """What a driver must know to begin: few lines, which leave room for what comes."""
+        names = [f'{robot.name}: ' if len(self.robots) > 1 else '' for robot in self.robots]
+        robots = zip(names, self.robots, strict=True)
+        keys = [f'{name}{robot.stack.first_keys}' for name, robot in robots]
+        return [*self._where_lines, *keys, *self._run_lines]
+
+    @property
+    def _run_lines(self) -> list[str]:
+        return [KEY_LINE] if len(self.robots) == 1 else [SWITCH_LINE, KEY_LINE]
+
+    @property
+    def _where_lines(self) -> list[str]:
+        return [f'viewer: {self._where}'] if self._where else []
 
     def open_view(self, kind: str) -> str:
         """
@@ -141,14 +164,15 @@ class Session:
             panel = Panel(self._status_words, ['Click the scene first.', *self.help_lines])
             web = WebView(self.world, self.stack.camera, panel, port=self._options.port)
             self._view = web
+            self._where = web.url
             return web.url
         if kind == 'native':
             # Here, because it loads a window system.
             from mujoco_sim.native_viewer import NativeView
 
             self._view = NativeView(self.world, self.stack.camera)
-            return 'a window on this display'
-        return ''
+            self._where = 'a window on this display'
+        return self._where
 
     def run(self, stop: Any) -> None:
         """Simulate until the duration is over, the keys have ended, or `stop` is requested."""
@@ -223,11 +247,30 @@ class Session:
         if self._writer is not None:
             # At the instant that it is in force from: the one that comes next.
             self._writer.write(self.world.time, key)
+        if self._is_for_the_run(key):
+            return
         receiver = self._switch.receiver(key)
         if receiver is not None:
             self.robots[receiver].keys.publish_key(key)
         elif self._view is not None:
             self._view.follow(self.world)
+
+    def _is_for_the_run(self, key: str) -> bool:
+        """Do what a key of the run itself asks for; False when it is no such key."""
+        stack = self.stack
+        if stack.takes(key):
+            return False
+        if key == RESET_KEY:
+            # As by the simulator's service: once for the world, and a recording knows of it.
+            self.simulation.reset()
+            stack.notice.say('back at the start')
+            return True
+        if key in HELP_KEYS:
+            # The address last: it is to stay in sight.
+            self._status.print([*stack.help_lines, *self._run_lines, *self._where_lines])
+            stack.notice.say('the keys stand above (on the page: under "keys")')
+            return True
+        return False
 
     def _poll(self, timeout: float) -> None:
         """Look after everything that lives on wall time: keys, messages, the page, the status."""
@@ -249,7 +292,8 @@ class Session:
                 self._press(key)
         if self._bag is not None:
             self._bag.save_if_due()
-        self._status.show('  '.join(self._status_words()), now)
+        self._let_notices_age(now)
+        self._status.show(lambda width: status_line(*self._state(), width), now)
 
     def _each_second(self) -> None:
         for robot in self.robots:
@@ -263,8 +307,22 @@ class Session:
             self._ended_at = self.world.time
         return self.world.time > self._ended_at + AFTERGLOW
 
-    def _status_words(self) -> list[str]:
+    def _let_notices_age(self, now: float) -> None:
+        """Let what is said to the driver grow old on the driver's time: wall time."""
+        for robot in self.robots:
+            robot.stack.notice.step(now - self._polled_at)
+        self._polled_at = now
+
+    def _state(self) -> tuple[Status, str]:
+        """Return what is told of the robot that the keys drive, and of time."""
         factor = self.simulation.pacer.real_time_factor
         pace = 'paused' if self.simulation.paused else f'x{factor:.2f}'
-        who = [f'[{self.robot.name}]'] if len(self.robots) > 1 else []
-        return [*who, *self.stack.status(), f'{self.world.time:.1f} s {pace}']
+        status = self.stack.status()
+        if len(self.robots) > 1:
+            status = status._replace(state=f'[{self.robot.name}] {status.state}')
+        return status, f'{self.world.time:.1f} s {pace}'
+
+    def _status_words(self) -> list[str]:
+        """Return the same as lines, for the page."""
+        status, clock = self._state()
+        return [status.state, *status.facts, clock, *filter(None, [status.message])]

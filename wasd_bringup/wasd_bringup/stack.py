@@ -10,7 +10,9 @@ from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from robot_description.notice import Notice
 from std_msgs.msg import String
+from teleop_keyboard.status_text import Status
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
@@ -24,6 +26,7 @@ class Stack(Protocol):
     camera: CameraView
     nodes: list[Node]
     ticks: TickStatistics
+    notice: Notice  # what is said to the driver; the session lets its time pass
 
     @property
     def period(self) -> float:
@@ -32,6 +35,10 @@ class Stack(Protocol):
     @property
     def help_lines(self) -> tuple[str, ...]:
         """The keys, for the terminal and the page."""
+
+    @property
+    def first_keys(self) -> str:
+        """The keys to press first."""
 
     @property
     def state(self) -> str:
@@ -52,8 +59,11 @@ class Stack(Protocol):
     def sample(self) -> Sample:
         """Return this instant for the report."""
 
-    def status(self) -> list[str]:
-        """Return what a driver wants to see, in a few words each."""
+    def status(self) -> Status:
+        """Return what a driver wants to see."""
+
+    def takes(self, key: str) -> bool:
+        """Return whether a key means something of its own to this robot."""
 
     def reset(self) -> None:
         """Forget the past."""

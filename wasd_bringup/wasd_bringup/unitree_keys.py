@@ -10,11 +10,20 @@ HELP = (
     '3 free stand   0 balance test   9 swing test   8 step test',
     '{w}/{s} forward, backward   {a}/{d} left, right   {j}/{l} turn   {i}/{k} height'
     '   space: centre',
-    'Ctrl-C quits. First 2, then 4, then {w}.',
+    'First 2, then 4, then {w}.',
 )
+FIRST_KEYS = 'press 2 to stand, 4 to trot; then {w} {s} {a} {d} walk, {j} {l} turn, space stops'
 
 
 def unitree_help(layout: str) -> tuple[str, ...]:
     """Return the keys in words; the first two lines are those of the states."""
-    names = {key: on_layout(key, layout) for key in STICK_KEYS}
-    return tuple(line.format_map(names) for line in HELP)
+    return tuple(line.format_map(_names(layout)) for line in HELP)
+
+
+def unitree_first_keys(layout: str) -> str:
+    """Return the keys to press first."""
+    return FIRST_KEYS.format_map(_names(layout))
+
+
+def _names(layout: str) -> dict[str, str]:
+    return {key: on_layout(key, layout) for key in STICK_KEYS}

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is said of a key that does nothing, or less than one expects: first what to press."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from quadruped_sim.state_machine import path
+from quadruped_sim.state_machine import STATE_KEYS
+from quadruped_sim.state_machine import StateName
+from quadruped_sim.sticks import axis_and_direction
+from quadruped_sim.sticks import ZERO_KEYS
+
+# What a key of a state is pressed for: `press 2 to stand`.
+PURPOSES = {
+    StateName.PASSIVE: 'to let go',
+    StateName.FIXED_STAND: 'to stand',
+    StateName.FREE_STAND: 'to lean',
+    StateName.TROTTING: 'to trot',
+    StateName.MOVE_BASE: 'for cmd_vel',
+    StateName.BALANCE_TEST: 'to balance',
+    StateName.SWING_TEST: 'to swing',
+    StateName.STEP_TEST: 'to step',
+}
+_LEAN = {
+    ('ly', 1): 'nose down',
+    ('ly', -1): 'nose up',
+    ('lx', 1): 'lean right',
+    ('lx', -1): 'lean left',
+    ('rx', 1): 'turn right',
+    ('rx', -1): 'turn left',
+    ('ry', 1): 'body up',
+    ('ry', -1): 'body down',
+}
+# What a stick does in the states in which it does something, other than to drive.
+_EFFECTS = {
+    StateName.FREE_STAND: _LEAN,
+    StateName.BALANCE_TEST: _LEAN
+    | {
+        ('ly', 1): 'body forward',
+        ('ly', -1): 'body back',
+        ('lx', 1): 'body right',
+        ('lx', -1): 'body left',
+    },
+    StateName.SWING_TEST: {
+        ('ly', 1): 'front right foot forward',
+        ('ly', -1): 'front right foot back',
+        ('lx', 1): 'front right foot right',
+        ('lx', -1): 'front right foot left',
+        ('ry', 1): 'front right foot up',
+        ('ry', -1): 'front right foot down',
+    },
+}
+# Of a key's name, what is repeated.
+LONGEST_NAME = 20
+# The sticks that drive a trot.
+_DRIVING = ('lx', 'ly', 'rx')
+# What a stranger tries, and the sticks' keys that mean it.
+ARROWS = {'UP': 'w', 'DOWN': 's', 'LEFT': 'j', 'RIGHT': 'l'}
+
+
+_USING_STICKS = (StateName.TROTTING, *_EFFECTS)
+
+
+@dataclass(frozen=True)
+class KeyWords:
+    """
+    What to tell a driver, who may have other keys than the sticks'.
+
+    `drive` is the state in which the keys drive; `elsewhere` are keys that somebody else takes.
+    `reset_key` puts a fallen robot on its feet and `help_key` shows the keys; '' where none does.
+    `name` returns what the driver's keyboard calls a key.
+    """
+
+    drive: StateName = StateName.TROTTING
+    elsewhere: frozenset[str] = frozenset()
+    reset_key: str = ''
+    help_key: str = ''
+    name: Callable[[str], str] = str
+
+    def to_fallen(self) -> str:
+        """Return what to do with a robot that lies on its side."""
+        if self.reset_key:
+            return f'press {self.reset_key} to reset (the robot has fallen)'
+        return 'put it on its feet, or reset it (the robot has fallen)'
+
+    def to_state(self, state: StateName, wanted: StateName) -> str:
+        """Return what to press for a state that cannot follow this one, or is this one."""
+        if state is wanted:
+            return f'{state.value} already'
+        return f'{self._press(state, wanted)} ({wanted.value} cannot follow {state.value})'
+
+    def to_event(self, event: str, is_fallen: bool) -> str:
+        """Return what to press after the robot went passive by itself."""
+        if is_fallen:
+            return self.to_fallen()
+        return f'{self._press(StateName.PASSIVE, StateName.FIXED_STAND)} (passive: {event})'
+
+    def to_velocity(self, state: StateName) -> str:
+        """Return what to press so that velocity commands drive."""
+        if state is StateName.MOVE_BASE:
+            return 'move base is about to begin'
+        cure = self._press(state, StateName.MOVE_BASE)
+        return f'{cure} (cmd_vel drives in move base, not {state.value})'
+
+    def to_stick(self, state: StateName, key: str, has_moved: bool) -> str | None:
+        """Return what to tell of a stick's key; None where it drives."""
+        if state is StateName.MOVE_BASE or key in ZERO_KEYS:
+            return 'sticks centred' if state in _USING_STICKS else self._to_drive(state, key)
+        axis, direction = axis_and_direction(key)
+        name = self._called(key)
+        if state is StateName.TROTTING and axis in _DRIVING:
+            return None if has_moved else f'{name}: full stick'
+        if state is StateName.TROTTING:
+            return f'{name} moves in 3 (press 2, then 3 to lean)'
+        effect = _EFFECTS.get(state, {}).get((axis, direction))
+        if effect is None:
+            return self._to_drive(state, key)
+        cure = self._press(state, self.drive).removeprefix('press ')
+        end = '' if has_moved else ', at its end'
+        return f'{name}: {effect}{end} (to drive: {cure})'
+
+    def to_other(self, state: StateName, key: str) -> str | None:
+        """Return what to tell of a key that is none of ours; None where it does something."""
+        if key in self.elsewhere or key in ARROWS:
+            if state is not self.drive:
+                return self._to_drive(state, key)
+            if key in self.elsewhere:
+                return None
+            return f'press {self.name(ARROWS[key])} ({key} does nothing)'
+        cure = f'{self.help_key} shows the keys' if self.help_key else 'keys: 0-5 8 9, wasd, ijkl'
+        # Whatever came on a topic: its control characters made visible, and not all of it.
+        return f'{cure} ({self._called(key)[:LONGEST_NAME]!r} does nothing)'
+
+    def _to_drive(self, state: StateName, key: str) -> str | None:
+        """Return what to press so that the keys drive; None where they do."""
+        if state is self.drive:
+            return None
+        return f'{self._press(state, self.drive)} ({self._called(key)} does nothing here)'
+
+    def _press(self, state: StateName, wanted: StateName) -> str:
+        """Return the keys from a state to another: `press 2 to stand, then 4 to trot`."""
+        purposes = dict(PURPOSES)
+        if self.drive is StateName.MOVE_BASE:
+            purposes[self.drive] = 'to drive'
+        words = [f'{key} {purposes[STATE_KEYS[key]]}' for key in path(state, wanted)]
+        return f'press {", then ".join(words)}'
+
+    def _called(self, key: str) -> str:
+        """Return how a key stands in a text."""
+        return 'SPACE' if key in ZERO_KEYS else self.name(key)

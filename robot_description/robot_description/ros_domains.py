@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which runs there are on this machine, and in which ROS domain each is.
+
+A run takes its place by binding sockets with names (abstract unix sockets): the kernel gives a
+name once, to one process, and takes it back when that ends, however it ends. Such names hold for
+the same network namespace as 127.0.0.1 does, for all users.
+"""
+
+from collections.abc import MutableMapping, Sequence
+import hashlib
+import os
+from pathlib import Path
+import re
+import socket
+from typing import NamedTuple, Self
+
+# Higher ones have ports among those that any program may be given.
+DOMAINS = range(102)
+DOMAIN = 'ROS_DOMAIN_ID'
+SOCKETS = Path('/proc/net/unix')
+PROCESSES = Path('/proc')
+# How much of a command line is shown.
+SHOWN_LENGTH = 40
+
+
+class Run(NamedTuple):
+    """A run of this machine: its domain, its user, its process."""
+
+    domain: int
+    user: int
+    process: int
+
+    @property
+    def words(self) -> str:
+        """What was started, e.g. `wasd go2`."""
+        try:
+            line = (PROCESSES / str(self.process) / 'cmdline').read_bytes()
+        except OSError:  # it has ended meanwhile
+            return 'wasd'
+        words = line.decode(errors='replace').rstrip('\0').split('\0')
+        start = next((i for i, word in enumerate(words) if 'wasd' in Path(word).name), 0)
+        shown = ' '.join(['wasd', *words[start + 1 :]])[:SHOWN_LENGTH]
+        return ''.join(c if c.isprintable() else '?' for c in shown)
+
+    def __str__(self) -> str:
+        """Return how it is called in a line for the user."""
+        return f'{self.words} (process {self.process})'
+
+
+class Claim:
+    """A run's place, held until `close` or until the process ends."""
+
+    def __init__(self, domain: int, sockets: Sequence[socket.socket]) -> None:
+        self.domain = domain
+        self._sockets = sockets
+
+    def __enter__(self) -> Self:
+        """Hold the place."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Give it back."""
+        self.close()
+
+    def close(self) -> None:
+        """Give the place back."""
+        for one in self._sockets:
+            one.close()
+
+
+def claim(domain: int, namespaces: Sequence[str]) -> Claim | None:
+    """
+    Take namespaces of a domain for this process; None when another has one of them.
+
+    Two runs in one domain do not hear each other when their namespaces differ.
+    """
+    sockets: list[socket.socket] = []
+    names = [f'wasd place {domain} {_short(namespace)}' for namespace in namespaces]
+    for name in [*names, f'wasd run {domain} {os.getuid()} {os.getpid()}']:
+        bound = _bind(name)
+        if bound is None:
+            for one in sockets:
+                one.close()
+            return None
+        sockets.append(bound)
+    return Claim(domain, sockets)
+
+
+def claim_domain(
+    environment: MutableMapping[str, str], namespaces: Sequence[str], talk: str
+) -> tuple[Claim | None, str]:
+    """
+    Give a run a ROS domain in which nobody on this machine drives its robot; set it.
+
+    Returns the place, and a line for the user when something is not as usual: another domain than
+    0, or one of the user's own that another run is in, too. `talk` is a command that would reach
+    this run.
+    """
+    wanted = environment.get(DOMAIN)
+    if wanted:
+        if not wanted.isdecimal():
+            return None, ''  # ROS says what is wrong with it
+        place = claim(int(wanted), namespaces)
+        if place is not None:
+            return place, ''
+        return None, (
+            f'domain {int(wanted)} has {_other_run(int(wanted))}, too: each may take keys and '
+            'commands that are for the other'
+        )
+    for domain in DOMAINS:
+        place = claim(domain, namespaces)
+        if place is None:
+            continue
+        environment[DOMAIN] = str(domain)
+        if domain == DOMAINS[0]:
+            return place, ''
+        return place, (
+            f'domain {DOMAINS[0]} has {_other_run(DOMAINS[0])}: this one is in domain {domain} '
+            f'(to talk to it: {DOMAIN}={domain} {talk})'
+        )
+    return None, 'every domain has a run: this one may take what is for another'
+
+
+def _other_run(domain: int) -> str:
+    runs = [run for run in running() if run.domain == domain]
+    return f'another run, {runs[0]}' if runs else 'another run'
+
+
+def running(user: int | None = None) -> list[Run]:
+    """Return the runs of this machine, or a user's, by domain; none where that cannot be read."""
+    try:
+        text = SOCKETS.read_text(errors='replace')
+    except OSError:
+        return []
+    found = re.findall(r'@wasd run (\d+) (\d+) (\d+)$', text, re.MULTILINE)
+    runs = sorted({Run(*map(int, numbers)) for numbers in found})
+    return [run for run in runs if user in (None, run.user)]
+
+
+def join_domain(environment: MutableMapping[str, str]) -> str:
+    """
+    Choose the domain of a command that talks to a run, where the user has not; set it.
+
+    It is that of the user's one run, the lowest when there are several, 0 when there is none.
+    Returns a line for the user when there was a choice.
+    """
+    if environment.get(DOMAIN):
+        return ''
+    runs = running(os.getuid())
+    if not runs:
+        return ''
+    environment[DOMAIN] = str(runs[0].domain)
+    others = [run for run in runs if run.domain != runs[0].domain]
+    if not others:
+        return ''
+    those = ', '.join(f'{DOMAIN}={run.domain} for {run}' for run in others)
+    return f'this is about {runs[0]} in domain {runs[0].domain}; set {those}'
+
+
+def namespaces_of(ros_arguments: Sequence[str]) -> list[str]:
+    """Return the namespaces that ROS arguments give to nodes; the root when they give none."""
+    found = [word.partition(':=')[2] for word in ros_arguments if _is_namespace(word)]
+    return sorted({f'/{name.strip("/")}' for name in found}) or ['/']
+
+
+def _is_namespace(word: str) -> bool:
+    return word.partition(':=')[0].rpartition(':')[2] == '__ns'
+
+
+def _bind(name: str) -> socket.socket | None:
+    bound = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    try:
+        bound.bind('\0' + name)
+    except OSError:
+        bound.close()
+        return None
+    return bound
+
+
+def _short(namespace: str) -> str:
+    """Return a name that fits into an address, the same for the same namespace."""
+    if len(namespace) <= SHOWN_LENGTH:
+        return namespace
+    return hashlib.sha256(namespace.encode()).hexdigest()[:SHOWN_LENGTH]

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a stranger meets in the first minutes: keys pressed on terminals of the usual widths."""
+
+from collections.abc import Callable, Iterator
+import fcntl
+import os
+from pathlib import Path
+import pty
+import re
+import select
+import struct
+import subprocess
+import sys
+import termios
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_description.notice import brief
+from teleop_keyboard.key_script import parse_key_script
+
+CLOCK = re.compile(r'  \d+\.\d s (x\d+\.\d\d|paused)(  |$)')
+CURE = 'press 2 to stand, then 4 to trot'
+# The keys into each state, from the one before, and what `w` is answered with there.
+TOUR = (
+    ('', 'passive', f'{CURE} (w does nothing here)'),
+    ('2', 'fixed stand', 'press 4 to trot (w does nothing here)'),
+    ('3', 'free stand', 'w: nose down (to drive: 4 to trot)'),
+    ('4', 'trotting', 'command +0.'),
+    ('25', 'move base', f'{CURE} (w does nothing here)'),
+    ('20', 'balance test', 'w: body forward (to drive: 2 to stand, then 4 to trot)'),
+    ('29', 'swing test', 'w: front right foot forward (to drive: 2 to stand, then 4 to trot)'),
+    ('28', 'step test', f'{CURE} (w does nothing here)'),
+    ('1', 'passive', f'{CURE} (w does nothing here)'),
+)
+
+
+class Window:
+    """A run of `wasd` on a pseudo-terminal of so many columns and lines."""
+
+    def __init__(self, words: list[str], environment: dict[str, str], columns: int) -> None:
+        self.master, self.slave = pty.openpty()
+        size = struct.pack('HHHH', 24, columns, 0, 0)
+        fcntl.ioctl(self.slave, termios.TIOCSWINSZ, size)
+        self.shown = ''
+        unset = ('COLUMNS', 'LINES')
+        kept = {name: value for name, value in environment.items() if name not in unset}
+        self.process = subprocess.Popen(
+            [sys.executable, '-m', 'wasd_bringup.cli', *words],
+            stdin=self.slave,
+            stdout=self.slave,
+            stderr=self.slave,
+            env={**kept, 'TERM': 'xterm'},
+            start_new_session=True,
+        )
+
+    @property
+    def lines(self) -> list[str]:
+        """All that the status line has said, in its order; what is above it, too."""
+        text = self.shown.replace('\r\n', '\n').replace('\x1b[K', '')
+        # The last may be here in part only.
+        return [line for line in re.split('[\r\n]', text) if line][:-1]
+
+    @property
+    def statuses(self) -> list[str]:
+        """All texts of the status line."""
+        return [line for line in self.lines if CLOCK.search(line)]
+
+    def read(self, timeout: float) -> None:
+        """Take in what is written within so many seconds."""
+        if select.select([self.master], [], [], timeout)[0]:
+            self.shown += os.read(self.master, 65536).decode(errors='replace')
+
+    def wait_for(self, meets: Callable[[str], bool], seconds: float = 60.0) -> str:
+        """Return the first status from now on that meets a condition."""
+        deadline, seen = time.monotonic() + seconds, len(self.statuses)
+        while True:
+            for status in self.statuses[seen:]:
+                if meets(status):
+                    return status
+            seen = len(self.statuses)
+            assert time.monotonic() < deadline, self.shown[-2000:]
+            assert self.process.poll() is None, self.shown[-2000:]
+            self.read(0.1)
+
+    def type(self, keys: str) -> None:
+        """Type keys."""
+        os.write(self.master, keys.encode())
+
+    def close(self) -> None:
+        """End it."""
+        self.process.terminate()
+        deadline = time.monotonic() + 20.0
+        while self.process.poll() is None and time.monotonic() < deadline:
+            self.read(0.05)
+        self.process.kill()
+        self.process.wait()
+        os.close(self.master)
+        os.close(self.slave)
+
+
+@pytest.fixture
+def window(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[..., Window]]:
+    """Return a function that opens a window; all are closed after the test."""
+    opened: list[Window] = []
+
+    def open_window(*words: str, columns: int = 80) -> Window:
+        viewer = () if '--viewer' in words else ('--viewer', 'none')
+        opened.append(Window([*words, *viewer], environment, columns))
+        return opened[-1]
+
+    yield open_window
+    for each in opened:
+        each.close()
+
+
+@pytest.mark.parametrize('columns', [80, 120])
+def test_w_in_every_state_says_what_to_press_and_hides_neither_state_nor_time(
+    window: Callable[..., Window], columns: int
+) -> None:
+    run = window('go2', columns=columns)
+    run.wait_for(lambda line: line.startswith('passive'))
+    for keys, state, answer in TOUR:
+        for key in keys:
+            run.type(key)
+            run.wait_for(lambda line: 'press' not in line)
+        run.wait_for(lambda line, state=state: line.startswith(state))
+        run.type('w')
+        wanted = answer if columns == 120 else brief(answer)
+        line = run.wait_for(lambda line, wanted=wanted: wanted in line)
+        assert line.startswith(state)
+    assert max(map(len, run.statuses)) <= columns - 1
+    assert all(CLOCK.search(line) for line in run.lines[run.lines.index(run.statuses[0]) :])
+
+
+def test_a_text_goes_after_three_seconds_and_at_once_with_a_legal_key(
+    window: Callable[..., Window],
+) -> None:
+    run = window('go2')
+    run.wait_for(lambda line: line.startswith('passive'))
+    run.type('4')
+    run.wait_for(lambda line: CURE in line)
+    said_at = time.monotonic()
+    run.wait_for(lambda line: CURE not in line, seconds=20.0)
+    assert time.monotonic() - said_at > 2.0
+    run.type('4')
+    run.wait_for(lambda line: CURE in line)
+    said_at = time.monotonic()
+    run.type('2')
+    assert CURE not in run.wait_for(lambda line: line.startswith('fixed stand'))
+    assert time.monotonic() - said_at < 2.5
+
+
+def test_w_on_mbot_says_which_keys_drive_and_after_two_lessons_only_what_w_does(
+    window: Callable[..., Window],
+) -> None:
+    run = window('mbot', columns=120)
+    run.wait_for(lambda line: line.startswith('stopped'))
+    assert 'drive with i , j l' in run.shown
+    assert '--preset wasd' in run.shown
+    lesson = 'drive with i , j l; w is speed +10 %'
+    for speed in ('0.22', '0.24'):
+        run.type('w')
+        run.wait_for(lambda line, speed=speed: lesson in line and f'full {speed} m/s' in line)
+    run.type('w')
+    run.wait_for(lambda line: 'w is speed +10 %' in line and lesson not in line)
+    run.type('9')
+    run.wait_for(lambda line: '9 stops' in line)
+    run.type('i')
+    run.wait_for(lambda line: line.startswith('driving') and '9 stops' not in line)
+
+
+def test_both_leave_the_pages_address_in_sight_of_24_lines_whatever_is_asked(
+    window: Callable[..., Window],
+) -> None:
+    run = window('both', '--viewer', 'web')
+    run.wait_for(lambda line: '[go2] passive' in line)
+    for key, who in (('', '[go2]'), ('?', '[go2]'), ('\t', '[mbot]'), ('?', '[mbot]')):
+        run.type(key)
+        run.wait_for(lambda line, who=who: line.startswith(who))
+        run.wait_for(lambda line, key=key: key != '?' or 'the keys stand above' in line)
+        text = re.sub('\r[^\n]*\r', '\r', run.shown.replace('\r\n', '\n'))
+        assert 'viewer: http://127.0.0.1:' in '\n'.join(text.split('\n')[-23:])
+    assert 'Control mbot!' in run.shown
+
+
+def test_the_reset_key_puts_the_robot_back_and_says_so(window: Callable[..., Window]) -> None:
+    run = window('go2')
+    run.wait_for(lambda line: line.startswith('passive'))
+    run.type('2')
+    run.wait_for(lambda line: line.startswith('fixed stand'))
+    run.type('\x7f')
+    line = run.wait_for(lambda line: line.startswith('passive'))
+    assert 'back at the start' in line
+
+
+# From here on without a terminal: the same keys in scripts and recordings.
+
+
+def position(report: dict[str, Any], time: float) -> np.ndarray:
+    samples = report['samples']
+    return np.array(samples['position'][int(np.searchsorted(samples['t'], time))])
+
+
+def test_a_script_knows_both_keys_and_a_saved_script_has_them(
+    new_runner: Callable[[], Any],
+) -> None:
+    runner = new_runner()
+    play = '0.2 i*30\n1.5 BACKSPACE ?\n1.7 i*15'
+    saved = ('--save-keys', 'saved.keys')
+    first = runner.report('mbot', '--duration', '3', *saved, play=play)
+    assert position(first, 1.4)[0] > 0.15
+    assert abs(position(first, 1.6)[0]) < 1e-3
+    script = (runner.folder / 'saved.keys').read_text()
+    keys = [press.key for press in parse_key_script(script)]
+    assert keys.count('BACKSPACE') == keys.count('?') == 1
+    again = runner.report('mbot', '--duration', '3', play=script)
+    assert again['samples'] == first['samples']
+
+
+@pytest.mark.parametrize('robot', ['mbot', 'go2', 'both'])
+def test_a_replay_repeats_the_reset_key(new_runner: Callable[[], Any], robot: str) -> None:
+    runner = new_runner()
+    drive = {'mbot': 'i*20', 'go2': '2', 'both': '2 TAB i*20'}[robot]
+    play = f'0.1 {drive}\n1.0 BACKSPACE\n1.2 {drive}'
+    (runner.folder / 'keys').write_text(play)
+    words = (robot, '--play', 'keys', '--duration', '2', '--speed', '0')
+    assert runner(*words, '--record', 'run.mcap', timeout=120).returncode == 0, runner.said
+    again = runner('replay', 'run.mcap', '--drive', timeout=120)
+    assert again.returncode == 0, again.stdout + again.stderr
+
+
+def test_both_are_reset_together_and_to_their_own_places(new_runner: Callable[[], Any]) -> None:
+    report = new_runner().report(
+        'both', '--duration', '2', play='0.1 2 TAB\n0.2 i*30\n1.5 BACKSPACE'
+    )
+    robots = report['robots']
+    for name, y in (('go2', 0.6), ('mbot', -0.6)):
+        np.testing.assert_allclose(position(robots[name], 1.6)[:2], (0.0, y), atol=0.02)
+    assert position(robots['mbot'], 1.4)[0] > 0.1
+
+
+def test_a_fallen_go2_names_the_reset_key_and_stands_again_after_it(
+    new_runner: Callable[[], Any],
+) -> None:
+    runner = new_runner()
+    play = '0.1 2\n2.6 4\n4.5 w 2\n5 BACKSPACE\n5.2 2'
+    push = ('--push', '3 0 900 0 0.2', '--duration', '8')
+    report = runner.report('go2', *push, play=play)
+    assert report['falls'] == 1
+    assert runner.said.count('press BACKSPACE to reset (the robot has fallen)') >= 1
+    assert report['samples']['state'][-1] == 'fixed stand'
+    assert position(report, 7.9)[2] > 0.25
