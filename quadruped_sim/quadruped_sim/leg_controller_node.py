@@ -12,6 +12,7 @@ from mujoco_sim.world import JointCommand
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.absence import AbsenceWatch
 from robot_description.conversions import to_seconds
 from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
@@ -46,7 +47,7 @@ from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.warm_up import warm_up
 
-# Longest step believed between two readings [s].
+# Longest step of gait and estimate between two readings [s]; a request is as old as it is.
 MAXIMUM_STEP = 0.02
 
 
@@ -100,7 +101,11 @@ class LegControllerNode(Node):
         root = parse_urdf(urdf).base
         self._frames = Frames(self.settings.odom_frame, self.settings.base_frame or root)
         self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
-        self.cmd_vel = Inlet(self, Twist, 'cmd_vel', self._on_twist)
+        self._is_alone = not lock_step
+        self._absence = AbsenceWatch(self, self._on_return)
+        self.cmd_vel = Inlet(
+            self, Twist, 'cmd_vel', self._on_twist, is_stale=self._absence.is_stale
+        )
         self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
         self._state = self.create_publisher(String, 'state', LATCHED)
         self._published_state = ''
@@ -118,6 +123,7 @@ class LegControllerNode(Node):
         truth: BaseState | None = None,
     ) -> JointCommand:
         """Return the motors' command for a reading `dt` [s] after the one before."""
+        self._absence.beat()
         if (joint_names, motor_names) != self._names:
             self._names = joint_names, motor_names
             self._joints = JointMap(self.quadruped, joint_names, motor_names)
@@ -174,6 +180,13 @@ class LegControllerNode(Node):
             self._say(refusal)
         self._refused = refusal
 
+    def _on_return(self, gap: float) -> None:
+        """Begin without a velocity after this process stood still: nobody knows who wants it."""
+        # In lock-step robot and process stood still together: its time has not gone on.
+        if self._is_alone:
+            self.controller.command_filter.forget_request()
+            self.get_logger().warning(f'stood still for {gap:.1f} s: waiting for a new cmd_vel')
+
     def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.controller.e_stop()
         response.success = True
@@ -214,6 +227,7 @@ class LegControllerNode(Node):
         names, motors = tuple(message.name), self.quadruped.joint_names
         self.notice.step(now - previous)
         dt = min(now - previous, MAXIMUM_STEP)
+        self.controller.command_filter.pass_time(now - previous - dt)
         reading = from_messages(message, self._imu)
         command = self.control(reading, names, motors, dt, self._truth)
         self._commands.publish(to_joint_commands(motors, command, stamp))
