@@ -24,7 +24,6 @@ from mbot_accuracy import simulate
 from mbot_accuracy import SQUARE
 from mbot_picture import draw_square
 import quadrupeds
-import soak
 from table import describe_machine
 from table import format_table
 from table import Row
@@ -37,7 +36,6 @@ PARTS = {
     'teleop': teleop.measure,
     'describe': describe.measure,
     'quadrupeds': quadrupeds.measure,
-    'soak': soak.measure,
 }
 
 

@@ -9,6 +9,7 @@ import mujoco
 import mujoco.viewer
 
 from mujoco_sim.errors import SimulationError
+from mujoco_sim.page_keys import LOST
 from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import World
 
@@ -41,6 +42,7 @@ class NativeView:
             show_left_ui=False,
             show_right_ui=False,
         )
+        self._is_open = True
         with self._window.lock():
             view = self._window.cam
             view.type = mujoco.mjtCamera.mjCAMERA_TRACKING
@@ -55,11 +57,12 @@ class NativeView:
             self._window.sync()
 
     def pressed_keys(self) -> list[str]:
-        """Return the keys pressed in the window since the last call."""
+        """Return the keys pressed in the window since the last call; LOST when it was closed."""
         pressed = []
         while not self._keys.empty():
             pressed.append(self._keys.get())
-        return pressed
+        was_open, self._is_open = self._is_open, self._window.is_running()
+        return [*pressed, LOST] if was_open and not self._is_open else pressed
 
     def follow(self, world: World) -> None:
         """Look at another robot in the same model."""

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The browser viewer: MuJoCo Studio's page, for this machine only, with keys to drive."""
 
-from collections.abc import Callable, Sequence
 import logging
-import queue
 import threading
-import time
 from typing import Any, NamedTuple
 
 import mujoco
@@ -18,31 +15,17 @@ from mujoco.studio import web_viewer
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from mujoco_sim.errors import SimulationError
+from mujoco_sim.paced_ui import PacedUi
+from mujoco_sim.page_input import PageInput
+from mujoco_sim.page_panels import draw_help
+from mujoco_sim.page_panels import draw_lines
+from mujoco_sim.page_panels import Panel
+from mujoco_sim.page_panels import Panels
+from mujoco_sim.page_server import HOST
+from mujoco_sim.page_server import use_page_server
 from mujoco_sim.world import World
 
-HOST = '127.0.0.1'
 START_TIMEOUT = 10.0
-REPEAT_PERIOD = 1.0 / 30.0
-# Named keys of the page; letters and digits are added below.
-_KEYS = {
-    imgui.Key.UpArrow: 'UP',
-    imgui.Key.DownArrow: 'DOWN',
-    imgui.Key.LeftArrow: 'LEFT',
-    imgui.Key.RightArrow: 'RIGHT',
-    imgui.Key.Escape: 'ESC',
-    imgui.Key.Space: ' ',
-    imgui.Key.Comma: ',',
-    imgui.Key.Period: '.',
-}
-_KEYS |= {getattr(imgui.Key, letter): letter.lower() for letter in 'ABCDEFGHIJKLMNOPQRSTUVWXYZ'}
-_KEYS |= {getattr(imgui.Key, f'N{digit}'): str(digit) for digit in range(10)}
-
-
-_OVERLAY = (
-    imgui.WindowFlags.NoDecoration.value
-    | imgui.WindowFlags.AlwaysAutoResize.value
-    | imgui.WindowFlags.NoInputs.value
-)
 
 
 class CameraView(NamedTuple):
@@ -53,18 +36,26 @@ class CameraView(NamedTuple):
     elevation: float
 
 
-class Panel(NamedTuple):
-    """Text on the page: `status` is asked for every frame, `help` unfolds on a click."""
-
-    status: Callable[[], Sequence[str]]
-    help: Sequence[str]
-
-
 class _LocalWebViewer(web_viewer.WebViewer):
     """Studio's viewer, which would listen on all interfaces, made to listen on one."""
 
     # The base class sets '::' before it binds; a constant in its place keeps the page private.
     _host = property(lambda self: HOST, lambda self, _: None)
+
+    def __init__(
+        self,
+        config: viewer_protocol.ViewerConfig,
+        endpoint: endpoints.ViewerEndpoint,
+        page: '_Page',
+    ) -> None:
+        use_page_server(page.input)
+        super().__init__(config, endpoint, plugins=[page])
+        self._headless_ui = PacedUi(self._headless_ui, page.input)
+
+    @property
+    def is_drawing(self) -> bool:
+        """Whether panels are drawn in this frame; the scene is sent in any."""
+        return isinstance(self._headless_ui, PacedUi) and self._headless_ui.is_drawing
 
     @messages.handler(priority=messages.Priority.INTERNAL)
     def _on_post_model(self, event: messages.PostModelEvent) -> None:
@@ -73,16 +64,17 @@ class _LocalWebViewer(web_viewer.WebViewer):
 
 
 class _Page(plugin.ViewerPlugin):
-    """What the page adds to the scene: the camera, a panel of text, keys."""
+    """What the page adds to the scene: the camera, panels of text, keys."""
 
     def __init__(self, camera: CameraView, body: int, panel: Panel) -> None:
         self.started = threading.Event()
-        self.keys: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self.input = PageInput()
         self.port = 0
-        self._due: dict[str, float] = {}
         self._camera = camera
         self.body = body
         self._panel = panel
+        self._lines_above = 0
+        self._panels = Panels({'status': self._draw_status, 'keys': self._draw_help})
 
     @messages.handler
     def on_init(self, event: plugin.ViewerInitEvent) -> None:
@@ -102,45 +94,29 @@ class _Page(plugin.ViewerPlugin):
 
     @messages.handler
     def on_gui(self, event: messages.BuildGuiEvent) -> None:
-        """Draw the panel and collect the keys pressed on the page."""
+        """Draw the panels; keys belong to a field of text while there is one."""
         self.viewer.camera.trackbodyid = self.body
-        self._draw_status()
-        self._draw_help()
-        shift = imgui.IsKeyDown(imgui.Key.LeftShift) or imgui.IsKeyDown(imgui.Key.RightShift)
-        now = time.monotonic()
-        for key, name in _KEYS.items():
-            if not imgui.IsKeyDown(key):
-                self._due.pop(name, None)
-            elif now >= self._due.get(name, now):
-                # A key that is down repeats from the start, as a keyboard's does after a while.
-                self._due[name] = now + REPEAT_PERIOD
-                self.keys.put(name.upper() if shift else name)
+        if self.viewer.is_drawing:
+            self._panels.draw()
+            self.input.set_typing(imgui.GetIO().WantCaptureKeyboard)
 
     def _draw_status(self) -> None:
-        imgui.SetNextWindowPos(imgui.Vec2(12.0, 12.0), imgui.Cond.Always)
-        imgui.SetNextWindowBgAlpha(0.6)
-        imgui.Begin('status', flags=_OVERLAY)
-        for line in self._panel.status():
-            imgui.Text(line)
-        imgui.End()
+        lines = list(self._panel.status())
+        if self.input.is_slow:
+            lines.append('page slow')
+        self._lines_above = len(lines)
+        draw_lines('status', lines)
 
     def _draw_help(self) -> None:
-        """Keep the keys folded until the user wants them: the robot is to be seen."""
-        below = 30.0 + imgui.GetTextLineHeightWithSpacing() * (len(self._panel.status()) + 0.5)
-        imgui.SetNextWindowPos(imgui.Vec2(12.0, below), imgui.Cond.FirstUseEver)
-        imgui.SetNextWindowCollapsed(True, imgui.Cond.FirstUseEver)
-        imgui.SetNextWindowBgAlpha(0.8)
-        imgui.Begin('keys (double-click)', flags=imgui.WindowFlags.AlwaysAutoResize)
-        for line in self._panel.help:
-            imgui.Text(line)
-        imgui.End()
+        draw_help(self._panel.help, self._lines_above)
 
 
 class WebView:
     """
     A running page for one world.
 
-    `sync` sends the state of now, `pressed_keys` brings what was pressed on the page.
+    `sync` sends the state of now, `pressed_keys` brings what was pressed on the page, with
+    LOST where who pressed it went.
     """
 
     def __init__(
@@ -162,7 +138,7 @@ class WebView:
         web_viewer._print_url_banner = lambda host, port: None  # we say where it is ourselves
 
         def serve(endpoint: endpoints.ViewerEndpoint) -> None:
-            viewer = _LocalWebViewer(config, endpoint, plugins=[self._page])
+            viewer = _LocalWebViewer(config, endpoint, self._page)
             viewer_protocol.run_viewer_loop(viewer)
 
         self._handle: Any = launch_thread.launch_thread(serve)
@@ -185,11 +161,8 @@ class WebView:
             self._handle.sync(self._handle.model, self._world.data)
 
     def pressed_keys(self) -> list[str]:
-        """Return the keys pressed on the page since the last call."""
-        pressed = []
-        while not self._page.keys.empty():
-            pressed.append(self._page.keys.get())
-        return pressed
+        """Return presses, HELD, RELEASE and LOST of the page since the last call."""
+        return self._page.input.take_keys()
 
     def follow(self, world: World) -> None:
         """Look at another robot in the same model."""

@@ -14,10 +14,12 @@ import difflib
 import signal
 
 MODIFIERS = ('CTRL', 'ALT', 'SHIFT')
+# No keyboard sends it: a program does, when whoever drove is gone. It stops with every keymap.
+STOP_KEY = 'STOP'
 FUNCTION_KEYS = tuple(f'F{number}' for number in range(1, 13))
 NAMED_KEYS = frozenset(
     ('UP', 'DOWN', 'LEFT', 'RIGHT', 'HOME', 'END', 'PGUP', 'PGDN', 'INSERT', 'DELETE')
-    + ('ESC', 'ENTER', 'TAB', 'BACKSPACE')
+    + ('ESC', 'ENTER', 'TAB', 'BACKSPACE', STOP_KEY)
     + FUNCTION_KEYS
 )
 

@@ -9,10 +9,9 @@ a key that is held, N presses at a keyboard's repeat rate. `#` starts a comment.
 import math
 import re
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple, Self, TextIO
 
 from robot_description.errors import UserError
-from robot_description.output_file import OutputFile
 
 from teleop_keyboard.key_names import canonical_key
 
@@ -99,16 +98,19 @@ class KeyScriptWriter:
     Context that writes keys to a file as a script; each line is on disk when `write` returns.
 
     Raises:
-        OutputError: the file cannot be written; so do `write` and `close`.
+        KeyScriptError: the file cannot be written.
     """
 
-    def __init__(self, file: OutputFile) -> None:
-        self._file = file
-        file.begin()
+    def __init__(self, path: str) -> None:
+        try:
+            self._file: TextIO = open(path, 'w', encoding='utf-8')  # noqa: SIM115
+        except OSError as error:
+            raise KeyScriptError(f'{path}: cannot write: {error.strerror}') from None
 
     def write(self, time: float, key: str) -> None:
         """Write that a key came at `time` [s]; digits are kept so that a replay is exact."""
-        self._file.append(f'{time!r} {script_word(key)}\n'.encode())
+        self._file.write(f'{time!r} {script_word(key)}\n')
+        self._file.flush()
 
     def __enter__(self) -> Self:
         """Return the writer."""

@@ -7,9 +7,11 @@ from robot_description.parameters import InvalidParameter
 
 from teleop_keyboard.key_names import HELD
 from teleop_keyboard.key_names import split_event
+from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import Limits
 from teleop_keyboard.motion import Motion
+from teleop_keyboard.motion import NOWHERE
 from teleop_keyboard.ramp import Pace
 from teleop_keyboard.ramp import ramped_twist
 from teleop_keyboard.ramp import STANDSTILL
@@ -18,9 +20,6 @@ from teleop_keyboard.teleop_parameters import AS_PRESET
 from teleop_keyboard.teleop_parameters import SPEED_NAMES
 from teleop_keyboard.teleop_parameters import TeleopParameters
 from teleop_keyboard.teleop_parameters import TURN_NAMES
-
-# A longer pause than this was no driving time: the process slept, or the clock jumped [s].
-LONGEST_STEP = 0.2
 
 
 class KeysToTwist:
@@ -143,10 +142,10 @@ class KeysToTwist:
             (self._motion.keep_down if event == HELD else self._motion.release)(key)
             return
         keymap = self._keymap
-        if keymap.first_character_only:
+        if keymap.first_character_only and key != STOP_KEY:
             key = key[0]
         self._last_key = key
-        if key in keymap.stop_keys:
+        if key == STOP_KEY or key in keymap.stop_keys:
             self.stop()
         elif key in keymap.motion:
             self._motion.press(key)
@@ -156,6 +155,16 @@ class KeysToTwist:
             self._turn = keymap.turn_limits.clamp(self._turn * factor.angular)
         elif keymap.other_keys == 'stop':
             self._motion.forget()
+
+    def stops(self, key: str) -> bool:
+        """Whether a press of this key ends every motion, at once or on the ramp."""
+        if self._motion.mode != 'hold' and self._keymap.motion.get(key) == NOWHERE:
+            return True
+        return key == STOP_KEY or key in self._keymap.stop_keys
+
+    def latches(self, key: str) -> bool:
+        """Whether what a press of this key sets moving goes on when the key is let go."""
+        return key in self._keymap.motion and self._motion.mode != 'hold'
 
     def release_all(self) -> None:
         """Stop on the ramp: no key counts any more."""
@@ -182,12 +191,10 @@ class KeysToTwist:
         """
         Let `dt` [s] pass and return the command to publish at its end, None if there is none.
 
-        A `dt` that is not a positive number lets no time pass. After a gap keys are as old as they
-        are; the ramp alone goes on for no more than LONGEST_STEP.
+        A `dt` that is not a positive number lets no time pass.
         """
         dt = dt if math.isfinite(dt) and dt > 0.0 else 0.0
         self._motion.step(dt)
-        dt = min(dt, LONGEST_STEP)
         self._velocity = ramped_twist(self._velocity, self.target, self._pace, dt)
         return self._velocity if self._is_due(dt) else None
 

@@ -2,14 +2,12 @@
 """`--record`: every topic of a run into one MCAP file, on simulated time."""
 
 from collections.abc import Callable, Mapping
-import math
 from pathlib import Path
 import time
 from typing import Any
 
 from rclpy.duration import Infinite
 from rclpy.qos import QoSProfile
-from robot_description.output_file import OutputFile
 from std_msgs.msg import String
 import yaml
 
@@ -33,9 +31,9 @@ class BagRecorder:
     write raises RecordingError where the message was published; from then on nothing is recorded.
     """
 
-    def __init__(self, path: Path | OutputFile, run: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, run: Mapping[str, str]) -> None:
         """
-        Begin a recording; `run` says what was asked for. The file is replaced by the first save.
+        Begin a recording; `run` says what was asked for.
 
         Raises:
             RecordingError: the file cannot be written.
@@ -43,7 +41,7 @@ class BagRecorder:
         self.now: Callable[[], int] = lambda: 0
         self._writer: BagWriter | None = BagWriter(path, run)
         self._channels: dict[tuple[str, str], int] = {}
-        self._saved_at = -math.inf
+        self._saved_at = time.monotonic()
         self._tap = PublisherTap(self._write)
 
     def event(self, what: str) -> None:
@@ -74,13 +72,6 @@ class BagRecorder:
         writer, self._writer = self._writer, None
         if writer is not None:
             writer.close()
-
-    def discard(self) -> None:
-        """End without having recorded: there was no run. What was never saved is not."""
-        self._tap.remove()
-        writer, self._writer = self._writer, None
-        if writer is not None:
-            writer.abandon()
 
     def _write(self, topic: str, kind: str, profile: QoSProfile, data: bytes) -> None:
         writer = self._writer

@@ -17,6 +17,8 @@ from quadruped_sim.rotations import matrix_from_quaternion
 from quadruped_sim.rotations import rpy_from_matrix
 from quadruped_sim.state_machine import STATE_KEYS
 from quadruped_sim.state_machine import StateName
+from quadruped_sim.sticks import STICK_KEYS
+from quadruped_sim.sticks import ZERO_KEYS
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -25,6 +27,7 @@ from std_msgs.msg import String
 from teleop_keyboard.key_hints import driving_keys
 from teleop_keyboard.key_hints import is_press
 from teleop_keyboard.key_hints import KeyHints
+from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.layouts import on_layout
 from teleop_keyboard.layouts import on_qwerty
@@ -112,7 +115,8 @@ class Go2Stack:
 
     def press(self, message: String) -> None:
         """Take a key; the leg controller knows those of qwerty."""
-        self._legs.keys.put(String(data=on_qwerty(message.data, self._layout)))
+        key = ZERO_KEYS[0] if message.data == STOP_KEY else on_qwerty(message.data, self._layout)
+        self._legs.keys.put(String(data=key))
         if self._teleop is None or self._hints is None:
             return
         self._teleop.keys.put(message)
@@ -123,6 +127,23 @@ class Go2Stack:
     def takes(self, key: str) -> bool:
         """Return whether a key means something of its own to this robot."""
         return self._teleop is not None and key in self._teleop.logic.keymap.keys
+
+    @property
+    def stop_key(self) -> str:
+        """The key that ends every motion that keys have set going."""
+        return ZERO_KEYS[0] if self._teleop is None else STOP_KEY
+
+    def stops(self, key: str) -> bool:
+        """Whether a press of this key ends every motion that keys have set going."""
+        if self._teleop is None:
+            return key in ZERO_KEYS
+        return key == STOP_KEY or (key in ZERO_KEYS and self._teleop.logic.stops(key))
+
+    def latches(self, key: str) -> bool:
+        """Whether what a press of this key sets moving goes on when the key is let go."""
+        if on_qwerty(key, self._layout).lower() in STICK_KEYS:
+            return True
+        return self._teleop is not None and self._teleop.logic.latches(key)
 
     def drive(self, velocity: tuple[float, float, float]) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""

@@ -26,6 +26,7 @@ from std_msgs.msg import String
 from teleop_keyboard.key_hints import driving_keys
 from teleop_keyboard.key_hints import is_press
 from teleop_keyboard.key_hints import KeyHints
+from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.status_text import Status
 
@@ -48,6 +49,7 @@ class MbotStack:
 
     estimator = 'wheels'
     has_states = False
+    stop_key = STOP_KEY
     camera = CameraView(distance=1.6, azimuth=130.0, elevation=-25.0)
 
     def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
@@ -140,6 +142,14 @@ class MbotStack:
         if self._driver.settings.diagnostic_rate > 0.0:
             rate = self._driver.settings.diagnostic_rate
             schedule.at_rate('diagnostic_rate', rate, self._driver.publish_diagnostics)
+
+    def stops(self, key: str) -> bool:
+        """Whether a press of this key ends every motion that keys have set going."""
+        return self._teleop.logic.stops(key)
+
+    def latches(self, key: str) -> bool:
+        """Whether what a press of this key sets moving goes on when the key is let go."""
+        return self._teleop.logic.latches(key)
 
     def drive(self, velocity: tuple[float, float, float]) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""

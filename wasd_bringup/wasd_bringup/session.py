@@ -6,12 +6,12 @@ import sys
 import time
 from typing import Any, Protocol
 
+from mujoco_sim.page_keys import LOST
 from mujoco_sim.viewer import Panel
 from mujoco_sim.viewer import WebView
 from mujoco_sim.world import World
 from rclpy.node import Node
 from rclpy.time_source import TimeSource
-from robot_description.errors import attempt_all
 from robot_description.node_support import MessagePump
 from rosgraph_msgs.msg import Clock
 from teleop_keyboard.key_reader import KeyReader
@@ -24,9 +24,11 @@ from wasd_bringup.bag_recorder import BagRecorder
 from wasd_bringup.driven_robot import build_robots
 from wasd_bringup.driven_robot import DrivenRobot
 from wasd_bringup.key_switch import KeySwitch
+from wasd_bringup.key_switch import SWITCH_KEY
 from wasd_bringup.key_switch import SWITCH_LINE
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
+from wasd_bringup.page_drive import PageDrive
 from wasd_bringup.report import join_reports
 from wasd_bringup.report import write_report
 from wasd_bringup.run_keys import HELP_KEYS
@@ -51,7 +53,7 @@ class View(Protocol):
         """Show the state of now."""
 
     def pressed_keys(self) -> list[str]:
-        """Return the keys pressed in the viewer since the last call."""
+        """Return the keys pressed in the viewer since the last call; LOST where its user went."""
 
     def follow(self, world: World) -> None:
         """Look at another robot."""
@@ -97,6 +99,7 @@ class Session:
         self.robots = build_robots(options, visuals)
         self.simulation = self.robots[0].simulator.simulation
         self._switch = KeySwitch(len(self.robots))
+        self._page_drive = PageDrive([robot.stack for robot in self.robots])
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
         self._nodes = [node for robot in self.robots for node in robot.nodes]
         self._pump = MessagePump()
@@ -109,6 +112,7 @@ class Session:
         self._commands = Player(options.commands or ())
         self._schedule()
         self.simulation.on_reset += [robot.stack.reset for robot in self.robots]
+        self.simulation.on_reset.append(self._page_drive.reset)
         if recorder is not None:
             recorder.now = lambda: round(self.world.time * 1e9)
             self.simulation.on_reset.append(lambda: recorder.event('reset'))
@@ -194,36 +198,23 @@ class Session:
         return reports[0] if len(reports) == 1 else join_reports(reports)
 
     def close(self) -> None:
-        """
-        Stop the robots, write the report, release everything; what fails hinders nothing else.
-
-        Raises:
-            UserError: what could not be written, a line each.
-        """
-        attempt_all(
-            *(robot.stack.close for robot in self.robots),
-            self._status.close,
-            self._close_writer,
-            self._write_report,
-            self._release,
-        )
-
-    def _close_writer(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
-
-    def _write_report(self) -> None:
-        if self._options.report is not None:
-            write_report(self.report(), self._options.report)
-
-    def _release(self) -> None:
-        if self._view is not None:
-            self._view.close()
-        for robot in self.robots:
-            robot.close()
-        self._pump.shutdown(timeout_sec=0.0)
-        for node in self._nodes:
-            node.destroy_node()
+        """Stop the robots, write the report, release everything."""
+        try:
+            for robot in self.robots:
+                robot.stack.close()
+            self._status.close()
+            if self._writer is not None:
+                self._writer.close()
+            if self._options.report is not None:
+                write_report(self.report(), self._options.report)
+        finally:
+            if self._view is not None:
+                self._view.close()
+            for robot in self.robots:
+                robot.simulator.close()
+            self._pump.shutdown(timeout_sec=0.0)
+            for node in self._nodes:
+                node.destroy_node()
 
     def _schedule(self) -> None:
         """Fix the order of one instant: time, scripts, controllers, publishers, report."""
@@ -256,7 +247,7 @@ class Session:
             elif command.velocity is not None:
                 robot.stack.drive(command.velocity)
 
-    def _press(self, key: str) -> None:
+    def _press(self, key: str, from_view: bool = False) -> None:
         """Give a key to the robot that it is for."""
         if self._writer is not None:
             # At the instant that it is in force from: the one that comes next.
@@ -265,6 +256,7 @@ class Session:
             return
         receiver = self._switch.receiver(key)
         if receiver is not None:
+            self._page_drive.press(receiver, key, from_view)
             self.robots[receiver].keys.publish_key(key)
         elif self._view is not None:
             self._view.follow(self.world)
@@ -303,11 +295,27 @@ class Session:
             self._next_frame = now + FRAME_PERIOD
             self._view.sync()
             for key in self._view.pressed_keys():
-                self._press(key)
+                if key == LOST:
+                    self._stop_what_the_view_moved()
+                else:
+                    self._press(key, from_view=True)
         if self._bag is not None:
             self._bag.save_if_due()
         self._let_notices_age(now)
         self._status.show(lambda width: status_line(*self._state(), width), now)
+
+    def _stop_what_the_view_moved(self) -> None:
+        """Stop what moves by the keys of a viewer that is gone, by keys, as a driver would."""
+        driven = self._switch.active
+        for robot in self._page_drive.moved:
+            self._switch_to(robot)
+            self._press(self.stack.stop_key)
+            self._page_drive.forget(robot)
+        self._switch_to(driven)
+
+    def _switch_to(self, robot: int) -> None:
+        while self._switch.active != robot:
+            self._press(SWITCH_KEY)
 
     def _each_second(self) -> None:
         for robot in self.robots:

@@ -27,6 +27,7 @@ class Stack(Protocol):
     nodes: list[Node]
     ticks: TickStatistics
     notice: Notice  # what is said to the driver; the session lets its time pass
+    stop_key: str  # it ends every motion that keys have set going
 
     @property
     def period(self) -> float:
@@ -46,6 +47,12 @@ class Stack(Protocol):
 
     def press(self, message: String) -> None:
         """Take a key."""
+
+    def stops(self, key: str) -> bool:
+        """Whether a press of this key ends every motion that keys have set going."""
+
+    def latches(self, key: str) -> bool:
+        """Whether what a press of this key sets moving goes on when the key is let go."""
 
     def drive(self, velocity: tuple[float, float, float]) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The keys of the browser page: which there are, and when one that is down counts."""
+
+from collections import deque
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+
+# A key that is held repeats after so long [s] at so many presses a second, as keyboards do.
+REPEAT_DELAY = 0.45
+REPEAT_RATE = 30.0
+# What one report of a key that is down proves at most [s]: one that comes late, because either
+# side was busy, must not make repeats of a tap.
+LONGEST_PROOF = 0.1
+# How often it is told that a key is still down [s].
+HELD_PERIOD = 0.1
+# More events than these are of no use to anybody: nobody is reading.
+MOST_EVENTS = 1000
+
+# What a message tells besides a press, as teleop_keyboard names it.
+HELD, RELEASE = 'HELD', 'RELEASE'
+# Stands among the keys where whoever pressed them has gone or fallen silent.
+LOST = 'LOST'
+
+# Characters of the page's keys on a US keyboard, without and with Shift.
+_CHARACTERS = {
+    'Space': '  ',
+    'Apostrophe': '\'"',
+    'Comma': ',<',
+    'Minus': '-_',
+    'Period': '.>',
+    'Slash': '/?',
+    'Semicolon': ';:',
+    'Equal': '=+',
+    'LeftBracket': '[{',
+    'Backslash': '\\|',
+    'RightBracket': ']}',
+    'GraveAccent': '`~',
+    'KeypadDecimal': '..',
+    'KeypadDivide': '//',
+    'KeypadMultiply': '**',
+    'KeypadSubtract': '--',
+    'KeypadAdd': '++',
+    'KeypadEqual': '==',
+}
+_CHARACTERS |= {f'N{digit}': f'{digit}{shifted}' for digit, shifted in enumerate(')!@#$%^&*(')}
+_CHARACTERS |= {f'Keypad{digit}': 2 * str(digit) for digit in range(10)}
+_CHARACTERS |= {letter: letter.lower() + letter for letter in 'ABCDEFGHIJKLMNOPQRSTUVWXYZ'}
+_NAMES = {
+    'UpArrow': 'UP',
+    'DownArrow': 'DOWN',
+    'LeftArrow': 'LEFT',
+    'RightArrow': 'RIGHT',
+    'Home': 'HOME',
+    'End': 'END',
+    'PageUp': 'PGUP',
+    'PageDown': 'PGDN',
+    'Insert': 'INSERT',
+    'Delete': 'DELETE',
+    'Escape': 'ESC',
+    'Enter': 'ENTER',
+    'KeypadEnter': 'ENTER',
+    'Tab': 'TAB',
+    'Backspace': 'BACKSPACE',
+}
+_NAMES |= {f'F{number}': f'F{number}' for number in range(1, 13)}
+
+
+def _codes(*names: str) -> frozenset[int]:
+    return frozenset(int(getattr(imgui.Key, name).value) for name in names)
+
+
+# ImGui's number of a key -> its names without and with Shift.
+PAGE_KEYS = {
+    int(getattr(imgui.Key, key).value): (names[0], names[1]) for key, names in _CHARACTERS.items()
+} | {int(getattr(imgui.Key, key).value): (name, f'SHIFT+{name}') for key, name in _NAMES.items()}
+SHIFT = _codes('LeftShift', 'RightShift')
+# With one of these down a key is a shortcut of the browser or the desktop, and not for a robot.
+SHORTCUT = _codes('LeftCtrl', 'RightCtrl', 'LeftAlt', 'RightAlt', 'LeftSuper', 'RightSuper')
+
+
+@dataclass
+class _Down:
+    """A key that is down: what it was called when it went down, for how long it is proved [s]."""
+
+    name: str
+    age: float = 0.0
+    due: float = REPEAT_DELAY
+
+
+class PageKeys:
+    """
+    Makes presses, repeats and releases of what a page reports to be down.
+
+    One press comes per key that goes down, repeats as from a keyboard, `HELD+key` every
+    `HELD_PERIOD` while it is down, `RELEASE+key` at its end. A key that is down when `ignore_down`
+    is called, or at the first report after it, counts again only after it was seen up. Nothing
+    here looks at a clock.
+    """
+
+    def __init__(self) -> None:
+        self._down: dict[int, _Down] = {}
+        self._ghosts: set[int] = set()
+        self._is_fresh = True
+        self._since_held = 0.0
+        self._events: deque[str] = deque(maxlen=MOST_EVENTS)
+
+    def report(self, down: Collection[int], dt: float) -> None:
+        """Take which keys are down, by ImGui's numbers, `dt` [s] after the report before."""
+        self._ghosts &= set(down)
+        if self._is_fresh:
+            self._is_fresh = False
+            self._ghosts |= set(down)
+        for code in [code for code in self._down if code not in down]:
+            self._events.append(_with_event(RELEASE, self._down.pop(code).name))
+        for key in self._down.values():
+            self._repeat(key, min(max(dt, 0.0), LONGEST_PROOF))
+        is_shortcut = not SHORTCUT.isdisjoint(down)
+        is_shifted = not SHIFT.isdisjoint(down)
+        for code in sorted(down):
+            if code not in PAGE_KEYS or code in self._down or code in self._ghosts:
+                continue
+            if is_shortcut:
+                self._ghosts.add(code)
+            else:
+                name = PAGE_KEYS[code][is_shifted]
+                self._down[code] = _Down(name)
+                self._events += [name, _with_event(HELD, name)]
+
+    def step(self, dt: float) -> None:
+        """Let `dt` [s] pass in which the page counts as alive."""
+        self._since_held += max(dt, 0.0)
+        if self._since_held >= HELD_PERIOD:
+            self._since_held = 0.0
+            self._events += [_with_event(HELD, key.name) for key in self._down.values()]
+
+    def ignore_down(self) -> None:
+        """Release all keys, and let none that is down count until it was seen up."""
+        self._events += [_with_event(RELEASE, key.name) for key in self._down.values()]
+        self._ghosts |= set(self._down)
+        self._down.clear()
+        self._is_fresh = True
+
+    def lose(self) -> None:
+        """Note that nobody is there any more: LOST, and no key that is down counts."""
+        self._events.append(LOST)
+        self.ignore_down()
+
+    def take(self) -> list[str]:
+        """Return what came since the last call."""
+        events = list(self._events)
+        self._events.clear()
+        return events
+
+    def _repeat(self, key: _Down, proved: float) -> None:
+        key.age += proved
+        while key.age >= key.due:
+            key.due += 1.0 / REPEAT_RATE
+            self._events.append(key.name)
+
+
+def _with_event(event: str, name: str) -> str:
+    return f'{event}+{"SPACE" if name == " " else name}'

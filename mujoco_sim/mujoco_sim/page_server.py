@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Studio's web server, made one for this page on this machine and for nobody else."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+import functools
+import logging
+from typing import Any, cast
+
+from mujoco.studio.web import web_server
+from mujoco.studio.web.web_server import Headers
+from mujoco.studio.web.web_server import Request
+from mujoco.studio.web.web_server import Response
+from mujoco.studio.web.web_server import serve
+from mujoco.studio.web.web_server import ServerConnection
+
+from mujoco_sim.input_packets import InputPackets
+from mujoco_sim.input_packets import UnknownPacket
+from mujoco_sim.page_input import PageInput
+
+HOST = '127.0.0.1'
+NAMES = (HOST, 'localhost')
+# A client has so long for its request [s] ...
+HEADER_TIMEOUT = 5.0
+# ... and so long to take the answer, which is megabytes for some: a page over a slow tunnel [s].
+ANSWER_TIMEOUT = 300.0
+# A browser that answers no ping for so long is let go [s].
+PING_PERIOD, PING_TIMEOUT, CLOSE_TIMEOUT = 5.0, 10.0, 1.0
+# Somebody who waits for control gets it from a page that is silent for so long [s].
+SILENT_CONTROLLER = 5.0
+# No message of a page is longer: files to drop are refused, what is left is input and a clipboard.
+LONGEST_MESSAGE = 1 << 20
+
+_FORBIDDEN = b'This page is for the browser of this machine: see docs/both.md.\n'
+_LOG = logging.getLogger(__name__)
+
+Handler = Callable[[ServerConnection], Awaitable[None]]
+ProcessRequest = Callable[[ServerConnection, Request], Response | None]
+ProcessResponse = Callable[[ServerConnection, Request, Response], Response | None]
+
+
+def use_page_server(page_input: PageInput) -> None:
+    """Have the web server that Studio starts next serve this machine only, and tell its input."""
+    # The module's own names are all that Studio leaves to set.
+    web_server.serve = functools.partial(_serve, page_input)
+    web_server._CONTROLLER_SILENT_KICK_SEC = SILENT_CONTROLLER
+
+
+def is_own(request: Request, port: int) -> bool:
+    """
+    Whether a request is made by this page or by a program of this machine.
+
+    A page of somebody else names its origin; one whose name was made to lead here names its host.
+    """
+    hosts = request.headers.get_all('Host')
+    if len(hosts) != 1 or hosts[0].lower() not in {f'{name}:{port}' for name in NAMES}:
+        return False
+    origins = request.headers.get_all('Origin')
+    return not origins or [text.lower() for text in origins] == [f'http://{hosts[0].lower()}']
+
+
+class PageConnection(ServerConnection):
+    """
+    One connection of a browser: it is closed when no request comes.
+
+    The page's input is heard where Studio reads it: that is the controlling browser's only.
+    """
+
+    def __init__(self, page_input: PageInput, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._input = page_input
+        self._packets: InputPackets | None = InputPackets()
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Wait for a request, but not for ever."""
+        super().connection_made(transport)
+        self.loop.call_later(HEADER_TIMEOUT, self._give_up)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Tell that nothing more will come."""
+        self._input.lose(self)
+        super().connection_lost(exc)
+
+    async def recv(self, decode: bool | None = None) -> Any:
+        """Return the next message; hear what it says of the page."""
+        message = await super().recv(decode)
+        path = self.request.path.partition('?')[0] if self.request else ''
+        if path == '/ui' and isinstance(message, bytes):
+            self._hear(message)
+        elif path == '/state' and message == 'force_control' and self._input.is_alive:
+            # Nobody takes a robot from a driver who is there: they wait for their turn.
+            return 'request_control'
+        return message
+
+    def _give_up(self) -> None:
+        if self.request is None:
+            self.transport.abort()
+
+    def _hear(self, data: bytes) -> None:
+        if self._packets is None:
+            return
+        try:
+            for down in self._packets.feed(data):
+                self._input.hear(self, down)
+        except UnknownPacket as error:
+            self._packets = None
+            self._input.lose(self)
+            _LOG.error('the page cannot drive: its browser sent %s', error)
+
+
+def _serve(
+    page_input: PageInput,
+    handler: Handler,
+    *,
+    process_request: ProcessRequest,
+    process_response: ProcessResponse,
+    **options: Any,
+) -> Any:
+    """Serve as Studio asks for, for this page only."""
+    port: int = options['sock'].getsockname()[1]
+
+    def check(connection: ServerConnection, request: Request) -> Response | None:
+        if not is_own(request, port) or request.path.partition('?')[0] == '/drop':
+            length = str(len(_FORBIDDEN))
+            headers = Headers({'Content-Type': 'text/plain', 'Content-Length': length})
+            return Response(403, 'Forbidden', headers, _FORBIDDEN)
+        return process_request(connection, request)
+
+    def close_to_others(
+        connection: ServerConnection, request: Request, response: Response
+    ) -> Response | None:
+        if response.status_code == 101:
+            process_response(connection, request, response)
+        for name in ('Access-Control-Allow-Origin', 'Cross-Origin-Resource-Policy'):
+            if name in response.headers:
+                del response.headers[name]
+        response.headers['Cross-Origin-Resource-Policy'] = 'same-origin'
+        return None
+
+    return serve(
+        handler,
+        process_request=check,
+        process_response=close_to_others,
+        create_connection=cast(Any, functools.partial(PageConnection, page_input)),
+        **options
+        | {
+            'open_timeout': ANSWER_TIMEOUT,
+            'ping_interval': PING_PERIOD,
+            'ping_timeout': PING_TIMEOUT,
+            'close_timeout': CLOSE_TIMEOUT,
+            'max_size': LONGEST_MESSAGE,
+        },
+    )

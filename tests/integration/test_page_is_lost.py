@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot that is driven from the page stops when the page is gone, whatever became of it."""
+
+from collections.abc import Callable, Iterator
+import contextlib
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+from geometry_msgs.msg import Twist
+import page_puppet
+from page_puppet import PagePuppet
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+pytestmark = pytest.mark.slow
+
+# A robot stands so soon after its page is gone [s].
+STOP_TIME = 1.0
+WAYS = ('closed', 'killed', 'frozen', 'silent')
+
+
+class Robot:
+    """What is heard of a robot: the velocities it is commanded, each with its simulated time."""
+
+    def __init__(self, domain: int) -> None:
+        self.time = 0.0
+        self.commands: list[tuple[float, Twist]] = []
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context, domain_id=domain)
+        self._node = rclpy.create_node('listener', context=self._context)
+        self._node.create_subscription(Clock, 'clock', self._on_clock, 10)
+        self._node.create_subscription(Twist, 'cmd_vel', self._on_twist, 100)
+        self._keys = self._node.create_publisher(String, 'keys', 10)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._executor.spin)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Hear no more."""
+        self._executor.shutdown()
+        self._thread.join()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def wait(self, seconds: float) -> None:
+        """Wait for simulated time to pass."""
+        end = self.time + seconds
+        self.wait_until(lambda: self.time >= end, f'{seconds} s of simulated time')
+
+    def wait_until(self, condition: Callable[[], bool], what: str) -> None:
+        """Wait for a condition, long enough for a busy machine."""
+        deadline = time.monotonic() + 30.0
+        while not condition():
+            assert time.monotonic() < deadline, what
+            time.sleep(0.01)
+
+    def moves(self) -> bool:
+        """Whether the last command is not zero."""
+        return bool(self.commands) and not is_zero(self.commands[-1][1])
+
+    def last_moved(self) -> float:
+        """Return the simulated time of the last command that was not zero [s]."""
+        return max((at for at, twist in self.commands if not is_zero(twist)), default=0.0)
+
+    def press(self, key: str) -> None:
+        """Press a key as another program does."""
+        self.wait_until(self._keys.get_subscription_count, 'nobody listens to keys')
+        self._keys.publish(String(data=key))
+
+    def _on_clock(self, message: Clock) -> None:
+        self.time = message.clock.sec + 1e-9 * message.clock.nanosec
+
+    def _on_twist(self, message: Twist) -> None:
+        self.commands.append((self.time, message))
+
+
+def is_zero(twist: Twist) -> bool:
+    """Whether a command is to stand."""
+    return twist == Twist()
+
+
+@pytest.fixture
+def robot(environment: dict[str, str]) -> Iterator[Robot]:
+    """Return what is heard of the robot of the run."""
+    robot = Robot(int(environment['ROS_DOMAIN_ID']))
+    yield robot
+    robot.close()
+
+
+@pytest.fixture
+def client(environment: dict[str, str]) -> Iterator[Callable[..., Any]]:
+    """Return a function that starts a page in a process of its own, holding keys."""
+    started: list[subprocess.Popen[str]] = []
+
+    def start(url: str, *keys: str) -> 'subprocess.Popen[str]':
+        program = (sys.executable, '-W', 'ignore', str(Path(page_puppet.__file__)))
+        started.append(
+            subprocess.Popen([*program, url, '50', *keys], stdout=subprocess.PIPE, text=True)
+        )
+        assert started[-1].stdout is not None
+        assert started[-1].stdout.readline() == 'holding\n'
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()
+
+
+def lose(way: str, url: str, client: Callable[..., Any], robot: Robot) -> contextlib.ExitStack:
+    """Hold i on a page until the robot drives, then lose the page; return what is left of it."""
+    left = contextlib.ExitStack()
+    if way == 'silent':
+        page = left.enter_context(PagePuppet(url))
+        time.sleep(0.5)
+        page.keys = {page_puppet.code('I')}
+        robot.wait_until(robot.moves, 'driving')
+        page.is_silent = True
+        return left
+    process = client(url, 'I')
+    robot.wait_until(robot.moves, 'driving')
+    process.send_signal(
+        {'closed': signal.SIGINT, 'killed': signal.SIGKILL}.get(way, signal.SIGSTOP)
+    )
+    left.callback(process.kill)
+    return left
+
+
+def test_a_key_that_is_held_ends_with_its_page(
+    run_with_page: Callable[..., Any], robot: Robot, client: Callable[..., Any]
+) -> None:
+    run = run_with_page('mbot')
+    late = []
+    for way in WAYS * 5:
+        with lose(way, run.url, client, robot):
+            lost_at = robot.time
+            robot.wait(2.5)
+            late.append((way, round(robot.last_moved() - lost_at, 2)))
+        robot.wait(0.3)
+        # Opened again with no key down: nothing moves.
+        with PagePuppet(run.url):
+            robot.wait(0.5)
+        assert is_zero(robot.commands[-1][1])
+    assert [(way, after) for way, after in late if after > STOP_TIME] == []

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a browser sends is read however it is cut, and what it would not send is refused."""
+
+import random
+import struct
+
+from mujoco_sim.input_packets import InputPackets
+from mujoco_sim.input_packets import UnknownPacket
+from page_puppet import input_packet
+from page_puppet import VERSION_PACKET
+import pytest
+
+
+def test_keys_are_read_however_the_stream_is_cut():
+    chance = random.Random(1)
+    sets = [frozenset(chance.sample(range(512, 690), chance.randrange(5))) for _ in range(200)]
+    stream = VERSION_PACKET + b''.join(input_packet(set(keys)) for keys in sets)
+    packets, read = InputPackets(), []
+    while stream:
+        cut = chance.randrange(1, 900)
+        read += packets.feed(stream[:cut])
+        stream = stream[cut:]
+    assert read == sets
+
+
+@pytest.mark.parametrize('size', [0, 7, 2**20 + 1, 2**32 - 1])
+def test_a_packet_of_an_impossible_size_is_refused(size):
+    with pytest.raises(UnknownPacket, match=str(size)):
+        list(InputPackets().feed(struct.pack('<IB3x', size, 2)))
+
+
+@pytest.mark.parametrize('size', [8, 615, 617])
+def test_input_of_another_layout_is_refused(size):
+    with pytest.raises(UnknownPacket, match='616'):
+        list(InputPackets().feed(struct.pack('<IB3x', size, 2) + bytes(size - 8)))
+
+
+def test_random_bytes_are_read_or_refused():
+    chance = random.Random(2)
+    for _ in range(2000):
+        packets = InputPackets()
+        try:
+            for _ in range(5):
+                list(packets.feed(chance.randbytes(chance.randrange(2000))))
+        except UnknownPacket:
+            pass

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The gate of everything that a page commands: only of a browser that is known to be alive."""
+
+from mujoco_sim.page_input import PageInput
+from mujoco_sim.page_input import SILENCE
+from mujoco_sim.page_keys import LOST
+from page_puppet import code
+import pytest
+
+W = frozenset({code('W')})
+NONE: frozenset[int] = frozenset()
+
+
+class Clock:
+    """A clock that is set."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        """Return the time [s]."""
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    """Return the clock of the page."""
+    return Clock()
+
+
+@pytest.fixture
+def page(clock: Clock) -> PageInput:
+    """Return the input of a page that nobody has opened."""
+    return PageInput(clock)
+
+
+def draw(page: PageInput, clock: Clock, source: str, down: frozenset[int], seconds: float) -> None:
+    """Have a browser draw 50 pictures a second with keys down."""
+    for _ in range(round(seconds * 50)):
+        clock.now += 0.02
+        page.hear(source, down)
+
+
+def test_a_page_that_nobody_has_opened_is_not_alive(page):
+    assert not page.is_alive
+    assert page.take_keys() == []
+
+
+def test_life_ends_with_silence_and_keys_are_released(page, clock):
+    draw(page, clock, 'tab', NONE, 0.1)
+    draw(page, clock, 'tab', W, 0.1)
+    clock.now += SILENCE - 0.01
+    assert page.is_alive
+    page.take_keys()
+    clock.now += 0.02
+    assert not page.is_alive
+    assert page.take_keys() == [LOST, 'RELEASE+w']
+    clock.now += 10.0
+    assert page.take_keys() == []
+
+
+def test_life_that_ended_unseen_has_ended(page, clock):
+    draw(page, clock, 'tab', NONE, 0.1)
+    draw(page, clock, 'tab', W, 0.1)
+    page.take_keys()
+    clock.now += SILENCE + 0.01
+    draw(page, clock, 'tab', W, 2.0)  # nobody has asked in between
+    assert page.take_keys() == [LOST, 'RELEASE+w']
+    draw(page, clock, 'tab', NONE, 0.1)
+    draw(page, clock, 'tab', W, 0.02)
+    assert page.take_keys() == ['w', 'HELD+w']
+
+
+def test_life_ends_at_once_when_the_connection_ends(page, clock):
+    draw(page, clock, 'tab', NONE, 0.1)
+    draw(page, clock, 'tab', W, 0.1)
+    page.take_keys()
+    page.lose('tab')
+    assert not page.is_alive
+    assert page.take_keys() == [LOST, 'RELEASE+w']
+
+
+def test_a_spectator_that_leaves_ends_nothing(page, clock):
+    draw(page, clock, 'tab', NONE, 0.1)
+    page.lose('spectator')
+    assert page.is_alive
+    assert page.take_keys() == []
+
+
+def test_keys_of_a_browser_before_do_not_count_for_the_next(page, clock):
+    draw(page, clock, 'tab', NONE, 0.1)
+    draw(page, clock, 'tab', W, 0.1)
+    page.take_keys()
+    draw(page, clock, 'other tab', W, 0.1)
+    assert page.take_keys() == [LOST, 'RELEASE+w']
+
+
+def test_keys_are_for_a_field_of_text_while_there_is_one(page, clock):
+    draw(page, clock, 'tab', NONE, 0.1)
+    draw(page, clock, 'tab', W, 0.1)
+    page.take_keys()
+    page.set_typing(True)
+    draw(page, clock, 'tab', NONE, 0.1)
+    draw(page, clock, 'tab', W, 1.0)
+    page.set_typing(False)
+    draw(page, clock, 'tab', W, 1.0)
+    assert page.take_keys() == ['RELEASE+w']
+
+
+def test_a_picture_is_drawn_once_for_each_that_the_browser_has_drawn(page, clock):
+    assert not page.wait_for_picture(0.0)
+    draw(page, clock, 'tab', NONE, 0.1)
+    assert page.wait_for_picture(0.0)
+    assert not page.wait_for_picture(0.0)
+
+
+@pytest.mark.parametrize(('rate', 'is_slow'), [(4, True), (9, True), (12, False), (60, False)])
+def test_a_page_that_draws_fewer_than_ten_pictures_a_second_is_slow(page, clock, rate, is_slow):
+    for _ in range(3 * rate):
+        clock.now += 1.0 / rate
+        page.hear('tab', NONE)
+    assert page.is_slow == is_slow

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page's server is for this page: other people's pages, big files and slow clients are not."""
+
+from collections.abc import Iterator
+import contextlib
+import http.client
+from pathlib import Path
+import socket
+import time
+
+from mujoco_sim.loading import build_world
+from mujoco_sim.viewer import CameraView
+from mujoco_sim.viewer import Panel
+from mujoco_sim.viewer import WebView
+from page_puppet import PagePuppet
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection
+from websockets.sync.client import connect
+
+from mujoco_sim import page_server
+
+PATHS = ('/', '/ui', '/state', '/drop', '/model', '/web_client.js', '/nothing')
+SOCKETS = ('/ui', '/state', '/drop')
+CAMERA = CameraView(distance=1.0, azimuth=90.0, elevation=-20.0)
+
+
+class Status:
+    """The words of the page's panel, which can be made to fail."""
+
+    fails = False
+
+    def __call__(self) -> list[str]:
+        """Return them."""
+        if self.fails:
+            raise ZeroDivisionError('of the test')
+        return ['status']
+
+
+STATUS = Status()
+
+
+@pytest.fixture(scope='session')
+def view(loaded) -> Iterator[WebView]:
+    """Return a page of mbot; Studio has one for a process."""
+    view = WebView(build_world(loaded), CAMERA, Panel(STATUS, ['help']))
+    view.sync()
+    yield view
+    view.close()
+
+
+@pytest.fixture
+def port(view: WebView) -> int:
+    """Return its port."""
+    return int(view.url.rsplit(':', 1)[1].strip('/'))
+
+
+def get(port: int, path: str, **headers: str) -> http.client.HTTPResponse:
+    """Ask for a path with headers, of which Host may be one."""
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=20.0)
+    connection.putrequest('GET', path, skip_host='Host' in headers)
+    for name, value in headers.items():
+        connection.putheader(name, value)
+    connection.endheaders()
+    answer = connection.getresponse()
+    answer.read()
+    return answer
+
+
+def upgrade(port: int, path: str, **headers: str) -> http.client.HTTPResponse:
+    """Ask for a path as a WebSocket does."""
+    words = {'Connection': 'Upgrade', 'Upgrade': 'websocket', 'Sec-WebSocket-Version': '13'}
+    return get(port, path, **words, **{'Sec-WebSocket-Key': 'dGhlIHNhbXBsZSBub25jZQ=='}, **headers)
+
+
+def roles(state: ClientConnection, seconds: float) -> list[str]:
+    """Return the roles that the server tells a browser of, for some seconds."""
+    found, deadline = [], time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        with contextlib.suppress(TimeoutError):
+            message = state.recv(timeout=0.1)
+            if isinstance(message, str):
+                found += [word[5:] for word in message.split(';') if word.startswith('role=')]
+    return found
+
+
+def resident(pid: str = 'self') -> int:
+    """Return a process's resident memory [bytes]."""
+    return int(Path(f'/proc/{pid}/statm').read_text().split()[1]) * 4096
+
+
+@pytest.mark.parametrize('path', PATHS)
+@pytest.mark.parametrize('origin', ['http://evil.example.com', 'null', 'http://127.0.0.1:1', ''])
+def test_a_page_of_somebody_else_gets_nothing(port, path, origin):
+    assert get(port, path, Origin=origin).status == 403
+    assert upgrade(port, path, Origin=origin).status == 403
+
+
+@pytest.mark.parametrize('path', PATHS)
+@pytest.mark.parametrize('host', ['evil.example.com', 'evil.example.com:{port}', '127.0.0.1', ''])
+def test_a_name_that_was_made_to_lead_here_gets_nothing(port, path, host):
+    assert get(port, path, Host=host.format(port=port)).status == 403
+    assert upgrade(port, path, Host=host.format(port=port)).status == 403
+
+
+@pytest.mark.parametrize('name', ['127.0.0.1', 'localhost'])
+def test_the_page_itself_gets_everything(port, name):
+    own = {'Host': f'{name}:{port}', 'Origin': f'http://{name}:{port}'}
+    assert [get(port, path, **own).status for path in ('/', '/model', '/web_client.js')] == 3 * [
+        200
+    ]
+    assert get(port, '/', Host=own['Host']).status == 200
+    assert [upgrade(port, path, **own).status for path in SOCKETS] == [101, 101, 403]
+
+
+@pytest.mark.parametrize('path', ['/', '/model', '/web_client.js', '/model?total_bytes'])
+def test_no_other_page_may_read_an_answer(port, path):
+    assert get(port, path).headers['Access-Control-Allow-Origin'] is None
+    assert upgrade(port, '/ui').headers['Access-Control-Allow-Origin'] is None
+
+
+def test_a_file_that_is_dropped_is_refused_and_not_kept(view, port):
+    with PagePuppet(view.url) as page:
+        time.sleep(0.5)
+        before = resident()
+        with pytest.raises(InvalidStatus):
+            connect(f'ws://127.0.0.1:{port}/drop?sid=puppet', max_size=None)
+        for path in ('/ui', '/state'):
+            with (
+                contextlib.suppress(ConnectionClosed, OSError),
+                connect(f'ws://127.0.0.1:{port}{path}?sid=x', max_size=None) as other,
+            ):
+                data = bytes(1_000_000)
+                for _ in range(40):
+                    other.send(data)
+        assert resident() - before < 5_000_000
+        assert page.frames > 0
+
+
+def test_a_client_that_does_not_finish_its_request_is_let_go(port, monkeypatch):
+    monkeypatch.setattr(page_server, 'HEADER_TIMEOUT', 0.3)
+    for start in (b'', b'GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: '):
+        with socket.create_connection(('127.0.0.1', port), timeout=5.0) as client:
+            client.sendall(start)
+            with contextlib.suppress(ConnectionResetError):
+                assert client.recv(1) == b''
+
+
+def test_nobody_takes_the_robot_from_a_driver_who_is_there(view, port):
+    with PagePuppet(view.url) as page:
+        time.sleep(0.5)
+        with connect(f'ws://127.0.0.1:{port}/state?sid=foreign') as state:
+            state.send('force_control')
+            assert 'controller' not in roles(state, 1.5)
+        before = page.frames
+        page.tap('I')
+        assert page.frames > before
+        assert 'i' in view.pressed_keys()
+
+
+def test_a_page_that_has_fallen_silent_keeps_nobody_out(view, port):
+    with PagePuppet(view.url, session='orphan') as orphan:
+        time.sleep(0.5)
+        orphan.is_silent = True
+        time.sleep(1.0)
+        with connect(f'ws://127.0.0.1:{port}/state?sid=puppet') as state:
+            state.send('force_control')
+            time.sleep(1.0)
+            with PagePuppet(view.url) as page:
+                time.sleep(0.5)
+                page.tap('I')
+                assert 'controller' in roles(state, 0.5)
+    assert 'i' in view.pressed_keys()
+
+
+@pytest.mark.parametrize('rate', [4.0, 20.0])
+def test_a_browser_is_sent_no_more_panels_than_it_draws(view, rate):
+    with PagePuppet(view.url, rate) as page:
+        time.sleep(1.0)
+        frames, pictures = page.frames, page.pictures
+        time.sleep(3.0)
+        assert 0 < page.frames - frames <= page.pictures - pictures + 2
+
+
+def test_a_silent_browser_is_sent_no_panels(view):
+    with PagePuppet(view.url) as page:
+        time.sleep(0.5)
+        page.is_silent = True
+        time.sleep(0.2)
+        frames = page.frames
+        time.sleep(2.0)
+        assert page.frames == frames > 0
+
+
+def test_input_that_is_none_of_studios_drives_nothing_and_is_told(view, port, caplog):
+    with PagePuppet(view.url) as page:
+        time.sleep(0.3)
+        page.socket.send(b'\x00' * 64)
+        page.hold('I', seconds=0.3)
+        assert 'i' not in view.pressed_keys()
+    assert 'the page cannot drive' in caplog.text
+
+
+def test_a_panel_that_fails_costs_nothing_but_itself(view, caplog, monkeypatch):
+    monkeypatch.setattr(STATUS, 'fails', True)
+    with PagePuppet(view.url) as page:
+        time.sleep(1.0)
+        frames = page.frames
+        page.tap('I')
+        view.sync()
+        assert page.frames > frames
+        assert 'i' in view.pressed_keys()
+    assert caplog.text.count('panel status failed') == 1

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+A browser of a page without a browser: sends what Studio's own page would, and counts answers.
+
+As a program, `python page_puppet.py URL PICTURES_PER_SECOND KEY...`, it holds keys until it dies.
+"""
+
+import contextlib
+import struct
+import sys
+import threading
+import time
+from typing import Any, Self
+
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection
+from websockets.sync.client import connect
+
+# The versions in the first packet, of NetImgui 18: the layouts below are this one's.
+VERSIONS_AT = 72
+VERSIONS = struct.pack('<16s16sIIII', b'1.92.9b', b'1.13.0', 18, 0x4B5B, 0x2C24, 2)
+VERSION_PACKET = struct.pack('<IB3x', 120, 0) + b'puppet'.ljust(64, b'\0') + VERSIONS
+INPUT_TYPE, DRAW_TYPE = 2, 3
+SIZE = (900, 600)
+# Where the scene is, and no panel [pixels].
+SCENE = (600, 400)
+
+
+def code(key: str) -> int:
+    """Return ImGui's number of a key by its name in ImGui, 'W' or 'LeftShift'."""
+    return int(getattr(imgui.Key, key).value)
+
+
+def input_packet(keys: set[int], mouse: tuple[int, int] = SCENE, buttons: int = 0) -> bytes:
+    """Return what a page sends with each picture."""
+    packet = bytearray(616)
+    struct.pack_into('<IB', packet, 0, len(packet), INPUT_TYPE)
+    struct.pack_into('<HHhh', packet, 8, *SIZE, *mouse)
+    struct.pack_into('<HBBfff', packet, 536, 0, 1, 0, 1.0, 60.0, 0.0)
+    words = [0, 0, 0]
+    for key in keys:
+        words[(key - 512) // 64] |= 1 << (key - 512) % 64
+    struct.pack_into('<Q3Q', packet, 552, buttons, *words)
+    return bytes(packet)
+
+
+class PagePuppet:
+    """
+    Context of a controlling page that draws `rate` pictures a second.
+
+    `keys` are down (ImGui's numbers), `mouse` and `buttons` are where the pointer is; `frames` are
+    the frames of panels that came.
+
+    Raises:
+        AssertionError: the server speaks another version than this was made for.
+    """
+
+    def __init__(self, url: str, rate: float = 50.0, session: str = 'puppet') -> None:
+        self.keys: set[int] = set()
+        self.mouse, self.buttons = SCENE, 0
+        self.frames = self.pictures = 0
+        self.is_silent = False
+        self.rate = rate
+        self._url = f'{url.replace("http", "ws", 1)}ui?sid={session}'
+        self._origin = url.rstrip('/')
+        self._stop = threading.Event()
+        self._stack = contextlib.ExitStack()
+        self._rest = b''
+
+    def __enter__(self) -> Self:
+        """Connect, and draw from now on."""
+        opened = connect(
+            self._url, origin=self._origin, compression=None, max_size=None, ping_interval=None
+        )
+        self.socket: ClientConnection = self._stack.enter_context(opened)
+        self.socket.send(VERSION_PACKET)
+        answer = bytes(self._read(120))
+        spoken = answer[VERSIONS_AT:]
+        assert spoken == VERSIONS, f'NetImgui speaks {spoken!r}, this puppet {VERSIONS!r}'
+        self._threads = [threading.Thread(target=run) for run in (self._draw, self._count)]
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        """Close the page."""
+        self._stop.set()
+        self._stack.close()
+        for thread in self._threads:
+            thread.join()
+
+    def hold(self, *keys: str, seconds: float) -> None:
+        """Hold keys by their names in ImGui for some seconds, and let them go."""
+        self.keys = {code(key) for key in keys}
+        time.sleep(seconds)
+        self.keys = set()
+
+    def tap(self, *keys: str, seconds: float = 0.15) -> None:
+        """Press keys together, and wait as a finger does."""
+        self.hold(*keys, seconds=seconds)
+        time.sleep(max(0.15, 2.5 / self.rate))
+
+    def click(self, x: int, y: int) -> None:
+        """Click at a place of the page [pixels]."""
+        self.mouse = (x, y)
+        for buttons in (0, 1, 0):
+            self.buttons = buttons
+            time.sleep(max(0.15, 2.5 / self.rate))
+        time.sleep(0.3)
+
+    def _draw(self) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            while not self._stop.wait(1.0 / self.rate):
+                if not self.is_silent:
+                    self.socket.send(input_packet(self.keys, self.mouse, self.buttons))
+                    self.pictures += 1
+
+    def _count(self) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            while True:
+                size, kind = struct.unpack('<IB', self._read(8)[:5])
+                self._read(size - 8)
+                self.frames += kind == DRAW_TYPE
+
+    def _read(self, size: int) -> bytes:
+        while len(self._rest) < size:
+            self._rest += self.socket.recv()
+        data, self._rest = self._rest[:size], self._rest[size:]
+        return data
+
+
+def main() -> None:
+    """Hold keys on a page until the end."""
+    with PagePuppet(sys.argv[1], float(sys.argv[2])) as page:
+        time.sleep(0.5)
+        page.keys = {code(key) for key in sys.argv[3:]}
+        print('holding', flush=True)
+        threading.Event().wait()
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every key that means something to a robot or to a run can be pressed on the page."""
+
+from mujoco_sim.page_keys import PAGE_KEYS
+import pytest
+from quadruped_sim.state_machine import STATE_KEYS
+from quadruped_sim.sticks import STICK_KEYS
+from quadruped_sim.sticks import ZERO_KEYS
+from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap import preset_names
+from wasd_bringup.key_switch import SWITCH_KEY
+from wasd_bringup.run_keys import HELP_KEYS
+from wasd_bringup.run_keys import RESET_KEY
+
+NAMES = {name for pair in PAGE_KEYS.values() for name in pair}
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_every_key_of_a_preset_is_on_the_page(preset):
+    assert set(load_preset(preset).keys) <= NAMES
+
+
+def test_every_key_of_a_quadruped_is_on_the_page():
+    assert {*STATE_KEYS, *STICK_KEYS, ZERO_KEYS[0]} <= NAMES
+
+
+def test_every_key_of_a_run_is_on_the_page():
+    assert {SWITCH_KEY, RESET_KEY, *HELP_KEYS} <= NAMES
