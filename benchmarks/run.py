@@ -24,6 +24,7 @@ from mbot_accuracy import simulate
 from mbot_accuracy import SQUARE
 from mbot_picture import draw_square
 import quadrupeds
+import soak
 from table import describe_machine
 from table import format_table
 from table import Row
@@ -36,6 +37,7 @@ PARTS = {
     'teleop': teleop.measure,
     'describe': describe.measure,
     'quadrupeds': quadrupeds.measure,
+    'soak': soak.measure,
 }
 
 

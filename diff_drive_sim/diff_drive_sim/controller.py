@@ -4,16 +4,18 @@
 import math
 from typing import NamedTuple, Protocol
 
+from robot_description.watchdog import Watchdog
+
 from diff_drive_sim.geometry import DiffDriveGeometry
-from diff_drive_sim.limits import AxisLimits
-from diff_drive_sim.limits import AxisRamp
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.odometry import WheelOdometry
 from diff_drive_sim.parameters import DiffDriveParameters
+from diff_drive_sim.planar_ramp import PlanarRamp
 from diff_drive_sim.pose_covariance import Growth
 from diff_drive_sim.pose_covariance import PlanarCovariance
 
-# Longest step believed between two wheel angles [s]: after a gap the robot eases in, not jumps.
+# A ramp goes on for no longer than this after a gap [s]: the robot eases in, not jumps. Nothing
+# else is cut short: a command has the age that it has.
 MAXIMUM_STEP = 0.1
 
 
@@ -64,10 +66,13 @@ class Controller(Protocol):
     def set_odometry(self, x: float, y: float, yaw: float, covariance: PlanarCovariance) -> None:
         """Be at a pose [m], [rad], the robot going on as it does."""
 
+    def forget_command(self) -> None:
+        """Be as if no command had ever come."""
+
     def command(self, linear: float, angular: float, age: float = 0.0) -> bool:
         """Take a velocity command and return whether it was taken."""
 
-    def step(self, left: float, right: float, dt: float) -> tuple[float, float]:
+    def step(self, left: float, right: float, dt: float, late: float = 0.0) -> tuple[float, float]:
         """Return left and right wheel speed [rad/s] for wheel angles [rad]."""
 
 
@@ -82,7 +87,8 @@ class DiffDriveController:
     def __init__(self, geometry: DiffDriveGeometry, parameters: DiffDriveParameters) -> None:
         self.geometry = geometry
         self.odometry = WheelOdometry(geometry, window=parameters.velocity_rolling_window_size)
-        self._linear, self._angular = AxisRamp(AxisLimits()), AxisRamp(AxisLimits())
+        self._ramp = PlanarRamp(geometry)
+        self._command_age = Watchdog(parameters.cmd_vel_timeout)
         self.parameters = parameters
         self.refused_commands = 0
         self.reset()
@@ -91,10 +97,14 @@ class DiffDriveController:
         """Stand still at the origin, with no command."""
         self.odometry.reset()
         self.velocity = Velocity()
-        self._linear.velocity = self._linear.acceleration = 0.0
-        self._angular.velocity = self._angular.acceleration = 0.0
+        self._ramp.reset()
         self._wanted = Velocity()
-        self._age = math.inf
+        self.forget_command()
+
+    def forget_command(self) -> None:
+        """Be as if no command had ever come: the robot stops on its ramp."""
+        self._command_age.reset()
+        self._is_new = False
 
     def reset_odometry(self) -> None:
         """Be at the origin, the robot going on as it does."""
@@ -114,7 +124,8 @@ class DiffDriveController:
         self._parameters = parameters
         linear = parameters.linear_limits()
         angular = parameters.angular_limits(self.geometry.wheel_separation)
-        self._linear.limits, self._angular.limits = linear, angular
+        self._ramp.linear.limits, self._ramp.angular.limits = linear, angular
+        self._command_age.timeout = parameters.cmd_vel_timeout
         self.odometry.growth = Growth(
             parameters.distance_variance, parameters.turn_variance, parameters.drift_variance
         )
@@ -135,14 +146,14 @@ class DiffDriveController:
         if self.timed_out:
             return Velocity()
         linear, angular = self._wanted
-        share = min(self._linear.limits.share(linear), self._angular.limits.share(angular))
+        limits = self._ramp.linear.limits, self._ramp.angular.limits
+        share = min(limits[0].share(linear), limits[1].share(angular))
         return self._slowed(Velocity(share * linear, share * angular))
 
     @property
     def timed_out(self) -> bool:
         """Whether there has been no command for longer than the time-out."""
-        timeout = self.parameters.cmd_vel_timeout
-        return self._age > timeout > 0.0 or math.isinf(self._age)
+        return not self._command_age.is_alive
 
     @property
     def state(self) -> str:
@@ -155,34 +166,38 @@ class DiffDriveController:
         """
         Take a velocity command [m/s], [rad/s] of an age [s] and return whether it was taken.
 
-        One that is not finite is refused and the previous one stays.
+        It is in force from the next step on, which may make it older. One that is not finite is
+        refused and the previous one stays.
         """
         if not (math.isfinite(linear) and math.isfinite(angular)):
             self.refused_commands += 1
             return False
         self._wanted = Velocity(linear, angular)
-        self._age = age
+        self._command_age.hear(age)
+        self._is_new = True
         return True
 
-    def step(self, left: float, right: float, dt: float) -> tuple[float, float]:
+    def step(self, left: float, right: float, dt: float, late: float = 0.0) -> tuple[float, float]:
         """
         Return left and right wheel speed [rad/s].
 
-        `left`, `right` are the wheel angles now [rad], `dt` [s] after the last ones.
+        `left`, `right` are the wheel angles now [rad], `dt` [s] after the last ones; a command
+        that has come since those came `late` [s] before these.
         """
         if self.parameters.open_loop:
             self.odometry.advance(*self.velocity, dt)
         else:
             self.odometry.step(left, right, dt)
-        dt = min(dt, MAXIMUM_STEP)
-        target = self.target
-        reached = Velocity(
-            self._linear.step(target.linear, dt), self._angular.step(target.angular, dt)
-        )
-        self.velocity = self._slowed(reached)
-        self._linear.velocity, self._angular.velocity = self.velocity
-        self._age += dt
+        self._command_age.step(late if self._is_new else dt)
+        self._is_new = False
+        self.velocity = Velocity(*self._ramp.step(*self.target, self._ramp_time(dt)))
         return self.geometry.wheel_speeds(*self.velocity)
+
+    def _ramp_time(self, dt: float) -> float:
+        """Return for how long the ramp goes on [s]: a stop that was due in a gap is over."""
+        if not self.timed_out:
+            return min(dt, MAXIMUM_STEP)
+        return min(dt, max(MAXIMUM_STEP, self._command_age.age - self._command_age.timeout))
 
     @property
     def odometry_state(self) -> OdometryState:

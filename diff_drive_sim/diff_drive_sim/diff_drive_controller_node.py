@@ -3,6 +3,7 @@
 
 import dataclasses
 import sys
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,6 +17,7 @@ from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.absence import AbsenceWatch
 from robot_description.conversions import to_seconds
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import has_listener
@@ -29,7 +31,6 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from diff_drive_sim.command_stamp import judge_stamp
-from diff_drive_sim.controller import MAXIMUM_STEP
 from diff_drive_sim.conversions import from_pose
 from diff_drive_sim.conversions import to_diagnostics
 from diff_drive_sim.conversions import to_odometry
@@ -86,8 +87,11 @@ class DiffDriveControllerNode(Node):
         for note in (*self.unit.notes, *self._frame_notes(robot)):
             self.get_logger().warning(note)
         self._label = given.name or self.get_name()
+        self._is_alone = not lock_step
+        self._absence = AbsenceWatch(self, self._on_return)
+        self._arrived_at = 0.0
         self.cmd_vel = VelocityInput(
-            self, self.settings.stamped, self._on_twist, self._on_twist_stamped
+            self, self.settings.stamped, self._on_twist, self._on_twist_stamped, self._is_stale
         )
         self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
         self._tf = TfBroadcaster(self)
@@ -111,10 +115,15 @@ class DiffDriveControllerNode(Node):
         """How often `control` is to be called [Hz]; a frame of the firmware is 17 of its calls."""
         return 500.0 if self.settings.mode == 'arbotix' else self.settings.update_rate
 
-    def control(self, left: float, right: float, dt: float) -> JointCommand:
-        """Return the command of the two motors, left then right, for wheel angles [rad]."""
+    def control(self, left: float, right: float, dt: float, late: float = 0.0) -> JointCommand:
+        """
+        Return the command of the two motors, left then right, for wheel angles [rad].
+
+        They are `dt` [s] after the last ones; a velocity that has come since came `late` [s] ago.
+        """
+        self._absence.beat()
         restarts = self.controller.restarts
-        speeds = np.array(self.unit.step(left, right, dt))
+        speeds = np.array(self.unit.step(left, right, dt, late))
         if self.controller.restarts > restarts:
             self.get_logger().warning(JUMPED, throttle_duration_sec=5.0)
         none = np.zeros(2)
@@ -166,6 +175,7 @@ class DiffDriveControllerNode(Node):
     def _stand_alone(self) -> None:
         """Step on joint_states, or in mode fake on a timer of the node's clock."""
         self._stepped_at: float | None = None
+        self._stepped_wall = time.monotonic()
         self._published_at: float | None = None
         if self.settings.diagnostic_rate > 0.0:
             self.create_timer(1.0 / self.settings.diagnostic_rate, self.publish_diagnostics)
@@ -177,7 +187,8 @@ class DiffDriveControllerNode(Node):
 
     def _on_fake_timer(self) -> None:
         now = self.get_clock().now()
-        self.unit.step_fake(min(self._elapsed(1e-9 * now.nanoseconds), MAXIMUM_STEP))
+        self._absence.beat()
+        self.unit.step_fake(*self._elapsed(1e-9 * now.nanoseconds))
         self._publish_when_due(1e-9 * now.nanoseconds, now.to_msg())
 
     def _on_joint_states(self, message: JointState) -> None:
@@ -194,14 +205,23 @@ class DiffDriveControllerNode(Node):
             )
             return
         now = to_seconds(message.header.stamp)
-        command = self.control(wheels[0], wheels[1], self._elapsed(now))
+        command = self.control(wheels[0], wheels[1], *self._elapsed(now))
         self._joint_commands.publish(to_joint_commands(names, command, message.header.stamp))
         self._publish_when_due(now, message.header.stamp)
 
-    def _elapsed(self, now: float) -> float:
-        """Return the time since the last call [s]; 0 for the first, and when time jumps back."""
+    def _elapsed(self, now: float) -> tuple[float, float]:
+        """
+        Return the time since the last call, and how much of it since the last command came [s].
+
+        0 for the first, and when time jumps back. A command has no stamp, and the clock of the
+        states need not be ours: when it came between two states is known by wall time.
+        """
         previous, self._stepped_at = self._stepped_at, now
-        return 0.0 if previous is None else max(now - previous, 0.0)
+        wall_before, self._stepped_wall = self._stepped_wall, time.monotonic()
+        dt = 0.0 if previous is None else max(now - previous, 0.0)
+        wall = self._stepped_wall - wall_before
+        since = self._stepped_wall - self._arrived_at
+        return dt, dt * min(since / wall, 1.0) if wall > 0.0 else 0.0
 
     def _publish_when_due(self, now: float, stamp: Any) -> None:
         due = 1.0 / self.settings.publish_rate
@@ -209,7 +229,20 @@ class DiffDriveControllerNode(Node):
             self._published_at = now
             self.publish(stamp)
 
+    def _is_stale(self, sent: int) -> bool:
+        """Whether a command waited while this process stood still; without time-out none has."""
+        is_stale = self._absence.is_stale(sent)
+        return is_stale and self.settings.cmd_vel_timeout > 0.0
+
+    def _on_return(self, gap: float) -> None:
+        """Begin anew after this process stood still: nobody knows who still wants what."""
+        # In lock-step robot and process stood still together: its time has not gone on.
+        if self._is_alone and self.settings.cmd_vel_timeout > 0.0:
+            self.controller.forget_command()
+            self.get_logger().warning(f'stood still for {gap:.1f} s: waiting for a new cmd_vel')
+
     def _on_twist(self, message: Twist, age: float = 0.0) -> None:
+        self._arrived_at = time.monotonic()
         if not self.controller.command(message.linear.x, message.angular.z, age):
             self.get_logger().warning(
                 f'cmd_vel is not finite (linear.x {message.linear.x}, angular.z '

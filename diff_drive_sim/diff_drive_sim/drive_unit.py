@@ -5,6 +5,7 @@ from robot_description.urdf import Robot
 
 from diff_drive_sim.controller import Controller
 from diff_drive_sim.controller import DiffDriveController
+from diff_drive_sim.controller import MAXIMUM_STEP
 from diff_drive_sim.geometry import configured
 from diff_drive_sim.geometry import find_wheels
 from diff_drive_sim.kinematic_base import KinematicBase
@@ -15,6 +16,7 @@ from diff_drive_sim.wheel_drive import FloatDrive
 from diff_drive_sim.wheel_drive import gains_of
 from diff_drive_sim.wheel_drive import WheelDrive
 from diff_drive_sim.wheel_loop import count_ticks
+from diff_drive_sim.wheel_loop import is_gap
 from diff_drive_sim.wheel_motor import wheel_motor
 
 
@@ -79,13 +81,15 @@ class DriveUnit:
         self._drive.reset()
         self.fake.reset()
 
-    def step(self, left: float, right: float, dt: float) -> tuple[float, float]:
+    def step(self, left: float, right: float, dt: float, late: float = 0.0) -> tuple[float, float]:
         """
         Return the speeds [rad/s] that the motors would have without load: duty times no-load.
 
-        `left`, `right` are the wheel angles now [rad], `dt` [s] after the last ones.
+        `left`, `right` are the wheel angles now [rad], `dt` [s] after the last ones; a command
+        that has come since those came `late` [s] before these. After a gap the wheels' loops
+        begin anew: they do not catch up.
         """
-        speeds = self._control(left, right, dt)
+        speeds = self._control(left, right, dt, late)
         forward = (self._directions[0] * speeds[0], self._directions[1] * speeds[1])
         duties = self._drive.step(forward, self.ticks, dt)
         return (
@@ -93,12 +97,16 @@ class DriveUnit:
             self._directions[1] * duties[1] * self.motor.speed,
         )
 
-    def step_fake(self, dt: float) -> None:
-        """Let wheels of arithmetic roll for `dt` [s], then look at them and at the command."""
-        self.fake.step(*self.fake.speeds, dt)
-        self.fake.speeds = self._control(*self.fake.angles, dt)
+    def step_fake(self, dt: float, late: float = 0.0) -> None:
+        """
+        Let wheels of arithmetic roll for `dt` [s], then look at them and at the command.
 
-    def _control(self, left: float, right: float, dt: float) -> tuple[float, float]:
+        In a gap, in which nobody looked at the command, they stand.
+        """
+        self.fake.step(*self.fake.speeds, min(dt, MAXIMUM_STEP))
+        self.fake.speeds = self._control(*self.fake.angles, dt, late)
+
+    def _control(self, left: float, right: float, dt: float, late: float) -> tuple[float, float]:
         if dt > 0.0:
             before, now = self.angles, (left, right)
             self.wheel_velocities = ((now[0] - before[0]) / dt, (now[1] - before[1]) / dt)
@@ -107,7 +115,7 @@ class DriveUnit:
         if self._counts_ticks:
             counted = zip(self._directions, self.ticks, strict=True)
             left, right = (direction * ticks / self._scale for direction, ticks in counted)
-        speeds = self.controller.step(left, right, dt)
-        if self.controller.restarts > restarts:
+        speeds = self.controller.step(left, right, dt, late)
+        if self.controller.restarts > restarts or is_gap(dt):
             self._drive.reset()
         return speeds

@@ -53,7 +53,14 @@ class LegacyController:
         self._now = self._looked_at = 0  # [ns]
         self._has_command = False
         self._wanted = Velocity()
+        self._new_age: float | None = None
         self.host.reset(0)
+
+    def forget_command(self) -> None:
+        """Be as if no command had ever come: the robot stops on arbotix's ramp."""
+        self._has_command = False
+        self._new_age = None
+        self.host.command(0.0, 0.0, self._now)
 
     def reset_odometry(self) -> None:
         """Be at the origin, the robot going on as it does."""
@@ -100,12 +107,20 @@ class LegacyController:
             return False
         self._wanted = Velocity(linear, angular)
         self._has_command = True
+        self._new_age = age
         self.host.command(linear, angular, self._now)
         return True
 
-    def step(self, left: float, right: float, dt: float) -> tuple[float, float]:
-        """Return the wheel speeds [rad/s] that the set-points mean, for wheel angles [rad]."""
+    def step(self, left: float, right: float, dt: float, late: float = 0.0) -> tuple[float, float]:
+        """
+        Return the wheel speeds [rad/s] that the set-points mean, for wheel angles [rad].
+
+        They are `dt` [s] after the last ones; a command that has come since came `late` [s] ago.
+        """
         self._now += round(1e9 * dt)
+        if self._new_age is not None:
+            self.host.command(*self._wanted, self._now - round(1e9 * (self._new_age + late)))
+            self._new_age = None
         if self._now - self._looked_at >= LOOP:
             self._looked_at = self._now
             geometry = self.geometry

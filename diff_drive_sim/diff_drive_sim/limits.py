@@ -1,11 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Velocity of one axis on its way to a target, with bounded acceleration and jerk."""
+"""
+Velocity of one axis on its way to a target, with bounded acceleration and jerk.
+
+The jerk of a step is the change of the acceleration from the step before, over the time of this
+one. Nobody knows how long the steps to come will be, so a state (v, a) is entered only if easing
+off from it, the acceleration brought to 0 as fast as jerk allows, breaks no limit. In continuous
+time the velocity changes by a^2 / (2 jerk) on the way; in steps of any length, each with the
+acceleration of its end, by less. So easing off stays possible for ever, and by it the limits hold.
+"""
 
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
 NAN = float('nan')
+# What easing off may change a velocity that counts as reached [m/s or rad/s].
+ARRIVED = 1e-13
 
 
 class AxisLimits(NamedTuple):
@@ -56,6 +66,11 @@ class AxisLimits(NamedTuple):
         return limit / abs(velocity) if abs(velocity) > limit else 1.0
 
     @property
+    def has_jerk(self) -> bool:
+        """Whether jerk has a limit."""
+        return math.isfinite(self.rise) or math.isfinite(self.fall)
+
+    @property
     def mirrored(self) -> 'AxisLimits':
         """The limits with forward and backward exchanged."""
         return AxisLimits(
@@ -70,6 +85,13 @@ class AxisLimits(NamedTuple):
         )
 
 
+class Motion(NamedTuple):
+    """A velocity and the acceleration at which it was reached, 0 where jerk has no limit."""
+
+    velocity: float = 0.0
+    acceleration: float = 0.0
+
+
 @dataclass
 class AxisRamp:
     """One axis: its velocity and, while jerk is bounded, its acceleration."""
@@ -80,37 +102,74 @@ class AxisRamp:
 
     def step(self, target: float, dt: float) -> float:
         """Return the velocity `dt` [s] later, moving towards `target`; a `dt` of 0 keeps it."""
-        if dt <= 0.0:
-            return self.velocity
-        limits = self.limits
-        if math.isinf(limits.rise) and math.isinf(limits.fall):
-            self.velocity = _approach(self.velocity, target, limits, dt)
-            self.acceleration = 0.0
-        else:
-            self._step_smoothly(target, dt)
+        if dt > 0.0:
+            self.take(self.toward(target, dt))
         return self.velocity
 
-    def _step_smoothly(self, target: float, dt: float) -> None:
-        """
-        Change the acceleration by the jerk's bounds only, such that it ends with the ramp.
+    def take(self, motion: Motion) -> None:
+        """Go on from a motion."""
+        self.velocity, self.acceleration = motion
 
-        It may be as large as can be brought to 0 by the time the target is reached. Solved for a
-        rising velocity; a falling one is its mirror image.
-        """
-        sign = 1.0 if target >= self.velocity else -1.0
-        limits = self.limits if sign > 0.0 else self.limits.mirrored
-        velocity, acceleration = sign * self.velocity, sign * self.acceleration
-        rest = sign * target - velocity
-        wanted = min(_ramp_down(rest, limits.fall, dt), _largest(velocity, limits, dt))
-        change = wanted - acceleration
-        change = max(-limits.fall * dt, min(limits.rise * dt, change))
-        acceleration += change
-        if acceleration * dt >= rest and rest <= 1.000001 * limits.fall * dt * dt:
-            # The last step: what it takes can end with it.
-            velocity, acceleration = sign * target, 0.0
+    def toward(self, target: float, dt: float) -> Motion:
+        """Return the motion after `dt` > 0 [s] towards a target within the velocity limits."""
+        limits = self.limits
+        if not limits.has_jerk:
+            return Motion(_approach(self.velocity, target, limits, dt))
+        rest = target - self.velocity
+        if rest >= 0.0:
+            wanted = _ramp_down(rest, limits.fall, dt)
         else:
-            velocity += acceleration * dt
-        self.velocity, self.acceleration = sign * velocity, sign * acceleration
+            wanted = -_ramp_down(-rest, limits.rise, dt)
+        acceleration = self._within_jerk(self._within_limits(wanted, dt), dt)
+        if acceleration == rest / dt:
+            return Motion(target, acceleration)
+        return Motion(self.velocity + acceleration * dt, acceleration)
+
+    def hold(self, dt: float) -> Motion:
+        """Return the motion after `dt` [s] of easing off; it breaks no limit."""
+        if not self.limits.has_jerk:
+            return Motion(self.velocity)
+        acceleration = self._within_jerk(0.0, dt)
+        return Motion(self.velocity + acceleration * dt, acceleration)
+
+    def span(self, motion: Motion) -> tuple[float, float]:
+        """Return the velocities between which easing off from a motion stays."""
+        velocity, acceleration = motion
+        if acceleration > 0.0:
+            return velocity, velocity + acceleration**2 / (2.0 * self.limits.fall)
+        return velocity - acceleration**2 / (2.0 * self.limits.rise), velocity
+
+    def confined(self, motion: Motion, low: float, high: float, dt: float) -> Motion:
+        """
+        Return the motion nearest to one whose span is within bounds.
+
+        Bounds that easing off does not keep, either, are widened to what it needs. So the result
+        is between `hold` and the motion, and breaks no limit where these break none.
+        """
+        least, most = self.span(self.hold(dt))
+        low, high = min(low, least), max(high, most)
+        if not self.limits.has_jerk:
+            return Motion(min(max(motion.velocity, low), high))
+        if low <= self.span(motion)[0] and self.span(motion)[1] <= high:
+            return motion
+        lowest = -_largest(self.velocity - low, self.limits.rise, dt)
+        highest = _largest(high - self.velocity, self.limits.fall, dt)
+        acceleration = min(max(motion.acceleration, lowest), highest)
+        # Rounding must not cost the jerk: holding has the last word.
+        ends = sorted((self.hold(dt).acceleration, motion.acceleration))
+        acceleration = min(max(acceleration, ends[0]), ends[1])
+        return Motion(self.velocity + acceleration * dt, acceleration)
+
+    def _within_jerk(self, acceleration: float, dt: float) -> float:
+        """Return the acceleration nearest to one that jerk allows in the next step."""
+        lowest = self.acceleration - self.limits.fall * dt
+        highest = self.acceleration + self.limits.rise * dt
+        return min(max(acceleration, lowest), highest)
+
+    def _within_limits(self, acceleration: float, dt: float) -> float:
+        """Return the acceleration nearest to one that velocity and acceleration limits allow."""
+        lowest = -_most(-self.velocity, self.limits.mirrored, dt)
+        return min(max(acceleration, lowest), _most(self.velocity, self.limits, dt))
 
 
 def _first(*values: float) -> float:
@@ -134,24 +193,41 @@ def _approach(velocity: float, target: float, limits: AxisLimits, dt: float) -> 
 
 def _ramp_down(rest: float, fall: float, dt: float) -> float:
     """
-    Return the largest acceleration that can end within `rest` of velocity, in whole steps.
+    Return the largest acceleration that can end within `rest` of velocity, in steps of `dt`.
 
-    In n steps of `fall dt` down to 0 the velocity changes by up to n (n + 1) / 2 fall dt^2.
+    In n steps of `fall dt` down to 0 the velocity changes by up to n (n + 1) / 2 fall dt^2. Where
+    shorter steps follow, it may pass the target by less than one step's change, but no limit.
     """
     if math.isinf(fall) or rest <= 0.0:
-        return math.inf if rest > 0.0 else 0.0
+        return rest / dt
     step = fall * dt
-    count = math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * rest / (step * dt)) - 1.0) - 1e-9)
+    ratio = min(rest / (step * dt), 1e18)  # of what no count of steps can tell apart
+    count = math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * ratio) - 1.0) - 1e-9)
     count = max(1, count)
     return rest / (count * dt) + 0.5 * (count - 1) * step
 
 
-def _largest(velocity: float, limits: AxisLimits, dt: float) -> float:
-    """Return the largest acceleration of a rising velocity, with the next limit in view at 0."""
-    if velocity >= 0.0:
-        return limits.speed_up
-    if limits.speed_up >= limits.slow_down_backward or math.isinf(limits.fall):
-        return limits.slow_down_backward
-    rest = max(0.0, -velocity - limits.slow_down_backward * dt)
-    crossing = math.sqrt(limits.speed_up**2 + 2.0 * limits.fall * rest)
-    return min(limits.slow_down_backward, crossing)
+def _largest(rest: float, fall: float, dt: float) -> float:
+    """
+    Return the largest acceleration of a step that can end within `rest` of velocity.
+
+    It solves a dt + a^2 / (2 fall) = rest: what the step itself and easing off from it take.
+    """
+    straight = rest / dt
+    if straight <= 0.0 or straight * straight <= 2.0 * fall * ARRIVED:
+        return straight
+    return 2.0 * rest / (dt + math.sqrt(dt * dt + 2.0 * rest / fall))
+
+
+def _most(velocity: float, limits: AxisLimits, dt: float) -> float:
+    """Return the largest acceleration of a step that keeps the limits, and lets keep them."""
+    most = limits.speed_up
+    if velocity < 0.0:
+        # Slowing down; at 0 the acceleration has to be that of speeding up.
+        most = limits.slow_down_backward
+        if limits.speed_up < most:
+            rest = limits.speed_up**2 / (2.0 * limits.fall) - velocity
+            most = min(most, max(limits.speed_up, _largest(rest, limits.fall, dt)))
+    if limits.forward < math.inf:
+        most = min(most, max(0.0, _largest(limits.forward - velocity, limits.fall, dt)))
+    return most

@@ -26,7 +26,7 @@ class VelocityInput:
 
     A DDS participant knows one type per topic. With `stamped` `auto` this one listens for Twist;
     once somebody publishes TwistStamped, a second participant listens for that. `put` hands over
-    a message of this process, as an Inlet's.
+    a message of this process, and `is_stale` judges those of others, as an Inlet's.
     """
 
     def __init__(
@@ -35,15 +35,17 @@ class VelocityInput:
         stamped: str,
         on_twist: Callable[[Twist], None],
         on_stamped: Callable[[TwistStamped], None],
+        is_stale: Callable[[int], bool] = lambda sent: False,
     ) -> None:
         self._node = node
+        self._is_stale = is_stale
         self._handlers: dict[type, Callable[[Any], None]] = {
             Twist: on_twist,
             TwistStamped: on_stamped,
         }
         self._type = TwistStamped if stamped == 'true' else Twist
         self._inlet: Inlet[Any] = Inlet(
-            node, self._type, 'cmd_vel', self._handlers[self._type], RELIABLE
+            node, self._type, 'cmd_vel', self._handlers[self._type], RELIABLE, is_stale
         )
         self._topic = node.resolve_topic_name('cmd_vel')
         self._other: _OtherParticipant | None = None
@@ -75,9 +77,10 @@ class VelocityInput:
 
     def _take(self) -> None:
         assert self._other is not None
-        for message in self._other.take():
-            self._inlet.witness(message)
-            self._handlers[type(message)](message)
+        for message, sent in self._other.take():
+            if not self._is_stale(sent):
+                self._inlet.witness(message)
+                self._handlers[type(message)](message)
 
 
 class _OtherParticipant:
@@ -99,11 +102,11 @@ class _OtherParticipant:
             message_type, topic, lambda message: None, RELIABLE
         )
 
-    def take(self) -> list[Any]:
-        """Return the messages that have arrived."""
+    def take(self) -> list[tuple[Any, int]]:
+        """Return the messages that have arrived, and when they were sent [ns of system time]."""
         found = []
         while (taken := self._subscription.handle.take_message(self._type, False)) is not None:
-            found.append(taken[0])
+            found.append((taken[0], taken[1]['source_timestamp']))
         return found
 
     def close(self) -> None:

@@ -9,6 +9,8 @@ from diff_drive_sim.wheel_motor import WheelMotor
 
 # The firmware's unit of time: its gains are per frame [s].
 FRAME = 1.0 / 30.0
+# Without ticks for longer than a few frames nobody knows what the wheel has done, or why [s].
+LONGEST_SILENCE = 4.0 * FRAME
 # The firmware's full duty.
 FULL_PWM = 255.0
 # An encoder knows the wheel to one tick: less is no reason to do anything.
@@ -22,6 +24,11 @@ class Gains(NamedTuple):
     Kd: float
     Ki: float
     Ko: float
+
+
+def is_gap(dt: float) -> bool:
+    """Whether ticks came `dt` [s] after the last ones, too late for a loop to compare them."""
+    return dt > LONGEST_SILENCE
 
 
 def count_ticks(angle: float, ticks_per_radian: float) -> int:

@@ -48,3 +48,10 @@ class SimulatorParameters(Parameters):
     command_timeout: float = parameter(
         0.1, doc='Motors brake when joint_commands is silent for so long', unit='s', above=0.0
     )
+    answer_patience: float = parameter(
+        5.0,
+        doc='Wall time for which physics waits for a controller that was answering each state and '
+        'is still there; then the motors brake',
+        unit='s',
+        minimum=0.0,
+    )

@@ -202,8 +202,16 @@ class SimulatorNode(Node):
     def may_advance(self) -> bool:
         """Whether physics may go on, or has to wait for the controller to answer."""
         return self._is_braking or self._hold.may_advance(
-            self._world.time, self.settings.state_rate
+            self._world.time,
+            self.settings.state_rate,
+            self.settings.answer_patience,
+            lambda: self.count_publishers('joint_commands') > 0,
         )
+
+    @property
+    def state(self) -> str:
+        """What the simulation does: it runs, or waits for a controller that is late."""
+        return 'waiting for joint_commands' if self._hold.is_holding else 'running'
 
     def _watch_commands(self) -> None:
         silent = self._world.time - self._commanded_at
@@ -256,7 +264,7 @@ def simulate(node: SimulatorNode, stop: StopSignals) -> None:
         node.simulation.run(
             stop=lambda: stop.requested or not rclpy.ok(),
             poll=pump.handle,
-            each_second=lambda: node.publish_diagnostics('running'),
+            each_second=lambda: node.publish_diagnostics(node.state),
             may_advance=node.may_advance,
         )
     finally:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from robot_description.similarity import GO2
 from robot_description.similarity import Scale
+from robot_description.watchdog import Watchdog
 
 from quadruped_sim.parameters import CommandParameters
 
@@ -67,18 +68,29 @@ class CommandFilter:
         self._params = params
         self.limits = velocity_limits(params.limits, scale, agility, turning)
         self.refused = 0
+        self._age = Watchdog(params.timeout)
         self.reset()
 
     def reset(self) -> None:
         """Rest, as if no request had ever come."""
         self._request = np.zeros(3)
-        self._age = math.inf
         self.command = np.zeros(3)
+        self.forget_request()
+
+    def forget_request(self) -> None:
+        """Be as if no request had ever come: the command ramps down to rest."""
+        self._age.reset()
+        self._is_new = False
+
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` [s] pass in which nothing was controlled: the request alone gets older."""
+        if not self._is_new:
+            self._age.step(dt)
 
     @property
     def is_silent(self) -> bool:
         """Whether the watchdog holds the command at zero."""
-        return self._age > self._params.timeout
+        return not self._age.is_alive
 
     def request(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Take a request, clamped; NaN or infinity is refused, which the returned text says."""
@@ -93,13 +105,15 @@ class CommandFilter:
                 min(max(yaw_rate, -limits.yaw), limits.yaw),
             )
         )
-        self._age = 0.0
+        self._age.hear()
+        self._is_new = True
         return None
 
     def step(self, dt: float) -> np.ndarray:
         """Command (3,) after `dt` [s]: toward the request, or toward rest when it is too old."""
+        self.pass_time(dt)
+        self._is_new = False
         target = np.zeros(3) if self.is_silent else self._request
-        self._age += dt
         params = self._params
         most = dt * np.array(
             (params.forward_acceleration, params.lateral_acceleration, params.yaw_acceleration)

@@ -12,10 +12,12 @@ from mujoco_sim.world import JointCommand
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.absence import AbsenceWatch
 from robot_description.conversions import to_seconds
 from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
+from robot_description.node_support import stop_requested
 from robot_description.notice import Notice
 from robot_description.qos import EVENTS
 from robot_description.qos import LATCHED
@@ -29,6 +31,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from quadruped_sim.compilation import compile_once
 from quadruped_sim.conversions import Frames
 from quadruped_sim.conversions import from_messages
 from quadruped_sim.conversions import from_odometry
@@ -44,7 +47,7 @@ from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.warm_up import warm_up
 
-# Longest step believed between two readings [s].
+# Longest step of gait and estimate between two readings [s]; a request is as old as it is.
 MAXIMUM_STEP = 0.02
 
 
@@ -70,12 +73,15 @@ class LegControllerNode(Node):
 
         Raises:
             UserError: what is wrong with the parameters or the robot, in one line.
+            Stopped: a signal came while the controller was being compiled.
         """
         super().__init__(
             'leg_controller', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
         self.settings = declare_parameters(self, LegNodeParameters)
         urdf = urdf or load_robot(self.settings.description).urdf
+        # Before anything calls a compiled function; loading them is no part of the first tick.
+        compile_once(lambda: warm_up(urdf), self.get_logger().info, stop_requested)
         self.controller = LegController(
             urdf,
             LegControllerParameters(
@@ -87,8 +93,6 @@ class LegControllerNode(Node):
         if weak := self.controller.model.overloaded:
             needed = ', '.join(f'{joint} {torque:.0f} N m' for joint, torque in weak.items())
             self.get_logger().warning(f'motors too weak to trot, each leg needs: {needed}')
-        # Compiled functions come from a cache; loading them must not be part of the first tick.
-        warm_up(urdf)
         # What is said to the driver. In lock-step whoever shows it lets its time pass.
         self.notice = Notice()
         self._refused: str | None = None
@@ -97,7 +101,11 @@ class LegControllerNode(Node):
         root = parse_urdf(urdf).base
         self._frames = Frames(self.settings.odom_frame, self.settings.base_frame or root)
         self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
-        self.cmd_vel = Inlet(self, Twist, 'cmd_vel', self._on_twist)
+        self._is_alone = not lock_step
+        self._absence = AbsenceWatch(self, self._on_return)
+        self.cmd_vel = Inlet(
+            self, Twist, 'cmd_vel', self._on_twist, is_stale=self._absence.is_stale
+        )
         self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
         self._state = self.create_publisher(String, 'state', LATCHED)
         self._published_state = ''
@@ -115,6 +123,7 @@ class LegControllerNode(Node):
         truth: BaseState | None = None,
     ) -> JointCommand:
         """Return the motors' command for a reading `dt` [s] after the one before."""
+        self._absence.beat()
         if (joint_names, motor_names) != self._names:
             self._names = joint_names, motor_names
             self._joints = JointMap(self.quadruped, joint_names, motor_names)
@@ -171,6 +180,13 @@ class LegControllerNode(Node):
             self._say(refusal)
         self._refused = refusal
 
+    def _on_return(self, gap: float) -> None:
+        """Begin without a velocity after this process stood still: nobody knows who wants it."""
+        # In lock-step robot and process stood still together: its time has not gone on.
+        if self._is_alone:
+            self.controller.command_filter.forget_request()
+            self.get_logger().warning(f'stood still for {gap:.1f} s: waiting for a new cmd_vel')
+
     def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.controller.e_stop()
         response.success = True
@@ -211,6 +227,7 @@ class LegControllerNode(Node):
         names, motors = tuple(message.name), self.quadruped.joint_names
         self.notice.step(now - previous)
         dt = min(now - previous, MAXIMUM_STEP)
+        self.controller.command_filter.pass_time(now - previous - dt)
         reading = from_messages(message, self._imu)
         command = self.control(reading, names, motors, dt, self._truth)
         self._commands.publish(to_joint_commands(motors, command, stamp))

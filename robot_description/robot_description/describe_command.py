@@ -10,6 +10,8 @@ import sys
 
 from robot_description.argument_parser import OneLineParser
 from robot_description.errors import UserError
+from robot_description.output_file import identity
+from robot_description.output_file import OutputFile
 
 # What a xacro argument looks like on the command line.
 ASSIGNMENT = ':='
@@ -128,7 +130,7 @@ def _expand(options: argparse.Namespace) -> int:
     if options.output is None:
         sys.stdout.write(expansion.urdf)
     else:
-        if options.output.resolve() in {file.resolve() for file in expansion.files}:
+        if identity(options.output) in {identity(file) for file in expansion.files}:
             raise UserError(f'--output {options.output}: is a source; it is not written over')
         write_file(options.output, expansion.urdf)
     return 0
@@ -202,10 +204,7 @@ def write_file(path: Path, text: str) -> None:
     Raises:
         UserError: why it cannot be written.
     """
-    try:
-        path.write_text(text, encoding='utf-8', errors='backslashreplace')
-    except OSError as error:
-        raise UserError(f'--output {path}: {error.strerror}') from None
+    OutputFile(path, '--output').write(text.encode(errors='backslashreplace'))
 
 
 def read_command_line(words: Sequence[str]) -> argparse.Namespace:

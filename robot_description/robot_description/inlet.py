@@ -36,6 +36,9 @@ class Inlet(Generic[Message]):
     lost is waited for up to ECHO_LIFETIME, or until a later one comes; so long, one equal message
     from outside may be taken for it. While nobody spins the node that time stands still: echoes
     are waiting, too.
+
+    `is_stale` is asked about each message from another process, with the system time [ns] at
+    which it was sent; what it calls stale is dropped.
     """
 
     # Told of every message that came from another process, and of the inlet that took it.
@@ -48,8 +51,10 @@ class Inlet(Generic[Message]):
         topic: str,
         callback: Callable[[Message], None],
         qos: QoSProfile = RELIABLE,
+        is_stale: Callable[[int], bool] = lambda sent: False,
     ) -> None:
         self._callback = callback
+        self._is_stale = is_stale
         self._pending: deque[tuple[float, bytes]] = deque(maxlen=1000)
         self._subscription: Any = node.create_subscription(
             message_type, topic, self._on_message, qos
@@ -80,8 +85,8 @@ class Inlet(Generic[Message]):
         for tell in self.witnesses:
             tell(self, message)
 
-    def _on_message(self, message: Message) -> None:
-        if not self._is_echo(message):
+    def _on_message(self, message: Message, info: dict[str, int]) -> None:
+        if not self._is_echo(message) and not self._is_stale(info['source_timestamp']):
             self.witness(message)
             self._callback(message)
 

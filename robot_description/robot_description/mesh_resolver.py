@@ -158,6 +158,7 @@ class MeshResolver:
             yield from self._in_package(url.package, url.path, url.kinds)
         elif url.path.is_absolute():
             yield Place(ROOT, url.path.relative_to('/'), url.kinds)
+            yield from self._in_share(url)
             yield from self._re_rooted(url)
         else:
             yield Place(self._folder, url.path, url.kinds)
@@ -176,6 +177,16 @@ class MeshResolver:
             yield Place(folder, path, (*kinds, *foreign))
         if not known:
             yield Place(self._own, path, (*kinds, 'own-package'))
+
+    def _in_share(self, url: MeshUrl) -> Iterator[Place]:
+        """Yield an absolute path's part below a package's share folder, as we publish such."""
+        parts = url.path.parts
+        for index in (i for i, part in enumerate(parts[:-2]) if part == 'share'):
+            tail = PurePosixPath(*parts[index + 2 :])
+            for place in self._in_package(parts[index + 1], tail, url.kinds):
+                is_same = place.file == Path(url.path)
+                if place.folder != self._own:
+                    yield place if is_same else place._replace(kinds=(*url.kinds, 're-rooted'))
 
     def _re_rooted(self, url: MeshUrl) -> Iterator[Place]:
         """Yield an absolute path's tails below the description's package, the longest first."""

@@ -10,7 +10,7 @@ import sys
 import time
 from types import FrameType
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
@@ -25,6 +25,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from robot_description.descriptors import to_descriptor
+from robot_description.errors import Stopped
 from robot_description.errors import UserError
 from robot_description.parameters import InvalidParameter
 from robot_description.parameters import outward_name
@@ -107,6 +108,8 @@ class StopSignals:
     the way out of a shutdown that hangs. Sooner it means nothing: a held Ctrl-C repeats.
     """
 
+    # The contexts we are in, for what cannot be handed one.
+    entered: 'ClassVar[list[StopSignals]]' = []
     WATCHED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     # How long an orderly shutdown may take before Ctrl-C cuts it short [s].
     PATIENCE = 3.0
@@ -133,6 +136,7 @@ class StopSignals:
             if number == signal.SIGHUP and previous == signal.SIG_IGN:
                 continue
             self._previous[number] = signal.signal(number, self._handle)
+        self.entered.append(self)
         return self
 
     def __exit__(
@@ -142,6 +146,7 @@ class StopSignals:
         traceback: TracebackType | None,
     ) -> None:
         """Put back the handlers that were there."""
+        self.entered.remove(self)
         for number, previous in self._previous.items():
             signal.signal(number, previous)
 
@@ -152,6 +157,11 @@ class StopSignals:
         elif number == signal.SIGINT and now - self._requested_at > self.PATIENCE:
             raise KeyboardInterrupt
         self.number = number
+
+
+def stop_requested() -> bool:
+    """Whether a stop signal came in the StopSignals context that we are in, if we are."""
+    return any(stop.requested for stop in StopSignals.entered)
 
 
 def init_ros(
@@ -215,6 +225,8 @@ def run_node(
             with explained():
                 node = make_node()
             run(node, stop)
+        except Stopped:
+            pass
         except UserError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2

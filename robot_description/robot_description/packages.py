@@ -7,7 +7,6 @@ import importlib.util
 import os
 from pathlib import Path
 import sys
-import sysconfig
 
 from robot_description.errors import PackageNotFound
 from robot_description.package_tree import manifest_name
@@ -127,10 +126,14 @@ def _import_folder(name: str) -> Path | None:
 
 
 def _data_folders() -> list[Path]:
-    """Return where example-robot-data keeps its robots: as a wheel, or in an ament prefix."""
+    """
+    Return where example-robot-data keeps its robots: as a wheel, or in an ament prefix.
+
+    The wheel may lie in any folder that Python imports from, that of `pip install --user`, too.
+    """
     relative = Path('share', EXAMPLE_ROBOT_DATA, 'robots')
-    wheel = Path(sysconfig.get_path('purelib')) / 'cmeel.prefix'
-    roots = [wheel, *_ament_prefixes()]
+    wheels = [Path(entry, 'cmeel.prefix') for entry in dict.fromkeys(sys.path) if entry]
+    roots = [*wheels, *_ament_prefixes()]
     return [root / relative for root in roots if (root / relative).is_dir()]
 
 

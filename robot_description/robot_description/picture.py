@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A picture of a robot, rendered without a display."""
 
+import io
 from pathlib import Path
 
 import mujoco
@@ -11,6 +12,7 @@ from robot_description.errors import DescriptionError
 from robot_description.mujoco_model import to_mujoco
 from robot_description.mujoco_visuals import FindMesh
 from robot_description.mujoco_visuals import VISUAL_GROUP
+from robot_description.output_file import OutputFile
 from robot_description.renderer_choice import find_renderer
 from robot_description.renderer_choice import NO_RENDERER
 from robot_description.urdf import Robot
@@ -50,10 +52,9 @@ def draw(urdf: str, robot: Robot, find_mesh: FindMesh, path: Path) -> None:
     except ValueError as error:
         raise DescriptionError(f'MuJoCo: {" ".join(str(error).split())}') from None
     pixels = _render(model, _rest(model, robot))
-    try:
-        Image.fromarray(pixels).save(path, format='PNG')
-    except OSError as error:
-        raise DescriptionError(f'--picture {path}: {error.strerror or error}') from None
+    png = io.BytesIO()
+    Image.fromarray(pixels).save(png, format='PNG')
+    OutputFile(path, '--picture').write(png.getvalue())
 
 
 def _rest(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:

@@ -12,19 +12,20 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from robot_description.conversions import to_transform
-from robot_description.expand import expand
+from robot_description.description import Description
+from robot_description.description import read_description
 from robot_description.joint_names import unknown_joint_warning
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.parameters import parameter
 from robot_description.parameters import Parameters
 from robot_description.pose import Pose
+from robot_description.published_urdf import published_urdf
 from robot_description.qos import LATCHED
 from robot_description.qos import SENSOR_DATA
 from robot_description.robots import description_path
 from robot_description.tf import TfBroadcaster
 from robot_description.urdf import Joint
-from robot_description.urdf import parse_urdf
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,22 +46,22 @@ class StatePublisherNode(Node):
     """
 
     def __init__(
-        self, urdf: str | None = None, *, lock_step: bool = False, prefix: str = ''
+        self, robot: Description | None = None, *, lock_step: bool = False, prefix: str = ''
     ) -> None:
         """
-        Take a URDF text, or expand the description that the parameter names.
+        Take a robot, or read the description that the parameter names.
 
         Raises:
             InvalidParameter, DescriptionError: what is wrong, in one line.
         """
         super().__init__('state_publisher', namespace=prefix.rstrip('/'))
         self.settings = declare_parameters(self, StatePublisherParameters)
-        urdf = urdf or expand(description_path(self.settings.description))
-        self._robot = parse_urdf(urdf)
+        robot = robot or read_description(description_path(self.settings.description))
+        self._robot = robot.robot
         self._prefix = prefix
         self._unknown: set[str] = set()
         self._description = self.create_publisher(String, 'robot_description', LATCHED)
-        self._description.publish(String(data=urdf))
+        self._description.publish(String(data=published_urdf(robot.urdf, robot.meshes.files)))
         self._static = TfBroadcaster(self, static=True)
         self._moving = TfBroadcaster(self)
         # Stamp 0: true at any time, whichever clock a listener goes by.

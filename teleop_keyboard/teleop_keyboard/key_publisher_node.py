@@ -23,6 +23,7 @@ from teleop_keyboard.command_line import read_options
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.key_script import KeyScriptWriter
+from teleop_keyboard.key_service import KeyService
 from teleop_keyboard.teleop_parameters import KeyParameters
 
 # How long one wait for keys lasts [s]; keys end it at once, signals are seen after it.
@@ -46,7 +47,8 @@ class KeyPublisherNode(Node):
     def __init__(self, *, namespace: str = '') -> None:
         super().__init__('key_publisher', namespace=namespace)
         self.receivers: list[Callable[[String], None]] = []
-        self.raw = declare_parameters(self, KeyParameters).raw
+        settings = declare_parameters(self, KeyParameters)
+        self.raw, self.help = settings.raw, settings.help
         self._publisher = self.create_publisher(String, 'keys', EVENTS)
 
     @property
@@ -88,10 +90,12 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
     executor.add_node(node)
     if reader.terminal is None:
         wait_for_subscriber(lambda: node.has_subscriber, stop)
+    service = KeyService(node)
     next_service = time.monotonic()
     while rclpy.ok() and not (stop.requested or reader.closed):
         for key in reader.poll(POLL_PERIOD):
-            node.publish_key(key)
+            service.press(key)
+        service.step()
         if time.monotonic() >= next_service:
             executor.spin_once(timeout_sec=0.0)
             next_service = time.monotonic() + SERVICE_PERIOD

@@ -9,9 +9,10 @@ a key that is held, N presses at a keyboard's repeat rate. `#` starts a comment.
 import math
 import re
 from types import TracebackType
-from typing import NamedTuple, Self, TextIO
+from typing import NamedTuple, Self
 
 from robot_description.errors import UserError
+from robot_description.output_file import OutputFile
 
 from teleop_keyboard.key_names import canonical_key
 
@@ -98,19 +99,16 @@ class KeyScriptWriter:
     Context that writes keys to a file as a script; each line is on disk when `write` returns.
 
     Raises:
-        KeyScriptError: the file cannot be written.
+        OutputError: the file cannot be written; so do `write` and `close`.
     """
 
-    def __init__(self, path: str) -> None:
-        try:
-            self._file: TextIO = open(path, 'w', encoding='utf-8')  # noqa: SIM115
-        except OSError as error:
-            raise KeyScriptError(f'{path}: cannot write: {error.strerror}') from None
+    def __init__(self, file: OutputFile) -> None:
+        self._file = file
+        file.begin()
 
     def write(self, time: float, key: str) -> None:
         """Write that a key came at `time` [s]; digits are kept so that a replay is exact."""
-        self._file.write(f'{time!r} {script_word(key)}\n')
-        self._file.flush()
+        self._file.append(f'{time!r} {script_word(key)}\n'.encode())
 
     def __enter__(self) -> Self:
         """Return the writer."""

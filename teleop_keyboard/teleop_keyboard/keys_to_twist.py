@@ -21,6 +21,9 @@ from teleop_keyboard.teleop_parameters import SPEED_NAMES
 from teleop_keyboard.teleop_parameters import TeleopParameters
 from teleop_keyboard.teleop_parameters import TURN_NAMES
 
+# A longer pause than this was no driving time: the process slept, or the clock jumped [s].
+LONGEST_STEP = 0.2
+
 
 class KeysToTwist:
     """
@@ -191,10 +194,12 @@ class KeysToTwist:
         """
         Let `dt` [s] pass and return the command to publish at its end, None if there is none.
 
-        A `dt` that is not a positive number lets no time pass.
+        A `dt` that is not a positive number lets no time pass. After a gap keys are as old as they
+        are; the ramp alone goes on for no more than LONGEST_STEP.
         """
         dt = dt if math.isfinite(dt) and dt > 0.0 else 0.0
         self._motion.step(dt)
+        dt = min(dt, LONGEST_STEP)
         self._velocity = ramped_twist(self._velocity, self.target, self._pace, dt)
         return self._velocity if self._is_due(dt) else None
 

@@ -25,8 +25,6 @@ from teleop_keyboard.twist_output import declare_stamped
 from teleop_keyboard.twist_output import LOOK_PERIOD
 from teleop_keyboard.twist_output import TwistOutput
 
-# A longer pause than this was no driving time: the process slept, or the clock jumped [s].
-LONGEST_STEP = 0.2
 # The zero that ends it all is sent this often, and may take this long to leave [s].
 LAST_ZEROS = 3
 LAST_WORDS_TIMEOUT = 0.3
@@ -132,7 +130,7 @@ class KeysToTwistNode(Node):
         now = self.get_clock().now()
         dt = (now - self._last_time).nanoseconds * 1e-9
         self._last_time = now
-        self.step(min(max(dt, 0.0), LONGEST_STEP))
+        self.step(max(dt, 0.0))
         if self._timer is not None and self.logic.is_silent:
             # Nothing will be due before a key, which starts it again.
             self._timer.cancel()

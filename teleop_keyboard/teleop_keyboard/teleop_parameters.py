@@ -25,6 +25,11 @@ class KeyParameters(Parameters):
     raw: bool = parameter(
         False, doc='One message for each character, as the tutorials.', read_only=True
     )
+    help: str = parameter(
+        '',
+        doc="The keys in words, shown at start; with them, the robot's state is shown.",
+        read_only=True,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.absence import AbsenceWatch
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
 from robot_description.parameters import InvalidParameter
@@ -83,6 +84,7 @@ class TwistMuxNode(Node):
         self._marker = self.create_publisher(Marker, 'twist_marker', RELIABLE)
         self._announced: str | None = None
         self._inputs: dict[str, Any] = {}
+        self._absence = AbsenceWatch(self)
         self._types: dict[str, type] = {}
         for source in self._tables['topics']:
             self._subscribe(source, Twist)
@@ -116,6 +118,11 @@ class TwistMuxNode(Node):
         """Return the node's time [s]: time-outs are simulated time where there is such."""
         return 1e-9 * self.get_clock().now().nanoseconds
 
+    def _on_message(self, name: str, message: Twist | TwistStamped, info: dict[str, int]) -> None:
+        # What waited while this node stood still says nothing of who drives now.
+        if not self._absence.is_stale(info['source_timestamp']):
+            self._on_twist(name, message)
+
     def _on_twist(self, name: str, message: Twist | TwistStamped) -> None:
         twist = message.twist if isinstance(message, TwistStamped) else message
         if not is_finite(twist):
@@ -144,7 +151,7 @@ class TwistMuxNode(Node):
         if source.name in self._inputs:
             self.destroy_subscription(self._inputs[source.name])
         self._types[source.name] = message_type
-        callback = functools.partial(self._on_twist, source.name)
+        callback = functools.partial(self._on_message, source.name)
         try:
             made = self.create_subscription(message_type, source.topic, callback, RELIABLE)
         except RCLError:

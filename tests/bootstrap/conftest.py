@@ -26,6 +26,7 @@ venv=$(dirname "$(dirname "$0")")
 case "$*" in
   '-I -c '*) "$REAL" -I -S -c "import sys; code = sys.argv[1]; exec(open(sys.argv[2]).read())
 exec(code)" "$3" "$(readlink -f "$0").looks" ;;
+  *'import numpy'*) echo numpy==1.26.4 ;;
   *'import rclpy') [ -e "$FAKE/rclpy" ] ;;
   *--version) echo Python 3.12.0 ;;
   *'-m venv'*)

@@ -34,7 +34,7 @@ def test_the_first_start_installs_and_then_runs_the_command_with_all_arguments(c
     assert 'argument:' not in result.stderr
     assert 'wasd: making ' in result.stderr
     assert 'Collecting something' in result.stderr
-    assert f'-e {checkout.folder}[ros,test]' in checkout.calls('-m pip')[0]
+    assert f'-e {checkout.folder}[ros,pinocchio,test]' in checkout.calls('-m pip')[0]
 
 
 def test_the_running_command_keeps_no_later_start_from_installing(checkout):
@@ -194,8 +194,25 @@ def test_a_sourced_jazzy_brings_its_own_rclpy(checkout):
     assert f'prefix={checkout.folder}/.venv.jazzy:/ros' in result.stdout
     asked = checkout.calls()
     assert any('-m venv --system-site-packages' in call for call in asked)
-    # The messages of Jazzy were compiled against numpy 1.
-    assert any(call.endswith(f'-e {checkout.folder}[test] numpy<2') for call in asked)
+    # That there are versions which fit is what tests/jazzy tries with a real pip.
+    assert any(call.endswith(f'-e {checkout.folder}[pinocchio,test]') for call in asked)
+
+
+def test_a_sourced_pinocchio_is_used_with_the_numpy_beside_it(checkout):
+    (checkout.fake / 'rclpy').touch()
+    ros = checkout.folder.parent / 'ros'
+    sourced = {'ROS_DISTRO': 'jazzy', 'AMENT_PREFIX_PATH': f'/overlay:{ros}'}
+    assert checkout.run(**sourced).returncode == 0
+    index = ros / 'share/ament_index/resource_index/packages'
+    index.mkdir(parents=True)
+    (index / 'pinocchio').touch()
+    checkout.calls()
+    # Installed later: pip's own, and the numpy that came with it, have to go.
+    assert checkout.run(**sourced).returncode == 0
+    asked = checkout.calls()
+    assert [call for call in asked if '-m venv' in call]
+    assert any(call.endswith(f'-e {checkout.folder}[test] numpy==1.26.4') for call in asked)
+    assert checkout.run(**sourced).stderr == ''
 
 
 def test_a_jazzy_without_rclpy_is_told_what_to_install(checkout):

@@ -109,4 +109,4 @@ def test_a_command_that_took_its_time_times_out_sooner(make):
         node.control(0.0, 0.0, 0.005)
         steps += 1
     # 0.3 of 0.5 s were over, and what this machine took since.
-    assert 0.0 < steps * 0.005 <= 0.205
+    assert 0 < steps <= 41  # the last one sees that it is over

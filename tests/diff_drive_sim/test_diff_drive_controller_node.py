@@ -96,7 +96,7 @@ class Rig:
         for index in range(round(duration / 0.02)):
             if velocity is not None and index % 5 == 0:
                 self.peer.cmd_vel.publish(twist(*velocity))
-                self._spin_until(self._pump, lambda: self.driver.controller._age == 0.0)
+                self._spin_until(self._pump, lambda: self.driver.controller._is_new)
             self.simulator.simulation.advance(20)
             self._spin_until(self._pump, self._answers)
 
@@ -177,7 +177,8 @@ def test_a_state_is_answered_with_wheel_speeds_and_gains(driver, peer, feed):
 def test_after_a_gap_it_eases_in(driver, feed):
     driver.cmd_vel.put(twist(1.0))
     feed(1.0)
-    feed(60.0)
+    driver.controller.command(1.0, 0.0)
+    driver.control(0.0, 0.0, 59.0)  # the command has come in the end
     assert driver.controller.velocity.linear == pytest.approx(0.1)  # 0.1 s, not 59
 
 

@@ -146,6 +146,7 @@ def test_a_gap_between_states_is_driven_in_full_but_without_a_jump(controller, g
     left, right = geometry.wheel_speeds(0.5, 0.0)
     controller.command(0.8, 0.0)
     controller.step(0.0, 0.0, DT)
+    controller.command(0.8, 0.0)
     controller.step(3.0 * left, 3.0 * right, 3.0)
     assert controller.odometry_state.x == pytest.approx(1.5)
     assert controller.odometry_state.linear == pytest.approx(0.5)

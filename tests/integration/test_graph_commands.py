@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from rclpy.qos import qos_profile_sensor_data
+from robot_description.ros_domains import claim
 from std_msgs.msg import String
 import yaml
 
@@ -155,3 +156,63 @@ def test_echo_hears_a_best_effort_publisher_and_ends_with_its_pipe(
 
     spin_until(spawn.pump, talk)
     assert process.returncode == 0
+
+
+@pytest.fixture
+def asking(new_runner: Any, isolated_ros: int, spawn: Any, spin_until: Any) -> Iterator[Any]:
+    """A `wasd params late_node` that has begun to look; no other node is there."""
+    import rclpy
+
+    watcher = spawn(rclpy.create_node('_watcher'))
+    process = new_runner(isolated_ros).start(
+        'params', 'late_node', stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    spin_until(
+        spawn.pump,
+        lambda: any(name.startswith('_wasd_') for name in watcher.get_node_names()),
+        timeout=30.0,
+    )
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def answer(process: Any, spawn: Any, spin_until: Any) -> str:
+    """Have the node of that name answer; return what the command says."""
+    import rclpy
+
+    spawn(rclpy.create_node('late_node'))
+    spin_until(spawn.pump, lambda: process.poll() is not None, timeout=30.0)
+    said, errors = process.communicate()
+    assert process.returncode == 0, errors
+    return str(said)
+
+
+def test_params_waits_while_a_robot_appears_piece_by_piece(
+    asking: Any, spawn: Any, spin_until: Any
+) -> None:
+    import rclpy
+
+    for number in range(3):
+        spawn(rclpy.create_node(f'piece_{number}'))
+        time.sleep(1.8)
+    assert '  use_sim_time\n' in answer(asking, spawn, spin_until)
+
+
+def test_params_waits_for_a_run_that_it_knows_to_be_there(
+    isolated_ros: int, new_runner: Any
+) -> None:
+    with claim(isolated_ros, ['/']):
+        process = new_runner(isolated_ros).start(
+            'params', 'twist_mux', stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        )
+        time.sleep(6.0)
+        assert process.poll() is None, process.communicate()[1]
+        late = subprocess.Popen([sys.executable, '-m', 'teleop_keyboard.twist_mux_node'])
+        try:
+            said, errors = process.communicate(timeout=30.0)
+        finally:
+            late.terminate()
+            late.wait(10.0)
+    assert process.returncode == 0, errors
+    assert '  use_sim_time\n' in said

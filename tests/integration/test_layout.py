@@ -9,8 +9,11 @@ import functools
 import importlib.metadata
 import importlib.util
 from pathlib import Path
+import re
+import shlex
 import subprocess
 import sys
+import textwrap
 import tomllib
 from xml.etree import ElementTree
 import zipfile
@@ -39,18 +42,17 @@ EXECUTABLES = {
     'quadruped_sim': {'leg_controller'},
     'wasd_bringup': {'wasd'},
 }
-# Import name -> rosdep key where they differ; None: on the Python package index only.
+# Import name -> rosdep key where they differ; None: docs/install.md names the package for pip.
 ROSDEP_KEYS = {
     'PIL': 'python3-pil',
-    'collada': None,
+    'collada': 'python3-collada',
     'daqp': None,
     'mcap': None,
-    'mujoco': None,
-    'numba': None,
+    'mujoco': 'python3-mujoco-pip',
+    'numba': 'python3-numba',
     'numpy': 'python3-numpy',
-    'pinocchio': None,  # Jazzy has an older one than the controller is tested with
     'rich': 'python3-rich',
-    'trimesh': None,
+    'trimesh': 'python3-trimesh-pip',
     'yaml': 'python3-yaml',
     'yourdfpy': None,
 }
@@ -169,6 +171,36 @@ def test_the_manifest_names_what_is_imported_and_nothing_above(package):
     needed = {ROSDEP_KEYS.get(root, root) for root in roots(package)} - {None}
     assert needed <= declared
     assert declared & set(BELOW) <= BELOW[package]
+
+
+def jazzy_lines() -> list[str]:
+    """Return the commands with which docs/install.md makes a ROS workspace."""
+    text = (ROOT / 'docs/install.md').read_text()
+    section = text.split('## In a ROS 2 Jazzy workspace\n')[1]
+    (block, *_) = re.findall(r'(?:^    .*\n)+', section, re.MULTILINE)
+    return textwrap.dedent(block).replace('\\\n', ' ').splitlines()
+
+
+def words_after(command: str) -> list[str]:
+    """Return the arguments of the one line in which a command of the documentation stands."""
+    (line,) = (line for line in jazzy_lines() if line.startswith(command))
+    return shlex.split(line.removeprefix(command))
+
+
+def test_what_rosdep_does_not_install_the_documented_pip_line_does():
+    asked = {re.split('[=<>]', word)[0]: word for word in words_after('pip install ')}
+    left = {root for package in PACKAGES for root in roots(package)}
+    left = {root for root in left if ROSDEP_KEYS.get(root, root) is None}
+    skipped = set(words_after('rosdep install ')[-1].split())
+    # Keys that rosdep would give to pip, as root and at any version: left to our line.
+    assert skipped == {key for key in ROSDEP_KEYS.values() if str(key).endswith('-pip')}
+    left |= {root for root, key in ROSDEP_KEYS.items() if key in skipped}
+    assert left <= set(asked)
+    # No other version than that of the wheels' home.
+    pinned = {re.split('[=<>]', word)[0]: word for word in PROJECT['project']['dependencies']}
+    same = {name: word for name, word in asked.items() if name in pinned and '=' in word}
+    assert same == {name: pinned[name] for name in same}
+    assert {'mujoco', 'daqp', 'example-robot-data'} <= set(same)
 
 
 def test_all_packages_have_one_version_and_the_installed_one():

@@ -133,6 +133,6 @@ def test_a_full_disk_stops_the_run_in_one_line_and_keeps_what_was_written(
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (900_000, 900_000)),
     )
     assert done.returncode == 2
-    assert done.stderr == 'error: big.mcap: File too large\n'
+    assert done.stderr == 'error: --record big.mcap: File too large\n'
     bag = Bag(runner.folder / 'big.mcap')
     assert bag.counts['/clock'] > 100

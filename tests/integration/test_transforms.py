@@ -23,8 +23,9 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
-from robot_description.expand import expand
+from robot_description.description import read_description
 from robot_description.node_support import init_ros
+from robot_description.published_urdf import published_urdf
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
 from rosgraph_msgs.msg import Clock
@@ -125,7 +126,8 @@ def start(robot: str, folder: Path) -> 'subprocess.Popen[str]':
 
 def test_late_joiners_get_the_description_and_the_fixed_frames(seen: tuple[str, Observer]) -> None:
     robot, observer = seen
-    assert observer.descriptions == [expand(description_path(robot))]
+    read = read_description(description_path(robot))
+    assert observer.descriptions == [published_urdf(read.urdf, read.meshes.files)]
     joints = parse_urdf(observer.descriptions[0]).joints.values()
     fixed = {(joint.parent, joint.child) for joint in joints if joint.kind == 'fixed'}
     heard = [(t.header.frame_id, t.child_frame_id) for t in observer.fixed]

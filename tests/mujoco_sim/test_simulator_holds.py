@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Physics waits for a controller of another process that answers, and for no other."""
 
+from mujoco_sim.answer_hold import LONGEST_LOOK
 from mujoco_sim.answer_hold import PATIENCE
 from mujoco_sim.answer_hold import STATES_AHEAD
+from mujoco_sim.answer_hold import STEADY
 from mujoco_sim.conversions import to_joint_commands
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.world import JointCommand
 import numpy as np
 import pytest
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory
 
 STATE_STEPS = 20  # physics steps between two states at the usual 50 Hz
 
@@ -41,14 +45,69 @@ def test_physics_stays_within_a_few_states_of_a_controller_that_answers(node):
     assert node.may_advance()
 
 
-def test_a_controller_that_has_gone_is_waited_for_no_longer(node, monkeypatch):
+def hold(node, now, duration):
+    """Look whether physics may go on, often, for a duration [s]; return for how long not."""
+    for count in range(round(duration / LONGEST_LOOK)):
+        if node.may_advance():
+            return count * LONGEST_LOOK
+        now[0] += LONGEST_LOOK
+    return duration
+
+
+@pytest.fixture
+def now(monkeypatch):
+    """Return wall time in a list, to be changed."""
     now = [100.0]
     monkeypatch.setattr('mujoco_sim.answer_hold.time.monotonic', lambda: now[0])
+    return now
+
+
+@pytest.fixture
+def controller(node, spawn, spin_until):
+    """Return a node that publishes joint_commands."""
+    controller = spawn(Node('controller'))
+    controller.create_publisher(JointTrajectory, 'joint_commands', 10)
+    spin_until(spawn.pump, lambda: node.count_publishers('joint_commands'))
+    return controller
+
+
+def answer_steadily(node):
+    for _ in range(STEADY):
+        answer(node, node.stamp)
+        node.simulation.advance(STATE_STEPS)
+    node.simulation.advance(STATES_AHEAD * STATE_STEPS)
+
+
+def test_a_controller_that_was_answering_and_is_there_is_waited_for(node, now, controller):
+    answer_steadily(node)
+    assert hold(node, now, 20.0) == pytest.approx(node.settings.answer_patience, abs=0.15)
+    assert node.state == 'running'
+    # It is not waited for again until it answers, and then not as long at first.
+    assert hold(node, now, 1.0) == 0.0
     answer(node, node.stamp)
     node.simulation.advance(STATES_AHEAD * STATE_STEPS + 1)
+    assert hold(node, now, 20.0) == pytest.approx(PATIENCE, abs=0.15)
+    answer_steadily(node)
+    assert hold(node, now, 3.0) == 3.0
+    assert node.state == 'waiting for joint_commands'
+
+
+def test_a_controller_that_has_gone_is_waited_for_no_longer(node, now):
+    answer_steadily(node)  # nobody publishes joint_commands any more
+    assert hold(node, now, 20.0) == pytest.approx(PATIENCE, abs=0.15)
+
+
+def test_a_simulator_that_was_stopped_itself_has_not_waited_meanwhile(node, now, controller):
+    answer_steadily(node)
     assert not node.may_advance()
-    now[0] += PATIENCE + 0.01
-    assert node.may_advance()
+    now[0] += 60.0
+    assert not node.may_advance()
+
+
+def test_who_commands_now_and_then_is_not_waited_for(node, now, controller):
+    answer(node, node.stamp)
+    node.simulation.advance(STATES_AHEAD * STATE_STEPS + 1)
+    assert hold(node, now, 20.0) == pytest.approx(PATIENCE, abs=0.15)
 
 
 def test_commands_without_a_simulated_stamp_hold_nothing(node):

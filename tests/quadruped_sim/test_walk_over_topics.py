@@ -108,7 +108,7 @@ class Rig:
     def drive(self, vx):
         self.peer.drive(vx)
         filtered = self.legs.controller.command_filter
-        self._spin_until(self._pump, lambda: filtered._age == 0.0)
+        self._spin_until(self._pump, lambda: filtered._is_new)
 
     def _answers(self):
         return self.simulator._commanded_at == self.world.time

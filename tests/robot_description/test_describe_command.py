@@ -44,7 +44,10 @@ def test_info_prints_json_on_request(capsys):
         (['info', 'mbot', '--colour'], 'unrecognized arguments: --colour'),
         (['info', 'nowhere.urdf'], 'nowhere.urdf: no such file'),
         (['info', 'mbot', '--package-path', 'nowhere'], 'nowhere: no such folder'),
-        (['expand', 'mbot', '--output', '/no/such/folder/x'], '/no/such/folder/x: No such file'),
+        (
+            ['expand', 'mbot', '--output', '/no/such/folder/x'],
+            '/no/such/folder/x: wanted a file in a folder that exists',
+        ),
     ],
 )
 def test_a_mistake_is_one_line_and_status_2(words, said, capsys):

@@ -61,4 +61,7 @@ def test_a_folder_within_the_package_is_refused(courses_mbot, capsys):
 
 def test_a_folder_that_cannot_be_written_says_so(courses_mbot, capsys):
     assert main(['fix', 'mbot', '--output', '/no/such/folder/x']) == 2
-    assert '--output /no/such/folder/x: No such file' in capsys.readouterr().err
+    assert (
+        '--output /no/such/folder/x: wanted a file in a folder that exists'
+        in capsys.readouterr().err
+    )

@@ -196,3 +196,15 @@ def test_the_same_name_in_two_packages_stays_two_files(resolve, package, put, ma
     put(package / 'm/a.stl')
     files = resolve('package://dog/m/a.stl', 'package://cat/m/a.stl').files
     assert len(set(files.values())) == 2
+
+
+def test_a_file_in_an_installed_package_is_found_by_the_path_that_was_published(
+    resolve, tmp_path, monkeypatch, put, make_package
+):
+    prefix = tmp_path / 'prefix'
+    there = make_package(prefix / 'share/cat', 'm/a.stl') / 'm/a.stl'
+    put(prefix / 'share/ament_index/resource_index/packages/cat')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(prefix))
+    assert first(resolve(there.as_uri())) == ('exact', there)
+    elsewhere = 'file:///home/dev/.local/cmeel.prefix/share/cat/m/a.stl'
+    assert first(resolve(elsewhere)) == ('re-rooted', there)

@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
+import xml.etree.ElementTree as ElementTree
+
 from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
+from robot_description.description import read_description
 from robot_description.expand import expand
+from robot_description.published_urdf import opened_by_rviz
 from robot_description.robots import description_path
+from robot_description.robots import DESCRIPTIONS
 from robot_description.state_publisher_node import main
 from robot_description.state_publisher_node import StatePublisherNode
 from robot_description.tf import TfBroadcaster
@@ -33,6 +38,18 @@ def test_the_description_reaches_who_comes_late(spawn, spin_until):
     late.create_subscription(String, 'robot_description', received.append, latched)
     spin_until(spawn.pump, lambda: received)
     assert received[0].data == expand(description_path('mbot'))
+
+
+@pytest.mark.parametrize('name', DESCRIPTIONS)
+def test_rviz_finds_every_mesh_of_what_is_published(name, spawn, spin_until):
+    spawn(StatePublisherNode(read_description(description_path(name))))
+    listener, received = spawn(Node('rviz')), []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    listener.create_subscription(String, 'robot_description', received.append, latched)
+    spin_until(spawn.pump, lambda: received)
+    meshes = [tag.get('filename') for tag in ElementTree.fromstring(received[0].data).iter('mesh')]
+    assert bool(meshes) == (name == 'go2')
+    assert [url for url in meshes if opened_by_rviz(url) is None] == []
 
 
 def test_fixed_joints_are_sent_once_at_start(sent, spawn):

@@ -222,6 +222,20 @@ def listener(context):
 
 
 @pytest.fixture
+def late_listener(context):
+    """Return a function that makes a listener, when the test wants it."""
+    made = []
+
+    def make():
+        made.append(Listener(context, Twist))
+        return made[-1]
+
+    yield make
+    for listener in made:
+        listener.close()
+
+
+@pytest.fixture
 def stamped_listener(context):
     """Return a listener to TwistStamped."""
     listener = Listener(context, TwistStamped)

@@ -8,11 +8,14 @@ import sys
 import time
 
 import pytest
+from robot_description.qos import LATCHED
+from std_msgs.msg import String
 from teleop_keyboard.key_script import parse_key_script
 
 pytestmark = pytest.mark.slow
 
 MODULE = ('-m', 'teleop_keyboard.key_publisher_node')
+HELP = 'help:=2 stand   4 trot'
 ALPHABET = 'abcdefghijklmnopqrstuvwxyz'
 
 RAISE_ON_X = """
@@ -26,6 +29,14 @@ def publish_or_raise(self, key):
 module.KeyPublisherNode.publish_key = publish_or_raise
 sys.exit(module.main())
 """
+
+
+def wait_until(condition):
+    """Wait until a condition holds; fail after some seconds."""
+    deadline = time.monotonic() + 20.0
+    while not condition():
+        assert time.monotonic() < deadline, 'waited in vain'
+        time.sleep(0.01)
 
 
 def processor_time(pid):
@@ -92,6 +103,32 @@ def test_keys_are_saved_as_a_script(pty_process, listener, tmp_path):
     presses = parse_key_script(path.read_text())
     assert [press.key for press in presses][-4:] == listener.keys == ['w', ' ', 'UP', '*']
     assert [press.time for press in presses] == sorted(press.time for press in presses)
+
+
+def test_a_state_pressed_before_the_controller_listens_waits_and_a_movement_does_not(
+    pty_process, late_listener
+):
+    process = pty_process(*MODULE, '--ros-args', '-p', HELP)
+    process.wait_for(b'2 stand   4 trot')
+    process.type(b'w2')
+    process.wait_for(b'nobody listens to the keys yet: w waits')
+    process.wait_for(b'nobody listens to the keys: w dropped')
+    listener = late_listener()
+    wait_until(lambda: listener.keys)
+    process.type(b'4')
+    wait_until(lambda: len(listener.keys) > 1)
+    assert listener.keys == ['2', '4']
+
+
+def test_with_its_keys_it_shows_the_robots_state(pty_process, late_listener):
+    process = pty_process(*MODULE, '--ros-args', '-p', HELP)
+    process.wait_for(b'2 stand   4 trot')
+    publisher = late_listener().node.create_publisher(String, 'state', LATCHED)
+    publisher.publish(String(data='fixed stand'))
+    process.wait_for(b'state: fixed stand\r\n')
+    publisher.publish(String(data='\x1b]0;title\x07'))
+    process.wait_for(b'title')
+    assert b'\x1b]' not in process.output
 
 
 @pytest.mark.parametrize(

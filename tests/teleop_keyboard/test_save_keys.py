@@ -7,10 +7,11 @@ import pytest
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from robot_description.errors import UserError
+from robot_description.output_file import OutputError
+from robot_description.output_file import OutputFile
 from std_msgs.msg import String
 from teleop_keyboard.command_line import read_options
 from teleop_keyboard.key_names import NAMED_KEYS
-from teleop_keyboard.key_script import KeyScriptError
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
@@ -22,7 +23,7 @@ EVENTS = ['HELD+i', 'RELEASE+i', 'HELD+SPACE', 'RELEASE+UP', 'HELD+#', 'RELEASE+
 @pytest.mark.parametrize('key', [*KEYS, *EVENTS, *sorted(NAMED_KEYS)])
 def test_every_key_is_read_back_as_it_was(tmp_path, key):
     path = tmp_path / 'saved.keys'
-    with KeyScriptWriter(str(path)) as writer:
+    with KeyScriptWriter(OutputFile(path, '--save-keys')) as writer:
         writer.write(0.1, key)
     assert parse_key_script(path.read_text()) == [(0.1, key)]
 
@@ -52,7 +53,7 @@ def test_a_replay_gives_identical_messages(ros_domain, spawn, tmp_path):
     names = ['w', 'a', 'd', 'q', 'r', 'HELD+w', 'RELEASE+w', ' ', 'x']
     typed = [(time, generator.choice(names)) for time in times]
     path = tmp_path / 'saved.keys'
-    with KeyScriptWriter(str(path)) as writer:
+    with KeyScriptWriter(OutputFile(path, '--save-keys')) as writer:
         first = drive(typed, writer)
     assert len(first) > 100
     second = drive(parse_key_script(path.read_text()))
@@ -62,12 +63,13 @@ def test_a_replay_gives_identical_messages(ros_domain, spawn, tmp_path):
 
 
 def test_a_file_that_cannot_be_written_is_one_line():
-    with pytest.raises(KeyScriptError, match='/nowhere/a.keys: cannot write: No such file'):
-        KeyScriptWriter('/nowhere/a.keys')
+    with pytest.raises(OutputError, match='--save-keys /nowhere/a.keys: wanted a file'):
+        read_options('teleop', ['--save-keys', '/nowhere/a.keys'])
 
 
-def test_options_are_ours_up_to_ros_args():
-    options = read_options('teleop', ['--save-keys', 'a', '--ros-args', '-p', 'speed:=0.3'])
-    assert options == ('a', ['--ros-args', '-p', 'speed:=0.3'])
+def test_options_are_ours_up_to_ros_args(tmp_path):
+    path = str(tmp_path / 'a')
+    options = read_options('teleop', ['--save-keys', path, '--ros-args', '-p', 'speed:=0.3'])
+    assert (str(options.save_keys), options.ros) == (path, ['--ros-args', '-p', 'speed:=0.3'])
     with pytest.raises(UserError, match='unrecognized arguments: --sav a'):
         read_options('teleop', ['--sav', 'a'])

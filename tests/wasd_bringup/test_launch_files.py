@@ -15,6 +15,7 @@ from robot_description.parameters import outward_name
 from robot_description.state_publisher_node import StatePublisherParameters
 from teleop_keyboard.teleop_parameters import KeyParameters
 from teleop_keyboard.teleop_parameters import TeleopParameters
+from wasd_bringup.unitree_keys import unitree_help
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -113,6 +114,12 @@ def test_the_robot_of_the_tutorial_can_be_named(launch_file):
 def test_one_keyboard_or_none_is_started(launch_file, keys, executables):
     nodes = launch_file(FOLDER / 'go2.launch.py').start(keys=keys)
     assert [n.executable for n in nodes if n.package == 'teleop_keyboard'] == executables
+
+
+def test_the_keyboard_of_the_go2_shows_its_keys_as_wasd_does(launch_file):
+    nodes = launch_file(FOLDER / 'go2.launch.py').start()
+    (keyboard,) = (node for node in nodes if node.executable == 'key_publisher')
+    assert keyboard.parameters['help'].splitlines() == list(unitree_help('qwerty'))
 
 
 @pytest.mark.parametrize(

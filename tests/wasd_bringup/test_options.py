@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from robot_description.errors import UserError
-from wasd_bringup.errors import UsageError
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import read_options
 from wasd_bringup.run_parsers import add_legged_options
@@ -90,7 +89,7 @@ def test_pushes_and_folders_may_be_given_again_and_again(read, tmp_path):
 )
 def test_what_is_wrong_is_said_before_the_run(read, tmp_path, words, said):
     (tmp_path / 'bytes').write_bytes(b'\xff\xfe\x00')
-    with pytest.raises(UsageError) as caught:
+    with pytest.raises(UserError) as caught:
         read(*words)
     assert str(caught.value).startswith(said)
 
@@ -102,4 +101,4 @@ def test_a_wrong_key_script_is_a_users_error(read, tmp_path):
 
 
 def test_the_report_is_a_path(read):
-    assert read('--report', 'r.json').report == Path('r.json')
+    assert read('--report', 'r.json').report.path == Path('r.json')

@@ -2,12 +2,14 @@
 """`--record`: every topic of a run into one MCAP file, on simulated time."""
 
 from collections.abc import Callable, Mapping
+import math
 from pathlib import Path
 import time
 from typing import Any
 
 from rclpy.duration import Infinite
 from rclpy.qos import QoSProfile
+from robot_description.output_file import OutputFile
 from std_msgs.msg import String
 import yaml
 
@@ -31,9 +33,9 @@ class BagRecorder:
     write raises RecordingError where the message was published; from then on nothing is recorded.
     """
 
-    def __init__(self, path: Path, run: Mapping[str, str]) -> None:
+    def __init__(self, path: Path | OutputFile, run: Mapping[str, str]) -> None:
         """
-        Begin a recording; `run` says what was asked for.
+        Begin a recording; `run` says what was asked for. The file is replaced by the first save.
 
         Raises:
             RecordingError: the file cannot be written.
@@ -41,7 +43,7 @@ class BagRecorder:
         self.now: Callable[[], int] = lambda: 0
         self._writer: BagWriter | None = BagWriter(path, run)
         self._channels: dict[tuple[str, str], int] = {}
-        self._saved_at = time.monotonic()
+        self._saved_at = -math.inf
         self._tap = PublisherTap(self._write)
 
     def event(self, what: str) -> None:
@@ -72,6 +74,13 @@ class BagRecorder:
         writer, self._writer = self._writer, None
         if writer is not None:
             writer.close()
+
+    def discard(self) -> None:
+        """End without having recorded: there was no run. What was never saved is not."""
+        self._tap.remove()
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.abandon()
 
     def _write(self, topic: str, kind: str, profile: QoSProfile, data: bytes) -> None:
         writer = self._writer

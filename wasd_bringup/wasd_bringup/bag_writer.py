@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Writes an MCAP file that is complete at any time, also while it is being written."""
 
-from collections.abc import Mapping
-import os
+from collections.abc import Iterable, Iterator, Mapping
+import contextlib
 from pathlib import Path
 
 from mcap.data_stream import RecordBuilder
@@ -21,6 +21,8 @@ from mcap.records import MetadataIndex
 from mcap.records import Schema
 from mcap.records import Statistics
 from mcap.records import SummaryOffset
+from robot_description.output_file import OutputError
+from robot_description.output_file import OutputFile
 
 from wasd_bringup.errors import RecordingError
 from wasd_bringup.recorded_run import RECORD_NAME
@@ -37,21 +39,23 @@ class BagWriter:
 
     MCAP has its index at the end. `save` writes the messages so far *and* the end behind them;
     the next `save` writes over that end. So whoever is killed in between leaves a file that any
-    reader opens. The bytes of the closed file do not depend on when `save` was called.
+    reader opens. The bytes of the closed file do not depend on when `save` was called. Into a pipe
+    or a device go whole chunks, and the end once.
     """
 
-    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
+    def __init__(self, file: Path | OutputFile, metadata: Mapping[str, str]) -> None:
         """
-        Begin a file; an existing one is replaced. `metadata` describes the run.
+        Begin a file; an existing one is replaced by the first save. `metadata` describes the run.
 
         Raises:
             RecordingError: it cannot be written.
         """
-        self._path = path
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._counts: dict[int, int] = {}
-        self._chunks: list[ChunkIndex] = []
+        # Of each finished chunk its index, as it goes into the file, and its span of time.
+        self._chunks: list[bytes] = []
+        self._span: tuple[int, int] | None = None
         self._chunk = _OpenChunk()
         self._saved_end = b''
         self._is_changed = True
@@ -61,11 +65,9 @@ class BagWriter:
         # Where what has not been saved for good goes: finished chunks, then the end of the file.
         self._position = 0
         self._finished = head + record
-        try:
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-        except OSError as error:
-            raise RecordingError(f'{path}: {error.strerror}') from None
-        self.save()
+        self._has_begun = False
+        with _as_recording_error():
+            self._file = OutputFile(file, '--record') if isinstance(file, Path) else file
 
     def add_channel(self, topic: str, kind: str, definition: str, qos: str) -> int:
         """Declare a topic; return the number to `write` its messages with."""
@@ -111,14 +113,18 @@ class BagWriter:
         """
         if not self._is_changed:
             return
+        if not self._file.is_regular:
+            self._send_finished()
+            return
         position = self._position + len(self._finished)
         data, index = self._chunk.close(position)
-        end = self._end(position + len(data), [*self._chunks, *([index] if index else [])])
+        end = self._end(position + len(data), index)
         try:
-            self._put(self._finished + data + end, self._position)
-        except OSError as error:
+            with _as_recording_error():
+                self._put(self._finished + data + end)
+        except RecordingError:
             self._restore()
-            raise RecordingError(f'{self._path}: {error.strerror}') from None
+            raise
         self._position, self._finished = position, b''
         self._saved_end = data + end
         self._is_changed = False
@@ -132,64 +138,97 @@ class BagWriter:
         """
         try:
             self.save()
+            if not self._file.is_regular:
+                self._send_end()
         finally:
             self.abandon()
 
     def abandon(self) -> None:
         """Close the file as it is on disk."""
-        os.close(self._file)
+        with contextlib.suppress(OutputError):
+            self._file.close()
+
+    def _send_finished(self) -> None:
+        """Send what will not change any more down a pipe."""
+        data, self._finished = self._finished, b''
+        self._position += len(data)
+        with _as_recording_error():
+            self._file.append(data)
+
+    def _send_end(self) -> None:
+        data, index = self._chunk.close(self._position)
+        with _as_recording_error():
+            self._file.append(data + self._end(self._position + len(data), index))
 
     def _finish_chunk(self) -> None:
         position = self._position + len(self._finished)
         data, index = self._chunk.close(position)
         assert index is not None
         self._finished += data
-        self._chunks.append(index)
+        self._span = self._span_with(index)
+        self._chunks.append(_encoded(index))
         self._chunk = _OpenChunk()
 
-    def _put(self, data: bytes, position: int) -> None:
-        view = memoryview(data)
-        while view:
-            count = os.pwrite(self._file, view, position)
-            view, position = view[count:], position + count
+    def _put(self, data: bytes) -> None:
+        """Write from the position on where the last save began to change."""
+        if self._has_begun:
+            self._file.put(data, self._position)
+        else:
+            self._file.begin(data)
+        self._has_begun = True
 
     def _restore(self) -> None:
         """Put the last complete end back over what was half written: its blocks are there."""
-        try:
-            self._put(self._saved_end, self._position)
-            os.ftruncate(self._file, self._position + len(self._saved_end))
-        except OSError:
-            pass
+        with contextlib.suppress(OutputError):
+            if self._has_begun:
+                self._file.put(self._saved_end, self._position)
+                self._file.truncate(self._position + len(self._saved_end))
 
-    def _end(self, position: int, chunks: list[ChunkIndex]) -> bytes:
-        """Return what closes a file whose messages end at a position: index and statistics."""
+    def _end(self, position: int, last: ChunkIndex | None) -> bytes:
+        """
+        Return what closes a file whose messages end at a position: index and statistics.
+
+        `last` is the chunk that is still growing.
+        """
+        chunks = self._chunks if last is None else [*self._chunks, _encoded(last)]
         head = _encoded(DataEnd(data_section_crc=0))
         start = position + len(head)
-        groups: list[tuple[Opcode, list[McapRecord]]] = [
-            (Opcode.SCHEMA, list(self._schemas.values())),
-            (Opcode.CHANNEL, list(self._channels.values())),
-            (Opcode.STATISTICS, [self._statistics(chunks)]),
-            (Opcode.CHUNK_INDEX, list(chunks)),
-            (Opcode.METADATA_INDEX, [self._metadata]),
+        statistics = self._statistics(len(chunks), self._span_with(last))
+        groups: list[tuple[Opcode, Iterable[bytes]]] = [
+            (Opcode.SCHEMA, map(_encoded, self._schemas.values())),
+            (Opcode.CHANNEL, map(_encoded, self._channels.values())),
+            (Opcode.STATISTICS, [_encoded(statistics)]),
+            (Opcode.CHUNK_INDEX, chunks),
+            (Opcode.METADATA_INDEX, [_encoded(self._metadata)]),
         ]
         summary, offsets = b'', b''
         for opcode, records in groups:
-            group = b''.join(map(_encoded, records))
+            group = b''.join(records)
             if group:
                 offsets += _encoded(SummaryOffset(opcode, start + len(summary), len(group)))
             summary += group
         footer = Footer(start, start + len(summary), summary_crc=0)
         return head + summary + offsets + _encoded(footer) + MAGIC
 
-    def _statistics(self, chunks: list[ChunkIndex]) -> Statistics:
+    def _span_with(self, chunk: ChunkIndex | None) -> tuple[int, int] | None:
+        """Return the first and last time [ns] of all finished chunks and of one more."""
+        if chunk is None:
+            return self._span
+        start, end = chunk.message_start_time, chunk.message_end_time
+        if self._span is None:
+            return start, end
+        return min(start, self._span[0]), max(end, self._span[1])
+
+    def _statistics(self, chunks: int, span: tuple[int, int] | None) -> Statistics:
+        start, end = span or (0, 0)
         return Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
-            chunk_count=len(chunks),
+            chunk_count=chunks,
             message_count=sum(self._counts.values()),
-            message_start_time=min((chunk.message_start_time for chunk in chunks), default=0),
-            message_end_time=max((chunk.message_end_time for chunk in chunks), default=0),
+            message_start_time=start,
+            message_end_time=end,
             metadata_count=1,
             schema_count=len(self._schemas),
         )
@@ -237,6 +276,14 @@ class _OpenChunk:
             uncompressed_size=self.size,
         )
         return data + indexes, summary
+
+
+@contextlib.contextmanager
+def _as_recording_error() -> Iterator[None]:
+    try:
+        yield
+    except OutputError as error:
+        raise RecordingError(str(error)) from None
 
 
 def _encoded(record: McapRecord) -> bytes:

@@ -16,6 +16,8 @@ from diff_drive_sim.umbmark import umbmark
 from diff_drive_sim.umbmark import Wheels
 from mujoco_sim.loading import load_robot
 from robot_description.node_support import StopSignals
+from robot_description.output_file import check_apart
+from robot_description.output_file import OutputFile
 import yaml
 
 from wasd_bringup.discovery_range import keep_alone
@@ -43,9 +45,10 @@ def calibrate_command(arguments: argparse.Namespace) -> int:
     """
     test = _read_test(arguments)
     believed = _read_belief(arguments, test)
-    output = None if arguments.output is None else Path(arguments.output)
-    if output is not None and (output.is_dir() or not output.absolute().parent.is_dir()):
-        raise UsageError(f'--output {output}: wanted a file in a folder that exists')
+    output = None if arguments.output is None else OutputFile(arguments.output, '--output')
+    if output is not None:
+        inputs = {'--controller': arguments.controller, 'DESCRIPTION': arguments.description}
+        check_apart([output], [(name, path) for name, path in inputs.items() if path])
     keep_alone()
     with StopSignals() as signals:
         before = drive_squares(test, believed, signals, _say('as believed', test.count))
@@ -57,10 +60,7 @@ def calibrate_command(arguments: argparse.Namespace) -> int:
     text = to_yaml(corrected, _heading(test, first, second))
     print(f'\n{text}', end='')
     if output is not None:
-        try:
-            output.write_text(text, encoding='utf-8')
-        except OSError as error:
-            raise UsageError(f'--output {output}: {error.strerror}') from None
+        output.write(text.encode())
         print(f'\nwritten to {output}: wasd mbot --controller {output}')
     return 0 if second.largest_error <= max(first.largest_error, GOOD) else 1
 

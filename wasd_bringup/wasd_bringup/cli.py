@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import sys
 
 from robot_description.argument_parser import OneLineParser
+from robot_description.errors import Stopped
 from robot_description.errors import UserError
 from teleop_keyboard.keymap_text import describe_keymap
 from teleop_keyboard.keymap_text import list_presets
@@ -140,7 +141,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except UserError as error:
         print(f'error: {error}', file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Stopped):
         return 130
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import rclpy
 from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
+from robot_description.output_file import OutputFile
 from robot_description.renderer_choice import choose_renderer
 from robot_description.renderer_choice import NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
@@ -125,6 +126,7 @@ def demo_command(output: str) -> int:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise UsageError(f'--output {output}: {error.strerror}') from None
+    files = [OutputFile(folder / name, '--output') for name in ('table.txt', 'demo.json')]
     pictures = choose_renderer()
     if not pictures:
         print(f'no pictures: {NO_RENDERER}')
@@ -135,15 +137,19 @@ def demo_command(output: str) -> int:
         try:
             for stop in TOUR:
                 print(f'{stop.title} ...', flush=True)
-                results.append(_visit(stop, folder, pictures, signals))
+                try:
+                    results.append(_visit(stop, folder, pictures, signals))
+                except OSError as error:  # of a picture
+                    raise UsageError(f'--output {output}: {error.strerror or error}') from None
                 if signals.requested:
                     return signals.exit_status or 130
         finally:
             rclpy.try_shutdown()
     table = format_table(results)
-    (folder / 'table.txt').write_text(table, encoding='utf-8')
     rows = [result._asdict() for result in results]
-    (folder / 'demo.json').write_text(json.dumps(rows, indent=2) + '\n', encoding='utf-8')
+    texts = (table, json.dumps(rows, indent=2) + '\n')
+    for file, text in zip(files, texts, strict=True):
+        file.write(text.encode())
     print(f'\n{table}\nin {folder}: {", ".join(sorted(path.name for path in folder.iterdir()))}')
     return 0
 
@@ -158,6 +164,7 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         twists=tuple(parse_twist_script(stop.twist, stop.name)) if stop.twist else None,
         duration=stop.duration,
         speed=0.0,
+        samples=True,
     )
     session = Session(options, visuals=pictures)
     frames: deque[np.ndarray] = deque(maxlen=STRIP_FRAMES)
@@ -173,9 +180,9 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
             take_picture(session.world, stop.viewpoint, path, _traces(report['samples']))
         if pictures and stop.strip is not None:
             take_strip(session.world, frames, stop.strip, folder / f'{stop.name}_strip.png')
+        return summarise(stop.title, report)
     finally:
         session.close()
-    return summarise(stop.title, report)
 
 
 def _traces(samples: dict[str, Any]) -> tuple[Trace, Trace]:

@@ -66,11 +66,11 @@ class DrivenRobot:
             parameter_overrides=_overrides(options),
         )
         self.stack = make_stack(loaded, world, options)
-        self._states = StatePublisherNode(loaded.urdf, lock_step=True, prefix=world.prefix)
+        self._states = StatePublisherNode(loaded, lock_step=True, prefix=world.prefix)
         self.keys = KeyPublisherNode(namespace=options.namespace)
         self.keys.receivers.append(self.stack.press)
         self.nodes: list[Node] = [self.simulator, *self.stack.nodes, self._states, self.keys]
-        self._recorder = Recorder(world)
+        self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
         if world.prefix:
             self._say_where_odometry_begins()
@@ -117,6 +117,11 @@ class DrivenRobot:
         }
         ticks = self.stack.ticks.summary()
         return build_report(self._recorder, asked, self.world.time, wall_time, ticks)
+
+    def close(self) -> None:
+        """End the physics and forget the samples."""
+        self.simulator.close()
+        self._recorder.close()
 
     def _publish_transforms(self) -> None:
         joints = self.world.joints()

@@ -22,7 +22,10 @@ from launch_ros.substitutions import FindPackageShare
 from mujoco_sim.parameters import SimulatorParameters
 from robot_description.parameters import Parameters
 
+from wasd_bringup.unitree_keys import unitree_help
+
 NAMESPACED = [('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static')]
+UNITREE_HELP = '\n'.join(unitree_help('qwerty'))
 # Values of the argument `keys` that are no keymap.
 KEYS_OF_THE_ROBOT, NO_KEYS = 'unitree', 'none'
 
@@ -105,6 +108,7 @@ def keyboard() -> list[Node]:
     return [
         Node(
             executable='key_publisher',
+            parameters=[{'help': ParameterValue(UNITREE_HELP, value_type=str)}],
             condition=IfCondition(EqualsSubstitution(keys, KEYS_OF_THE_ROBOT)),
             **common,
         ),

@@ -9,6 +9,8 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
+from robot_description.output_file import check_apart
+from robot_description.output_file import OutputFile
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
 
@@ -46,9 +48,11 @@ class RunOptions:
     duration: float = math.inf
     speed: float = 1.0
     seed: int = 0
-    record: Path | None = None
-    report: Path | None = None
-    save_keys: str | None = None
+    record: OutputFile | None = None
+    report: OutputFile | None = None
+    save_keys: OutputFile | None = None
+    # Whether Session.report has samples; with a report to write they are kept anyway.
+    samples: bool = False
     discovery: str | None = None
     estimator: str = 'kalman'
     limits: str = 'sport'
@@ -58,6 +62,11 @@ class RunOptions:
     # Of a recording: the descriptions by namespace, and the commands in place of all others.
     urdfs: Mapping[str, str] = field(default_factory=dict)
     commands: tuple[Command, ...] | None = None
+
+    @property
+    def keeps_samples(self) -> bool:
+        """Whether what happens is kept for a report."""
+        return self.samples or self.report is not None
 
     @property
     def scripted(self) -> bool:
@@ -96,6 +105,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
     elif keys is not None or twists is not None:
         times = [press.time for press in keys or ()] + [twist.time for twist in twists or ()]
         duration = AFTERGLOW + max(times, default=0.0)
+    outputs = _outputs(arguments)
     return RunOptions(
         robot=arguments.robot,
         description=arguments.description,
@@ -113,9 +123,9 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         duration=duration,
         speed=read_number(arguments.speed, '--speed'),
         seed=arguments.seed,
-        record=_writable(arguments.record, '--record'),
-        report=_writable(arguments.report, '--report'),
-        save_keys=arguments.save_keys,
+        record=outputs['record'],
+        report=outputs['report'],
+        save_keys=outputs['save_keys'],
         discovery=arguments.discovery,
         estimator=getattr(arguments, 'estimator', 'kalman'),
         limits=getattr(arguments, 'limits', 'sport'),
@@ -169,11 +179,22 @@ def _assignment(text: str) -> tuple[str, str]:
     return name, value
 
 
-def _writable(path: str | None, option: str) -> Path | None:
-    """Return where a file goes; says now, not after the run, that it cannot be written."""
-    if path is None:
-        return None
-    target = Path(path)
-    if target.is_dir() or not target.absolute().parent.is_dir():
-        raise UsageError(f'{option} {path}: wanted a file in a folder that exists')
-    return target
+def _outputs(arguments: argparse.Namespace) -> dict[str, OutputFile | None]:
+    """
+    Return where files go; says now, not after the run, that one cannot be written.
+
+    Raises:
+        OutputError: why not, or that it is an input, or another output.
+    """
+    outputs = {}
+    for name in ('record', 'report', 'save_keys'):
+        path = getattr(arguments, name)
+        option = f'--{name.replace("_", "-")}'
+        outputs[name] = None if path is None else OutputFile(path, option)
+    inputs = []
+    for name in ('play', 'twist', 'controller', 'description', 'preset', 'world'):
+        path = getattr(arguments, name, None)
+        if path is not None and Path(path).exists():
+            inputs.append((f'--{name}', path))
+    check_apart([output for output in outputs.values() if output is not None], inputs)
+    return outputs

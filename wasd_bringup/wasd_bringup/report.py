@@ -1,20 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """What happened in a run: 50 samples a second of command, truth and odometry, written as JSON."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import json
 import math
-import os
 from pathlib import Path
-import tempfile
 from typing import Any, NamedTuple
 
 from mujoco_sim.statistics import TickSummary
 from mujoco_sim.world import FALL_TILT
 from mujoco_sim.world import World
+from robot_description.output_file import OutputFile
+
+from wasd_bringup.samples import Samples
 
 SCHEMA = 1
 SAMPLE_PERIOD = 0.02
+COLUMNS = (
+    't',
+    'state',
+    'command',
+    'position',
+    'rpy',
+    'velocity',
+    'odom',
+    'contacts',
+    'torque_max',
+)
 
 
 class Sample(NamedTuple):
@@ -29,35 +41,29 @@ class Sample(NamedTuple):
 
 class Recorder:
     """
-    Collects samples and counts falls; `sample` is called every SAMPLE_PERIOD of simulated time.
+    Counts falls, and keeps samples if asked; `sample` is called every SAMPLE_PERIOD [s].
 
     A fall is a tilt over 60 degrees, or a trunk on the ground; it ends when that has ended.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, keep: bool = True) -> None:
         self._world = world
         self.falls = 0
         self.fell_at: float | None = None
         self._fallen = False
-        self.samples: dict[str, list[Any]] = {
-            key: []
-            for key in (
-                't',
-                'state',
-                'command',
-                'position',
-                'rpy',
-                'velocity',
-                'odom',
-                'contacts',
-                'torque_max',
-            )
-        }
+        self.samples = Samples(COLUMNS) if keep else None
 
     def sample(self, now: Sample) -> None:
-        """Add the sample of this instant."""
+        """
+        Add the sample of this instant.
+
+        Raises:
+            UsageError: there is no room for it.
+        """
         base = self._world.base()
         self._watch_for_falls(base.tilt > FALL_TILT or now.is_down)
+        if self.samples is None:
+            return
         x, y, yaw = now.odometry
         row = {
             't': round(self._world.time, 9),
@@ -70,8 +76,12 @@ class Recorder:
             'contacts': list(now.contacts),
             'torque_max': float(self._world.take_peak_effort().max(initial=0.0)),
         }
-        for key, value in row.items():
-            self.samples[key].append(value)
+        self.samples.add(row)
+
+    def close(self) -> None:
+        """Forget the samples."""
+        if self.samples is not None:
+            self.samples.close()
 
     def _watch_for_falls(self, is_down: bool) -> None:
         if is_down and not self._fallen:
@@ -84,7 +94,11 @@ class Recorder:
 def build_report(
     recorder: Recorder, run: dict[str, Any], sim_time: float, wall_time: float, ticks: TickSummary
 ) -> dict[str, Any]:
-    """Return the report of a run; `run` is what was asked for: robot, world, seed, estimator."""
+    """
+    Return the report of a run; `run` is what was asked for: robot, world, seed, estimator.
+
+    Its samples are empty if none were kept; else they can be read until the recorder is closed.
+    """
     return {
         'schema': SCHEMA,
         **run,
@@ -94,7 +108,7 @@ def build_report(
         'tick': ticks._asdict(),
         'falls': recorder.falls,
         'fell_at': recorder.fell_at,
-        'samples': recorder.samples,
+        'samples': {} if recorder.samples is None else recorder.samples,
     }
 
 
@@ -108,17 +122,33 @@ def join_reports(reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def write_report(report: dict[str, Any], path: Path) -> None:
-    """Write a report whole or not at all."""
-    handle, name = tempfile.mkstemp(dir=path.absolute().parent, prefix=f'.{path.name}.')
-    try:
-        with os.fdopen(handle, 'w', encoding='utf-8') as file:
-            file.write(json.dumps(report))  # ten times as fast as json.dump
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise
+def write_report(report: dict[str, Any], file: OutputFile | Path) -> None:
+    """
+    Write a report whole or not at all.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    output = OutputFile(file, '--report') if isinstance(file, Path) else file
+    output.write(report_pieces(report))
+
+
+def report_pieces(report: dict[str, Any]) -> Iterator[bytes]:
+    """Yield the bytes of a report as json.dumps makes them, a piece of its samples at a time."""
+    found: list[Samples] = []
+    mark = '\0samples'  # as a name of anything else it could not be given
+
+    def stand_in(value: Any) -> str:
+        if not isinstance(value, Samples):
+            raise TypeError(f'{type(value).__name__} is not for JSON')
+        found.append(value)
+        return mark
+
+    first, *rest = json.dumps(report, default=stand_in).split(json.dumps(mark))
+    yield first.encode()
+    for samples, text in zip(found, rest, strict=True):
+        yield from samples.json_pieces()
+        yield text.encode()
 
 
 def wrap(angle: float) -> float:

@@ -18,13 +18,16 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from robot_description.node_support import init_ros
 from robot_description.node_support import MessagePump
 from robot_description.node_support import StopSignals
+from robot_description.ros_domains import running
 
 from wasd_bringup.errors import NotFound
 from wasd_bringup.errors import UsageError
 from wasd_bringup.suggestions import suggest
 
-# How long what is asked for may take to be discovered [s].
+# What is asked for is not there when nothing new has been discovered for so long [s].
 PATIENCE = 3.0
+# But there is more to come while a run of this domain has not been seen: at most so long [s].
+LONGEST = 15.0
 # A list is complete when nothing new has come for so long, after at least that [s].
 QUIET = 0.5
 SHORTEST_LOOK = 1.5
@@ -78,13 +81,37 @@ class RosGraph:
         self._pump.handle(timeout)
 
     def wait(self, look: Callable[[], Found | None], patience: float = PATIENCE) -> Found | None:
-        """Return what `look` finds as soon as it does; None when patience [s] is over."""
-        deadline = time.monotonic() + patience
+        """
+        Return what `look` finds as soon as it does; None when patience [s] is over.
+
+        Patience begins anew with whatever is discovered: on a busy machine one run appears piece
+        by piece. While a run is known to be here and nothing of it is seen, it does not end.
+        """
+        started = changed_at = time.monotonic()
+        known = self._seen()
         while True:
             found = look()
-            if found is not None or time.monotonic() > deadline:
+            if found is not None:
                 return found
+            now, seen = time.monotonic(), self._seen()
+            if seen != known:
+                known, changed_at = seen, now
+            is_over = now - changed_at > patience and not self._is_expecting()
+            if is_over or now - started > LONGEST:
+                return None
             self.spin()
+
+    def _seen(self) -> tuple[int, int, int]:
+        """Return how many nodes, topics and services are known."""
+        node = self.node
+        kinds = node.get_topic_names_and_types(), node.get_service_names_and_types()
+        return len(node.get_node_names()), len(kinds[0]), len(kinds[1])
+
+    def _is_expecting(self) -> bool:
+        """Whether there is a run in this domain and nobody has been seen yet."""
+        domain = self.node.context.get_domain_id()
+        is_alone = len(self.node.get_node_names()) < 2
+        return is_alone and any(run.domain == domain for run in running())
 
     def topics(self) -> dict[str, list[str]]:
         """Return the types of every topic that is not hidden, by name, once they are known."""
@@ -97,6 +124,7 @@ class RosGraph:
                 known, changed_at = latest, now
             is_alone = len(self.node.get_node_names()) < 2
             enough = PATIENCE if is_alone else SHORTEST_LOOK
+            enough = LONGEST if self._is_expecting() else enough
             if now - started > enough and now - changed_at > QUIET:
                 return known
             self.spin()
@@ -143,7 +171,11 @@ class RosGraph:
             found = self.node.get_fully_qualified_node_names()
             return sorted({node for node in found if not topic_or_service_is_hidden(node)})
 
-        if self.wait(lambda: name if name in names() else None) is None:
+        def is_there() -> bool:
+            # A node's name comes by a message of its own, which may be later than its services.
+            return name in names() or bool(self.node.count_services(f'{name}/get_parameters'))
+
+        if self.wait(lambda: is_there() or None) is None:
             raise NotFound(f'no node {name}{suggest(name, names())}')
 
 

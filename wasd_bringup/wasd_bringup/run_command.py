@@ -7,8 +7,11 @@ import contextlib
 import dataclasses
 import math
 import sys
+from typing import TextIO
 
 import rclpy
+from robot_description.errors import attempt_all
+from robot_description.errors import Stopped
 from robot_description.node_support import init_ros
 from robot_description.node_support import StopSignals
 from teleop_keyboard.key_reader import KeyReader
@@ -45,26 +48,63 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
     place = own_place(options, ros_arguments)
     with place, StopSignals() as stop, reader or contextlib.nullcontext():
         init_ros(with_own_frames(ros_arguments), is_local=True)
-        session = recorder = None
+        run = _Run(dataclasses.replace(options, interactive=_is_interactive(reader)))
         try:
-            options = dataclasses.replace(options, interactive=_is_interactive(reader))
-            if options.record is not None:
-                recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
-            session = Session(options, reader, viewer != 'none', recorder)
-            session.open_view(viewer)
-            if _is_interactive(reader) or viewer != 'none':
-                print('\n'.join(session.first_lines), flush=True)
-            session.run(stop)
-        finally:
-            with contextlib.ExitStack() as last:
-                last.callback(rclpy.try_shutdown)
-                if recorder is not None:
-                    last.callback(recorder.close)
-                if session is not None:
-                    session.close()
+            attempt_all(
+                lambda: run.do(reader, viewer, ros_arguments, stop), run.close, rclpy.try_shutdown
+            )
+        except Stopped:
+            return stop.exit_status
     with contextlib.suppress(OSError):  # the terminal may have gone
-        print(_summary(session, options), flush=True)
+        print(run.summary(), flush=True, file=_where_to_say(options))
     return stop.exit_status
+
+
+class _Run:
+    """A session and its recording, from their making to their end."""
+
+    def __init__(self, options: RunOptions) -> None:
+        self._options = options
+        self._session: Session | None = None
+        self._recorder: BagRecorder | None = None
+
+    def do(
+        self,
+        reader: KeyReader | None,
+        viewer: str,
+        ros_arguments: Sequence[str],
+        stop: StopSignals,
+    ) -> None:
+        """Make everything, and run until the end."""
+        options = self._options
+        if options.record is not None:
+            self._recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
+        self._session = Session(options, reader, viewer != 'none', self._recorder)
+        self._session.open_view(viewer)
+        if options.interactive or viewer != 'none':
+            print('\n'.join(self._session.first_lines), flush=True)
+        self._session.run(stop)
+
+    def close(self) -> None:
+        """End everything, also what has begun in part; what fails hinders nothing else."""
+        session, recorder = self._session, self._recorder
+        if session is None:
+            # Nothing has run: an older recording stays.
+            attempt_all(*([recorder.discard] if recorder is not None else []))
+            return
+        attempt_all(session.close, *([recorder.close] if recorder is not None else []))
+
+    def summary(self) -> str:
+        """Return what has happened, in a line."""
+        assert self._session is not None
+        return _summary(self._session, self._options)
+
+
+def _where_to_say(options: RunOptions) -> TextIO:
+    """Return where words go: not between the data of an output that is sent to standard output."""
+    outputs = (options.record, options.report, options.save_keys)
+    is_taken = any(output is not None and output.is_standard_output for output in outputs)
+    return sys.stderr if is_taken else sys.stdout
 
 
 def _open_keys(options: RunOptions) -> KeyReader | None:

@@ -12,6 +12,7 @@ from mujoco_sim.viewer import WebView
 from mujoco_sim.world import World
 from rclpy.node import Node
 from rclpy.time_source import TimeSource
+from robot_description.errors import attempt_all
 from robot_description.node_support import MessagePump
 from rosgraph_msgs.msg import Clock
 from teleop_keyboard.key_reader import KeyReader
@@ -198,23 +199,36 @@ class Session:
         return reports[0] if len(reports) == 1 else join_reports(reports)
 
     def close(self) -> None:
-        """Stop the robots, write the report, release everything."""
-        try:
-            for robot in self.robots:
-                robot.stack.close()
-            self._status.close()
-            if self._writer is not None:
-                self._writer.close()
-            if self._options.report is not None:
-                write_report(self.report(), self._options.report)
-        finally:
-            if self._view is not None:
-                self._view.close()
-            for robot in self.robots:
-                robot.simulator.close()
-            self._pump.shutdown(timeout_sec=0.0)
-            for node in self._nodes:
-                node.destroy_node()
+        """
+        Stop the robots, write the report, release everything; what fails hinders nothing else.
+
+        Raises:
+            UserError: what could not be written, a line each.
+        """
+        attempt_all(
+            *(robot.stack.close for robot in self.robots),
+            self._status.close,
+            self._close_writer,
+            self._write_report,
+            self._release,
+        )
+
+    def _close_writer(self) -> None:
+        if self._writer is not None:
+            self._writer.close()
+
+    def _write_report(self) -> None:
+        if self._options.report is not None:
+            write_report(self.report(), self._options.report)
+
+    def _release(self) -> None:
+        if self._view is not None:
+            self._view.close()
+        for robot in self.robots:
+            robot.close()
+        self._pump.shutdown(timeout_sec=0.0)
+        for node in self._nodes:
+            node.destroy_node()
 
     def _schedule(self) -> None:
         """Fix the order of one instant: time, scripts, controllers, publishers, report."""

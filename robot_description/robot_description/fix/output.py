@@ -6,6 +6,8 @@ import shutil
 
 from robot_description.errors import DescriptionError
 from robot_description.fix.run import Fixes
+from robot_description.output_file import identity
+from robot_description.output_file import OutputFile
 from robot_description.package_tree import own_folder
 
 
@@ -18,8 +20,7 @@ def write_mended(fixes: Fixes, description: Path, output: Path) -> Path:
     Raises:
         DescriptionError: that would write over something, or cannot be written.
     """
-    sources = {file.resolve() for file in fixes.before}
-    if output.resolve() in sources:
+    if identity(output) in {identity(file) for file in fixes.before}:
         raise DescriptionError(f'--output {output}: is a source; it is not written over')
     others = [file for file in fixes.after if file != description]
     try:
@@ -31,7 +32,7 @@ def write_mended(fixes: Fixes, description: Path, output: Path) -> Path:
                 'gets a copy of the package'
             )
         text = fixes.after.get(description, fixes.before[description])
-        output.write_bytes(text)
+        OutputFile(output, '--output').write(text)
         return output
     except OSError as error:
         raise DescriptionError(f'--output {output}: {error.strerror or error}') from None

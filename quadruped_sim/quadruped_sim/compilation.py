@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiles the leg controller in a process of its own, so that whoever waits can leave."""
+
+from collections.abc import Callable, Iterator
+import contextlib
+import subprocess
+import sys
+from typing import Any
+
+from numba.core import event
+from robot_description.errors import Stopped
+
+NOTICE = 'compiling, once: the leg controller, which takes some 15 s of a core'
+# How long a stop may go unnoticed while the other process compiles [s].
+PERIOD = 0.05
+COMPILE = (sys.executable, '-m', 'quadruped_sim')
+
+
+class _NotCompiled(Exception):
+    """A function is not in the cache."""
+
+
+def compile_once(
+    use: Callable[[], None],
+    say: Callable[[str], None],
+    is_stopped: Callable[[], bool] = lambda: False,
+) -> None:
+    """
+    Run `use`, which calls all that the controller compiles; `say` hears of it before it compiles.
+
+    What is in numba's cache is loaded. Otherwise another process fills the cache first, and is
+    ended when `is_stopped` says so. Where no cache can be written this process compiles.
+
+    Raises:
+        Stopped: `is_stopped` said so.
+    """
+    with contextlib.suppress(_NotCompiled), _before_each_function(_refuse):
+        use()
+        return
+    say(NOTICE)
+    _compile_elsewhere(is_stopped)
+
+    def look() -> None:
+        if is_stopped():
+            raise Stopped
+
+    with _before_each_function(look):
+        use()
+
+
+def _refuse() -> None:
+    raise _NotCompiled
+
+
+def _compile_elsewhere(is_stopped: Callable[[], bool]) -> None:
+    # Its own session: Ctrl-C is for us, who then end it.
+    process = subprocess.Popen(
+        COMPILE,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        while True:
+            if is_stopped():
+                raise Stopped
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(PERIOD)
+                return
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextlib.contextmanager
+def _before_each_function(act: Callable[[], None]) -> Iterator[None]:
+    """Call `act` before numba compiles a function, not when it loads one; it may raise."""
+    with event.install_listener('numba:compile', _Listener(act)):
+        yield
+
+
+class _Listener(event.Listener):
+    def __init__(self, act: Callable[[], None]) -> None:
+        self._act = act
+
+    def on_start(self, event: Any) -> None:
+        self._act()
+
+    def on_end(self, event: Any) -> None:
+        """Nothing to do."""

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""No limit is broken: by any command, at any time, in steps of any length, by any wheels."""
+
+import math
+import random
+
+from diff_drive_sim.controller import DiffDriveController
+from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.limits import AxisLimits
+from diff_drive_sim.parameters import DiffDriveParameters
+from diff_drive_sim.planar_ramp import PlanarRamp
+import pytest
+
+# What a limit may be broken by, in its own unit.
+TOLERANCE = 1e-9
+STEPS_OF_A_ROBOT = 400
+
+
+class Witness:
+    """Watches one axis by its velocities alone and counts what breaks a limit."""
+
+    def __init__(self, limits):
+        self.limits = limits
+        self.velocity = self.acceleration = 0.0
+        self.violations = []
+
+    def see(self, velocity, dt):
+        """Take the velocity `dt` [s] after the last."""
+        before, self.velocity = self.velocity, velocity
+        slope_before, self.acceleration = self.acceleration, (velocity - before) / dt
+        limits = self.limits
+        self._check('velocity', velocity, -limits.backward, limits.forward)
+        self._check_acceleration(before, velocity, dt)
+        # A velocity has 52 bits; its second difference in a short step shows the last of them.
+        rounding = 4.0 * math.ulp(max(abs(velocity), abs(before))) / dt**2
+        jerk = (self.acceleration - slope_before) / dt
+        self._check('jerk', jerk, -limits.fall - rounding, limits.rise + rounding)
+
+    def _check_acceleration(self, before, after, dt):
+        limits = self.limits
+        if min(before, after) >= 0.0:
+            self._check('acceleration', self.acceleration, -limits.slow_down, limits.speed_up)
+        elif max(before, after) <= 0.0:
+            low, high = -limits.speed_up_backward, limits.slow_down_backward
+            self._check('acceleration', self.acceleration, low, high)
+        else:  # through 0: first slowing down, then speeding up, and there is time for both
+            down, up = limits.slow_down, limits.speed_up_backward
+            if before < 0.0:
+                down, up = limits.slow_down_backward, limits.speed_up
+            self._check('reversal', (abs(before) / down + abs(after) / up) / dt, 0.0, 1.0)
+
+    def _check(self, name, value, low, high):
+        if not low - TOLERANCE <= value <= high + TOLERANCE:
+            self.violations.append((name, value, low, high))
+
+
+def random_limits(choose, largest):
+    """Return parameters of one axis: each limit its own, jerk bounded or not."""
+    values = {
+        'max_velocity': choose.uniform(0.1, largest),
+        'min_velocity': -choose.uniform(0.1, largest),
+        'max_acceleration': choose.uniform(0.2, 5.0),
+        'max_deceleration': -choose.uniform(0.2, 5.0),
+        'max_acceleration_reverse': -choose.uniform(0.2, 5.0),
+        'max_deceleration_reverse': choose.uniform(0.2, 5.0),
+    }
+    if choose.random() < 0.7:
+        values['max_jerk'] = 10.0 ** choose.uniform(-0.5, 2.0)
+        values['min_jerk'] = -(10.0 ** choose.uniform(-0.5, 2.0))
+    return values
+
+
+def random_controller(choose):
+    """Return a controller of a robot that is like no other; half of them have slow wheels."""
+    geometry = DiffDriveGeometry(
+        'left',
+        'right',
+        wheel_radius=choose.uniform(0.02, 0.2),
+        wheel_separation=choose.uniform(0.1, 1.0),
+        left_direction=choose.choice((1, -1)),
+        speed_limit=choose.choice((math.inf, 10.0 ** choose.uniform(-0.5, 1.0))),
+        left_multiplier=choose.uniform(0.9, 1.1),
+    )
+    values = {
+        f'{axis}_{name}': value
+        for axis, largest in (('linear', 2.0), ('angular', 6.0))
+        for name, value in random_limits(choose, largest).items()
+    }
+    timeout = choose.choice((0.0, 0.05, 0.5))
+    parameters = DiffDriveParameters(open_loop=True, cmd_vel_timeout=timeout, **values)
+    return DiffDriveController(geometry, parameters)
+
+
+def random_steps(choose):
+    """Yield periods: all alike, or each another, or mostly short with long ones between."""
+    kind = choose.randrange(3)
+    even = 10.0 ** choose.uniform(-4.0, -1.0)
+    for _ in range(STEPS_OF_A_ROBOT):
+        if kind == 1:
+            yield 10.0 ** choose.uniform(-4.0, -1.0)
+        elif kind == 2 and choose.random() < 0.1:
+            yield 0.1
+        else:
+            yield even
+
+
+def count_violations(seed, robots):
+    """Drive so many random robots in random ways; return what was broken, and how often wheels."""
+    choose = random.Random(seed)
+    violations, saturated = [], 0
+    for _ in range(robots):
+        controller = random_controller(choose)
+        parameters, geometry = controller.parameters, controller.geometry
+        linear = Witness(parameters.linear_limits())
+        angular = Witness(parameters.angular_limits(geometry.wheel_separation))
+        hurry = 10.0 ** choose.uniform(-2.5, 0.0)
+        for dt in random_steps(choose):
+            if choose.random() < hurry:
+                controller.command(
+                    choose.gauss(0.0, 1.5), choose.choice((0.0, 1.0)) * choose.gauss(0.0, 4.0)
+                )
+            speeds = controller.step(0.0, 0.0, dt)
+            fastest = max(map(abs, speeds))
+            saturated += fastest > 0.999 * geometry.speed_limit
+            if fastest > geometry.speed_limit + TOLERANCE:
+                violations.append(('wheel', fastest, 0.0, geometry.speed_limit))
+            linear.see(controller.velocity.linear, dt)
+            angular.see(controller.velocity.angular, dt)
+        violations += linear.violations + angular.violations
+    return violations, saturated
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_no_limit_is_broken_by_any_command_in_any_step(seed):
+    violations, saturated = count_violations(seed, robots=50)
+    assert violations == []
+    assert saturated > 500
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', range(100, 110))
+def test_no_limit_is_broken_in_two_million_steps(seed):
+    violations, saturated = count_violations(seed, robots=500)
+    assert violations == []
+    assert saturated > 5000
+
+
+@pytest.mark.parametrize('jerk', [math.inf, 20.0])
+@pytest.mark.parametrize('seed', range(10))
+def test_whatever_went_before_it_arrives_at_what_the_wheels_can_do(seed, jerk):
+    choose = random.Random(seed)
+    geometry = DiffDriveGeometry('l', 'r', 0.06, 0.38, speed_limit=10.0)
+    ramp = PlanarRamp(geometry)
+    for axis, acceleration in ((ramp.linear, 1.0), (ramp.angular, 3.0)):
+        axis.limits = AxisLimits(*[math.inf] * 2, *[acceleration] * 4, jerk, jerk)
+    edge = 10.0 * 0.06
+    for _ in range(20):
+        for _ in range(choose.randrange(300)):
+            ramp.step(choose.uniform(-edge, edge), choose.uniform(-3.0, 3.0), 0.01)
+        share = choose.uniform(-1.0, 1.0)
+        target = (share * edge, choose.choice((1.0, -1.0)) * (1.0 - abs(share)) * edge / 0.19)
+        for _ in range(400):
+            reached = ramp.step(*target, 0.01)
+        assert reached == pytest.approx(target, abs=1e-9)

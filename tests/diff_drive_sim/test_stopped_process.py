@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller as a process that is stopped while it drives, and goes on."""
+
+from collections.abc import Iterator
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from geometry_msgs.msg import Twist
+from mujoco_sim.simulator_node import SimulatorNode
+import pytest
+from rclpy.node import Node
+
+pytestmark = pytest.mark.slow
+
+RADIUS, SPEED, TIMEOUT = 0.06, 0.3, 0.5
+
+
+@pytest.fixture
+def controller(isolated_ros) -> Iterator[subprocess.Popen]:
+    """Start the controller of mbot's wheels; end it afterwards."""
+    words = [sys.executable, '-m', 'diff_drive_sim.diff_drive_controller_node']
+    process = subprocess.Popen(words, env=os.environ.copy(), start_new_session=True)
+    yield process
+    process.send_signal(signal.SIGCONT)
+    process.terminate()
+    process.wait(10.0)
+
+
+class Drive:
+    """A simulator in real time that waits for nobody, a sender of cmd_vel, and a witness."""
+
+    def __init__(self, spawn, spin_until):
+        self._node = spawn(SimulatorNode())
+        self._node.schedule_publishing()
+        self._peer = spawn(Node('peer'))
+        self._cmd_vel = self._peer.create_publisher(Twist, 'cmd_vel', 10)
+        self._pump = spawn.pump
+        self.simulation = self._node.simulation
+        self.world = self._node._world
+        self.speeds = []
+        self.simulation.schedule.every(0.005, self._look)
+        self._next_command = 0.0
+        self.is_sending = False
+        for topic in ('cmd_vel', 'joint_states'):
+            spin_until(self._pump, lambda name=topic: self._peer.count_subscribers(name), 60.0)
+        spin_until(self._pump, lambda: self._peer.count_publishers('joint_commands'))
+
+    def run(self, duration):
+        """Simulate in real time, whether the controller answers or not; return the speeds seen."""
+        self.speeds = []
+        end = self.world.time + duration
+        self.simulation.pacer.restart()
+        self.simulation.run(stop=lambda: self.world.time >= end, poll=self._poll)
+        return self.speeds
+
+    def _poll(self, timeout):
+        self._pump.handle(timeout)
+        if self.is_sending and time.monotonic() >= self._next_command:
+            self._next_command = time.monotonic() + 0.05
+            message = Twist()
+            message.linear.x = SPEED
+            self._cmd_vel.publish(message)
+
+    def _look(self):
+        wheels = self.world.joints().velocity[: len(self.world.motor_names)]
+        self.speeds.append((self.world.time, float(abs(wheels).max()) * RADIUS))
+
+
+@pytest.mark.parametrize('still_sent', [0.0, 0.5])
+@pytest.mark.parametrize('stopped', [1.0, 4.0, 10.0])
+def test_a_drive_that_was_stopped_stands_when_it_goes_on(
+    spawn, spin_until, controller, stopped, still_sent
+):
+    drive = Drive(spawn, spin_until)
+    drive.is_sending = True
+    drive.run(2.0)
+    assert drive.speeds[-1][1] == pytest.approx(SPEED, rel=0.1)
+    controller.send_signal(signal.SIGSTOP)
+    if still_sent:
+        drive.run(still_sent)  # nobody takes these
+    drive.is_sending = False
+    drive.run(stopped - still_sent)
+    controller.send_signal(signal.SIGCONT)
+    begin = drive.world.time
+    speeds = drive.run(TIMEOUT + 3.0)
+    assert max(speed for _, speed in speeds) <= 1.05 * SPEED
+    late = [speed for when, speed in speeds if when > begin + TIMEOUT + 0.1]
+    assert max(late) < 0.005
+    # It was not stopped for good.
+    drive.is_sending = True
+    drive.run(1.5)
+    assert drive.speeds[-1][1] == pytest.approx(SPEED, rel=0.1)

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller is compiled once: it says so before, can be stopped meanwhile, and keeps it."""
+
+import os
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numba
+import pytest
+from quadruped_sim.compilation import compile_once
+from quadruped_sim.compilation import NOTICE
+from robot_description.errors import Stopped
+
+import quadruped_sim
+from quadruped_sim import compilation
+
+# Starting takes a second or two of a core; compiling takes more than ten.
+PATIENCE = 60.0
+SOON = 5.0
+
+USE = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+from quadruped_sim import small_matrix
+print(small_matrix.__file__)
+print(small_matrix.cross3(np.eye(3)[0], np.eye(3)[1])[2])
+"""
+
+
+@pytest.fixture
+def function():
+    """A function that was never compiled, and is kept nowhere."""
+    return numba.njit(lambda x: x + 1)
+
+
+@pytest.fixture
+def here_only(monkeypatch):
+    """What the other process compiles is of no use to this one, as without a cache."""
+    monkeypatch.setattr(compilation, '_compile_elsewhere', lambda is_stopped: None)
+
+
+def test_what_is_compiled_is_used_in_silence(function):
+    function(1)
+    said = []
+    compile_once(lambda: function(2), said.append)
+    assert said == []
+
+
+def test_it_says_so_before_the_first_function_is_compiled(function, here_only):
+    said = []
+    compile_once(lambda: function(1), lambda text: said.append((text, function.signatures)))
+    assert said == [(NOTICE, [])]
+    assert len(function.signatures) == 1
+
+
+def test_without_a_cache_a_stop_comes_before_the_next_function(function, here_only):
+    calls = []
+
+    def use():
+        calls.append('used')
+        function(1)
+
+    with pytest.raises(Stopped):
+        compile_once(use, lambda _: None, lambda: len(calls) == 2)
+    assert calls == ['used', 'used']
+    assert function.signatures == []
+
+
+def test_an_error_of_what_is_used_comes_through(here_only):
+    with pytest.raises(ZeroDivisionError):
+        compile_once(lambda: 1 / 0, lambda _: None)
+
+
+def users_of(folder: Path) -> list[int]:
+    """Return the processes that were told to keep compiled code in a folder."""
+    found = []
+    for process in Path('/proc').glob('[0-9]*'):
+        try:
+            environment = (process / 'environ').read_bytes()
+        except OSError:
+            continue  # it has ended, or is none of ours
+        if f'NUMBA_CACHE_DIR={folder}\0'.encode() in environment + b'\0':
+            found.append(int(process.name))
+    return found
+
+
+@pytest.fixture(params=['leg_controller', 'wasd'])
+def compiling(request, tmp_path):
+    """A program that walks the Go2 for the first time, with what it says, as it compiles."""
+    module, arguments = {
+        'leg_controller': ('quadruped_sim.leg_controller_node', []),
+        'wasd': ('wasd_bringup.cli', ['go2', '--duration', '1', '--viewer', 'none']),
+    }[request.param]
+    said = tmp_path / 'said'
+    with said.open('wb') as output:
+        process = subprocess.Popen(
+            [sys.executable, '-m', module, *arguments],
+            env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path / 'cache')},
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
+        )
+    deadline = time.monotonic() + PATIENCE
+    while NOTICE not in said.read_text():
+        assert time.monotonic() < deadline
+        assert process.poll() is None, said.read_text()
+        time.sleep(0.02)
+    yield process, said, tmp_path / 'cache'
+    process.kill()
+    process.wait()
+
+
+@pytest.mark.parametrize(
+    ('number', 'status'), [(signal.SIGINT, 0), (signal.SIGTERM, 128 + signal.SIGTERM)]
+)
+def test_a_signal_ends_the_compilation_at_once(number, status, compiling):
+    process, said, cache = compiling
+    # At any time, also while the other process has just begun.
+    time.sleep(0.5)
+    assert users_of(cache)
+    process.send_signal(number)
+    assert process.wait(SOON) == status, said.read_text()
+    assert said.read_text().count(NOTICE) == 1
+    assert 'Traceback' not in said.read_text()
+    assert users_of(cache) == []
+
+
+@pytest.mark.parametrize('home', ['home', 'none'])
+def test_an_installation_that_cannot_be_written_keeps_it_in_the_home_if_there_is_one(
+    home, tmp_path
+):
+    package = tmp_path / 'installed/quadruped_sim'
+    source = Path(quadruped_sim.__file__).parent
+    shutil.copytree(source, package, ignore=shutil.ignore_patterns('__pycache__'))
+    (package / '__pycache__').touch()  # no folder can be made here, not even by root
+    (tmp_path / 'none').touch()
+    environment = {name: value for name, value in os.environ.items() if name[:4] != 'XDG_'}
+    done = subprocess.run(
+        [sys.executable, '-P', '-c', USE, str(package.parent)],
+        env={**environment, 'HOME': str(tmp_path / home)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == [str(package / 'small_matrix.py'), '1.0']
+    kept = list((tmp_path / home).rglob('*.nbi'))
+    assert bool(kept) == (home == 'home')

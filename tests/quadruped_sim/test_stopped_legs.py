@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A leg controller in a process of its own that is stopped in a trot, and goes on."""
+
+from collections.abc import Iterator
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from nav_msgs.msg import Odometry
+import pytest
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+pytestmark = pytest.mark.slow
+
+# How often each stop is made; 5 times each was measured once: no fall.
+REPEATS = 1
+STOPS = (0.3, 0.5, 1.0, 3.0)
+SPEED = 0.5
+PATIENCE = 90.0
+
+
+class Watcher(Node):
+    """Presses keys, and sees time, state and truth."""
+
+    def __init__(self, pump, processes):
+        super().__init__('watcher')
+        pump.add_node(self)
+        self._pump, self._processes = pump, processes
+        self.now, self.height, self.states = 0.0, 0.0, []
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(String, 'state', lambda m: self.states.append(m.data), latched)
+        self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, 10)
+        self.create_subscription(Clock, '/clock', self._on_clock, 10)
+        self._keys = self.create_publisher(String, 'keys', 100)
+
+    def until(self, condition):
+        """Handle messages until a condition holds."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert all(process.poll() is None for process in self._processes)
+            assert time.monotonic() < deadline, (self.now, self.states)
+            self._pump.handle(0.02)
+
+    def connect(self):
+        """Wait for both processes."""
+        self.until(lambda: self.states and self.height and self._keys.get_subscription_count())
+
+    def press(self, key, state):
+        """Press a key that leads to a state."""
+        self._keys.publish(String(data=key))
+        self.until(lambda: self.states[-1] == state)
+
+    def stick(self, key):
+        """Press a key that moves a stick."""
+        self._keys.publish(String(data=key))
+
+    def pass_time(self, duration):
+        """Let simulated time pass [s]."""
+        end = self.now + duration
+        self.until(lambda: self.now >= end)
+
+    def pass_wall_time(self, duration):
+        """Let wall time pass [s]."""
+        end = time.monotonic() + duration
+        self.until(lambda: time.monotonic() >= end)
+
+    def _on_truth(self, message):
+        self.height = message.pose.pose.position.z
+
+    def _on_clock(self, message):
+        self.now = message.clock.sec + 1e-9 * message.clock.nanosec
+
+
+@pytest.fixture
+def processes(isolated_ros) -> Iterator[list[subprocess.Popen]]:
+    """Start simulator and leg controller, each in a process of its own; end them afterwards."""
+    simulator = ('mujoco_sim.simulator_node', '--ros-args', '-p', 'description:=go2')
+    commands = (
+        (*simulator, '-p', 'state_rate:=500.0', '-p', f'speed:={SPEED}'),
+        ('quadruped_sim.leg_controller_node',),
+    )
+    started = [
+        subprocess.Popen(
+            [sys.executable, '-m', *words], env=os.environ.copy(), start_new_session=True
+        )
+        for words in commands
+    ]
+    yield started
+    for process in started:
+        process.send_signal(signal.SIGCONT)
+        process.terminate()
+    for process in started:
+        process.wait(10.0)
+
+
+@pytest.fixture
+def watcher(spawn, processes):
+    """Return a watcher of a robot that trots forward."""
+    watcher = spawn(Watcher(spawn.pump, processes))
+    watcher.connect()
+    watcher.press('2', 'fixed stand')
+    watcher.pass_time(2.5)
+    watcher.press('4', 'trotting')
+    for _ in range(3):
+        watcher.stick('w')
+    watcher.pass_time(1.5)
+    return watcher
+
+
+@pytest.mark.parametrize('repeat', range(REPEATS))
+def test_a_controller_that_is_stopped_in_a_trot_does_not_let_it_fall(watcher, processes, repeat):
+    legs = processes[1]
+    for stop in STOPS:
+        legs.send_signal(signal.SIGSTOP)
+        # What was on its way is answered; then physics stands.
+        watcher.pass_wall_time(0.5 * stop)
+        held_at = watcher.now
+        watcher.pass_wall_time(0.5 * stop)
+        assert watcher.now <= held_at + 0.05
+        legs.send_signal(signal.SIGCONT)
+        lowest = watcher.height
+        for _ in range(20):
+            watcher.pass_time(0.1)
+            lowest = min(lowest, watcher.height)
+        assert watcher.states == ['passive', 'fixed stand', 'trotting'], stop
+        assert lowest > 0.25, stop
+
+
+def test_a_controller_that_was_killed_does_not_hang_the_simulation(watcher, processes):
+    processes[1].terminate()
+    processes[1].wait(10.0)
+    watcher._processes = processes[:1]
+    watcher.pass_time(1.0)
+    assert watcher.height < 0.25  # the motors brake, the robot sinks

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where example-robot-data is found, however it was installed."""
+
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+from robot_description.errors import PackageNotFound
+from robot_description.packages import EXAMPLE_ROBOT_DATA
+from robot_description.packages import share_directory
+
+
+def make_wheel(site: Path) -> Path:
+    """Lay out what the wheel of example-robot-data puts into a site folder."""
+    share = site / 'cmeel.prefix/share' / EXAMPLE_ROBOT_DATA
+    (share / 'robots/go2_description').mkdir(parents=True)
+    return share
+
+
+@pytest.fixture
+def elsewhere(monkeypatch):
+    """No example-robot-data in this Python's own folders, nor in an ament prefix."""
+    monkeypatch.setattr(sys, 'path', [p for p in sys.path if 'site-packages' not in p])
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
+
+
+def test_a_wheel_is_found_in_any_folder_that_python_imports_from(elsewhere, tmp_path, monkeypatch):
+    with pytest.raises(PackageNotFound):
+        share_directory(EXAMPLE_ROBOT_DATA)
+    share = make_wheel(tmp_path)
+    monkeypatch.setattr(sys, 'path', [str(tmp_path), *sys.path])
+    assert share_directory(EXAMPLE_ROBOT_DATA) == share
+    assert share_directory('go2_description') == share / 'robots/go2_description'
+
+
+def test_a_wheel_is_found_after_pip_install_user(tmp_path):
+    ask = 'import site; print(site.getusersitepackages())'
+    find = (
+        'import sys; sys.path.append(sys.argv[1])\n'
+        'from robot_description.packages import share_directory as find\n'
+        f'print(find({EXAMPLE_ROBOT_DATA!r}))'
+    )
+    source = str(Path(__file__).parents[2] / 'robot_description')
+    # The Python below this environment: it has a user's folder, and nothing of ours.
+    python = str(Path(sys.base_prefix, 'bin', f'python{sys.version_info[0]}'))
+    world = {'HOME': str(tmp_path), 'PATH': '/usr/bin:/bin'}
+
+    def run(*words: str) -> str:
+        done = subprocess.run([python, '-c', *words], env=world, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.strip()
+
+    share = make_wheel(Path(run(ask)))
+    assert run(find, source) == str(share)
