@@ -190,13 +190,15 @@ class OutputFile:
         if self.is_regular:
             _write_all(self._descriptor, data)
             return
-        # Never more than fits: a reader that stands still must not stop a robot's loop.
+        # Never more than fits: a reader that stands still must not stop a robot's loop for ever.
         ready = select.poll()
         ready.register(self._descriptor, select.POLLOUT)
-        for start in range(0, len(data), PIECE):
+        view = memoryview(data)
+        while view:
             if not ready.poll(1e3 * PATIENCE):
                 raise OSError(errno.EAGAIN, f'nobody reads it for {PATIENCE:g} s')
-            _write_all(self._descriptor, data[start : start + PIECE])
+            with contextlib.suppress(BlockingIOError):  # standard output may be set so
+                view = view[os.write(self._descriptor, view[:PIECE]) :]
 
     @contextlib.contextmanager
     def _one_line(self) -> Iterator[None]:
