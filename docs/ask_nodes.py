@@ -23,7 +23,7 @@ USUAL_PARAMETERS = ('use_sim_time', 'start_type_description_service')
 USUAL_TOPICS = ('/parameter_events', '/rosout')
 USUAL_SERVICES = ('rcl_interfaces', 'type_description_interfaces')
 # Names that no namespace prefixes.
-ABSOLUTE = ('/clock', '/tf', '/tf_static')
+ABSOLUTE = ('/clock', '/diagnostics', '/tf', '/tf_static')
 
 
 class End(NamedTuple):

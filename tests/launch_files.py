@@ -39,13 +39,14 @@ class Shutdown:
 @dataclass(frozen=True)
 class DeclareLaunchArgument:
     name: str
-    default_value: str | None = None
+    default_value: Any = None
     description: str = ''
     choices: list[str] | None = None
 
-    def value(self, given: Mapping[str, str]) -> str:
-        """Return what the argument is, as launch does."""
+    def value(self, given: Mapping[str, str], before: Mapping[str, str]) -> str:
+        """Return what the argument is, as launch does; a default may build on those before."""
         value = given.get(self.name, self.default_value)
+        value = value if value is None else _text(value, before)
         assert isinstance(value, str), f'{self.name} is required, and a text'
         if self.choices is not None and value not in self.choices:
             raise RuntimeError(f'Argument "{self.name}" provided value "{value}" is not valid.')
@@ -54,7 +55,7 @@ class DeclareLaunchArgument:
 
 @dataclass(frozen=True)
 class ParameterValue:
-    value: LaunchConfiguration
+    value: Any
     value_type: type
 
 
@@ -216,7 +217,9 @@ class LaunchFile:
     def start(self, **given: str) -> list[Started]:
         """Return the nodes with `name:=value` given on the command line."""
         assert set(given) <= set(self.arguments)
-        values = {name: entry.value(given) for name, entry in self.arguments.items()}
+        values: dict[str, str] = {}
+        for name, entry in self.arguments.items():
+            values[name] = entry.value(given, values)
         started = [
             _started(node, values)
             for node in self.nodes

@@ -86,7 +86,7 @@ class DiffDriveControllerNode(Node):
         self.controller = self.unit.controller
         for note in (*self.unit.notes, *self._frame_notes(robot)):
             self.get_logger().warning(note)
-        self._label = given.name or self.get_name()
+        self._label = f'{self.get_namespace()}/{given.name or self.get_name()}'.strip('/')
         self._is_alone = not lock_step
         self._absence = AbsenceWatch(self, self._on_return)
         self._arrived_at = 0.0
@@ -95,7 +95,7 @@ class DiffDriveControllerNode(Node):
         )
         self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
         self._tf = TfBroadcaster(self)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', RELIABLE)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         self._limited: Any = None
         if self.settings.publish_limited_velocity:
             self._limited = self.create_publisher(TwistStamped, '~/cmd_vel_out', RELIABLE)

@@ -33,6 +33,8 @@ def read_given(node: Node) -> GivenParameters:
         InvalidParameter: what is wrong with the file, with its line.
     """
     overrides = node._parameter_overrides
+    if 'mode' in overrides and overrides['mode'].value == '':
+        del overrides['mode']  # how a launch file says nothing
     unused = {name for name in overrides if name in UNUSED - {'use_sim_time', 'type'}}
     for name, given in list(overrides.items()):
         outward, value = translate(name, given.value)

@@ -47,6 +47,8 @@ from mujoco_sim.world import World
 
 # A real-time factor below this share of the speed asked for is worth a warning.
 SLOW = 0.9
+# A controller that has commanded for less than this [s] may still be loading what it needs.
+SETTLED = 0.5
 
 
 class SimulatorNode(Node):
@@ -85,7 +87,7 @@ class SimulatorNode(Node):
         self._has_clock = simulation is None
         self._world = world
         self._root = world.prefix + robot.robot.root
-        self._commanded_at = 0.0
+        self._commanded_at = self._commanded_since = 0.0
         self._hold = AnswerHold()
         self._is_braking = True
         # Instants that have been published: a step by hand may end where one is due.
@@ -98,7 +100,7 @@ class SimulatorNode(Node):
             self._contacts = self.create_publisher(JointState, 'foot_contacts', RELIABLE)
         if world.has_imu:
             self._imu = self.create_publisher(Imu, 'imu/data', RELIABLE)
-        self._diagnostics = self.create_publisher(DiagnosticArray, 'diagnostics', RELIABLE)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
         self._sensors = SensorPublisher(self, robot, world, self.settings)
         self.simulation.on_reset.append(self._sensors.reset)
         self.create_service(Trigger, '~/reset', self._on_reset)
@@ -137,7 +139,7 @@ class SimulatorNode(Node):
             values['overruns'] = str(summary.overruns)
         values['rejected_commands'] = str(self._world.rejected_commands)
         text = 'slower than asked for' if slow else state
-        stamp, name = self.stamp, self._world.prefix + self.get_name()
+        stamp, name = self.stamp, self.get_fully_qualified_name().strip('/')
         self._diagnostics.publish(to_diagnostics(name, text, values, slow, stamp))
 
     @property
@@ -193,6 +195,8 @@ class SimulatorNode(Node):
             self._commanded_at = self._world.time
             stamp = message.header.stamp
             self._hold.answer(to_seconds(stamp), self._world.time)
+            if self._is_braking:
+                self._commanded_since = self._world.time
             self._is_braking = False
         else:
             self.get_logger().warning(
@@ -218,10 +222,11 @@ class SimulatorNode(Node):
         if silent > self.settings.command_timeout and not self._is_braking:
             self._is_braking = True
             self._world.brake()
-            self.get_logger().warning(
-                f'joint_commands silent for {self.settings.command_timeout} s: motors brake',
-                throttle_duration_sec=5.0,
-            )
+            text = f'joint_commands silent for {self.settings.command_timeout} s: motors brake'
+            if self._commanded_at - self._commanded_since < SETTLED:
+                self.get_logger().info(f'{text}, the controller is starting')
+            else:
+                self.get_logger().warning(text, throttle_duration_sec=5.0)
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.simulation.reset()

@@ -25,6 +25,9 @@ from mujoco_sim.mount import Snapshot
 from mujoco_sim.wheel_slip import WheelSlip
 from mujoco_sim.world import World
 
+# The frame of what the simulator knows: fixed, without drift, and in no tree of /tf but that of
+# robots which share a world. `odom` begins where the robot does, and drifts away.
+WORLD_FRAME = 'world'
 # Odometry may arrive so many instants after the one that it is about.
 REMEMBERED = 2000
 
@@ -54,7 +57,8 @@ class TruthPublisher:
         """Publish the truth of now."""
         stamp = to_stamp(self._world.time)
         if has_listener(self._truth):
-            self._truth.publish(self._to_truth(self._world.base_since_start(), stamp))
+            base = self._world.base()
+            self._truth.publish(to_ground_truth(base, WORLD_FRAME, self._root, stamp))
         if self._slip.joints and has_listener(self._slips):
             self._slips.publish(to_wheel_slip(self._slip.joints, self._slip.measure(), stamp))
 

@@ -13,6 +13,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.absence import AbsenceWatch
+from robot_description.beat import Beat
 from robot_description.conversions import to_seconds
 from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
@@ -200,7 +201,7 @@ class LegControllerNode(Node):
         self._truth: BaseState | None = None
         self._last: float | None = None
         self._needed = set(self.quadruped.joint_names)
-        self._next_odometry = 0.0
+        self._beat = Beat()
         self.create_subscription(Imu, 'imu/data', self._on_imu, SENSOR_DATA)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, SENSOR_DATA)
         if self.settings.estimator == 'truth':
@@ -231,8 +232,7 @@ class LegControllerNode(Node):
         reading = from_messages(message, self._imu)
         command = self.control(reading, names, motors, dt, self._truth)
         self._commands.publish(to_joint_commands(motors, command, stamp))
-        if now >= self._next_odometry or now < self._next_odometry - 1.0:
-            self._next_odometry = now + 1.0 / self.settings.publish_rate
+        if self._beat.is_due(now, self.settings.publish_rate):
             self.publish_odometry()
 
     def _is_complete(self, message: JointState) -> bool:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameter definitions as ROS tools see them: meaning, range, choices, read-only or not."""
 
+from collections.abc import Mapping
 import dataclasses
+import math
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange
@@ -15,8 +17,9 @@ def to_descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
     """
     Return the descriptor of a `parameter` field.
 
-    ROS' ranges have two ends that belong to them, and no NaN; where ours have not, the range is
-    said in words, and our own check alone refuses what is outside.
+    ROS' ranges have two ends that belong to them: an excluded end of a float is the next number
+    inside, an open one infinity. They have no NaN: where that is legal, and for integers with an
+    open end, the range is said in words alone, and our own check refuses what is outside.
     """
     meta = field.metadata
     is_float, is_integer = isinstance(field.default, float), type(field.default) is int
@@ -33,9 +36,25 @@ def to_descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
         additional_constraints=constraints,
     )
     ends = meta['minimum'], meta['maximum']
-    if is_float and None not in ends and not meta['nan']:
-        limits = FloatingPointRange(from_value=float(ends[0]), to_value=float(ends[1]))
-        descriptor.floating_point_range = [limits]
+    if is_float and not meta['nan']:
+        low, high = _float_ends(meta)
+        if math.isfinite(low) or math.isfinite(high):
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     elif is_integer and None not in ends:
         descriptor.integer_range = [IntegerRange(from_value=ends[0], to_value=ends[1], step=1)]
     return descriptor
+
+
+def _float_ends(meta: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the smallest and the largest legal number."""
+    low = high = None
+    if meta['above'] is not None:
+        low = math.nextafter(meta['above'], math.inf)
+    if meta['below'] is not None:
+        high = math.nextafter(meta['below'], -math.inf)
+    low = meta['minimum'] if low is None else low
+    high = meta['maximum'] if high is None else high
+    return (
+        -math.inf if low is None else float(low),
+        math.inf if high is None else float(high),
+    )

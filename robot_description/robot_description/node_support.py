@@ -61,6 +61,9 @@ def declare_parameters(
     fields = {outward_name(field): field for field in dataclasses.fields(definition)}
     for name, field in fields.items():
         default = field.default if defaults is None else getattr(defaults, field.name)
+        given = node._parameter_overrides.get(name)
+        if given is not None and {type(field.default), type(given.value)} <= {int, float}:
+            definition.checked(name, given.value)  # ROS would say less of a range
         try:
             declared = node.declare_parameter(name, _to_ros(default), to_descriptor(field))
         except rclpy.exceptions.ParameterException as error:

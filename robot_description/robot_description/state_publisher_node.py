@@ -11,6 +11,8 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from robot_description.beat import Beat
+from robot_description.conversions import to_seconds
 from robot_description.conversions import to_transform
 from robot_description.description import Description
 from robot_description.description import read_description
@@ -35,6 +37,9 @@ class StatePublisherParameters(Parameters):
     description: str = parameter(
         'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
     )
+    publish_frequency: float = parameter(
+        50.0, doc='Rate of /tf, at most that of joint_states', unit='Hz', above=0.0
+    )
 
 
 class StatePublisherNode(Node):
@@ -55,7 +60,8 @@ class StatePublisherNode(Node):
             InvalidParameter, DescriptionError: what is wrong, in one line.
         """
         super().__init__('state_publisher', namespace=prefix.rstrip('/'))
-        self.settings = declare_parameters(self, StatePublisherParameters)
+        self.settings = declare_parameters(self, StatePublisherParameters, self._on_change)
+        self._beat = Beat()
         robot = robot or read_description(description_path(self.settings.description))
         self._robot = robot.robot
         self._prefix = prefix
@@ -93,7 +99,13 @@ class StatePublisherNode(Node):
                 throttle_duration_sec=5.0,
             )
             return
-        self.publish(tuple(message.name), np.array(message.position), message.header.stamp)
+        stamp = message.header.stamp
+        # The instants of odom, where that has the same rate: a look-up finds both.
+        if self._beat.is_due(to_seconds(stamp), self.settings.publish_frequency):
+            self.publish(tuple(message.name), np.array(message.position), stamp)
+
+    def _on_change(self, changed: StatePublisherParameters) -> None:
+        self.settings = changed
 
     def _fixed_transforms(self, stamp: Time) -> list[TransformStamped]:
         return [

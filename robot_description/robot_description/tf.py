@@ -3,6 +3,7 @@
 
 from collections.abc import Iterable
 import importlib
+import os
 from typing import Any
 
 from geometry_msgs.msg import TransformStamped
@@ -11,6 +12,7 @@ from rclpy.node import Node
 from robot_description.node_support import has_listener
 from robot_description.qos import TF
 from robot_description.qos import TF_STATIC
+from robot_description.ros_isolation import is_sourced
 
 
 def tf_message_type() -> type[Any] | None:
@@ -32,10 +34,10 @@ class TfBroadcaster:
         if self._type is None:
             if not TfBroadcaster._reported:
                 TfBroadcaster._reported = True
-                node.get_logger().info(
-                    'tf2_msgs is not installed: /tf is not published '
-                    '(python -m robot_description.build_tf2_msgs makes it)'
-                )
+                cure = 'python -m robot_description.build_tf2_msgs makes it'
+                if is_sourced(os.environ):
+                    cure = f'sudo apt install ros-{os.environ["ROS_DISTRO"]}-tf2-msgs'
+                node.get_logger().info(f'tf2_msgs is not installed: /tf is not published ({cure})')
             return
         if static:
             self._publisher = node.create_publisher(self._type, '/tf_static', TF_STATIC)

@@ -123,7 +123,7 @@ def test_diagnostics_have_the_keys_of_arbotix(make, peer, spawn, spin_until, tmp
     path = tmp_path / 'c.yaml'
     path.write_text('controllers: {base_controller: {type: diff_controller}}')
     node = make(controller=str(path))
-    found = collect(peer, DiagnosticArray, 'diagnostics')
+    found = collect(peer, DiagnosticArray, '/diagnostics')
     drive(node, 0.5, 0.0, 2.0)
     spin_until(spawn.pump, lambda: found, step=node.publish_diagnostics)
     (status,) = found[0].status

@@ -89,11 +89,20 @@ def test_the_table_has_every_node_of_a_package_with_a_parameter_file():
 
 
 @pytest.mark.parametrize('name', CASES)
-def test_a_namespace_prefixes_every_topic_but_clock_and_tf(name, node_of):
+def test_a_namespace_prefixes_every_topic_but_clock_diagnostics_and_tf(name, node_of):
     node = node_of(name, '-r', '__ns:=/field/robot')
     assert node.get_fully_qualified_name() == f'/field/robot/{name}'
     outside = {topic for topic in topics(node) if not topic.startswith('/field/robot/')}
-    assert outside <= {'/clock', '/tf', '/tf_static'}
+    assert outside <= {'/clock', '/diagnostics', '/tf', '/tf_static'}
+
+
+@pytest.mark.parametrize('name', ['simulator', 'diff_drive_controller'])
+def test_diagnostics_of_all_are_on_one_topic_and_say_whose_they_are(name, node_of):
+    node, sent = node_of(name, '-r', '__ns:=/field/robot'), []
+    (publisher,) = (p for p in node.publishers if p.topic_name == '/diagnostics')
+    publisher.publish = sent.append
+    node.publish_diagnostics(*(['running'] if name == 'simulator' else []))
+    assert [status.name for status in sent[0].status] == [f'field/robot/{name}']
 
 
 @pytest.mark.parametrize('name', CASES)

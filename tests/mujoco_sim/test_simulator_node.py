@@ -39,7 +39,7 @@ class Peer(Node):
         self.create_subscription(Clock, '/clock', self.clock.append, 1000)
         self.create_subscription(JointState, 'joint_states', self.states.append, 1000)
         self.create_subscription(Odometry, 'ground_truth/odom', self.truth.append, 1000)
-        self.create_subscription(DiagnosticArray, 'diagnostics', self.diagnostics.append, 1000)
+        self.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.append, 1000)
         self.commands = self.create_publisher(JointTrajectory, 'joint_commands', 10)
 
 
@@ -108,7 +108,7 @@ def test_the_clock_runs_at_its_rate_and_never_backward(peer, run, simulator, spa
     np.testing.assert_allclose(times, 0.01 * np.arange(50), atol=1e-12)
 
 
-def test_the_truth_is_the_pose_of_the_footprint_in_odom(peer, run, spawn, spin_until, world):
+def test_the_truth_is_the_pose_of_the_footprint_in_the_world(peer, run, spawn, spin_until, world):
     half = 0.5 * np.pi / 3.0
     world.data.qpos[:2] = [1.0, 2.0]
     world.data.qpos[3:7] = [np.cos(half), 0.0, 0.0, np.sin(half)]
@@ -116,7 +116,7 @@ def test_the_truth_is_the_pose_of_the_footprint_in_odom(peer, run, spawn, spin_u
     run(10)
     spin_until(spawn.pump, lambda: peer.truth)
     truth = peer.truth[0]
-    assert (truth.header.frame_id, truth.child_frame_id) == ('odom', 'base_footprint')
+    assert (truth.header.frame_id, truth.child_frame_id) == ('world', 'base_footprint')
     assert (truth.pose.pose.position.x, truth.pose.pose.position.y) == (1.0, 2.0)
     assert truth.pose.pose.orientation.z == pytest.approx(np.sin(half))
     # The twist is in the robot's own frame: it goes ahead, whatever its heading.
@@ -135,6 +135,10 @@ def test_silence_brakes_the_motors_and_says_so(
     peer, simulator, run, spawn, spin_until, world, capfd
 ):
     command(peer, simulator, spawn, spin_until, rolling(5.0))
+    for _ in range(7):  # then it is through with starting
+        run(90)
+        peer.commands.publish(rolling(5.0))
+        spin_until(spawn.pump, lambda: simulator._commanded_at == world.time)
     run(100)
     assert world.data.ctrl.any()
     run(20)
@@ -142,6 +146,17 @@ def test_silence_brakes_the_motors_and_says_so(
     run(500)
     assert world.base().linear_velocity[0] == pytest.approx(0.0, abs=1e-3)
     assert capfd.readouterr().err.count('joint_commands silent for 0.1 s: motors brake') == 1
+
+
+def test_a_controller_that_stalls_while_it_starts_is_no_warning(
+    peer, simulator, run, spawn, spin_until, world, capfd
+):
+    command(peer, simulator, spawn, spin_until, rolling(5.0))
+    run(300)
+    assert not world.data.ctrl.any()
+    said = capfd.readouterr().err
+    assert 'WARN' not in said
+    assert said.count('the controller is starting') == 1
 
 
 def test_without_any_command_there_is_nothing_to_warn_of(simulator, run, capfd):

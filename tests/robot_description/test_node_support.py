@@ -68,7 +68,7 @@ def test_what_is_given_at_start_counts(spawn):
         ({'speed': True}, '^speed must be a float, got bool True'),
         ({'speed': 0}, '^speed must be > 0 m/s, got 0.0'),
         ({'share': 2}, '^share must be >= 0 and <= 1, got 2.0'),
-        ({'share': 2.0}, '^share: '),
+        ({'share': 2.0}, '^share must be >= 0 and <= 1, got 2.0'),
         ({'mode': 2}, '^mode: '),
         ({'mode': 'drift'}, 'mode must be one of hold, latch'),
     ],
@@ -96,7 +96,7 @@ def test_a_legal_change_is_told_with_the_whole_set(arm):
 @pytest.mark.parametrize(
     ('name', 'value', 'reason'),
     [
-        ('speed', -1.0, 'speed must be > 0 m/s, got -1.0'),
+        ('speed', -1.0, 'Parameter speed out of range'),  # ROS' own words
         ('speed', float('inf'), 'speed must be a finite number, got inf'),
         ('speed', -1, 'speed must be > 0 m/s, got -1.0'),
         ('speed', 'fast', "speed must be a float, got str 'fast'"),
@@ -141,6 +141,9 @@ def test_parameters_describe_themselves(arm, spawn, spin_until):
         'hold, latch',
     )
     assert ParameterMessage(name='speed').name == speed.name
+    (above,) = speed.floating_point_range  # an excluded end, and an open one
+    assert 0.0 < above.from_value < 1e-300
+    assert above.to_value == float('inf')
 
 
 def test_a_first_signal_asks_for_a_stop():

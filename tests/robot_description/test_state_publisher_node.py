@@ -5,6 +5,7 @@ from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
 from robot_description.description import read_description
@@ -82,6 +83,21 @@ def test_joint_states_move_the_links(sent, spawn, spin_until):
     assert [transform.child_frame_id for transform in sent[-1]] == ['left_wheel_link']
 
 
+def test_fast_joint_states_become_a_few_transforms_at_the_instants_of_odometry(sent, spawn):
+    node = spawn(StatePublisherNode())
+    message = JointState(name=[WHEEL], position=[0.5])
+    for tick in range(503, 1003):  # 500 Hz for 1 s, joined at some time
+        nanoseconds = 2_000_000 * tick
+        message.header.stamp = Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
+        node._on_joint_states(message)
+    stamps = [moved[0].header.stamp for moved in sent[1:]]
+    ticks = [stamp.sec * 10**9 + stamp.nanosec for stamp in stamps]
+    assert len(ticks) in (50, 51)
+    assert {tick % 20_000_000 for tick in ticks[1:]} == {0}
+    node.set_parameters([Parameter('publish_frequency', value=10.0)])
+    assert node.settings.publish_frequency == 10.0
+
+
 def test_joint_states_without_positions_do_no_harm(sent, spawn, spin_until):
     spawn(StatePublisherNode())
     robot = spawn(Node('robot'))
@@ -108,6 +124,16 @@ def test_without_tf2_msgs_it_says_so_once_and_goes_on(spawn, capfd, monkeypatch)
     node = spawn(StatePublisherNode(lock_step=True))
     node.publish((WHEEL,), np.zeros(1), Time())
     assert capfd.readouterr().err.count('tf2_msgs is not installed: /tf is not published') == 1
+
+
+def test_in_a_sourced_ros_the_hint_is_the_package_of_apt(spawn, capfd, monkeypatch):
+    monkeypatch.setattr(TfBroadcaster, '_reported', False)
+    monkeypatch.setattr('robot_description.tf.tf_message_type', lambda: None)
+    monkeypatch.setenv('ROS_DISTRO', 'jazzy')
+    spawn(StatePublisherNode(lock_step=True))
+    said = capfd.readouterr().err
+    assert 'sudo apt install ros-jazzy-tf2-msgs' in said
+    assert 'build_tf2_msgs' not in said
 
 
 def test_a_description_that_is_not_there_ends_with_one_line(isolated_ros, capsys):

@@ -64,6 +64,8 @@ def test_every_package_and_executable_exists(started):
 def test_every_parameter_exists_and_has_a_legal_value(started):
     for node in started:
         given = {k: v for k, v in node.parameters.items() if k not in OTHER_PARAMETERS}
+        if given.get('mode') == '':  # as its file says
+            del given['mode']
         if node.package == 'rviz2':
             assert not given
         elif node.executable in DEFINITIONS:
@@ -76,7 +78,7 @@ def test_every_file_exists_and_is_for_the_node_that_gets_it(started):
     for node in started:
         for path in node.files:
             ((key, _),) = yaml.safe_load(path.read_text()).items()
-            assert key == f'/**/{node.executable}'
+            assert key in ('/**', f'/**/{node.executable}')
         for argument in node.arguments:
             assert argument == '-d' or Path(argument).is_file()
 
@@ -100,11 +102,52 @@ def test_each_robot_has_a_namespace_a_clock_and_frames_of_its_own(launch_file):
     assert robots == {'go2': 'go2', 'mbot': 'mbot'}
 
 
-def test_the_robot_of_the_tutorial_can_be_named(launch_file):
-    nodes = launch_file(FOLDER / 'go2.launch.py').start(rname='my/dog.urdf', seed='3', speed='2')
+@pytest.mark.parametrize('name', ['rname', 'description'])
+def test_the_robot_can_be_named_as_everywhere_and_as_in_the_tutorial(launch_file, name):
+    given = {name: 'my/dog.urdf', 'seed': '3', 'speed': '2'}
+    nodes = launch_file(FOLDER / 'go2.launch.py').start(**given)
     described = [node.parameters.get('description') for node in nodes]
     assert described == ['my/dog.urdf', 'my/dog.urdf', 'my/dog.urdf', None]
     assert (nodes[0].parameters['seed'], nodes[0].parameters['speed']) == (3, 2.0)
+
+
+@pytest.mark.parametrize('name', ['go2.launch.py', 'mbot.launch.py'])
+def test_a_parameter_file_of_the_users_is_for_every_node_and_comes_first(
+    launch_file, name, tmp_path
+):
+    nodes = launch_file(FOLDER / name).start(params_file=str(tmp_path / 'mine.yaml'))
+    robots = [node for node in nodes if node.package not in ('teleop_keyboard', 'rviz2')]
+    assert len(robots) == 3
+    for node in robots:
+        assert node.files == [tmp_path / 'mine.yaml']
+    definition = launch_file(FOLDER / name).nodes[0]
+    assert isinstance(definition.parameters[0], dict), 'the last one counts'
+
+
+def test_the_drive_can_be_chosen_as_on_the_command_line(launch_file):
+    nodes = launch_file(FOLDER / 'mbot.launch.py').start(mode='arbotix', controller='drive.yaml')
+    (drive,) = (node for node in nodes if node.executable == 'diff_drive_controller')
+    assert (drive.parameters['mode'], drive.parameters['controller']) == ('arbotix', 'drive.yaml')
+    assert drive.parameters['use_sim_time'] is True
+    assert 'simulator' in [node.executable for node in nodes]
+
+
+def test_without_physics_no_simulator_and_no_simulated_time_are_there(launch_file):
+    nodes = launch_file(FOLDER / 'mbot.launch.py').start(mode='fake')
+    assert sorted(node.executable for node in nodes) == [
+        'diff_drive_controller', 'state_publisher', 'teleop',
+    ]  # fmt: skip
+    assert {node.parameters['use_sim_time'] for node in nodes} == {False}
+
+
+def test_both_robots_can_be_chosen_and_share_seed_and_speed(launch_file):
+    nodes = launch_file(FOLDER / 'both.launch.py').start(
+        go2_description='a1', mbot_description='mbot_lidar', seed='4', speed='2'
+    )
+    simulators = {n.namespace: n.parameters for n in nodes if n.executable == 'simulator'}
+    robots = {name: each['description'] for name, each in simulators.items()}
+    assert robots == {'go2': 'a1', 'mbot': 'mbot_lidar'}
+    assert {(each['seed'], each['speed']) for each in simulators.values()} == {(4, 2.0)}
 
 
 @pytest.mark.parametrize(

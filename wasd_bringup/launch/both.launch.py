@@ -16,9 +16,13 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch.substitutions import PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
+from mujoco_sim.parameters import SimulatorParameters
 from wasd_bringup.launch_parts import KEYS_OF_THE_ROBOT
 from wasd_bringup.launch_parts import NO_KEYS
+from wasd_bringup.launch_parts import parameter_argument
 
+# What is the same for both.
+SHARED = ('seed', 'speed')
 # Who has the keyboard unless asked otherwise.
 KEYS = {'go2': KEYS_OF_THE_ROBOT, 'mbot': NO_KEYS}
 
@@ -26,7 +30,8 @@ KEYS = {'go2': KEYS_OF_THE_ROBOT, 'mbot': NO_KEYS}
 def generate_launch_description():
     """Return the arguments and the launch files of the two robots."""
     arguments = [
-        DeclareLaunchArgument('rviz', default_value='false', description='Start RViz twice.')
+        DeclareLaunchArgument('rviz', default_value='false', description='Start RViz twice.'),
+        *(parameter_argument(SimulatorParameters, name) for name in SHARED),
     ]
     included = []
     for robot, keys in KEYS.items():
@@ -34,6 +39,11 @@ def generate_launch_description():
             DeclareLaunchArgument(f'{robot}_keys', default_value=keys, description='As its keys.'),
             DeclareLaunchArgument(
                 f'{robot}_world', default_value='flat', description='Its world.'
+            ),
+            DeclareLaunchArgument(
+                f'{robot}_description',
+                default_value=robot,
+                description='A robot of its kind: a name, or a xacro or URDF file.',
             ),
         ]
         source = PythonLaunchDescriptionSource(
@@ -45,7 +55,9 @@ def generate_launch_description():
             'namespace': robot,
             'keys': LaunchConfiguration(f'{robot}_keys'),
             'world': LaunchConfiguration(f'{robot}_world'),
+            'description': LaunchConfiguration(f'{robot}_description'),
             'rviz': LaunchConfiguration('rviz'),
+            **{name: LaunchConfiguration(name) for name in SHARED},
         }
         # Arguments of an included file stay set after it, unless they have a scope.
         include = IncludeLaunchDescription(source, launch_arguments=values.items())

@@ -2,7 +2,7 @@
 """
 Simulates the Go2, or any robot with such legs, and walks it from this terminal.
 
-    ros2 launch wasd_bringup go2.launch.py rname:=go2
+    ros2 launch wasd_bringup go2.launch.py description:=go2
     ros2 launch wasd_bringup go2.launch.py world:=slope:10 rviz:=true keys:=none
 
 Its own keys: 2 stands, 4 trots, then w a s d; 2 and 5 let it follow cmd_vel.
@@ -25,11 +25,11 @@ CONTROL_RATE = LegNodeParameters().update_rate
 
 def generate_launch_description():
     """Return the arguments and the nodes: simulator, controller, frames, keyboard, RViz."""
-    robot = ParameterValue(LaunchConfiguration('rname'), value_type=str)
+    robot = ParameterValue(LaunchConfiguration('description'), value_type=str)
     asked = {name: parameter_value(LegNodeParameters, name) for name in ('estimator', 'limits')}
     return LaunchDescription(
         [
-            *robot_arguments(rname='go2', keys='unitree'),
+            *robot_arguments(robot='go2', keys='unitree'),
             *(parameter_argument(LegNodeParameters, name) for name in asked),
             # The controller steps at each message of the simulator's.
             *robot_nodes(state_rate=CONTROL_RATE),

@@ -3,11 +3,18 @@
 Simulates mbot, or any robot with two driven wheels, and drives it from this terminal.
 
     ros2 launch wasd_bringup mbot.launch.py
-    ros2 launch wasd_bringup mbot.launch.py rname:=mbot_kinect world:=room rviz:=true keys:=none
+    ros2 launch wasd_bringup mbot.launch.py description:=mbot_kinect world:=room rviz:=true
+    ros2 launch wasd_bringup mbot.launch.py mode:=arbotix controller:=my_drive.yaml
+
+In mode fake there is no simulator, so no /clock: all nodes go by wall time.
 """
 
+from diff_drive_sim.wheel_parameters import MODES
 from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
+from launch.substitutions import NotEqualsSubstitution
 from launch_ros.parameter_descriptions import ParameterValue
 from wasd_bringup.launch_parts import keyboard
 from wasd_bringup.launch_parts import robot_arguments
@@ -18,15 +25,36 @@ from wasd_bringup.launch_parts import rviz
 
 def generate_launch_description():
     """Return the arguments and the nodes: simulator, controller, frames, keyboard, RViz."""
-    robot = ParameterValue(LaunchConfiguration('rname'), value_type=str)
+    robot, mode, file = (
+        ParameterValue(LaunchConfiguration(name), value_type=str)
+        for name in ('description', 'mode', 'controller')
+    )
+    has_physics = NotEqualsSubstitution(LaunchConfiguration('mode'), 'fake')
+    use_sim_time = ParameterValue(has_physics, value_type=bool)
     return LaunchDescription(
         [
-            *robot_arguments(rname='mbot', keys='mbot'),
-            *robot_nodes(state_rate=100.0),
-            robot_node(
-                'diff_drive_sim', 'diff_drive_controller', description=robot, use_sim_time=True
+            *robot_arguments(robot='mbot', keys='mbot'),
+            DeclareLaunchArgument(
+                'mode',
+                default_value='',
+                description="What turns the wheels: as `wasd mbot --mode`; '': as the file says.",
+                choices=['', *MODES],
             ),
-            *keyboard(),
-            rviz('mbot'),
+            DeclareLaunchArgument(
+                'controller',
+                default_value='',
+                description="YAML with the drive's parameters, as `wasd mbot --controller`.",
+            ),
+            *robot_nodes(IfCondition(has_physics), use_sim_time, state_rate=100.0),
+            robot_node(
+                'diff_drive_sim',
+                'diff_drive_controller',
+                description=robot,
+                mode=mode,
+                controller=file,
+                use_sim_time=use_sim_time,
+            ),
+            *keyboard(use_sim_time),
+            rviz('mbot', use_sim_time),
         ]
     )

@@ -14,6 +14,7 @@ from mujoco_sim.schedule import Schedule
 from mujoco_sim.sensor_tags import has_camera
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.truth_publisher import WORLD_FRAME
 from mujoco_sim.usual_setup import usual_setup
 from mujoco_sim.world import World
 import numpy as np
@@ -37,8 +38,6 @@ from wasd_bringup.stack import make_stack
 
 # Where robots that share a world start [m].
 PLACES = {'go2': (0.0, 0.6), 'mbot': (0.0, -0.6)}
-# The frame in which they share it.
-WORLD_FRAME = 'world'
 
 
 class DrivenRobot:

@@ -3,7 +3,8 @@
 What the launch files of the robots share: arguments, and the nodes around a controller.
 
 Everything that a namespace should keep apart is renamed to a relative name: in the namespace
-`go2` the robot has a clock and a tree of frames of its own, /go2/clock and /go2/tf.
+`go2` the robot has a clock and a tree of frames of its own, /go2/clock and /go2/tf; `wasd` with
+such a namespace does the same.
 """
 
 import dataclasses
@@ -22,9 +23,9 @@ from launch_ros.substitutions import FindPackageShare
 from mujoco_sim.parameters import SimulatorParameters
 from robot_description.parameters import Parameters
 
+from wasd_bringup.run_place import NAMESPACED
 from wasd_bringup.unitree_keys import unitree_help
 
-NAMESPACED = [('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static')]
 UNITREE_HELP = '\n'.join(unitree_help('qwerty'))
 # Values of the argument `keys` that are no keymap.
 KEYS_OF_THE_ROBOT, NO_KEYS = 'unitree', 'none'
@@ -48,11 +49,22 @@ def parameter_value(definition: type[Parameters], name: str) -> ParameterValue:
     return ParameterValue(LaunchConfiguration(name), value_type=type(field.default))
 
 
-def robot_arguments(rname: str, keys: str) -> list[DeclareLaunchArgument]:
-    """Return the arguments that all robots have; `rname` and `keys` are the defaults."""
+def robot_arguments(robot: str, keys: str) -> list[DeclareLaunchArgument]:
+    """Return the arguments that all robots have; `robot` and `keys` are the defaults."""
+    usual = PathJoinSubstitution([FindPackageShare('wasd_bringup'), 'launch', 'simulated.yaml'])
     return [
         DeclareLaunchArgument(
-            'rname', default_value=rname, description='Robot: a name, or a xacro or URDF file.'
+            'rname', default_value=robot, description="The tutorial's name for `description`."
+        ),
+        DeclareLaunchArgument(
+            'description',
+            default_value=LaunchConfiguration('rname'),
+            description='Robot: a name, or a xacro or URDF file.',
+        ),
+        DeclareLaunchArgument(
+            'params_file',
+            default_value=usual,
+            description="ROS parameters of the robot's nodes; they come before other arguments.",
         ),
         *(parameter_argument(SimulatorParameters, name) for name in ('world', 'seed', 'speed')),
         DeclareLaunchArgument(
@@ -68,31 +80,43 @@ def robot_arguments(rname: str, keys: str) -> list[DeclareLaunchArgument]:
     ]
 
 
-def robot_node(package: str, executable: str, **parameters: Any) -> Node:
-    """Return a node with its defaults from share/PACKAGE/config and parameters on top."""
-    defaults = PathJoinSubstitution([FindPackageShare(package), 'config', f'{executable}.yaml'])
+def robot_node(
+    package: str, executable: str, condition: IfCondition | None = None, **parameters: Any
+) -> Node:
+    """Return a node with parameters, and those of the user's file on top."""
     return Node(
         package=package,
         executable=executable,
         namespace=LaunchConfiguration('namespace'),
         output='screen',
-        parameters=[defaults, parameters],
-        remappings=NAMESPACED,
+        parameters=[parameters, LaunchConfiguration('params_file')],
+        remappings=list(NAMESPACED),
+        condition=condition,
     )
 
 
-def robot_nodes(**simulator: Any) -> list[Node]:
-    """Return simulator and state publisher; `simulator` are parameters of the first."""
-    robot = ParameterValue(LaunchConfiguration('rname'), value_type=str)
+def robot_nodes(
+    has_physics: IfCondition | None = None, use_sim_time: Any = True, **simulator: Any
+) -> list[Node]:
+    """
+    Return simulator and state publisher; `simulator` are parameters of the first.
+
+    Where there may be no physics, there is no simulator then, and no simulated time.
+    """
+    robot = ParameterValue(LaunchConfiguration('description'), value_type=str)
     names = ('world', 'seed', 'speed')
     asked = {name: parameter_value(SimulatorParameters, name) for name in names}
     return [
-        robot_node('mujoco_sim', 'simulator', description=robot, **asked, **simulator),
-        robot_node('robot_description', 'state_publisher', description=robot, use_sim_time=True),
+        robot_node(
+            'mujoco_sim', 'simulator', has_physics, description=robot, **asked, **simulator
+        ),
+        robot_node(
+            'robot_description', 'state_publisher', description=robot, use_sim_time=use_sim_time
+        ),
     ]
 
 
-def keyboard() -> list[Node]:
+def keyboard(use_sim_time: Any = True) -> list[Node]:
     """Return what reads this terminal; launch gives a node no input, both open /dev/tty."""
     keys = LaunchConfiguration('keys')
     is_keymap = AndSubstitution(
@@ -102,9 +126,9 @@ def keyboard() -> list[Node]:
         'package': 'teleop_keyboard',
         'namespace': LaunchConfiguration('namespace'),
         'output': 'screen',
-        'remappings': NAMESPACED,
+        'remappings': list(NAMESPACED),
     }
-    preset = {'preset': ParameterValue(keys, value_type=str), 'use_sim_time': True}
+    preset = {'preset': ParameterValue(keys, value_type=str), 'use_sim_time': use_sim_time}
     return [
         Node(
             executable='key_publisher',
@@ -116,15 +140,15 @@ def keyboard() -> list[Node]:
     ]
 
 
-def rviz(robot: str) -> Node:
+def rviz(robot: str, use_sim_time: Any = True) -> Node:
     """Return RViz with the configuration of a robot."""
     path = PathJoinSubstitution([FindPackageShare('wasd_bringup'), 'rviz', f'{robot}.rviz'])
     return Node(
         package='rviz2',
         executable='rviz2',
         namespace=LaunchConfiguration('namespace'),
-        parameters=[{'use_sim_time': True}],
-        remappings=NAMESPACED,
+        parameters=[{'use_sim_time': use_sim_time}],
+        remappings=list(NAMESPACED),
         arguments=['-d', path],
         condition=IfCondition(LaunchConfiguration('rviz')),
     )
