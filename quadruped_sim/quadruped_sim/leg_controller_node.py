@@ -18,12 +18,12 @@ from robot_description.conversions import to_seconds
 from robot_description.inlet import Inlet
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
-from robot_description.node_support import stop_requested
 from robot_description.notice import Notice
 from robot_description.qos import EVENTS
 from robot_description.qos import LATCHED
 from robot_description.qos import RELIABLE
 from robot_description.qos import SENSOR_DATA
+from robot_description.stop_signals import stop_requested
 from robot_description.tf import TfBroadcaster
 from robot_description.urdf import parse_urdf
 from sensor_msgs.msg import Imu

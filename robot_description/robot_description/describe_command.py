@@ -6,12 +6,17 @@ from collections.abc import Sequence
 import json
 from pathlib import Path
 import re
+import signal
 import sys
 
 from robot_description.argument_parser import OneLineParser
 from robot_description.errors import UserError
 from robot_description.output_file import identity
 from robot_description.output_file import OutputFile
+from robot_description.streams import lost_output
+from robot_description.streams import OutputLost
+from robot_description.streams import prepare_streams
+from robot_description.streams import print_error
 
 # What a xacro argument looks like on the command line.
 ASSIGNMENT = ':='
@@ -231,6 +236,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit status: 0, 1 with findings, 2 for a mistake."""
     from robot_description.robots import description_path
 
+    prepare_streams()
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     # URDF is UTF-8 whatever the terminal is; file names need not be text at all.
     sys.stdout.reconfigure(encoding='utf-8', errors='backslashreplace')  # type: ignore[union-attr]
     try:
@@ -238,11 +245,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         options.path = description_path(options.path)
         return int(options.run(options))
     except UserError as error:
-        print(f'error: {error}', file=sys.stderr)
+        print_error(error)
         return 2
-    except BrokenPipeError:  # the reader, `head` perhaps, has seen enough
-        sys.stderr.close()
-        return 0
+    except OutputLost as error:
+        return lost_output(error)
     except KeyboardInterrupt:
         return 130
 

@@ -3,6 +3,7 @@
 
 from collections.abc import Iterable
 import math
+import sys
 
 from rich.console import Console
 from rich.markup import escape
@@ -12,8 +13,10 @@ from rich.tree import Tree
 from robot_description.description import Description
 from robot_description.mesh_report import MeshRecord
 from robot_description.robot_kind import kind_of
+from robot_description.streams import unguarded
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
+from robot_description.visible import visible
 
 # Where no terminal says how wide it is.
 WIDTH = 120
@@ -21,14 +24,15 @@ WIDTH = 120
 
 def print_info(info: Description) -> None:
     """Print the robot's tree, its joints and its meshes."""
-    console = Console(highlight=False)
+    file = unguarded(sys.stdout)
+    console = Console(file=file, highlight=False)
     if not console.is_terminal:
-        console = Console(highlight=False, width=WIDTH)
+        console = Console(file=file, highlight=False, width=WIDTH)
     robot = info.robot
     base = f'hangs on {robot.root}' if robot.is_fixed else f'floats, root {robot.root}'
     movable = len(robot.movable_joints)
     console.print(
-        f'[bold]{escape(robot.name)}[/]  {kind_of(robot)}, {robot.mass:.3f} kg, {base}; '
+        f'[bold]{_shown(robot.name)}[/]  {kind_of(robot)}, {robot.mass:.3f} kg, {base}; '
         f'{len(robot.links)} links, {len(robot.joints)} joints, {movable} of them movable'
     )
     console.print(_tree(robot))
@@ -37,7 +41,12 @@ def print_info(info: Description) -> None:
     if info.meshes.records:
         console.print(_meshes(info.meshes.records))
     for line in (*info.warnings, *info.repairs):
-        console.print(escape(line), soft_wrap=True)
+        console.print(_shown(line), soft_wrap=True)
+
+
+def _shown(text: str) -> str:
+    """Return a text of the description as the console shows it."""
+    return escape(visible(text))
 
 
 def _tree(robot: Robot) -> Tree:
@@ -50,9 +59,9 @@ def _tree(robot: Robot) -> Tree:
 
 def _link(robot: Robot, name: str) -> str:
     mass = robot.links[name].mass
-    text = escape(name) + (f'  {mass:.4g} kg' if mass > 0.0 else '')
+    text = _shown(name) + (f'  {mass:.4g} kg' if mass > 0.0 else '')
     joint = robot.parent_joints.get(name)
-    return f'{text}  [dim]{joint.kind} {escape(joint.name)}[/]' if joint is not None else text
+    return f'{text}  [dim]{joint.kind} {_shown(joint.name)}[/]' if joint is not None else text
 
 
 def _joints(joints: Iterable[Joint]) -> Table:
@@ -63,8 +72,8 @@ def _joints(joints: Iterable[Joint]) -> Table:
         unit, force = ('m', 'N') if joint.kind == 'prismatic' else ('rad', 'N m')
         kind = f'{joint.kind}, mimics {joint.mimics}' if joint.mimics else joint.kind
         table.add_row(
-            escape(joint.name),
-            escape(kind),
+            _shown(joint.name),
+            _shown(kind),
             _limit(joint.lower, unit),
             _limit(joint.upper, unit),
             f'{joint.effort:g} {force}',
@@ -85,5 +94,5 @@ def _meshes(records: Iterable[MeshRecord]) -> Table:
     table = Table('mesh', 'use', 'links', 'found', box=None)
     table.columns[0].overflow = table.columns[3].overflow = 'fold'
     for (url, use), same in uses.items():
-        table.add_row(escape(url), use, str(len(same)), same[0].kind)
+        table.add_row(_shown(url), use, str(len(same)), same[0].kind)
     return table

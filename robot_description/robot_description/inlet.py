@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 
+from robot_description.qos import EVENTS_DEPTH
 from robot_description.qos import RELIABLE
 
 Message = TypeVar('Message')
@@ -55,7 +56,7 @@ class Inlet(Generic[Message]):
     ) -> None:
         self._callback = callback
         self._is_stale = is_stale
-        self._pending: deque[tuple[float, bytes]] = deque(maxlen=1000)
+        self._pending: deque[tuple[float, bytes]] = deque(maxlen=EVENTS_DEPTH)
         self._subscription: Any = node.create_subscription(
             message_type, topic, self._on_message, qos
         )

@@ -5,12 +5,8 @@ import array
 from collections.abc import Callable, Sequence
 import dataclasses
 import os
-import signal
 import sys
-import time
-from types import FrameType
-from types import TracebackType
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, TypeVar
 
 from rcl_interfaces.msg import SetParametersResult
 import rclpy
@@ -34,6 +30,11 @@ from robot_description.ros_domains import join_domain
 from robot_description.ros_errors import explained
 from robot_description.ros_isolation import is_sourced
 from robot_description.ros_isolation import keep_to_this_machine
+from robot_description.stop_signals import last_status
+from robot_description.stop_signals import StopSignals
+from robot_description.streams import never_wait
+from robot_description.streams import prepare_streams
+from robot_description.streams import print_error
 
 ParametersType = TypeVar('ParametersType', bound=Parameters)
 
@@ -102,71 +103,6 @@ def _from_ros(value: Any) -> Any:
     return tuple(value) if isinstance(value, (list, array.array)) else value
 
 
-class StopSignals:
-    """
-    Context in which SIGINT, SIGTERM and SIGHUP ask for a stop instead of killing the process.
-
-    `requested` turns True at the first signal and `number` keeps it; the loop that owns the robot
-    looks at it and leaves in order. Another SIGINT some seconds later raises KeyboardInterrupt:
-    the way out of a shutdown that hangs. Sooner it means nothing: a held Ctrl-C repeats.
-    """
-
-    # The contexts we are in, for what cannot be handed one.
-    entered: 'ClassVar[list[StopSignals]]' = []
-    WATCHED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    # How long an orderly shutdown may take before Ctrl-C cuts it short [s].
-    PATIENCE = 3.0
-
-    def __init__(self) -> None:
-        self.number: int | None = None
-        self._requested_at = 0.0
-        self._previous: dict[signal.Signals, Any] = {}
-
-    @property
-    def requested(self) -> bool:
-        """Whether a stop has been asked for."""
-        return self.number is not None
-
-    @property
-    def exit_status(self) -> int:
-        """Status to exit with: 0 for Ctrl-C, the normal way to leave, else 128 + signal."""
-        return 0 if self.number in (None, signal.SIGINT) else 128 + self.number
-
-    def __enter__(self) -> Self:
-        """Install the handlers; SIGHUP stays ignored where the user started us with nohup."""
-        for number in self.WATCHED:
-            previous = signal.getsignal(number)
-            if number == signal.SIGHUP and previous == signal.SIG_IGN:
-                continue
-            self._previous[number] = signal.signal(number, self._handle)
-        self.entered.append(self)
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Put back the handlers that were there."""
-        self.entered.remove(self)
-        for number, previous in self._previous.items():
-            signal.signal(number, previous)
-
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        now = time.monotonic()
-        if self.number is None:
-            self._requested_at = now
-        elif number == signal.SIGINT and now - self._requested_at > self.PATIENCE:
-            raise KeyboardInterrupt
-        self.number = number
-
-
-def stop_requested() -> bool:
-    """Whether a stop signal came in the StopSignals context that we are in, if we are."""
-    return any(stop.requested for stop in StopSignals.entered)
-
-
 def init_ros(
     args: Sequence[str] | None = None, *, is_local: bool = False, joins: bool = False
 ) -> None:
@@ -221,24 +157,27 @@ def run_node(
     What is wrong with the arguments or parameters ends with one line on stderr and status 2.
     A node that `joins` is for the run that is there; see `init_ros`.
     """
+    prepare_streams()
+    never_wait()
     with StopSignals() as stop:
         node = None
         try:
             init_ros(args, joins=joins)
             with explained():
                 node = make_node()
+            stop.last_words.append(node.close)
             run(node, stop)
         except Stopped:
             pass
         except UserError as error:
-            print(f'error: {error}', file=sys.stderr)
+            print_error(error)
             return 2
         finally:
             if node is not None:
                 node.close()
                 node.destroy_node()
             rclpy.try_shutdown()
-        return stop.exit_status
+    return last_status(stop)
 
 
 class MessagePump(SingleThreadedExecutor):

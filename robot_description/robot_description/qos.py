@@ -14,8 +14,9 @@ from rclpy.qos import QoSProfile
 # Publishers of sensors, states, odometry, /clock; both ends of commands. Reliable, 10 deep.
 RELIABLE = QoSProfile(depth=10)
 
-# Keys: a burst of typing must not lose one.
-EVENTS = QoSProfile(depth=100)
+# Keys: a burst, a paste or a script from a pipe, must not lose one.
+EVENTS_DEPTH = 10_000
+EVENTS = QoSProfile(depth=EVENTS_DEPTH)
 
 # Subscribers to sensors, states, streamed joint commands: best effort, 5 deep (REP 2003).
 SENSOR_DATA = qos_profile_sensor_data

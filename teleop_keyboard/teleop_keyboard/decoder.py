@@ -8,8 +8,11 @@ from teleop_keyboard.key_names import with_event
 from teleop_keyboard.key_names import with_modifiers
 
 ESC = 0x1B
-# No key sends a longer sequence; whatever does is dropped instead of collected for ever [bytes].
+# No key sends a longer sequence; whatever does is dropped up to its end [bytes].
 LONGEST_SEQUENCE = 64
+# More keys than anybody can hold down; noise must not make us note more.
+MOST_DOWN = 64
+LAST_CODE = 0x10FFFF
 
 # Final letters shared by CSI (`ESC [ A`) and SS3 (`ESC O A`): xterm, VT220 and the Linux console.
 LETTER_KEYS = {
@@ -79,7 +82,8 @@ class KeyDecoder:
     Turns what a terminal sends into keys, one name each, however the bytes are cut into reads.
 
     It keeps the start of a sequence that has not ended yet. A lone ESC looks like such a start:
-    while `pending`, the caller waits up to 50 ms for more and then calls `flush`.
+    while `pending`, the caller waits up to 50 ms for more and then calls `flush`. Any bytes will
+    do: what is no key only counts in `dropped`.
 
     From a terminal that tells releases (kitty's protocol) it keeps the keys that are `down`; the
     end of each comes as `RELEASE+key`, also when the window lost the focus.
@@ -87,6 +91,8 @@ class KeyDecoder:
 
     def __init__(self) -> None:
         self._buffer = b''
+        # Whether what comes is the rest of a sequence that is too long for a key.
+        self._is_overlong = False
         self._down: dict[str, str] = {}
         self.dropped = 0
         self.speaks_kitty = False
@@ -99,16 +105,32 @@ class KeyDecoder:
     @property
     def pending(self) -> bool:
         """Whether bytes wait for their continuation."""
-        return bool(self._buffer)
+        return bool(self._buffer) or self._is_overlong
 
     def feed(self, data: bytes) -> list[str]:
         """Return the keys completed by `data`; unknown sequences only count in `dropped`."""
-        self._buffer += data
+        # Byte by byte: so the keys are the same however the bytes were cut.
+        keys = []
+        for byte in data:
+            if self._is_overlong and self._passes_over(byte):
+                continue
+            self._buffer += bytes((byte,))
+            keys += self._completed()
+        return keys
+
+    def _passes_over(self, byte: int) -> bool:
+        """Whether a byte belongs to a sequence that is too long; its last one ends that."""
+        self._is_overlong = 0x20 <= byte < 0x40
+        return 0x20 <= byte < 0x7F
+
+    def _completed(self) -> list[str]:
+        """Take out of the buffer what its last byte has completed."""
         keys = []
         while self._buffer:
             piece = _first_piece(self._buffer)
             if piece.length == 0 and len(self._buffer) > LONGEST_SEQUENCE:
                 piece = _Piece(len(self._buffer))
+                self._is_overlong = True
             if piece.length == 0:
                 break
             self._buffer = self._buffer[piece.length :]
@@ -138,12 +160,16 @@ class KeyDecoder:
             self.dropped += 1
             return []
         if piece.place:
+            self._down.pop(piece.place, None)
             self._down[piece.place] = piece.key
+            if len(self._down) > MOST_DOWN:
+                del self._down[next(iter(self._down))]
         return [piece.key]
 
     def flush(self) -> list[str]:
         """Return what the waiting bytes mean if nothing follows: ESC, ALT+[, ALT+O or nothing."""
         waiting, self._buffer = self._buffer, b''
+        self._is_overlong = False
         if not waiting:
             return []
         if waiting in (b'\x1b', b'\x1b[', b'\x1bO'):
@@ -231,10 +257,14 @@ def _csi_piece(length: int, parameters: str, final: str) -> _Piece:
         return _Piece(length)
     numbers = [[int(part) if part else 1 for part in field] for field in fields]
     modifiers = numbers[1] if len(numbers) > 1 else [1]
-    text = ''.join(map(chr, numbers[2])) if len(numbers) > 2 and fields[2][0] else ''
+    text = _text(numbers[2]) if len(numbers) > 2 and fields[2][0] else ''
     key = _csi_key(numbers[0][0], modifiers[0], final, text)
     is_release = modifiers[1:2] == [KITTY_RELEASE]
     return _Piece(length, key, f'{numbers[0][0]}{final}', is_release)
+
+
+def _text(codes: list[int]) -> str:
+    return ''.join(map(chr, codes)) if max(codes) <= LAST_CODE else ''
 
 
 def _csi_key(number: int, modifiers: int, final: str, text: str) -> str | None:
@@ -255,7 +285,7 @@ def _unicode_key(code: int, modifiers: int, text: str) -> str | None:
         return _modified(CONTROL_KEYS[code], modifiers)
     if code in KITTY_PAD_KEYS:
         return KITTY_PAD_KEYS[code]
-    if code > 0x10FFFF or not chr(code).isprintable():
+    if code > LAST_CODE or not chr(code).isprintable():
         return None
     if (modifiers - 1) & 0x6 == 0:
         if len(text) == 1 and text.isprintable():

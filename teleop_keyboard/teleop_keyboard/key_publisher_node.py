@@ -3,7 +3,6 @@
 
 from collections.abc import Callable, Sequence
 import contextlib
-import signal
 import sys
 import time
 
@@ -14,9 +13,13 @@ from rclpy.node import Node
 from robot_description.errors import UserError
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import init_ros
-from robot_description.node_support import StopSignals
 from robot_description.qos import EVENTS
 from robot_description.ros_errors import explained
+from robot_description.stop_signals import last_status
+from robot_description.stop_signals import StopSignals
+from robot_description.streams import never_wait
+from robot_description.streams import prepare_streams
+from robot_description.streams import print_error
 from std_msgs.msg import String
 
 from teleop_keyboard.command_line import read_options
@@ -33,7 +36,7 @@ SERVICE_PERIOD = 0.25
 # A pipe is read after somebody listens, or after this time [s].
 SUBSCRIBER_TIMEOUT = 5.0
 # How long the last messages may take to leave the process [s].
-LAST_WORDS_TIMEOUT = 0.5
+LAST_WORDS_TIMEOUT = 0.1
 
 
 class KeyPublisherNode(Node):
@@ -103,15 +106,19 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `key_publisher`; return the exit status."""
+    prepare_streams()
+    never_wait()
     try:
         options = read_options('key_publisher', sys.argv[1:] if args is None else args)
         reader = open_key_reader()
         writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
     except UserError as error:
-        print(f'error: {error}', file=sys.stderr)
+        print_error(error)
         return 2
     with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
         node = None
+        if reader.terminal is not None:
+            stop.last_words.append(reader.terminal.restore)
         try:
             init_ros(options.ros, joins=True)
             with explained():
@@ -122,7 +129,7 @@ def main(args: Sequence[str] | None = None) -> int:
                 reader.set_raw()
             publish_keys(node, reader, stop)
         except UserError as error:
-            print(f'error: {error}', file=sys.stderr)
+            print_error(error)
             return 2
         finally:
             if node is not None:
@@ -130,13 +137,6 @@ def main(args: Sequence[str] | None = None) -> int:
                 node.destroy_node()
             rclpy.try_shutdown()
     return last_status(stop)
-
-
-def last_status(stop: StopSignals) -> int:
-    """Return the exit status of a process; a Ctrl-C still held down no longer interrupts it."""
-    if stop.number == signal.SIGINT:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return stop.exit_status
 
 
 if __name__ == '__main__':

@@ -27,7 +27,7 @@ from teleop_keyboard.twist_output import TwistOutput
 
 # The zero that ends it all is sent this often, and may take this long to leave [s].
 LAST_ZEROS = 3
-LAST_WORDS_TIMEOUT = 0.3
+LAST_WORDS_TIMEOUT = 0.25
 
 
 class KeysToTwistNode(Node):

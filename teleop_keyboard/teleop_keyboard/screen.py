@@ -5,6 +5,10 @@ from collections.abc import Callable, Sequence
 import shutil
 from typing import TextIO
 
+from robot_description.streams import offer
+from robot_description.streams import PATIENCE
+from robot_description.visible import visible
+
 from teleop_keyboard.dashboard import ASCII
 from teleop_keyboard.dashboard import FULL
 from teleop_keyboard.dashboard import Line
@@ -38,7 +42,8 @@ class Screen:
 
     A frame is one write, from the top left, each line cleared behind its end: nothing blinks, and
     nothing is left over when the window changes its size. `pause` gives the terminal back, e.g.
-    while the process is suspended; the next `show` takes it again.
+    while the process is suspended; the next `show` takes it again. Control characters in a line
+    are shown, not done. While the terminal takes nothing, frames are dropped.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -65,40 +70,34 @@ class Screen:
         lines = page(size.columns, size.lines)
         if self._is_open and self._shown == (size, *lines):
             return
-        self._shown = (size, *lines)
         text = '\r\n'.join(self._styled(line) + '\x1b[K' for line in lines)
-        self._write(('' if self._is_open else OPEN) + BEGIN + text + END)
-        self._is_open = True
+        # A terminal that has no room for a frame gets the next one that it has room for.
+        if offer(self._stream, ('' if self._is_open else OPEN) + BEGIN + text + END):
+            self._shown = (size, *lines)
+            self._is_open = True
 
     def log(self, text: str, now: float) -> None:
         """Write a new line where the output is no terminal, unless the last is too young."""
         if self._is_terminal or now - self._shown_at < LOG_PERIOD or self._shown == (text,):
             return
         self._shown, self._shown_at = (text,), now
-        self._write(text + '\n')
+        offer(self._stream, visible(text) + '\n')
 
     def pause(self) -> None:
         """Give the terminal back as it was."""
         if self._is_open:
             self._is_open = False
-            self._write(CLOSE)
+            offer(self._stream, CLOSE, PATIENCE)
 
     def close(self) -> None:
         """Give the terminal back as it was."""
         self.pause()
 
     def _styled(self, line: Line) -> str:
-        text = line.text.translate(ASCII) if self._in_ascii else line.text
+        words = visible(line.text)
+        text = words.translate(ASCII) if self._in_ascii else words
         style = STYLES.get(line.style, '')
         return f'{style}{text}{NORMAL}' if style else text
-
-    def _write(self, text: str) -> None:
-        try:
-            self._stream.write(text)
-            self._stream.flush()
-        except OSError:
-            # The terminal has gone; a robot is not to be left running for that.
-            self._is_terminal = False
 
 
 def _encodes(stream: TextIO, text: str) -> bool:

@@ -6,6 +6,10 @@ import math
 import shutil
 from typing import TextIO
 
+from robot_description.streams import offer
+from robot_description.streams import PATIENCE
+from robot_description.visible import visible
+
 from teleop_keyboard.terminal import may_draw_on
 from teleop_keyboard.terminal import understands_escapes
 
@@ -18,7 +22,7 @@ class StatusLine:
     A line at the cursor that always shows the last text; nothing where the output is no terminal.
 
     It is written in one piece and only when it changed, so it does not flicker; a text that is
-    wider than the window is cut, so it stays one line.
+    wider than the window is cut, so it stays one line; control characters are shown, not done.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -38,29 +42,25 @@ class StatusLine:
         if not may_draw_on(self._stream):
             return
         width = max(shutil.get_terminal_size().columns - 1, 0)
-        text = compose(width)[:width]
-        if text != self._shown:
-            self._write(f'\r{text}\x1b[K')
-        self._shown = text
+        text = visible(compose(width))[:width]
+        # Where there is no room for it, a later one will do.
+        if text == self._shown or offer(self._stream, f'\r{text}\x1b[K'):
+            self._shown = text
         self._shown_at = now
 
     def print(self, lines: Sequence[str]) -> None:
         """Write lines above the status, which comes again below them."""
         clear = '\r\x1b[K' if self._shown else ''
-        self._write(clear + '\n'.join([*lines, '']))
+        offer(self._stream, clear + '\n'.join([*map(visible, lines), '']), PATIENCE)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Have the next text shown at once: what stood here is no longer to be seen."""
         self._shown = ''
         self._shown_at = -math.inf
 
     def close(self) -> None:
         """Leave the last text behind and go to the next line."""
         if self._shown:
-            self._write('\n')
+            offer(self._stream, '\n', PATIENCE)
             self._shown = ''
-
-    def _write(self, text: str) -> None:
-        try:
-            self._stream.write(text)
-            self._stream.flush()
-        except OSError:
-            # The terminal has gone; a robot is not to be left running for that.
-            self._is_terminal = False

@@ -10,15 +10,18 @@ import rclpy
 from robot_description.errors import UserError
 from robot_description.node_support import init_ros
 from robot_description.node_support import MessagePump
-from robot_description.node_support import StopSignals
 from robot_description.ros_errors import explained
+from robot_description.stop_signals import last_status
+from robot_description.stop_signals import StopSignals
+from robot_description.streams import never_wait
+from robot_description.streams import prepare_streams
+from robot_description.streams import print_error
 
 from teleop_keyboard.command_line import read_options
 from teleop_keyboard.dashboard import dashboard
 from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
-from teleop_keyboard.key_publisher_node import last_status
 from teleop_keyboard.key_publisher_node import wait_for_subscriber
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
@@ -104,8 +107,9 @@ class Teleop:
                 node.destroy_node()
 
 
-def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop) -> None:
+def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop, stop: StopSignals) -> None:
     """Leave the screen when the process is suspended; say the keys where there is no screen."""
+    stop.last_words[:0] = [teleop.twist.close, screen.pause]
     if reader.terminal is not None:
         reader.terminal.before_suspend.append(screen.pause)
     if not screen.is_terminal:
@@ -114,27 +118,31 @@ def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop) -> None:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `teleop`; return the exit status."""
+    prepare_streams()
+    never_wait()
     try:
         options = read_options('teleop', sys.argv[1:] if args is None else args)
         reader = open_key_reader()
         writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
     except UserError as error:
-        print(f'error: {error}', file=sys.stderr)
+        print_error(error)
         return 2
     tolerate_any_text()
     screen = Screen(sys.stdout)
     with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
         teleop = None
+        if reader.terminal is not None:
+            stop.last_words.append(reader.terminal.restore)
         try:
             init_ros(options.ros, joins=True)
             with explained():
                 teleop = Teleop(reader)
             if writer is not None:
                 teleop.keys.save_to(writer)
-            _prepare(reader, screen, teleop)
+            _prepare(reader, screen, teleop, stop)
             teleop.run(stop, screen)
         except UserError as error:
-            print(f'error: {error}', file=sys.stderr)
+            print_error(error)
             return 2
         except KeyboardInterrupt:
             # Ctrl-C again, because leaving took too long: nothing to explain.

@@ -2,7 +2,7 @@
 """A terminal in raw mode that is always given back as it was."""
 
 import atexit
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import contextlib
 import io
 import os
@@ -16,9 +16,9 @@ from types import TracebackType
 from typing import Any, Self, TextIO
 
 from robot_description.errors import UserError
-
-# Signals whose default action would end the process with the terminal still raw.
-FATAL_SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+from robot_description.stop_signals import DEADLY
+from robot_description.stop_signals import SUSPENDING
+from robot_description.streams import open_own
 
 # Indices into the list of termios.tcgetattr.
 INPUT_FLAGS = 0
@@ -58,14 +58,16 @@ class Terminal:
     output processing stay on. The exact attributes found are put back when the context ends, when
     a deadly signal comes that nobody else handles, when the process is suspended, and at exit.
     `before_suspend` callables run before Ctrl-Z or a deadly signal stops the process,
-    `after_resume` after `fg`.
+    `after_resume` after `fg`. Nothing here waits for a terminal that takes no more output.
     """
 
     def __init__(self, descriptor: int, *, owns_descriptor: bool = False) -> None:
         self._descriptor = descriptor
         self._owns_descriptor = owns_descriptor
+        self._outlet: int | None = None
         self._saved: list[Any] | None = None
-        self._previous_handlers: dict[signal.Signals, Any] = {}
+        self._raw: list[Any] | None = None
+        self._previous_handlers: dict[int, Any] = {}
         self._closed = False
         self._tells_releases = False
         self.before_suspend: list[Callable[[], None]] = []
@@ -110,6 +112,7 @@ class Terminal:
     def __enter__(self) -> Self:
         """Enter raw mode and watch the signals that would leave it behind."""
         self._saved = termios.tcgetattr(self._descriptor)
+        self._outlet = open_own(self._descriptor)
         atexit.register(self.restore)
         if threading.current_thread() is threading.main_thread():
             self._install_handlers()
@@ -127,25 +130,41 @@ class Terminal:
         atexit.unregister(self.restore)
         self._remove_handlers()
         self._saved = None
+        if self._outlet is not None:
+            os.close(self._outlet)
+            self._outlet = None
         if self._owns_descriptor:
             with contextlib.suppress(OSError):
                 os.close(self._descriptor)
 
     def restore(self) -> None:
-        """Put back the attributes found at the start; harmless when called twice."""
-        if self._saved is None:
+        """
+        Put back the attributes found at the start; harmless when called twice.
+
+        What somebody else has set since, a shell that took its terminal back, stays.
+        """
+        raw, self._raw = self._raw, None
+        if raw is None:
             return
         if self._tells_releases:
             self._tells_releases = False
             self._write(KITTY_OFF)
         # A terminal that is gone has no attributes to keep.
         with contextlib.suppress(termios.error, OSError):
-            termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._saved)
+            if self.is_ours or termios.tcgetattr(self._descriptor) == raw:
+                self._set_attributes(self._saved)
+
+    def _set_attributes(self, attributes: list[Any] | None) -> None:
+        """Set attributes now, not when all is shown: a frozen terminal never gets there."""
+        # From behind, too: the signal that asks who is in front would stop us.
+        with _blocked(signal.SIGTTOU):
+            termios.tcsetattr(self._descriptor, termios.TCSANOW, attributes or [])
 
     def _write(self, data: bytes) -> None:
         # Not a terminal that can be written to, or not any more: then it stays as it is.
-        with contextlib.suppress(OSError):
-            os.write(self._descriptor, data)
+        if self._outlet is not None:
+            with contextlib.suppress(OSError):
+                os.write(self._outlet, data)
 
     def _enter_raw_mode(self) -> None:
         if self._saved is None:
@@ -157,14 +176,14 @@ class Terminal:
         attributes[CONTROL_CHARACTERS][termios.VMIN] = 1
         attributes[CONTROL_CHARACTERS][termios.VTIME] = 0
         with contextlib.suppress(termios.error, OSError):
-            termios.tcsetattr(self._descriptor, termios.TCSANOW, attributes)
+            self._set_attributes(attributes)
+            self._raw = termios.tcgetattr(self._descriptor)
 
     def _install_handlers(self) -> None:
-        wanted: dict[signal.Signals, Any] = {
-            signal.SIGTSTP: self._suspend,
-            signal.SIGCONT: self._resume,
-        }
-        for deadly in FATAL_SIGNALS:
+        wanted: dict[int, Any] = dict.fromkeys(SUSPENDING, self._suspend)
+        wanted[signal.SIGCONT] = self._resume
+        for deadly in DEADLY:
+            # Whoever runs the program may ask for an orderly end instead: StopSignals.
             if signal.getsignal(deadly) == signal.SIG_DFL:
                 wanted[deadly] = self._die
         for number, handler in wanted.items():
@@ -188,11 +207,11 @@ class Terminal:
         for callback in self.before_suspend:
             callback()
         self.restore()
-        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+        signal.signal(number, signal.SIG_DFL)
         # To this thread: a signal to the process could be taken by another one, later.
-        signal.pthread_kill(threading.get_ident(), signal.SIGTSTP)
+        signal.pthread_kill(threading.get_ident(), number)
         # The process stops here and goes on after SIGCONT; without a shell it does not stop.
-        signal.signal(signal.SIGTSTP, self._suspend)
+        signal.signal(number, self._suspend)
         self._resume(number, frame)
 
     def _resume(self, number: int, frame: FrameType | None) -> None:
@@ -242,6 +261,15 @@ def tolerate_any_text() -> None:
     """Have standard output show what its encoding lacks as `?`, instead of failing."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors='replace')
+
+
+@contextlib.contextmanager
+def _blocked(number: int) -> Iterator[None]:
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (number,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _is_dumb() -> bool:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processes on pseudo-terminals, and a node that listens to them, on a ROS domain of their own."""
 
+import contextlib
 import os
 import pty
 import select
@@ -55,11 +56,15 @@ class PtyProcess:
         )
         # Somebody must read the screen, or the process waits for room to write.
         self._closing = threading.Event()
+        self._is_read = threading.Event()
+        self._is_read.set()
         self._reader = threading.Thread(target=self._collect, daemon=True)
         self._reader.start()
 
     def _collect(self):
         while not self._closing.is_set():
+            if not self._is_read.wait(0.05):
+                continue
             if select.select([self.master], [], [], 0.05)[0]:
                 self.output += os.read(self.master, 65536)
 
@@ -80,6 +85,23 @@ class PtyProcess:
     def type(self, data):
         """Type bytes, all at once."""
         os.write(self.master, data)
+
+    def freeze(self):
+        """Read no more, as a connection that has died, and leave no room for another byte."""
+        self._is_read.clear()
+        time.sleep(0.1)  # the reader's last look
+        filler = os.open(os.ttyname(self.slave), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(filler, b'.' * 256)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(filler, b'.')
+        os.close(filler)
+
+    def thaw(self):
+        """Read on."""
+        self._is_read.set()
 
     def hang_up(self):
         """Close the terminal, as a window that is closed."""

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+import sys
+
 import pytest
 from teleop_keyboard.decoder import KeyDecoder
 
@@ -152,8 +154,15 @@ def test_a_broken_sequence_gives_way_to_what_breaks_it():
 
 def test_an_endless_sequence_is_not_collected_for_ever():
     decoder = KeyDecoder()
+    assert decoder.feed(b'\x1b[' + b'1' * 100_000) == []
+    assert decoder.dropped == 1
+    assert sys.getsizeof(decoder._buffer) < 200
+    # Its end belongs to it, and where none comes the reader's flush ends it.
+    assert decoder.feed(b'u') == []
+    assert decoder.feed(b'i') == ['i']
     decoder.feed(b'\x1b[' + b'1' * 1000)
-    assert not decoder.pending
+    assert decoder.pending
+    assert decoder.flush() == []
     assert decoder.feed(b'i') == ['i']
 
 

@@ -15,9 +15,10 @@ from diff_drive_sim.umbmark import Umbmark
 from diff_drive_sim.umbmark import umbmark
 from diff_drive_sim.umbmark import Wheels
 from mujoco_sim.loading import load_robot
-from robot_description.node_support import StopSignals
 from robot_description.output_file import check_apart
 from robot_description.output_file import OutputFile
+from robot_description.stop_signals import StopSignals
+from robot_description.streams import offer
 import yaml
 
 from wasd_bringup.discovery_range import keep_alone
@@ -130,7 +131,7 @@ def _say(what: str, count: int) -> Any:
         if sys.stderr.isatty():
             end = '' if number + 1 < count else '\r\033[K'
             text = f'\r\033[K{what}: square {number + 1} of {count}'
-            print(text, end=end, file=sys.stderr, flush=True)
+            offer(sys.stderr, text + end)
 
     return say
 

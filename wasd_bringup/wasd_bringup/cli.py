@@ -8,6 +8,10 @@ import sys
 from robot_description.argument_parser import OneLineParser
 from robot_description.errors import Stopped
 from robot_description.errors import UserError
+from robot_description.streams import lost_output
+from robot_description.streams import OutputLost
+from robot_description.streams import prepare_streams
+from robot_description.streams import print_error
 from teleop_keyboard.keymap_text import describe_keymap
 from teleop_keyboard.keymap_text import list_presets
 from teleop_keyboard.layouts import LAYOUTS
@@ -97,6 +101,7 @@ def print_keys(arguments: argparse.Namespace) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
+    prepare_streams()
     tolerate_any_text()
     # Heavy imports wait until it is known what is wanted: errors and --help come at once.
     try:
@@ -139,8 +144,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         return run_command(arguments, ros_arguments)
     except UserError as error:
-        print(f'error: {error}', file=sys.stderr)
+        print_error(error)
         return 2
+    except OutputLost as error:
+        return lost_output(error)
     except (KeyboardInterrupt, Stopped):
         return 130
 

@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 import importlib.util
 from pathlib import Path
+import signal
 import subprocess
 import sys
 
@@ -61,12 +62,17 @@ def run_benchmark(arguments: Sequence[str]) -> int:
         UsageError: this is not installed from a clone.
     """
     script = _clone('benchmarks') / 'benchmarks' / 'run.py'
-    return subprocess.run([sys.executable, str(script), *arguments]).returncode
+    return _start([sys.executable, str(script), *arguments])
 
 
 def _run(folder: str, module: str, *arguments: str) -> int:
-    command = [sys.executable, '-m', module, *arguments]
-    return subprocess.run(command, cwd=_clone(folder)).returncode
+    return _start([sys.executable, '-m', module, *arguments], cwd=_clone(folder))
+
+
+def _start(words: Sequence[str], cwd: Path | None = None) -> int:
+    # Ctrl-C is for both: whoever is started has the last word.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    return subprocess.run(words, cwd=cwd).returncode
 
 
 def _clone(folder: str) -> Path:

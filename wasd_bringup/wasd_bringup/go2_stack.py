@@ -193,6 +193,12 @@ class Go2Stack:
         state = 'fallen' if self._legs.controller.is_fallen else self.state
         return Status(state, command if self.state in DRIVEN else (), self.notice.text)
 
+    def halt(self) -> None:
+        """Command standstill, now and in the last word on cmd_vel, until the next key."""
+        self._legs.controller.sticks.zero()
+        if self._teleop is not None:
+            self._teleop.close()
+
     def close(self) -> None:
         """Stop the robot: the last cmd_vel is zero, the legs go passive."""
         if self._teleop is not None:

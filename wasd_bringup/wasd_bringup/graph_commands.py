@@ -4,7 +4,6 @@
 import argparse
 from collections.abc import Callable
 import functools
-import os
 import re
 import sys
 import time
@@ -13,6 +12,8 @@ from typing import Any
 from rclpy.parameter import Parameter
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
+from robot_description.stop_signals import last_status
+from robot_description.streams import print_error
 import yaml
 
 from wasd_bringup.errors import NotFound
@@ -60,14 +61,10 @@ def run_graph_command(arguments: argparse.Namespace) -> int:
         with graph:
             return COMMANDS[arguments.command](graph, arguments)
     except NotFound as error:
-        print(f'error: {error}', file=sys.stderr)
+        print_error(error)
         return 1
     except Interrupted:
-        return graph.stop.exit_status
-    except BrokenPipeError:  # `wasd echo ... | head`
-        # Python would complain again when it flushes standard output at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        return last_status(graph.stop)
 
 
 def list_topics(graph: RosGraph, arguments: argparse.Namespace) -> int:

@@ -197,6 +197,10 @@ class MbotStack:
         )
         return Status(controller.state, facts, self.notice.text)
 
+    def halt(self) -> None:
+        """Command standstill, now and in the last word on cmd_vel, until the next key."""
+        self._teleop.close()
+
     def close(self) -> None:
         """Stop the robot: the last cmd_vel is zero."""
         self._teleop.close()

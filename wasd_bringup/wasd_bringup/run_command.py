@@ -13,7 +13,9 @@ import rclpy
 from robot_description.errors import attempt_all
 from robot_description.errors import Stopped
 from robot_description.node_support import init_ros
-from robot_description.node_support import StopSignals
+from robot_description.stop_signals import last_status
+from robot_description.stop_signals import StopSignals
+from robot_description.streams import never_wait
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.terminal import NoTerminal
@@ -36,6 +38,7 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
     Raises:
         UserError: what is wrong with the options or the files they name.
     """
+    never_wait()
     options = read_options(arguments)
     reader = _open_keys(options)
     viewer = options.viewer or ('web' if _is_interactive(reader) else 'none')
@@ -48,6 +51,8 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
     place = own_place(options, ros_arguments)
     with place, StopSignals() as stop, reader or contextlib.nullcontext():
         init_ros(with_own_frames(ros_arguments), is_local=True)
+        if reader is not None and reader.terminal is not None:
+            stop.last_words.append(reader.terminal.restore)
         run = _Run(dataclasses.replace(options, interactive=_is_interactive(reader)))
         try:
             attempt_all(
@@ -55,9 +60,16 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
             )
         except Stopped:
             return stop.exit_status
-    with contextlib.suppress(OSError):  # the terminal may have gone
-        print(run.summary(), flush=True, file=_where_to_say(options))
-    return stop.exit_status
+    print(run.summary(), file=_where_to_say(options))
+    return last_status(stop)
+
+
+def _halt_with(stop: StopSignals, reader: KeyReader | None, session: Session) -> None:
+    """Have the robots stand when the process is suspended, or ended in the midst of something."""
+    stop.last_words.insert(0, session.halt)
+    if reader is not None and reader.terminal is not None:
+        reader.terminal.before_suspend.append(session.halt)
+        reader.terminal.after_resume.append(session.resume)
 
 
 class _Run:
@@ -80,6 +92,7 @@ class _Run:
         if options.record is not None:
             self._recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
         self._session = Session(options, reader, viewer != 'none', self._recorder)
+        _halt_with(stop, reader, self._session)
         self._session.open_view(viewer)
         if options.interactive or viewer != 'none':
             print('\n'.join(self._session.first_lines), flush=True)

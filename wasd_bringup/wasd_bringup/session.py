@@ -193,6 +193,17 @@ class Session:
         finally:
             self._wall_time += time.monotonic() - started
 
+    def halt(self) -> None:
+        """Have every robot stand, and say so now: there may be no next instant."""
+        for robot in self.robots:
+            robot.stack.halt()
+
+    def resume(self) -> None:
+        """Go on after a suspension: it was no time that anything took."""
+        self.simulation.pacer.restart()
+        self._next_frame = self._next_messages = 0.0
+        self._status.refresh()
+
     def report(self) -> dict[str, Any]:
         """Return the report of the run so far."""
         reports = [robot.report(self._wall_time) for robot in self.robots]

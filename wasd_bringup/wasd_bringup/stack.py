@@ -75,6 +75,9 @@ class Stack(Protocol):
     def reset(self) -> None:
         """Forget the past."""
 
+    def halt(self) -> None:
+        """Command standstill, now and in the last word on cmd_vel, until the next key."""
+
     def close(self) -> None:
         """Leave the robot stopped."""
 

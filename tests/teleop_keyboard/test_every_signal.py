@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every signal that can be caught: the last word is zero, the terminal is as it was."""
+
+import os
+import signal
+import time
+
+import pytest
+from robot_description.stop_signals import DEADLY
+from teleop_keyboard.conversions import from_twist
+from teleop_keyboard.ramp import STANDSTILL
+
+pytestmark = pytest.mark.slow
+
+TELEOP = ('-m', 'teleop_keyboard.teleop_node')
+# Python ignores these, and so do its programs: an error says what they would.
+IGNORED = (signal.SIGPIPE, signal.SIGXFSZ)
+ENDING = [number for number in DEADLY if number not in IGNORED]
+# Ctrl-C is Python's own, a KeyboardInterrupt; of those without a name some will do.
+ALONE = [
+    number for number in ENDING if isinstance(number, signal.Signals) and number != signal.SIGINT
+]
+# A process for each signal and state takes a while: WASD_TEST_SIGNALS=all has them all.
+SOME = (signal.SIGUSR1, signal.SIGABRT, signal.SIGALRM, signal.SIGQUIT, signal.SIGRTMIN)
+CHOSEN = ENDING if os.environ.get('WASD_TEST_SIGNALS') == 'all' else SOME
+# What it takes is well below; killed after a stuck write or never, it would be far beyond [s].
+SOON = 3.0
+
+# A terminal in raw mode and nothing else.
+HOLDER = """
+import time
+from teleop_keyboard.terminal import Terminal
+with Terminal(0) as terminal:
+    terminal.before_suspend.append(lambda: print('zero', flush=True))
+    print('ready', flush=True)
+    time.sleep(60.0)
+"""
+# Starts, and is stuck in its start for as long as it takes.
+STUCK = """
+import sys, time
+from teleop_keyboard import teleop_node as module
+module.KeysToTwistNode = lambda: print('STARTING', flush=True) or time.sleep(60.0)
+sys.exit(module.main())
+"""
+# Is stuck in the midst of driving, at the key X.
+STUCK_LATER = """
+import sys, time
+from teleop_keyboard import teleop_node as module
+publish = module.KeyPublisherNode.publish_key
+def publish_or_hang(self, key):
+    if key == 'X':
+        time.sleep(60.0)
+    publish(self, key)
+module.KeyPublisherNode.publish_key = publish_or_hang
+sys.exit(module.main())
+"""
+
+
+def name_of(number):
+    return getattr(number, 'name', str(number))
+
+
+def usual(number):
+    """Return the statuses that a shell shows for a signal."""
+    return (0,) if number == signal.SIGINT else (-number, 128 + number)
+
+
+def wait_until(condition, timeout=20.0):
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, 'waited in vain'
+        time.sleep(0.005)
+
+
+def velocities(listener):
+    return [from_twist(message) for message in listener.twists]
+
+
+def drive(process, listener):
+    """Hold a key until the robot is told to move."""
+
+    def moves():
+        process.type(b'i')
+        time.sleep(1 / 30)
+        return any(velocity.vx > 0.1 for velocity in velocities(listener))
+
+    wait_until(moves)
+
+
+def end(process, number):
+    """Send a signal; check how and how soon the process ends, and what is left."""
+    sent = time.monotonic()
+    process.process.send_signal(number)
+    assert process.process.wait(SOON) in usual(number)
+    print(f'{name_of(number)}: {time.monotonic() - sent:.2f} s')
+    assert process.attributes == process.before
+    assert b'Traceback' not in process.output
+
+
+@pytest.mark.parametrize('number', ALONE, ids=name_of)
+def test_each_gives_a_raw_terminal_back_and_ends_the_process(pty_process, number):
+    process = pty_process('-c', HOLDER)
+    process.wait_for(b'ready')
+    assert process.is_raw
+    process.process.send_signal(number)
+    assert process.wait() == -number
+    assert process.attributes == process.before
+    wait_until(lambda: b'zero' in process.output)
+
+
+@pytest.mark.parametrize('number', CHOSEN, ids=name_of)
+def test_each_stops_the_robot_while_it_is_driven(pty_process, listener, number):
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+    drive(process, listener)
+    end(process, number)
+    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL])
+    listener.settle()
+    assert velocities(listener)[-1] == STANDSTILL
+    assert process.output.rstrip().endswith(b'\x1b[?1049l')
+
+
+@pytest.mark.parametrize('number', CHOSEN, ids=name_of)
+def test_each_ends_it_while_it_is_idle(pty_process, listener, number):
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+    end(process, number)
+    listener.settle()
+    assert set(velocities(listener)) <= {STANDSTILL}
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, *CHOSEN], ids=name_of)
+def test_each_ends_it_while_it_is_stuck_in_its_start(ros_domain, pty_process, number):
+    process = pty_process('-c', STUCK)
+    process.wait_for(b'STARTING')
+    assert process.is_raw
+    end(process, number)
+
+
+def test_a_loop_that_is_stuck_is_ended_with_a_zero(pty_process, listener):
+    process = pty_process('-c', STUCK_LATER)
+    listener.probe(process)
+    drive(process, listener)
+    process.type(b'X')
+    time.sleep(0.3)
+    assert velocities(listener)[-1] != STANDSTILL
+    end(process, signal.SIGTERM)
+    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL])
+
+
+def test_signals_that_python_ignores_leave_a_driver_in_charge(pty_process, listener):
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+    for number in (*IGNORED, signal.SIGWINCH, signal.SIGURG, signal.SIGCHLD):
+        process.process.send_signal(number)
+    drive(process, listener)
+    assert process.is_raw
+    process.type(b'\x03')
+    assert process.wait() == 0
+    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL])
+
+
+@pytest.mark.parametrize('number', [signal.SIGTTIN, signal.SIGTTOU], ids=name_of)
+def test_what_suspends_it_leaves_a_zero_and_the_terminal_and_it_goes_on(
+    pty_process, listener, number
+):
+    # Its shell has to be there: without one the system does not stop a process.
+    shell = (
+        'import os, signal, subprocess, sys, time\n'
+        'signal.signal(signal.SIGTTOU, signal.SIG_IGN)\n'
+        'job = os.fork()\n'
+        'if job == 0:\n'
+        '    os.setpgid(0, 0); os.tcsetpgrp(0, os.getpgrp())\n'
+        '    signal.signal(signal.SIGTTOU, signal.SIG_DFL)\n'
+        '    os.execv(sys.executable, [sys.executable, *sys.argv[1:]])\n'
+        'print("JOB", job, flush=True)\n'
+        'os.waitpid(job, os.WUNTRACED)\n'
+        'print("STOPPED", flush=True)\n'
+        'time.sleep(1.0)\n'
+        'os.kill(job, signal.SIGCONT)\n'
+        'sys.exit(os.waitstatus_to_exitcode(os.waitpid(job, 0)[1]))\n'
+    )
+    process = pty_process('-c', shell, *TELEOP)
+    process.wait_for(b'JOB')
+    listener.probe(process)
+    job = int(process.output.split(b'JOB ')[1].split()[0])
+    drive(process, listener)
+    os.kill(job, number)
+    wait_until(lambda: b'STOPPED' in process.output)
+    assert process.attributes == process.before
+    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL])
+    wait_until(lambda: process.is_raw)
+    listener.settle()
+    assert velocities(listener)[-1] == STANDSTILL
+    process.type(b'\x03')
+    assert process.wait() == 0
+    assert process.attributes == process.before

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A terminal that takes no more output: the robot stops all the same, and the process ends."""
+
+import os
+import signal
+import termios
+import time
+
+import pytest
+from teleop_keyboard.conversions import from_twist
+from teleop_keyboard.ramp import STANDSTILL
+
+pytestmark = pytest.mark.slow
+
+TELEOP = ('-m', 'teleop_keyboard.teleop_node')
+KEYBOARD = ('-m', 'teleop_keyboard.key_publisher_node')
+
+# It takes milliseconds; a busy machine may take more, a blocked write would take for ever [s].
+SOON = 2.0
+
+
+def wait_until(condition, timeout=20.0):
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, 'waited in vain'
+        time.sleep(0.005)
+
+
+def velocities(listener):
+    return [from_twist(message) for message in listener.twists]
+
+
+def drive(process, listener):
+    """Hold a key until the robot is told to move and then for a second; return when it ended."""
+
+    def moves():
+        process.type(b'i')
+        time.sleep(1 / 30)
+        return any(velocity.vx > 0.1 for velocity in velocities(listener))
+
+    wait_until(moves)
+    for _ in range(30):
+        process.type(b'i')
+        time.sleep(1 / 30)
+    return time.monotonic()
+
+
+def freeze(process, how):
+    """Have the terminal take nothing more: nobody reads it, or it was told to hold (XOFF)."""
+    if how == 'unread':
+        process.freeze()
+    else:
+        termios.tcflow(process.slave, termios.TCOOFF)
+
+
+@pytest.mark.parametrize('how', ['unread', 'XOFF'])
+def test_a_robot_stops_after_the_last_key_though_the_screen_is_frozen(pty_process, listener, how):
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+    drive(process, listener)
+    freeze(process, how)
+    listener.twists.clear()
+    released = drive(process, listener)
+    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL], SOON)
+    print(f'zero {time.monotonic() - released:.3f} s after the last key')
+    # And it still drives and stops.
+    listener.twists.clear()
+    drive(process, listener)
+    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL], SOON)
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize('program', [TELEOP, KEYBOARD], ids=['teleop', 'key_publisher'])
+def test_a_signal_ends_it_though_the_screen_is_frozen(pty_process, listener, program, number):
+    process = pty_process(*program)
+    listener.probe(process)
+    process.freeze()
+    if program is TELEOP:
+        drive(process, listener)
+    sent = time.monotonic()
+    process.process.send_signal(number)
+    assert process.process.wait(SOON) == (0 if number == signal.SIGINT else 128 + number)
+    print(f'{number.name}: ended after {time.monotonic() - sent:.3f} s')
+    assert process.attributes == process.before
+    if program is TELEOP:
+        wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL])
+
+
+def test_a_screen_that_thaws_is_shown_again_whole(pty_process, listener):
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+    process.freeze()
+    process.type(b'q' * 3)
+    time.sleep(0.5)
+    process.thaw()
+    process.wait_for(b'.' * 100)
+    process.type(b'q')
+    process.wait_for(b'0.29 m/s')
+    last = process.output.rsplit(b'\x1b[?2026h\x1b[H', 1)[1]
+    assert b'Control mbot!' in last
+    assert last.endswith(b'\x1b[J\x1b[?2026l')
+
+
+def test_the_shell_s_own_opening_of_the_terminal_stays_as_it_was(pty_process, listener):
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+    # Standard input is shared with whoever started us: this test's end of it.
+    assert os.get_blocking(process.slave)
+    process.type(b'\x03')
+    assert process.wait() == 0
+    assert os.get_blocking(process.slave)
+
+
+def test_the_log_of_ros_does_not_wait_for_the_terminal_either(pty_process, listener):
+    program = (
+        'import rclpy, sys\n'
+        'from robot_description import streams\n'
+        'streams.prepare_streams(); streams.never_wait()\n'
+        'rclpy.init()\n'
+        'node = rclpy.create_node("talks")\n'
+        'print("READY", flush=True)\n'
+        'sys.stdin.readline()\n'
+        'for _ in range(2000): node.get_logger().error("x" * 200)\n'
+        'print("y" * 5000); print("z" * 5000, file=sys.stderr)\n'
+        'sys.exit(7)\n'
+    )
+    process = pty_process('-c', program)
+    process.wait_for(b'READY')
+    process.freeze()
+    process.type(b'\n')
+    assert process.wait() == 7
