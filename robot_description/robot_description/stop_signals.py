@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The signals that end or suspend a process, and the orderly way out that they ask for."""
 
+import atexit
 from collections.abc import Callable
 import contextlib
+import gc
 import os
-from pathlib import PurePath
 import signal
-import sys
 import threading
 import time
 from types import FrameType
@@ -68,6 +68,9 @@ class StopSignals:
     def __enter__(self) -> Self:
         """Install the handlers, and the thread that sees to it that they have an effect."""
         self._over.clear()
+        # At exit Python looks through all objects several times: with a robot's libraries, 0.5 s.
+        atexit.unregister(gc.freeze)
+        atexit.register(gc.freeze)
         for number in self.WATCHED:
             previous = signal.getsignal(number)
             always = number in (signal.SIGINT, signal.SIGTERM)
@@ -143,19 +146,3 @@ def last_status(stop: StopSignals) -> int:
         signal.signal(stop.number, signal.SIG_DFL)
         signal.raise_signal(stop.number)
     return stop.exit_status
-
-
-def quiet_start(package: str, *executables: str) -> None:
-    """
-    Have Ctrl-C end one of a package's programs without a word while it is still being loaded.
-
-    Called first in a package; where it is imported into another program nothing happens.
-    """
-    name = PurePath(sys.argv[0]).name if sys.argv else ''
-    if name == '-m':
-        rest = sys.orig_argv[sys.orig_argv.index('-m') + 1 :]
-        is_ours = rest[:1] != [] and rest[0].partition('.')[0] == package
-    else:
-        is_ours = name in executables
-    if is_ours and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)

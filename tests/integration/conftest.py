@@ -2,20 +2,29 @@
 """Whole runs of the command, each in a process and a ROS domain of its own."""
 
 from collections.abc import Callable, Iterator
+import contextlib
 import io
 import json
 import os
 from pathlib import Path
+import pty
 import re
+import select
 import shutil
 import subprocess
 import sys
+import termios
+import time
 from typing import Any
 
+from geometry_msgs.msg import Twist
 import numpy as np
 from PIL import Image
 import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
 
+REPEAT_PERIOD = 1.0 / 30.0
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 CHROMIUM, CHROMEDRIVER = shutil.which('chromium'), shutil.which('chromedriver')
 FLAGS = (
@@ -206,3 +215,149 @@ def picture(browser: Any) -> Callable[[], np.ndarray]:
         return np.asarray(Image.open(io.BytesIO(png)).convert('RGB')).astype(int)
 
     return take
+
+
+class TerminalSession:
+    """A run of `wasd mbot` on its own pseudo-terminal, as a shell would start it."""
+
+    def __init__(self, arguments: list[str], environment: dict[str, str], cwd: Path) -> None:
+        self.master, self.slave = pty.openpty()
+        self.before = termios.tcgetattr(self.slave)
+        self.shown = ''
+        self.process = subprocess.Popen(
+            [sys.executable, *arguments, '--viewer', 'none'],
+            stdin=self.slave,
+            stdout=self.slave,
+            stderr=self.slave,
+            env={**environment, 'TERM': 'xterm'},
+            cwd=cwd,
+            preexec_fn=self._take_terminal,
+        )
+
+    def _take_terminal(self) -> None:
+        os.setsid()
+        import fcntl
+
+        fcntl.ioctl(self.slave, termios.TIOCSCTTY, 0)
+
+    def read(self, timeout: float = 0.0) -> None:
+        """Take in what is on the screen."""
+        while select.select([self.master], [], [], timeout)[0]:
+            try:
+                self.shown += os.read(self.master, 65536).decode(errors='replace')
+            except OSError:
+                return
+            timeout = 0.0
+
+    def wait_for(self, text: str, timeout: float = 20.0) -> None:
+        """Wait until a text is shown."""
+        deadline = time.monotonic() + timeout
+        while text not in self.shown:
+            assert time.monotonic() < deadline, f'{text!r} not in {self.shown!r}'
+            self.read(0.05)
+
+    def type(self, keys: str) -> None:
+        """Type keys."""
+        os.write(self.master, keys.encode())
+
+    def hold(self, key: str, duration: float) -> float:
+        """Hold a key for so long [s], repeating at 30 Hz; return the time from first to last."""
+        first = last = time.monotonic()
+        presses = round(duration / REPEAT_PERIOD)
+        for press in range(presses):
+            time.sleep(max(0.0, first + press * REPEAT_PERIOD - time.monotonic()))
+            last = time.monotonic()
+            self.type(key)
+            self.read()
+        return last - first
+
+    def freeze(self) -> None:
+        """Leave no room on the screen for another byte; `read` would make room again."""
+        filler = os.open(os.ttyname(self.slave), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        for size in (256, 1):
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    os.write(filler, b'.' * size)
+        os.close(filler)
+
+    def end(self, timeout: float = 10.0) -> int:
+        """Wait for the end, reading on so that it can write; return the exit status."""
+        deadline = time.monotonic() + timeout
+        while self.process.poll() is None:
+            assert time.monotonic() < deadline, self.shown
+            self.read(0.05)
+        self.read()
+        return self.process.returncode
+
+    def close(self) -> None:
+        """Release the terminal, whatever happened."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        os.close(self.master)
+        os.close(self.slave)
+
+
+@pytest.fixture
+def start(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[..., TerminalSession]]:
+    """Return a function that starts a session; all are ended after the test."""
+    sessions: list[TerminalSession] = []
+
+    def begin(
+        *arguments: str, program: tuple[str, ...] = WASD[1:], robot: str = 'mbot'
+    ) -> TerminalSession:
+        sessions.append(TerminalSession([*program, robot, *arguments], environment, tmp_path))
+        return sessions[-1]
+
+    yield begin
+    for session in sessions:
+        session.close()
+
+
+@pytest.fixture
+def commands(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """Yield a function that returns all cmd_vel messages of the session so far."""
+    for name in ('ROS_DOMAIN_ID', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOG_DIR'):
+        monkeypatch.setenv(name, environment[name])
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node('observer', context=context)
+    seen: list[Twist] = []
+
+    def wait_for_publisher() -> None:
+        deadline = time.monotonic() + 20.0
+        while node.count_publishers('cmd_vel') == 0:
+            assert time.monotonic() < deadline, 'no publisher of cmd_vel'
+            executor.spin_once(timeout_sec=0.1)
+
+    node.create_subscription(Twist, 'cmd_vel', seen.append, 100)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+
+    def collect(duration: float) -> list[Twist]:
+        if not seen:
+            wait_for_publisher()
+        deadline = time.monotonic() + duration
+        while time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.02)
+        return seen
+
+    yield collect
+    node.destroy_node()
+    context.try_shutdown()
+
+
+@pytest.fixture
+def hold_until_it_drives() -> Callable[[TerminalSession, Any], None]:
+    """Return a function that holds i until the command to drive has been seen from outside."""
+
+    def hold(session: TerminalSession, commands: Any) -> None:
+        deadline = time.monotonic() + 20.0
+        seen: list[Twist] = []
+        while not (seen and seen[-1].linear.x > 0.0):
+            assert time.monotonic() < deadline, session.shown
+            session.hold('i', 0.4)
+            print(session.process.poll(), session.shown[-300:])
+            seen = commands(0.05)
+
+    return hold
