@@ -29,7 +29,8 @@ def print_info(info: Description) -> None:
     if not console.is_terminal:
         console = Console(file=file, highlight=False, width=WIDTH)
     robot = info.robot
-    base = f'hangs on {robot.root}' if robot.is_fixed else f'floats, root {robot.root}'
+    root = _shown(robot.root)
+    base = f'hangs on {root}' if robot.is_fixed else f'floats, root {root}'
     movable = len(robot.movable_joints)
     console.print(
         f'[bold]{_shown(robot.name)}[/]  {kind_of(robot)}, {robot.mass:.3f} kg, {base}; '

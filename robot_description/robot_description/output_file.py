@@ -289,4 +289,9 @@ def _open_stream(path: str) -> int:
 def _write_all(file: int, data: bytes) -> None:
     view = memoryview(data)
     while view:
-        view = view[os.write(file, view) :]
+        try:
+            view = view[os.write(file, view) :]
+        except BlockingIOError:
+            # A terminal that has no room just now; nothing else here is set not to wait.
+            if not select.select([], [file], [], PATIENCE)[1]:
+                raise

@@ -114,6 +114,9 @@ class KeyDecoder:
         for byte in data:
             if self._is_overlong and self._passes_over(byte):
                 continue
+            if 0x20 <= byte < 0x7F and not self._buffer:
+                keys.append(chr(byte))  # what people type, without a detour
+                continue
             self._buffer += bytes((byte,))
             keys += self._completed()
         return keys

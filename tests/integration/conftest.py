@@ -220,12 +220,18 @@ def picture(browser: Any) -> Callable[[], np.ndarray]:
 class TerminalSession:
     """A run of `wasd mbot` on its own pseudo-terminal, as a shell would start it."""
 
-    def __init__(self, arguments: list[str], environment: dict[str, str], cwd: Path) -> None:
+    def __init__(
+        self,
+        arguments: list[str],
+        environment: dict[str, str],
+        cwd: Path,
+        last: tuple[str, ...] = ('--viewer', 'none'),
+    ) -> None:
         self.master, self.slave = pty.openpty()
         self.before = termios.tcgetattr(self.slave)
         self.shown = ''
         self.process = subprocess.Popen(
-            [sys.executable, *arguments, '--viewer', 'none'],
+            [sys.executable, *arguments, *last],
             stdin=self.slave,
             stdout=self.slave,
             stderr=self.slave,
@@ -361,3 +367,17 @@ def hold_until_it_drives() -> Callable[[TerminalSession, Any], None]:
             seen = commands(0.05)
 
     return hold
+
+
+@pytest.fixture
+def run_on_terminal() -> Iterator[Callable[..., TerminalSession]]:
+    """Return a function that starts any Python program on a pseudo-terminal of its own."""
+    sessions: list[TerminalSession] = []
+
+    def begin(arguments: list[str], environment: dict[str, str], folder: Path) -> TerminalSession:
+        sessions.append(TerminalSession(arguments, environment, folder, ()))
+        return sessions[-1]
+
+    yield begin
+    for session in sessions:
+        session.close()

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names and words of others reach a terminal with their control characters made visible."""
+
+from collections.abc import Callable
+import os
+from pathlib import Path
+import signal
+from typing import Any
+
+import pytest
+import rclpy
+from std_msgs.msg import String
+
+TITLE = '\x1b]0;owned\x07'
+SHOWN = '^[]0;owned^G'
+BIDI = '\u202e'
+DESCRIBE = ('-m', 'robot_description.describe_command')
+URDF = f'<robot name="r{BIDI}x\x9by"><link name="base{BIDI}"/></robot>'
+KEYMAP = """
+name: mine
+help: ["hello {title} there"]
+motion: {{i: [1, 0, 0, 0]}}
+"""
+
+
+@pytest.fixture
+def shown(
+    environment: dict[str, str], tmp_path: Path, run_on_terminal: Any
+) -> Callable[..., tuple[int, str]]:
+    """Return a function that runs a program on a terminal: its status and what it showed."""
+
+    def run(*arguments: str) -> tuple[int, str]:
+        session = run_on_terminal(list(arguments), environment, tmp_path)
+        return session.end(60.0), session.shown
+
+    return run
+
+
+@pytest.mark.parametrize(
+    'arguments',
+    [
+        ('-m', 'wasd_bringup.cli', 'mbot', '--world', f'x{TITLE}'),
+        ('-m', 'wasd_bringup.cli', 'mbot', '--play', f'no{TITLE}.txt'),
+        ('-m', 'wasd_bringup.cli', f'go{TITLE}'),
+        ('-m', 'wasd_bringup.cli', 'keys', f'no{TITLE}.yaml'),
+        ('-m', 'wasd_bringup.cli', 'replay', f'no{TITLE}.mcap'),
+        (*DESCRIBE, 'lint', f'no{TITLE}.urdf'),
+        ('-m', 'teleop_keyboard.teleop_node', f'--{TITLE}'),
+        ('-m', 'teleop_keyboard.key_publisher_node', f'--{TITLE}'),
+        ('-m', 'teleop_keyboard.keys_to_twist_node', '--ros-args', '-p', f'preset:={TITLE}'),
+    ],
+    ids=lambda words: ' '.join(words[1:3]).encode('unicode_escape').decode(),
+)
+def test_a_refusal_shows_what_it_quotes(shown: Any, arguments: tuple[str, ...]) -> None:
+    status, text = shown(*arguments)
+    assert status == 2
+    assert 'owned' in text
+    assert '\x1b]' not in text
+    assert '\x07' not in text
+
+
+@pytest.mark.parametrize('command', ['info', 'expand', 'lint'])
+def test_names_in_a_robot_description(shown: Any, tmp_path: Path, command: str) -> None:
+    (tmp_path / 'robot.urdf').write_text(URDF)
+    _, text = shown(*DESCRIBE, command, 'robot.urdf')
+    assert 'u202e' in text
+    assert BIDI not in text
+    assert '\x9b' not in text
+
+
+def test_a_message_that_is_echoed(
+    environment: dict[str, str], monkeypatch: pytest.MonkeyPatch, start: Any, tmp_path: Path,
+    run_on_terminal: Any,
+) -> None:  # fmt: skip
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node('talker', context=context)
+    latched = rclpy.qos.QoSProfile(depth=1, durability=rclpy.qos.DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_publisher(String, 'state', latched).publish(String(data=f'{TITLE}{BIDI}'))
+    cli = ['-m', 'wasd_bringup.cli']
+    for field in ([], ['--field', 'data']):
+        session = run_on_terminal([*cli, 'echo', 'state', '--once', *field], environment, tmp_path)
+        assert session.end(60.0) == 0, session.shown
+        assert 'owned' in session.shown
+        assert '\x1b]' not in session.shown
+        assert BIDI not in session.shown
+    teleop = run_on_terminal(['-m', 'teleop_keyboard.teleop_node'], environment, tmp_path)
+    teleop.wait_for(SHOWN)
+    assert TITLE not in teleop.shown
+    teleop.process.send_signal(signal.SIGTERM)
+    teleop.end()
+    node.destroy_node()
+    context.try_shutdown()
+
+
+def test_the_help_of_a_keymap(shown: Any, tmp_path: Path, start: Any) -> None:
+    keymap = tmp_path / 'mine.yaml'
+    source = Path(__file__).parents[2] / 'teleop_keyboard/teleop_keyboard/presets/mbot.yaml'
+    text = source.read_text()
+    assert 'Control mbot!' in text
+    keymap.write_text(text.replace('Control mbot!', f'Control \\e]0;owned\\a{BIDI}mbot!'))
+    session = start('--preset', os.fspath(keymap))
+    session.wait_for('stopped', 60.0)
+    session.type('?')
+    session.read(0.5)
+    session.type('\x03')
+    session.end()
+    assert TITLE not in session.shown
+    assert BIDI not in session.shown
