@@ -27,6 +27,7 @@ from wasd_bringup.driven_robot import DrivenRobot
 from wasd_bringup.key_switch import KeySwitch
 from wasd_bringup.key_switch import SWITCH_KEY
 from wasd_bringup.key_switch import SWITCH_LINE
+from wasd_bringup.message_times import MessageTimes
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.page_drive import PageDrive
@@ -41,10 +42,6 @@ from wasd_bringup.stack import Stack
 
 # The page gets so many pictures a second of wall time.
 FRAME_PERIOD = 1.0 / 60.0
-# Messages and services are looked after so often [s of wall time], but for no more than this
-# share of it: a look at two dozen subscriptions takes milliseconds, on a busy machine many.
-MESSAGE_PERIOD = 0.02
-MESSAGE_SHARE = 0.1
 
 
 class View(Protocol):
@@ -94,7 +91,8 @@ class Session:
         self._wall_time = 0.0
         self._ended_at = math.inf
         self._status = StatusLine(sys.stdout)
-        self._next_frame = self._next_messages = 0.0
+        self._next_frame = 0.0
+        self._message_times = MessageTimes()
         self._polled_at = time.monotonic()
         self._where = ''
         self.robots = build_robots(options, visuals)
@@ -310,12 +308,12 @@ class Session:
                 self._press(key)
             timeout = 0.0
         now = time.monotonic()
-        if timeout > 0.0 or now >= self._next_messages:
+        if timeout > 0.0 or self._message_times.is_due(now, self.world.time):
             started = now
             self._pump.handle(timeout)
             now = time.monotonic()
             took = now - started if timeout == 0.0 else 0.0
-            self._next_messages = now + max(MESSAGE_PERIOD, took / MESSAGE_SHARE)
+            self._message_times.looked(now, took, self.world.time)
         if self._view is not None and now >= self._next_frame:
             self._next_frame = now + FRAME_PERIOD
             self._view.sync()
