@@ -10,17 +10,13 @@ from typing import Any
 import pytest
 import rclpy
 from std_msgs.msg import String
+import yaml
 
 TITLE = '\x1b]0;owned\x07'
 SHOWN = '^[]0;owned^G'
 BIDI = '\u202e'
 DESCRIBE = ('-m', 'robot_description.describe_command')
 URDF = f'<robot name="r{BIDI}x\x9by"><link name="base{BIDI}"/></robot>'
-KEYMAP = """
-name: mine
-help: ["hello {title} there"]
-motion: {{i: [1, 0, 0, 0]}}
-"""
 
 
 @pytest.fixture
@@ -95,16 +91,17 @@ def test_a_message_that_is_echoed(
     context.try_shutdown()
 
 
-def test_the_help_of_a_keymap(shown: Any, tmp_path: Path, start: Any) -> None:
+def test_the_help_of_a_keymap(tmp_path: Path, start: Any) -> None:
     keymap = tmp_path / 'mine.yaml'
     source = Path(__file__).parents[2] / 'teleop_keyboard/teleop_keyboard/presets/mbot.yaml'
-    text = source.read_text()
-    assert 'Control mbot!' in text
-    keymap.write_text(text.replace('Control mbot!', f'Control \\e]0;owned\\a{BIDI}mbot!'))
+    described = yaml.safe_load(source.read_text())
+    assert 'Control mbot!' in described['help']
+    described['help'] = described['help'].replace('mbot!', f'mbot! {TITLE}{BIDI}')
+    keymap.write_text(yaml.safe_dump(described))
     session = start('--preset', os.fspath(keymap))
     session.wait_for('stopped', 60.0)
     session.type('?')
-    session.read(0.5)
+    session.wait_for(f'Control mbot! {SHOWN}')
     session.type('\x03')
     session.end()
     assert TITLE not in session.shown

@@ -177,7 +177,7 @@ class Listener:
         self.keys = []
         self.twists = []
         self.node = rclpy.create_node('listener', context=context)
-        self.node.create_subscription(String, 'keys', lambda m: self.keys.append(m.data), 1000)
+        self.node.create_subscription(String, 'keys', lambda m: self.keys.append(m.data), 10_000)
         self.node.create_subscription(twist_type, 'cmd_vel', self.twists.append, 1000)
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run whose standard streams are closed, full or not read drives on, and ends as usual."""
+
+import subprocess
+import sys
+from typing import Any
+
+import pytest
+
+RUNS = {
+    'mbot': ('mbot', '--speed', '0', '--duration', '2', '--viewer', 'none'),
+    'topics': ('topics',),
+}
+
+
+@pytest.mark.parametrize(
+    'redirection',
+    ['>&-', '2>&-', '<&- >&- 2>&-', '>/dev/full', '>/dev/full 2>/dev/full', '| true'],
+)
+@pytest.mark.parametrize('name', ['mbot'])
+def test_a_run_does_without(
+    environment: dict[str, str], tmp_path: Any, name: str, redirection: str
+) -> None:
+    done = subprocess.run(
+        ['/bin/bash', '-o', 'pipefail', '-c', f'"$0" -m wasd_bringup.cli "$@" {redirection}',
+         sys.executable, *RUNS[name], '--report', 'report.json'],
+        env=environment, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        timeout=120,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, '')
+    assert (tmp_path / 'report.json').exists()

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A burst of keys arrives whole and in order."""
+
+import random
+import time
+
+import pytest
+from rclpy.node import Node
+from robot_description.inlet import Inlet
+from robot_description.qos import EVENTS
+from std_msgs.msg import String
+from teleop_keyboard.key_publisher_node import KeyPublisherNode
+
+BURST = 2000
+
+
+def keys_of(count):
+    rng = random.Random(3)
+    return [rng.choice('uiojklm,.qzwxec') for _ in range(count)]
+
+
+def test_a_burst_reaches_a_subscriber_that_is_busy_meanwhile(spawn, spin_until):
+    publisher = spawn(KeyPublisherNode())
+    heard = []
+    robot = spawn(Node('robot'))
+    robot.create_subscription(String, 'keys', lambda m: heard.append(m.data), EVENTS)
+    spin_until(spawn.pump, lambda: publisher.has_subscriber)
+    typed = keys_of(BURST)
+    for key in typed:
+        publisher.publish_key(key)
+    time.sleep(0.5)
+    spin_until(spawn.pump, lambda: len(heard) >= BURST, 30.0)
+    assert heard == typed
+
+
+def test_a_burst_that_is_handed_over_is_not_heard_twice(spawn, spin_until):
+    publisher = spawn(KeyPublisherNode())
+    heard = []
+    robot = spawn(Node('robot'))
+    inlet = Inlet(robot, String, 'keys', lambda m: heard.append(m.data), EVENTS)
+    publisher.receivers.append(inlet.put)
+    spin_until(spawn.pump, lambda: publisher.has_subscriber)
+    typed = keys_of(BURST)
+    for key in typed:
+        publisher.publish_key(key)
+    assert heard == typed
+    spin_until(spawn.pump, lambda: not inlet._pending, 30.0)
+    assert heard == typed
+
+
+@pytest.mark.slow
+def test_a_burst_typed_on_a_terminal_is_published_whole(pty_process, listener):
+    process = pty_process('-m', 'teleop_keyboard.key_publisher_node')
+    listener.probe(process)
+    typed = keys_of(BURST)
+    process.type(''.join(typed).encode())
+    listener.wait_for_keys(BURST)
+    listener.settle()
+    assert listener.keys == typed
