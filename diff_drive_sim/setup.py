@@ -32,7 +32,7 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'diff_drive_controller = diff_drive_sim.diff_drive_controller_node:main',
+            'diff_drive_controller = diff_drive_sim.executables:diff_drive_controller',
         ],
     },
 )

@@ -32,7 +32,7 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'simulator = mujoco_sim.simulator_node:main',
+            'simulator = mujoco_sim.executables:simulator',
         ],
     },
 )

@@ -32,7 +32,7 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'leg_controller = quadruped_sim.leg_controller_node:main',
+            'leg_controller = quadruped_sim.executables:leg_controller',
         ],
     },
 )

@@ -39,7 +39,7 @@ setup(
     entry_points={
         'console_scripts': [
             'describe = robot_description.describe_command:main',
-            'state_publisher = robot_description.state_publisher_node:main',
+            'state_publisher = robot_description.executables:state_publisher',
         ],
     },
 )

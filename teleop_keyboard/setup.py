@@ -32,10 +32,10 @@ setup(
     zip_safe=False,
     entry_points={
         'console_scripts': [
-            'key_publisher = teleop_keyboard.key_publisher_node:main',
-            'keys_to_twist = teleop_keyboard.keys_to_twist_node:main',
-            'teleop = teleop_keyboard.teleop_node:main',
-            'twist_mux = teleop_keyboard.twist_mux_node:main',
+            'key_publisher = teleop_keyboard.executables:key_publisher',
+            'keys_to_twist = teleop_keyboard.executables:keys_to_twist',
+            'teleop = teleop_keyboard.executables:teleop',
+            'twist_mux = teleop_keyboard.executables:twist_mux',
         ],
     },
 )

@@ -39,6 +39,7 @@ from diff_drive_sim.conversions import to_twist_stamped
 from diff_drive_sim.conversions import to_wheel_states
 from diff_drive_sim.drive_unit import DriveUnit
 from diff_drive_sim.errors import DiffDriveError
+from diff_drive_sim.executables import DIFF_DRIVE_CONTROLLER
 from diff_drive_sim.node_parameters import read_given
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.velocity_input import VelocityInput
@@ -307,7 +308,7 @@ class DiffDriveControllerNode(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the controller as a process of its own."""
-    return run_node(DiffDriveControllerNode, args)
+    return run_node(DiffDriveControllerNode, args, program=DIFF_DRIVE_CONTROLLER)
 
 
 if __name__ == '__main__':

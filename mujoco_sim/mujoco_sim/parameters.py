@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from robot_description.parameters import parameter
 from robot_description.parameters import Parameters
 
-from mujoco_sim.scene import WORLD_NAMES
+from mujoco_sim.world_names import WORLD_NAMES
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,6 +14,7 @@ from mujoco_sim.terrain import add_rough
 from mujoco_sim.terrain import add_slope
 from mujoco_sim.terrain import add_stairs
 from mujoco_sim.terrain import add_step
+from mujoco_sim.world_names import WORLD_NAMES
 
 TIME_STEP = 0.001
 ROOM_SIZE = 6.0
@@ -131,7 +132,6 @@ TERRAINS: dict[str, tuple[Terrain, float]] = {
     'boxes': (add_boxes, 0.5),
     'rough': (add_rough, 0.5),
 }
-WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
 
 
 def _add_sky(spec: mujoco.MjSpec) -> None:

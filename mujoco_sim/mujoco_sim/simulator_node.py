@@ -32,6 +32,7 @@ from mujoco_sim.conversions import to_imu
 from mujoco_sim.conversions import to_joint_state
 from mujoco_sim.conversions import to_stamp
 from mujoco_sim.errors import SimulationError
+from mujoco_sim.executables import SIMULATOR
 from mujoco_sim.loading import build_world
 from mujoco_sim.loading import load_robot
 from mujoco_sim.loading import LoadedRobot
@@ -278,7 +279,7 @@ def simulate(node: SimulatorNode, stop: StopSignals) -> None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the simulator as a process of its own; controllers talk to it over topics."""
-    return run_node(SimulatorNode, args, simulate)
+    return run_node(SimulatorNode, args, simulate, program=SIMULATOR)
 
 
 if __name__ == '__main__':

@@ -40,6 +40,7 @@ from quadruped_sim.conversions import to_joint_command
 from quadruped_sim.conversions import to_odometry
 from quadruped_sim.conversions import to_sensors
 from quadruped_sim.conversions import to_transform
+from quadruped_sim.executables import LEG_CONTROLLER
 from quadruped_sim.joint_map import JointMap
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.node_parameters import LegNodeParameters
@@ -249,7 +250,7 @@ class LegControllerNode(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the leg controller as a process of its own."""
-    return run_node(LegControllerNode, args)
+    return run_node(LegControllerNode, args, program=LEG_CONTROLLER)
 
 
 if __name__ == '__main__':

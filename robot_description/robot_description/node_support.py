@@ -23,6 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from robot_description.descriptors import to_descriptor
 from robot_description.errors import Stopped
 from robot_description.errors import UserError
+from robot_description.executable import Executable
 from robot_description.parameters import InvalidParameter
 from robot_description.parameters import outward_name
 from robot_description.parameters import Parameters
@@ -149,19 +150,23 @@ def run_node(
     args: Sequence[str] | None = None,
     run: Callable[[Any, StopSignals], None] = spin_alone,
     joins: bool = False,
+    program: Executable | None = None,
 ) -> int:
     """
     Run one node as a process until a signal or a shutdown; return the exit status.
 
     The node's `close` publishes what must be the last word, the zero command, on every way out.
     What is wrong with the arguments or parameters ends with one line on stderr and status 2.
-    A node that `joins` is for the run that is there; see `init_ros`.
+    A node that `joins` is for the run that is there; see `init_ros`. What is not ROS's among the
+    arguments is the `program`'s: its --help, or wrong.
     """
     prepare_streams()
     never_wait()
     with StopSignals() as stop:
         node = None
         try:
+            if program is not None:
+                program.read(sys.argv[1:] if args is None else args)
             init_ros(args, joins=joins)
             with explained():
                 node = make_node()

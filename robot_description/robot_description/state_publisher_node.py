@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes the robot's description and where its links are, as robot_state_publisher does."""
 
-from dataclasses import dataclass
 import sys
 
 from builtin_interfaces.msg import Time
@@ -16,11 +15,11 @@ from robot_description.conversions import to_seconds
 from robot_description.conversions import to_transform
 from robot_description.description import Description
 from robot_description.description import read_description
+from robot_description.executables import STATE_PUBLISHER
 from robot_description.joint_names import unknown_joint_warning
+from robot_description.node_parameters import StatePublisherParameters
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import run_node
-from robot_description.parameters import parameter
-from robot_description.parameters import Parameters
 from robot_description.pose import Pose
 from robot_description.published_urdf import published_urdf
 from robot_description.qos import LATCHED
@@ -28,18 +27,6 @@ from robot_description.qos import SENSOR_DATA
 from robot_description.robots import description_path
 from robot_description.tf import TfBroadcaster
 from robot_description.urdf import Joint
-
-
-@dataclass(frozen=True, kw_only=True)
-class StatePublisherParameters(Parameters):
-    """What the state publisher publishes."""
-
-    description: str = parameter(
-        'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
-    )
-    publish_frequency: float = parameter(
-        50.0, doc='Rate of /tf, at most that of joint_states', unit='Hz', above=0.0
-    )
 
 
 class StatePublisherNode(Node):
@@ -127,7 +114,7 @@ class StatePublisherNode(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the state publisher as a process of its own."""
-    return run_node(StatePublisherNode, args)
+    return run_node(StatePublisherNode, args, program=STATE_PUBLISHER)
 
 
 if __name__ == '__main__':

@@ -2,9 +2,10 @@
 """Options of the executables that read keys; what is ROS's is left to ROS."""
 
 from collections.abc import Sequence
+import sys
 from typing import NamedTuple
 
-from robot_description.argument_parser import OneLineParser
+from robot_description.executable import Executable
 from robot_description.output_file import OutputFile
 
 
@@ -15,16 +16,13 @@ class KeyOptions(NamedTuple):
     ros: list[str]
 
 
-def read_options(program: str, words: Sequence[str]) -> KeyOptions:
+def read_options(program: Executable, words: Sequence[str] | None = None) -> KeyOptions:
     """
-    Return the options given to a program.
+    Return the options given to a program; those of this process when there are no `words`.
 
     Raises:
         UserError: an option that neither we nor ROS know, or a file that cannot be written.
     """
-    parser = OneLineParser(prog=program, allow_abbrev=False, epilog='--ros-args ... goes to ROS.')
-    parser.add_argument('--save-keys', metavar='FILE', help='write a key script, as --play reads')
-    start = list(words).index('--ros-args') if '--ros-args' in words else len(words)
-    given = parser.parse_args(list(words[:start]))
+    given = program.read(sys.argv[1:] if words is None else words)
     save_keys = None if given.save_keys is None else OutputFile(given.save_keys, '--save-keys')
-    return KeyOptions(save_keys, list(words[start:]))
+    return KeyOptions(save_keys, given.ros)

@@ -23,6 +23,7 @@ from robot_description.streams import print_error
 from std_msgs.msg import String
 
 from teleop_keyboard.command_line import read_options
+from teleop_keyboard.executables import KEY_PUBLISHER
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.key_script import KeyScriptWriter
@@ -109,7 +110,7 @@ def main(args: Sequence[str] | None = None) -> int:
     prepare_streams()
     never_wait()
     try:
-        options = read_options('key_publisher', sys.argv[1:] if args is None else args)
+        options = read_options(KEY_PUBLISHER, args)
         reader = open_key_reader()
         writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
     except UserError as error:

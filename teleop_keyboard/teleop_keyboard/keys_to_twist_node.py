@@ -16,6 +16,7 @@ from robot_description.qos import EVENTS
 from std_msgs.msg import String
 
 from teleop_keyboard.conversions import to_twist
+from teleop_keyboard.executables import KEYS_TO_TWIST
 from teleop_keyboard.keymap import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.ramp import STANDSTILL
@@ -154,7 +155,7 @@ class KeysToTwistNode(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `keys_to_twist`; return the exit status."""
-    return run_node(KeysToTwistNode, args, joins=True)
+    return run_node(KeysToTwistNode, args, joins=True, program=KEYS_TO_TWIST)
 
 
 if __name__ == '__main__':

@@ -21,6 +21,7 @@ from teleop_keyboard.command_line import read_options
 from teleop_keyboard.dashboard import dashboard
 from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings
+from teleop_keyboard.executables import TELEOP
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.key_publisher_node import wait_for_subscriber
 from teleop_keyboard.key_reader import KeyReader
@@ -121,7 +122,7 @@ def main(args: Sequence[str] | None = None) -> int:
     prepare_streams()
     never_wait()
     try:
-        options = read_options('teleop', sys.argv[1:] if args is None else args)
+        options = read_options(TELEOP, args)
         reader = open_key_reader()
         writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
     except UserError as error:

@@ -28,6 +28,7 @@ from visualization_msgs.msg import Marker
 
 from teleop_keyboard.conversions import is_finite
 from teleop_keyboard.conversions import to_marker
+from teleop_keyboard.executables import TWIST_MUX
 from teleop_keyboard.mux import DEFAULT_LOCKS
 from teleop_keyboard.mux import DEFAULT_SOURCES
 from teleop_keyboard.mux import Mux
@@ -224,7 +225,7 @@ def _checked(**values: Any) -> dict[str, Any]:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `twist_mux`; return the exit status."""
-    return run_node(TwistMuxNode, args, joins=True)
+    return run_node(TwistMuxNode, args, joins=True, program=TWIST_MUX)
 
 
 if __name__ == '__main__':

@@ -3,12 +3,12 @@
 
 import argparse
 
+from mujoco_sim.world_names import WORLD_NAMES
 from teleop_keyboard.layouts import LAYOUTS
 
 from wasd_bringup.discovery_range import RANGES
 from wasd_bringup.options import PRESETS
 
-WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
 MODES = ('sim', 'fake', 'float', 'arbotix')
 VIEWERS = ('web', 'native', 'none')
 

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The programs of teleoperation: --help and wrong words are answered before it loads."""
+
+from collections.abc import Sequence
+
+from robot_description.executable import Executable
+
+TWIST_NOTES = (
+    '  stamped  (auto)',
+    '    Publish TwistStamped: auto (what the subscriber takes), true or false',
+)
+KEY_PUBLISHER = Executable(
+    name='key_publisher',
+    module='teleop_keyboard.key_publisher_node',
+    about='Publishes each key of the terminal, or of a pipe, on the topic keys.',
+    parameters=('teleop_keyboard.teleop_parameters:KeyParameters',),
+    example='key_publisher --save-keys drive.keys',
+    takes_keys=True,
+)
+KEYS_TO_TWIST = Executable(
+    name='keys_to_twist',
+    module='teleop_keyboard.keys_to_twist_node',
+    about='Turns keys into velocities on cmd_vel, by a preset and its ramps.',
+    parameters=('teleop_keyboard.teleop_parameters:TeleopParameters',),
+    notes=TWIST_NOTES,
+    example='keys_to_twist --ros-args -p preset:=wasd -p speed:=0.3',
+)
+TELEOP = Executable(
+    name='teleop',
+    module='teleop_keyboard.teleop_node',
+    about='Drives with the keyboard: keys and cmd_vel of one terminal, and a dashboard.',
+    parameters=('teleop_keyboard.teleop_parameters:TeleopParameters',),
+    notes=(*TWIST_NOTES, '', 'keys: wasd keys, wasd keys NAME; `?` shows them while it runs'),
+    example='teleop --ros-args -p preset:=wasd -r cmd_vel:=key_vel',
+    takes_keys=True,
+)
+TWIST_MUX = Executable(
+    name='twist_mux',
+    module='teleop_keyboard.twist_mux_node',
+    about='Lets one of several velocity sources drive, by priority, time-out and locks.',
+    parameters=('teleop_keyboard.teleop_parameters:MuxParameters',),
+    notes=(
+        '  topics.NAME.topic, .timeout [s], .priority; locks.NAME.topic, .timeout, .priority',
+        '    The tables of sources and locks; see docs/parameters.md for those that are there',
+    ),
+    example='twist_mux --ros-args -r cmd_vel_out:=cmd_vel',
+)
+
+
+def key_publisher(args: Sequence[str] | None = None) -> int:
+    """Run `key_publisher`; return the exit status."""
+    return KEY_PUBLISHER.run(args)
+
+
+def keys_to_twist(args: Sequence[str] | None = None) -> int:
+    """Run `keys_to_twist`; return the exit status."""
+    return KEYS_TO_TWIST.run(args)
+
+
+def teleop(args: Sequence[str] | None = None) -> int:
+    """Run `teleop`; return the exit status."""
+    return TELEOP.run(args)
+
+
+def twist_mux(args: Sequence[str] | None = None) -> int:
+    """Run `twist_mux`; return the exit status."""
+    return TWIST_MUX.run(args)

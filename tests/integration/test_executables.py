@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every program answers --help at once, and refuses what it does not know in one line."""
+
+import dataclasses
+from importlib import import_module
+import os
+from pathlib import Path
+import subprocess
+import sys
+import tomllib
+
+import pytest
+from robot_description.executable import Executable
+from robot_description.executable import split_ros_words
+from robot_description.parameters import outward_name
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
+PROGRAMS = {
+    name: getattr(import_module(target.partition(':')[0]), name.upper())
+    for name, target in SCRIPTS.items()
+    if target.partition(':')[0].endswith('.executables')
+}
+# Of processor time, which other programs do not take away [s].
+AT_ONCE = 1.0
+START = """
+import sys
+from importlib import import_module
+module, function = sys.argv.pop(1).split(':')
+try:
+    sys.exit(getattr(import_module(module), function)())
+finally:
+    if 'rclpy' in sys.modules or 'mujoco' in sys.modules:
+        print('heavy modules were loaded', file=sys.stderr)
+"""
+
+
+def start(name: str, *words: str) -> tuple[int, str, str, float]:
+    """Run a program; return status, output, standard error, and the processor time it took."""
+    before = os.times()
+    done = subprocess.run(
+        [sys.executable, '-c', START, SCRIPTS[name], *words],
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        timeout=60,
+        check=False,
+        env={**os.environ, 'COLUMNS': '80'},
+    )
+    after = os.times()
+    took = sum(after[2:4]) - sum(before[2:4])
+    return done.returncode, done.stdout, done.stderr, took
+
+
+def test_all_programs_are_known():
+    assert set(SCRIPTS) - set(PROGRAMS) == {'describe', 'wasd'}
+
+
+@pytest.mark.parametrize('name', SCRIPTS)
+@pytest.mark.parametrize('word', ['--help', '-h'])
+def test_help_comes_at_once_and_starts_nothing(name, word):
+    status, said, complaint, took = start(name, word)
+    assert (status, complaint) == (0, '')
+    assert said.startswith(f'usage: {name} ')
+    assert took < AT_ONCE
+    assert max(map(len, said.splitlines())) <= 100
+
+
+@pytest.mark.parametrize('name', PROGRAMS)
+def test_help_has_every_parameter_with_its_default_the_topics_and_an_example(name):
+    _, said, _, _ = start(name, '--help')
+    program: Executable = PROGRAMS[name]
+    fields = []
+    for place in program.parameters:
+        module, _, definition = place.partition(':')
+        fields += dataclasses.fields(getattr(import_module(module), definition))
+    assert fields
+    for field in fields:
+        assert f'\n  {outward_name(field)}  (' in said
+    assert 'docs/topics.md' in said
+    assert f'\n  {program.example}\n' in said
+    assert program.example.startswith(f'{name} ')
+
+
+@pytest.mark.parametrize('name', SCRIPTS)
+@pytest.mark.parametrize('word', ['nonsense', '--nonsense', 'description:=go2'])
+def test_an_unknown_word_is_refused_in_one_line(name, word):
+    status, said, complaint, took = start(name, word)
+    assert (status, said) == (2, '')
+    assert complaint.startswith('error: ')
+    assert complaint.count('\n') == 1
+    assert took < AT_ONCE
+
+
+@pytest.mark.parametrize('name', PROGRAMS)
+def test_a_node_started_by_its_module_answers_the_same(name):
+    command = [sys.executable, '-m', PROGRAMS[name].module]
+    environment = {**os.environ, 'COLUMNS': '80'}
+    asked = subprocess.run(
+        [*command, '--help'], capture_output=True, text=True, check=True, env=environment
+    )
+    assert asked.stdout == start(name, '--help')[1]
+    refused = subprocess.run([*command, 'nonsense'], capture_output=True, text=True, check=False)
+    assert (refused.returncode, refused.stderr) == (2, start(name, 'nonsense')[2])
+
+
+@pytest.mark.parametrize(
+    ('words', 'own', 'ros'),
+    [
+        ('', '', ''),
+        ('a b', 'a b', ''),
+        ('--ros-args -r a:=b', '', '--ros-args -r a:=b'),
+        ('a --ros-args -p b:=c', 'a', '--ros-args -p b:=c'),
+        ('--ros-args -p b:=c -- a', 'a', '--ros-args -p b:=c --'),
+        ('--ros-args -- a --ros-args x', 'a', '--ros-args -- --ros-args x'),
+    ],
+)
+def test_words_for_ros_end_at_two_dashes(words, own, ros):
+    assert split_ros_words(words.split()) == (own.split(), ros.split())
+
+
+@pytest.mark.parametrize('name', ['teleop', 'key_publisher'])
+def test_programs_that_read_keys_save_them(name):
+    given = PROGRAMS[name].read(['--save-keys', 'a.keys', '--ros-args', '-p', 'x:=1'])
+    assert (given.save_keys, given.ros) == ('a.keys', ['--ros-args', '-p', 'x:=1'])
