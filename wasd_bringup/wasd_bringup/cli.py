@@ -4,6 +4,7 @@
 import argparse
 from collections.abc import Sequence
 import sys
+from typing import Any
 
 from robot_description.argument_parser import OneLineParser
 from robot_description.errors import Stopped
@@ -18,6 +19,9 @@ from teleop_keyboard.layouts import LAYOUTS
 from teleop_keyboard.terminal import tolerate_any_text
 
 from wasd_bringup.calibrate_options import add_calibrate_options
+from wasd_bringup.command_help import examples
+from wasd_bringup.command_help import run_epilog
+from wasd_bringup.command_help import version
 from wasd_bringup.errors import UsageError
 from wasd_bringup.graph_options import add_graph_commands
 from wasd_bringup.run_parsers import add_both_options
@@ -35,21 +39,21 @@ TAKE_ROS_ARGUMENTS = ('go2', 'mbot')
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = OneLineParser(
-        prog='wasd', description='Drive simulated robots from the keyboard.', allow_abbrev=False
+        prog='wasd',
+        description='Drive simulated robots from the keyboard.',
+        epilog='\n'.join([*examples(''), '', 'wasd COMMAND --help tells more, and the keys.']),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
     )
+    parser.add_argument('--version', action='version', version=f'wasd {version()}')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    ros = '--ros-args ... goes to the nodes: -r __ns:=/robot1, -r odom:=wheel_odom, -p name:=value'
-    mbot = commands.add_parser(
-        'mbot', help='drive the wheeled robot', epilog=ros, allow_abbrev=False
-    )
+    mbot = _add_run(commands, 'mbot', 'drive the wheeled robot')
     add_run_options(mbot, robot='mbot')
     add_wheeled_options(mbot)
-    go2 = commands.add_parser('go2', help='drive the legged robot', epilog=ros, allow_abbrev=False)
+    go2 = _add_run(commands, 'go2', 'drive the legged robot')
     add_run_options(go2, robot='go2')
     add_legged_options(go2)
-    both = commands.add_parser(
-        'both', help='drive both in one world; TAB goes from one to the other', allow_abbrev=False
-    )
+    both = _add_run(commands, 'both', 'drive both in one world; TAB goes from one to the other')
     add_both_options(both)
     add_legged_options(both)
     demo = commands.add_parser(
@@ -77,6 +81,19 @@ def make_parser() -> argparse.ArgumentParser:
     )
     commands.add_parser('lint', help='run the linters: ruff and mypy', add_help=False)
     commands.add_parser('bench', help='run the benchmark: a table and JSON', add_help=False)
+    return parser
+
+
+def _add_run(commands: Any, name: str, summary: str) -> argparse.ArgumentParser:
+    """Add a command that runs robots; its help ends with examples and the keys."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=summary,
+        description=f'{summary[0].upper()}{summary[1:]}.',
+        epilog=run_epilog(name, ros=name in TAKE_ROS_ARGUMENTS),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
     return parser
 
 
@@ -115,7 +132,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             }
             return commands[words[0]](words[1:])
         words, ros_arguments = split_ros_arguments(words)
-        arguments = make_parser().parse_args(words)
+        # Nothing asked for is nothing wrong: as cargo does it, the help and status 0.
+        arguments = make_parser().parse_args(words or ['--help'])
         if ros_arguments and arguments.command not in TAKE_ROS_ARGUMENTS:
             takers = ' and '.join(TAKE_ROS_ARGUMENTS)
             raise UsageError(f'{arguments.command} takes no --ros-args; {takers} do')

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the `wasd` command says of itself before anything runs."""
+
+import re
+
+import pytest
+from wasd_bringup.cli import main
+from wasd_bringup.command_help import EXAMPLES
+
+
+def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """Return what a command prints that ends with status 0."""
+    with pytest.raises(SystemExit) as left:
+        main(words)
+    assert left.value.code == 0
+    captured = capsys.readouterr()
+    assert captured.err == ''
+    return captured.out
+
+
+def test_alone_it_prints_its_help_with_three_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    text = said([], capsys)
+    assert text == said(['--help'], capsys)
+    assert len(re.findall(r'^  wasd \w+', text.partition('examples:')[2], re.MULTILINE)) == 3
+
+
+def test_it_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert re.fullmatch(r'wasd \d+\.\d+\.\d+\n', said(['--version'], capsys))
+
+
+@pytest.mark.parametrize(
+    ('robot', 'keys'),
+    [
+        ('go2', ['2 stand   4 trot', 'w/s forward']),
+        ('mbot', ['u    i    o', 'q/z']),
+        ('both', ['2 stand   4 trot', 'u    i    o', 'TAB goes']),
+    ],
+)
+def test_the_help_of_a_run_has_examples_and_the_keys(
+    robot: str, keys: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = said([robot, '--help'], capsys)
+    for words, _ in EXAMPLES[robot]:
+        assert f'  wasd {words}' in text
+    for key in [*keys, '? all keys', 'BACKSPACE back to the start', 'Ctrl-C quit']:
+        assert key in text
+
+
+@pytest.mark.parametrize('command', EXAMPLES)
+def test_every_example_is_a_command_line_that_is_understood(command: str) -> None:
+    from wasd_bringup.cli import make_parser
+
+    for words, _ in EXAMPLES[command]:
+        make_parser().parse_args(words.split())
