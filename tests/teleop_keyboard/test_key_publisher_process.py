@@ -135,14 +135,13 @@ def test_with_its_keys_it_shows_the_robots_state(pty_process, late_listener):
     ('options', 'message'),
     [
         (['--sav'], 'unrecognized arguments: --sav'),
-        (['--save-keys', '/nowhere/a.keys'], '/nowhere/a.keys: cannot write'),
+        (['--save-keys', '/nowhere/a.keys'], '/nowhere/a.keys: wanted a file in a folder'),
     ],
 )
 def test_a_wrong_option_is_one_line(pty_process, ros_domain, options, message):
     process = pty_process(*MODULE, *options)
     assert process.wait() == 2
-    while message.encode() not in process.output:
-        time.sleep(0.01)
+    process.wait_for(message.encode())
     assert process.output.startswith(b'error: ')
     assert process.output.count(b'\n') == 1
 
