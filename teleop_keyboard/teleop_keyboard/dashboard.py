@@ -4,9 +4,12 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from teleop_keyboard.key_hints import HELP_KEY
 from teleop_keyboard.keymap_text import key_words
+from teleop_keyboard.keymap_text import table_lines
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.ramp import Velocity
+from teleop_keyboard.status_text import GAP
 
 # A dashboard is no wider than one can look at.
 WIDEST = 100
@@ -34,18 +37,23 @@ class Surroundings:
     state: str | None = None
     subscribers: int = 0
     message_type: str = 'Twist'
+    hint: str = ''
+    shows_help: bool = False
 
 
 def dashboard(logic: KeysToTwist, around: Surroundings, width: int, height: int) -> list[Line]:
     """
     Return the dashboard for a window of `width` columns and `height` lines.
 
-    The help comes last: it is what a small window goes without.
+    The help comes last: it is what a small window goes without, unless it was asked for.
     """
     columns = min(width - 1, WIDEST)
     lines = [*_head(logic, around, columns), *_bars(logic, around, columns)]
     lines.append(Line(RULE * columns, 'dim'))
-    lines += [Line(f' {text}'.rstrip()) for text in logic.keymap.help_lines]
+    if around.shows_help:
+        lines = [lines[0], *(Line(text) for text in table_lines(logic.keymap))]
+    else:
+        lines += [Line(f' {text}'.rstrip()) for text in logic.keymap.help_lines]
     if len(lines) >= height:
         lines = [line for line in lines if line.text]
     return [Line(line.text[:columns], line.style) for line in lines[: height - 1]]
@@ -77,14 +85,14 @@ def bar(value: float, full: float, width: int) -> str:
 
 def _head(logic: KeysToTwist, around: Surroundings, columns: int) -> list[Line]:
     keymap = logic.keymap
-    title = f' wasd teleop   preset {keymap.name}   mode {logic.mode}'
+    title = f' wasd teleop   preset {keymap.name}   mode {logic.mode}   {HELP_KEY} all keys'
     down = ' '.join(f'[{key_words(key)}]' for key in logic.keys_down)
     keys = down or (f'last {key_words(logic.last_key)}' if logic.last_key else '-')
     state = around.state if around.state is not None else 'says nothing on state'
     return [
         Line(title.ljust(columns), 'title'),
         _connection(around),
-        Line(f' keys    {keys}'),
+        Line(f' keys    {GAP.join(filter(None, (keys, around.hint)))}'),
         Line(f' full    {logic.speed:.2f} m/s   {logic.turn:.2f} rad/s'),
         Line(f' robot   {state}'),
     ]

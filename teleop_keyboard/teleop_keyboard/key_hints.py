@@ -10,6 +10,9 @@ from teleop_keyboard.keymap_text import factor_words
 from teleop_keyboard.keymap_text import key_words
 from teleop_keyboard.keys_to_twist import KeysToTwist
 
+# What shows all keys; F1, too, where a layout gives `?` to a keymap.
+HELP_KEY = '?'
+HELP_KEYS = (HELP_KEY, 'F1')
 # What a stranger tries first.
 EXPECTED_TO_DRIVE = frozenset(('w', 'a', 's', 'd', 'UP', 'LEFT', 'DOWN', 'RIGHT'))
 # So often it is said at length which keys drive; then the driver knows.
@@ -90,6 +93,11 @@ class KeyHints:
         if factor.angular != 1.0:
             values.append(keymap.turn_limits.clamp(logic.turn * factor.angular) == logic.turn)
         return bool(values) and all(values)
+
+
+def asks_for_help(key: str, keymap: Keymap) -> bool:
+    """Return whether a key shows the keys, and means nothing to the keymap."""
+    return key in HELP_KEYS and key not in keymap.keys
 
 
 def is_press(key: str) -> bool:

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 import contextlib
+import math
 import sys
 import time
 
@@ -10,6 +11,7 @@ import rclpy
 from robot_description.errors import UserError
 from robot_description.node_support import init_ros
 from robot_description.node_support import MessagePump
+from robot_description.notice import Notice
 from robot_description.ros_errors import explained
 from robot_description.stop_signals import last_status
 from robot_description.stop_signals import StopSignals
@@ -22,11 +24,16 @@ from teleop_keyboard.dashboard import dashboard
 from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings
 from teleop_keyboard.executables import TELEOP
+from teleop_keyboard.key_hints import asks_for_help
+from teleop_keyboard.key_hints import HELP_KEY
+from teleop_keyboard.key_hints import is_press
+from teleop_keyboard.key_hints import KeyHints
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.key_publisher_node import wait_for_subscriber
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.key_script import KeyScriptWriter
+from teleop_keyboard.keymap_text import table_lines
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.robot_monitor_node import RobotMonitorNode
 from teleop_keyboard.screen import Screen
@@ -49,11 +56,14 @@ class Teleop:
 
     def __init__(self, reader: KeyReader) -> None:
         self._reader = reader
-        self._next_look = 0.0
+        self._looked_at = -math.inf
+        self._shows_help = False
         self._executor = MessagePump()
         self.twist = KeysToTwistNode()
         self.keys = KeyPublisherNode()
         self.keys.receivers.append(self.twist.keys.put)
+        self._hints = KeyHints(self.twist.logic, HELP_KEY)
+        self._notice = Notice()
         self._monitor = RobotMonitorNode()
         self._nodes = (self.keys, self.twist, self._monitor)
         for node in self._nodes:
@@ -70,20 +80,37 @@ class Teleop:
             period = SILENT_POLL_PERIOD if self.twist.logic.is_silent else POLL_PERIOD
             for key in self._reader.poll(period):
                 self.keys.publish_key(key)
+                self._answer(key, screen)
             self._executor.handle()
             self._show(screen)
 
+    def _answer(self, key: str, screen: Screen) -> None:
+        """Say what a press did where that is not seen, or show the keys."""
+        if not is_press(key):
+            return
+        keymap = self.twist.logic.keymap
+        if not asks_for_help(key, keymap):
+            self._shows_help = False
+            self._notice.say(self._hints.press(key))
+        elif screen.is_terminal:
+            self._shows_help = not self._shows_help
+        else:
+            print('\n'.join(table_lines(keymap)), flush=True)
+
     def _show(self, screen: Screen) -> None:
         now = time.monotonic()
-        if now < self._next_look:
+        if now < self._looked_at + LOOK_PERIOD:
             return
-        self._next_look = now + LOOK_PERIOD
+        self._notice.step(now - self._looked_at)
+        self._looked_at = now
         logic = self.twist.logic
         around = Surroundings(
             velocity=self._monitor.velocity,
             state=self._monitor.state,
             subscribers=self.twist.subscriber_count,
             message_type=self.twist.message_type,
+            hint=self._notice.text,
+            shows_help=self._shows_help,
         )
         screen.show(lambda width, height: dashboard(logic, around, width, height), now)
         screen.log(plain_line(logic, around), now)

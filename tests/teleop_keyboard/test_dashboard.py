@@ -7,8 +7,10 @@ from teleop_keyboard.dashboard import dashboard
 from teleop_keyboard.dashboard import Line
 from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings
+from teleop_keyboard.key_hints import KeyHints
 from teleop_keyboard.keymap import load_preset
 from teleop_keyboard.keymap import preset_names
+from teleop_keyboard.keymap_text import table_lines
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.layouts import LAYOUTS
 from teleop_keyboard.ramp import Velocity
@@ -167,3 +169,18 @@ def test_without_a_terminal_there_are_plain_lines_and_only_new_ones():
         'cmd_vel 1 subscriber, Twist  robot trotting'
     )
     assert '\x1b' not in line
+
+
+def test_the_help_that_was_asked_for_is_all_there_in_a_small_window():
+    logic = KeysToTwist(load_preset('mbot'))
+    page = [line.text for line in dashboard(logic, Surroundings(shows_help=True), 80, 24)]
+    assert page[0].startswith(' wasd teleop   preset mbot')
+    assert page[1:] == table_lines(logic.keymap)
+
+
+def test_a_hint_stands_beside_the_key_that_it_is_about():
+    logic = KeysToTwist(load_preset('mbot'))
+    logic.press('w')
+    hint = KeyHints(logic, '?').press('w')
+    page = [line.text for line in dashboard(logic, Surroundings(hint=hint), 80, 24)]
+    assert ' keys    last w  drive with i , j l; w is speed +10 % (? shows the keys)' in page

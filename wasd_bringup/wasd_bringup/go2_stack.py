@@ -25,6 +25,7 @@ from rclpy.parameter import Parameter
 from robot_description.qos import RELIABLE
 from std_msgs.msg import String
 from teleop_keyboard.key_hints import driving_keys
+from teleop_keyboard.key_hints import HELP_KEY
 from teleop_keyboard.key_hints import is_press
 from teleop_keyboard.key_hints import KeyHints
 from teleop_keyboard.key_names import STOP_KEY
@@ -35,7 +36,6 @@ from teleop_keyboard.status_text import Status
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
-from wasd_bringup.run_keys import HELP_KEY
 from wasd_bringup.run_keys import RESET_KEY
 from wasd_bringup.unitree_keys import unitree_first_keys
 from wasd_bringup.unitree_keys import unitree_help

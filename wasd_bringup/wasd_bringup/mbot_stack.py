@@ -24,6 +24,7 @@ from robot_description.notice import Notice
 from robot_description.qos import RELIABLE
 from std_msgs.msg import String
 from teleop_keyboard.key_hints import driving_keys
+from teleop_keyboard.key_hints import HELP_KEY
 from teleop_keyboard.key_hints import is_press
 from teleop_keyboard.key_hints import KeyHints
 from teleop_keyboard.key_names import STOP_KEY
@@ -34,7 +35,6 @@ from wasd_bringup.drive_mode import drive_mode
 from wasd_bringup.errors import UsageError
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
-from wasd_bringup.run_keys import HELP_KEY
 
 WASD_ADVICE = 'or start with --preset wasd'
 

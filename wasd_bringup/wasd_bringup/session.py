@@ -15,6 +15,7 @@ from rclpy.time_source import TimeSource
 from robot_description.errors import attempt_all
 from robot_description.node_support import MessagePump
 from rosgraph_msgs.msg import Clock
+from teleop_keyboard.key_hints import HELP_KEYS
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.status_line import StatusLine
@@ -33,7 +34,6 @@ from wasd_bringup.options import RunOptions
 from wasd_bringup.page_drive import PageDrive
 from wasd_bringup.report import join_reports
 from wasd_bringup.report import write_report
-from wasd_bringup.run_keys import HELP_KEYS
 from wasd_bringup.run_keys import KEY_LINE
 from wasd_bringup.run_keys import RESET_KEY
 from wasd_bringup.scripts import Command
