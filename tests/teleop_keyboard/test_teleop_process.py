@@ -156,3 +156,14 @@ def test_a_wrong_parameter_is_one_line(ros_domain, pty_process):
     (line,) = process.output.decode().splitlines()
     assert line.startswith("error: unknown preset 'mbto', did you mean mbot?")
     assert process.attributes == process.before
+
+
+def test_the_help_key_shows_every_key_and_w_says_which_keys_drive(pty_process, ros_domain):
+    process = pty_process(*MODULE)
+    process.wait_for(b'Control mbot!')
+    process.type(b'w')
+    process.wait_for(b'drive with i , j l; w is speed +10 %')
+    process.type(b'?')
+    process.wait_for(b'forward + turn left')
+    process.type(b'\x03')
+    assert process.wait() == 0
