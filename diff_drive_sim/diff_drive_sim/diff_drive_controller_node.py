@@ -18,6 +18,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.absence import AbsenceWatch
+from robot_description.beat import Beat
 from robot_description.conversions import to_seconds
 from robot_description.node_support import declare_parameters
 from robot_description.node_support import has_listener
@@ -177,7 +178,7 @@ class DiffDriveControllerNode(Node):
         """Step on joint_states, or in mode fake on a timer of the node's clock."""
         self._stepped_at: float | None = None
         self._stepped_wall = time.monotonic()
-        self._published_at: float | None = None
+        self._beat = Beat()
         if self.settings.diagnostic_rate > 0.0:
             self.create_timer(1.0 / self.settings.diagnostic_rate, self.publish_diagnostics)
         if self.is_fake:
@@ -225,9 +226,7 @@ class DiffDriveControllerNode(Node):
         return dt, dt * min(since / wall, 1.0) if wall > 0.0 else 0.0
 
     def _publish_when_due(self, now: float, stamp: Any) -> None:
-        due = 1.0 / self.settings.publish_rate
-        if self._published_at is None or not 0.0 <= now - self._published_at < due - 1e-6:
-            self._published_at = now
+        if self._beat.is_due(now, self.settings.publish_rate):
             self.publish(stamp)
 
     def _is_stale(self, sent: int) -> bool:
