@@ -97,9 +97,12 @@ class PagePuppet:
         self.keys = set()
 
     def tap(self, *keys: str, seconds: float = 0.15) -> None:
-        """Press keys together, and wait as a finger does."""
-        self.hold(*keys, seconds=seconds)
-        time.sleep(max(0.15, 2.5 / self.rate))
+        """Press keys together, and wait as a finger does; like ImGui, have each seen once."""
+        for down, least in (({code(key) for key in keys}, seconds), (set(), 0.15)):
+            drawn, until = self.pictures, time.monotonic() + least
+            self.keys = down
+            while self.pictures < drawn + 2 or time.monotonic() < until:
+                time.sleep(0.005)
 
     def click(self, x: int, y: int) -> None:
         """Click at a place of the page [pixels]."""

@@ -31,7 +31,7 @@ SILENT_CONTROLLER = 5.0
 # No message of a page is longer: files to drop are refused, what is left is input and a clipboard.
 LONGEST_MESSAGE = 1 << 20
 
-_FORBIDDEN = b'This page is for the browser of this machine: see docs/both.md.\n'
+_FORBIDDEN = b'This page is for the browser of this machine: see docs/keyboard.md.\n'
 _LOG = logging.getLogger(__name__)
 
 Handler = Callable[[ServerConnection], Awaitable[None]]

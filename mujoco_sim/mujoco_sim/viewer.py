@@ -2,7 +2,9 @@
 """The browser viewer: MuJoCo Studio's page, for this machine only, with keys to drive."""
 
 import logging
+import socket
 import threading
+import time
 from typing import Any, NamedTuple
 
 import mujoco
@@ -80,7 +82,13 @@ class _Page(plugin.ViewerPlugin):
     def on_init(self, event: plugin.ViewerInitEvent) -> None:
         """Remember the port that was found."""
         self.port = event.viewer._http_port
+        self._socket = event.viewer._http_sock
         self.started.set()
+
+    @property
+    def is_listening(self) -> bool:
+        """Whether a browser would get an answer: the server's thread begins a little later."""
+        return bool(self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN))
 
     @messages.handler(priority=messages.Priority.INTERNAL - 1)
     def on_model(self, event: messages.PostModelEvent) -> None:
@@ -174,9 +182,9 @@ class WebView:
             self._handle.close()
 
     def _wait_until_started(self) -> None:
-        waited = 0.0
-        while not self._page.started.wait(0.05):
-            waited += 0.05
+        deadline = time.monotonic() + START_TIMEOUT
+        while not (self._page.started.wait(0.05) and self._page.is_listening):
+            time.sleep(0.01)
             self._handle.is_running()  # raises what ended the viewer's thread
-            if waited > START_TIMEOUT:
+            if time.monotonic() > deadline:
                 raise RuntimeError(f'no answer for {START_TIMEOUT:.0f} s')

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Iterator
 import contextlib
+import json
 from pathlib import Path
 import signal
 import subprocess
@@ -151,3 +152,52 @@ def test_a_key_that_is_held_ends_with_its_page(
             robot.wait(0.5)
         assert is_zero(robot.commands[-1][1])
     assert [(way, after) for way, after in late if after > STOP_TIME] == []
+
+
+def test_sticks_of_the_page_are_one_step_a_tap_and_end_with_it(
+    run_with_page: Callable[..., Any], client: Callable[..., Any], robot: Robot, tmp_path: Path
+) -> None:
+    run = run_with_page('go2', '--report', 'report.json', '--save-keys', 'keys.txt')
+    # As slow as a browser without a graphics card on a busy machine.
+    with PagePuppet(run.url, rate=5.0) as page:
+        time.sleep(1.0)
+        page.tap('N2')
+        robot.wait(3.0)
+        page.tap('N4')
+        robot.wait(1.0)
+        for _ in range(4):
+            page.tap('W')
+        robot.wait(1.0)
+    robot.wait(2.0)
+    # Open again, the page may hold what it likes: it was down when it came.
+    client(run.url, 'W').kill()
+    robot.wait(1.5)
+    run.end()
+    keys = [line.split() for line in (tmp_path / 'keys.txt').read_text().splitlines()]
+    keys = [(float(at), key) for at, key in keys if '+' not in key]
+    assert [key for _, key in keys][:7] == ['2', '4', 'w', 'w', 'w', 'w', 'SPACE']
+    stopped_at = keys[6][0]
+    samples = json.loads((tmp_path / 'report.json').read_text())['samples']
+    forward = [command[0] for command in samples['command']]
+    last = round(stopped_at / 0.02)
+    # Four steps of 0.05 of the stick, whose end is 2 m/s.
+    assert max(forward) == pytest.approx(4 * 0.05 * 2.0, abs=1e-6)
+    assert max(map(abs, forward[last + round(STOP_TIME / 0.02) :])) == 0.0
+
+
+def test_a_page_that_only_watches_does_not_stop_a_robot_that_others_drive(
+    run_with_page: Callable[..., Any], robot: Robot
+) -> None:
+    run = run_with_page('mbot', '--preset', 'ramps')
+    with PagePuppet(run.url) as page:
+        time.sleep(0.5)
+        page.tap('P')  # no key of this preset
+        robot.press('w')  # drives until another key
+        robot.wait_until(robot.moves, 'driving')
+    robot.wait(2.0)
+    assert robot.moves()
+    with PagePuppet(run.url) as page:
+        time.sleep(0.5)
+        page.tap('W')
+    robot.wait(STOP_TIME)
+    assert not robot.moves()
