@@ -27,6 +27,7 @@ from robot_description.qos import RELIABLE
 from robot_description.qos import SENSOR_DATA
 from robot_description.tf import TfBroadcaster
 from robot_description.urdf import Robot
+from robot_description.visible import visible
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -87,7 +88,7 @@ class DiffDriveControllerNode(Node):
         self.unit = DriveUnit(robot, self.settings, delay=0 if lock_step else 1)
         self.controller = self.unit.controller
         for note in (*self.unit.notes, *self._frame_notes(robot)):
-            self.get_logger().warning(note)
+            self.get_logger().warning(visible(note))
         self._label = f'{self.get_namespace()}/{given.name or self.get_name()}'.strip('/')
         self._is_alone = not lock_step
         self._absence = AbsenceWatch(self, self._on_return)

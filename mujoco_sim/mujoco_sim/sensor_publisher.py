@@ -10,6 +10,7 @@ from rclpy.node import Node
 from robot_description.node_support import has_listener
 from robot_description.node_support import has_subscriber
 from robot_description.qos import RELIABLE
+from robot_description.visible import visible
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan
@@ -76,7 +77,7 @@ class SensorPublisher:
         self._noise = settings.sensor_noise
         found = read_sensor_tags(loaded.urdf, loaded.robot)
         for note in found.notes:
-            node.get_logger().warning(note)
+            node.get_logger().warning(visible(note))
         lidars, cameras = (
             [dataclasses.replace(tag, frame=world.prefix + tag.frame) for tag in tags]
             for tags in (found.lidars, found.cameras)

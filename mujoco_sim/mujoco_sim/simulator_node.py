@@ -17,6 +17,7 @@ from robot_description.node_support import StopSignals
 from robot_description.parameters import Parameters
 from robot_description.qos import RELIABLE
 from robot_description.qos import SENSOR_DATA
+from robot_description.visible import visible
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
@@ -190,7 +191,7 @@ class SimulatorNode(Node):
         try:
             command = from_joint_commands(message, self._world.motor_names)
         except SimulationError as error:
-            self.get_logger().warning(str(error), throttle_duration_sec=5.0)
+            self.get_logger().warning(visible(str(error)), throttle_duration_sec=5.0)
             return
         if self._world.apply(command):
             self._commanded_at = self._world.time

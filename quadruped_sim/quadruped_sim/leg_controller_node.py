@@ -26,6 +26,7 @@ from robot_description.qos import SENSOR_DATA
 from robot_description.stop_signals import stop_requested
 from robot_description.tf import TfBroadcaster
 from robot_description.urdf import parse_urdf
+from robot_description.visible import visible
 from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -93,7 +94,9 @@ class LegControllerNode(Node):
             self.settings.estimator,
         )
         if weak := self.controller.model.overloaded:
-            needed = ', '.join(f'{joint} {torque:.0f} N m' for joint, torque in weak.items())
+            needed = ', '.join(
+                f'{visible(joint)} {torque:.0f} N m' for joint, torque in weak.items()
+            )
             self.get_logger().warning(f'motors too weak to trot, each leg needs: {needed}')
         # What is said to the driver. In lock-step whoever shows it lets its time pass.
         self.notice = Notice()
@@ -166,7 +169,7 @@ class LegControllerNode(Node):
 
     def _say(self, text: str | None) -> None:
         if self.notice.say(text) and text:
-            self.get_logger().warning(text)
+            self.get_logger().warning(visible(text))
 
     def _on_key(self, message: String) -> None:
         if message.data.startswith(('HELD+', 'RELEASE+')):

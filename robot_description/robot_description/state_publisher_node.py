@@ -27,6 +27,7 @@ from robot_description.qos import SENSOR_DATA
 from robot_description.robots import description_path
 from robot_description.tf import TfBroadcaster
 from robot_description.urdf import Joint
+from robot_description.visible import visible
 
 
 class StatePublisherNode(Node):
@@ -109,7 +110,7 @@ class StatePublisherNode(Node):
         if name not in self._unknown:
             self._unknown.add(name)
             known = [joint.name for joint in self._robot.movable_joints]
-            self.get_logger().warning(unknown_joint_warning(name, known))
+            self.get_logger().warning(visible(unknown_joint_warning(name, known)))
 
 
 def main(args: list[str] | None = None) -> int:

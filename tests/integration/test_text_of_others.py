@@ -5,10 +5,12 @@ from collections.abc import Callable
 import os
 from pathlib import Path
 import signal
+import time
 from typing import Any
 
 import pytest
 import rclpy
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 import yaml
 
@@ -106,3 +108,29 @@ def test_the_help_of_a_keymap(tmp_path: Path, start: Any) -> None:
     session.end()
     assert TITLE not in session.shown
     assert BIDI not in session.shown
+
+
+def test_what_a_node_logs_of_a_message(
+    environment: dict[str, str], monkeypatch: pytest.MonkeyPatch, run_on_terminal: Any,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node('talker', context=context)
+    publisher = node.create_publisher(JointState, 'joint_states', 10)
+    module = 'robot_description.state_publisher_node'
+    arguments = ['-m', module, '--ros-args', '-p', 'description:=mbot']
+    session = run_on_terminal(arguments, environment, tmp_path)
+    deadline = time.monotonic() + 60.0
+    while 'owned' not in session.shown:
+        assert time.monotonic() < deadline, session.shown
+        publisher.publish(JointState(name=[f'{TITLE}{BIDI}'], position=[0.0]))
+        session.read(0.1)
+    session.process.send_signal(signal.SIGTERM)
+    session.end()
+    assert TITLE not in session.shown
+    assert BIDI not in session.shown
+    node.destroy_node()
+    context.try_shutdown()
