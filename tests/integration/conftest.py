@@ -280,10 +280,14 @@ class TerminalSession:
     def freeze(self) -> None:
         """Leave no room on the screen for another byte; `read` would make room again."""
         filler = os.open(os.ttyname(self.slave), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
-        for size in (256, 1):
+        has_grown = True
+        while has_grown:  # the system passes bytes on behind our back, which makes room again
+            has_grown = False
             with contextlib.suppress(BlockingIOError):
                 while True:
-                    os.write(filler, b'.' * size)
+                    os.write(filler, b'.')
+                    has_grown = True
+            time.sleep(0.1)
         os.close(filler)
 
     def end(self, timeout: float = 10.0) -> int:

@@ -91,12 +91,14 @@ class PtyProcess:
         self._is_read.clear()
         time.sleep(0.1)  # the reader's last look
         filler = os.open(os.ttyname(self.slave), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
-        with contextlib.suppress(BlockingIOError):
-            while True:
-                os.write(filler, b'.' * 256)
-        with contextlib.suppress(BlockingIOError):
-            while True:
-                os.write(filler, b'.')
+        has_grown = True
+        while has_grown:  # the system passes bytes on behind our back, which makes room again
+            has_grown = False
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    os.write(filler, b'.')
+                    has_grown = True
+            time.sleep(0.1)
         os.close(filler)
 
     def thaw(self):
