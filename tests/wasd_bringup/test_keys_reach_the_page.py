@@ -6,10 +6,10 @@ import pytest
 from quadruped_sim.state_machine import STATE_KEYS
 from quadruped_sim.sticks import STICK_KEYS
 from quadruped_sim.sticks import ZERO_KEYS
+from teleop_keyboard.key_hints import HELP_KEYS
 from teleop_keyboard.keymap import load_preset
 from teleop_keyboard.keymap import preset_names
 from wasd_bringup.key_switch import SWITCH_KEY
-from wasd_bringup.run_keys import HELP_KEYS
 from wasd_bringup.run_keys import RESET_KEY
 
 NAMES = {name for pair in PAGE_KEYS.values() for name in pair}
