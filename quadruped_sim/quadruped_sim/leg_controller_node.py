@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The leg controller on ROS: keys and cmd_vel in, odom and joint commands out."""
 
+import math
 import sys
 
 from geometry_msgs.msg import Twist
@@ -203,6 +204,8 @@ class LegControllerNode(Node):
         self._commands = self.create_publisher(JointTrajectory, 'joint_commands', RELIABLE)
         self._imu: Imu | None = None
         self._truth: BaseState | None = None
+        self._truth_at = -math.inf
+        self._waiting: JointState | None = None
         self._last: float | None = None
         self._needed = set(self.quadruped.joint_names)
         self._beat = Beat()
@@ -213,13 +216,35 @@ class LegControllerNode(Node):
 
     def _on_imu(self, message: Imu) -> None:
         self._imu = message
+        self._answer_when_complete()
 
     def _on_truth(self, message: Odometry) -> None:
         self._truth = from_odometry(message)
+        self._truth_at = to_seconds(message.header.stamp)
+        self._answer_when_complete()
 
     def _on_joint_states(self, message: JointState) -> None:
-        """Step with the latest IMU message; the simulator sends it just before the joints."""
-        if self._imu is None or not self._is_complete(message):
+        """Wait for what belongs to it: topics overtake each other, on a busy machine by far."""
+        if not self._is_complete(message):
+            return
+        late, self._waiting = self._waiting, message
+        if late is not None:
+            self._answer(late)  # the rest of it has been lost, or comes less often
+        self._answer_when_complete()
+
+    def _answer_when_complete(self) -> None:
+        """Answer the joints that wait once the other messages of their stamp have come."""
+        if self._waiting is None or self._imu is None:
+            return
+        now = to_seconds(self._waiting.header.stamp)
+        has_truth = self.settings.estimator != 'truth' or self._truth_at >= now
+        if has_truth and to_seconds(self._imu.header.stamp) >= now:
+            message, self._waiting = self._waiting, None
+            self._answer(message)
+
+    def _answer(self, message: JointState) -> None:
+        """Step with joints and the latest of the other messages; publish what comes of it."""
+        if self._imu is None:
             return
         stamp = message.header.stamp
         now = to_seconds(stamp)

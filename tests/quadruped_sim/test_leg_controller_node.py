@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node: keys and cmd_vel in, commands, odometry, state and a service out, on real topics."""
 
+import copy
+
 from geometry_msgs.msg import Twist
 from mujoco_sim.conversions import to_stamp
 from nav_msgs.msg import Odometry
@@ -247,11 +249,28 @@ def test_without_a_fresh_imu_it_gives_no_commands(legs, peer, feed, capfd):
     feed(1.0)
     zeros = [0.0] * 12
     state = JointState(name=list(JOINT_NAMES), position=STAND, velocity=zeros, effort=zeros)
-    state.header.stamp = to_stamp(1.5)
-    legs._on_joint_states(state)
+    for time in (1.5, 1.57):  # the first is given up when the next one comes
+        state.header.stamp = to_stamp(time)
+        legs._on_joint_states(state)
     assert 'imu/data is silent' in capfd.readouterr().err
-    feed(1.502)
+    feed(1.602)
     assert len(peer.commands) == 2
+
+
+@pytest.mark.usefixtures('alive')
+@pytest.mark.parametrize('behind', [0.002, 1.0])
+def test_joints_that_overtake_the_imu_wait_for_it(legs, peer, feed, spin_until, spawn, behind):
+    feed(1.0)
+    zeros = [0.0] * 12
+    state = JointState(name=list(JOINT_NAMES), position=STAND, velocity=zeros, effort=zeros)
+    state.header.stamp = to_stamp(1.0 + behind)
+    legs._on_joint_states(state)
+    assert legs._last == 1.0
+    imu = copy.deepcopy(legs._imu)
+    imu.header.stamp = to_stamp(1.0 + behind)
+    legs._on_imu(imu)
+    spin_until(spawn.pump, lambda: len(peer.commands) == 2)
+    assert peer.commands[-1].header.stamp == state.header.stamp
 
 
 def test_in_lock_step_it_listens_to_no_sensors(spawn):
