@@ -10,6 +10,9 @@ from typing import Any, NamedTuple
 
 from robot_description.parameters import InvalidParameter
 from robot_description.parameters import outward_name
+from robot_description.safe_yaml import compose_yaml
+from robot_description.safe_yaml import construct
+from robot_description.safe_yaml import read_text
 import yaml
 
 from diff_drive_sim.parameters import DiffDriveParameters
@@ -58,13 +61,13 @@ def read_controller_file(path: str) -> ControllerFile:
     """
     try:
         # YAML forbids tabs to indent; people use them, and what they mean is plain.
-        text = Path(path).read_text(encoding='utf-8-sig').expandtabs(8)
+        text = read_text(Path(path), 'utf-8-sig').expandtabs(8)
     except UnicodeDecodeError:
         raise InvalidParameter(f'{path}: not a text file') from None
     except OSError as error:
         raise InvalidParameter(f'{path}: {error.strerror}') from None
     try:
-        root = yaml.compose(text, yaml.SafeLoader)
+        root = compose_yaml(text)
     except yaml.YAMLError as error:
         raise InvalidParameter(f'{path}{_where(error)}') from None
     if not isinstance(root, yaml.MappingNode):
@@ -235,7 +238,10 @@ def _flat(node: yaml.MappingNode, prefix: str = '') -> Iterator[tuple[str, Entry
 
 
 def _value(node: yaml.Node) -> Any:
-    value = yaml.SafeLoader('').construct_object(node, deep=True)
+    try:
+        value = construct(node)
+    except yaml.YAMLError as error:
+        raise InvalidParameter(_where(error)) from None
     if isinstance(value, str) and isinstance(node, yaml.ScalarNode) and not node.style:
         with contextlib.suppress(ValueError):
             return float(value)  # 1e-3 is a number to ROS and to people, not to YAML 1.1

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from robot_description.parameters import InvalidParameter
+from robot_description.safe_yaml import read_text
 
 from teleop_keyboard.layouts import on_layout
 
@@ -149,7 +150,7 @@ def _load(name_or_path: str) -> Keymap:
             f'unknown preset {name_or_path!r}{hint} (known: {known}, or the path of a .yaml file)'
         )
     try:
-        text = path.read_text(encoding='utf-8')
+        text = read_text(path)
     except OSError as error:
         raise KeymapError(f'{name_or_path}: cannot read the keymap: {error.strerror}') from None
     except UnicodeDecodeError as error:

@@ -12,6 +12,7 @@ import math
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
+from robot_description.safe_yaml import compose_yaml
 import yaml
 
 from teleop_keyboard.key_names import canonical_key
@@ -44,7 +45,7 @@ def read_keymap(text: str, file_name: str, name: str) -> Keymap:
         KeymapError: names `file_name`, the line, the key, what came and what is wanted.
     """
     try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        root = compose_yaml(text, expands=False)
     except yaml.YAMLError as error:
         raise KeymapError(f'{file_name}:{_place_and_problem(error, text)}') from None
     if not isinstance(root, yaml.MappingNode):

@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.parameter import Parameter
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
+from robot_description.safe_yaml import load_yaml
 from robot_description.stop_signals import last_status
 from robot_description.streams import print_error
 import yaml
@@ -191,7 +192,7 @@ def _parameter(name: str, text: str, kind: type) -> Parameter:
 
 def _read_yaml(text: str) -> Any:
     try:
-        return yaml.safe_load(text)
+        return load_yaml(text)
     except yaml.YAMLError as error:
         reason = ' '.join(str(error).split())
         raise UsageError(f'not YAML: {text!r}: {reason}') from None
