@@ -25,7 +25,7 @@ class BoundedLoader(yaml.SafeLoader):
         """Compose a node and all within it."""
         self._depth += 1
         if self._depth > DEEPEST:
-            mark = self.peek_event().start_mark
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
             problem = f'nested more than {DEEPEST} deep'
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
         node: yaml.Node | None = super().compose_node(parent, index)
