@@ -29,8 +29,9 @@ def launched(
     )
     processes = []
     for node in nodes:
-        module = SCRIPTS[node.executable].partition(':')[0]
-        command = [sys.executable, '-m', module, *node.command_line(tmp_path)]
+        module, _, function = SCRIPTS[node.executable].partition(':')
+        code = f'import sys; from {module} import {function}; sys.exit({function}())'
+        command = [sys.executable, '-c', code, *node.command_line(tmp_path)]
         processes.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
     yield processes
     for process in processes:
