@@ -44,7 +44,7 @@ def for_mujoco(urdf: str, robot: Robot) -> MujocoUrdf:
     for link in tree.findall('link'):
         parsed = robot.links[link.get('name', '')]
         for kind, shapes in (('visual', parsed.visuals), ('collision', parsed.collisions)):
-            known = shape_tags(link, kind)
+            known = [tag for tag in shape_tags(link) if tag.tag == kind]
             for tag in link.findall(kind):
                 if tag not in known:
                     link.remove(tag)

@@ -19,7 +19,15 @@ class Pose:
         return Pose(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
 
 
+@dataclass(frozen=True)
+class Origin(Pose):
+    """A pose as a URDF's `origin` has it, with its angles roll, pitch and yaw [rad]."""
+
+    rpy: tuple[float, float, float]
+
+
 IDENTITY = Pose(np.zeros(3), np.eye(3))
+NO_ORIGIN = Origin(np.zeros(3), np.eye(3), (0.0, 0.0, 0.0))
 
 
 def axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A URDF as data: links, joints and where they are; geometry and masses have their home here."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 import math
@@ -14,9 +15,12 @@ from robot_description.gazebo_tags import read_friction
 from robot_description.gazebo_tags import read_self_collide
 from robot_description.pose import axis_angle
 from robot_description.pose import IDENTITY
+from robot_description.pose import Origin
 from robot_description.pose import Pose
 from robot_description.safe_reading import check_xml
 from robot_description.urdf_numbers import read_numbers
+from robot_description.urdf_shapes import Colour
+from robot_description.urdf_shapes import read_colours
 from robot_description.urdf_shapes import read_origin
 from robot_description.urdf_shapes import read_shape
 from robot_description.urdf_shapes import Shape
@@ -37,15 +41,26 @@ class Link:
     """
     A link: its mass [kg], what collides and what is drawn.
 
-    `inertia` (3, 3) [kg m^2] is about its centre of mass, in the axes of its inertial frame. Both
-    are 0 without an inertial.
+    `inertia` (3, 3) [kg m^2] is about its centre of mass, in the axes of its inertial frame, whose
+    pose in the link is `inertial`. Mass and inertia are 0 without an inertial. `shapes` are in the
+    order of the file.
     """
 
     name: str
     mass: float
     inertia: np.ndarray
-    collisions: tuple[Shape, ...]
-    visuals: tuple[Shape, ...]
+    inertial: Origin
+    shapes: tuple[Shape, ...]
+
+    @cached_property
+    def collisions(self) -> tuple[Shape, ...]:
+        """What collides."""
+        return tuple(shape for shape in self.shapes if shape.collides)
+
+    @cached_property
+    def visuals(self) -> tuple[Shape, ...]:
+        """What is drawn."""
+        return tuple(shape for shape in self.shapes if not shape.collides)
 
 
 @dataclass(frozen=True)
@@ -54,20 +69,31 @@ class Joint:
     A joint: `pose` is the joint frame in the parent link at position 0.
 
     Positions are in [rad] or [m], effort in [N m] or [N], velocity in [rad/s] or [m/s]; without
-    limits `lower` and `upper` are infinite. `mimics` names the joint it follows, if any.
+    limits `lower` and `upper` are infinite. Viscous `damping` is in [N m s/rad] or [N s/m], dry
+    `friction` in [N m] or [N]. `mimics` names the joint that it follows, if any, at
+    `multiplier * position + offset`.
     """
 
     name: str
     kind: str
     parent: str
     child: str
-    pose: Pose
+    pose: Origin
     axis: np.ndarray
     effort: float
     velocity: float
     lower: float
     upper: float
+    damping: float
+    friction: float
     mimics: str
+    multiplier: float
+    offset: float
+
+    @property
+    def is_movable(self) -> bool:
+        """Whether it has one degree of freedom."""
+        return self.kind in MOVABLE
 
     def transform(self, position: float) -> Pose:
         """Return the child's pose in the parent at a joint position [rad] or [m]."""
@@ -116,7 +142,7 @@ class Robot:
     @property
     def movable_joints(self) -> tuple[Joint, ...]:
         """Joints with a degree of freedom, in the order of the file."""
-        return tuple(joint for joint in self.joints.values() if joint.kind in MOVABLE)
+        return tuple(joint for joint in self.joints.values() if joint.is_movable)
 
     @cached_property
     def parent_joints(self) -> dict[str, Joint]:
@@ -168,7 +194,8 @@ def parse_urdf(text: str) -> Robot:
     """
     check_xml(text)
     tree = ElementTree.fromstring(text)
-    links = _by_name([_link(tag) for tag in tree.findall('link')])
+    colours = read_colours(tree)
+    links = _by_name([_link(tag, colours) for tag in tree.findall('link')])
     joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
     root = _find_root(links, joints)
     friction, self_collide = read_friction(tree), read_self_collide(tree)
@@ -216,25 +243,20 @@ def _find_root(links: dict[str, Link], joints: dict[str, Joint]) -> str:
     return roots[0]
 
 
-def _link(tag: ElementTree.Element) -> Link:
+def _link(tag: ElementTree.Element, colours: Mapping[str, Colour]) -> Link:
     name = tag.get('name', '')
     where = f'link {name!r}'
-    inertial = tag.find('inertial')
-    if inertial is not None:
-        read_origin(inertial, f'{where}: inertial')  # nothing here needs it, but others do
     return Link(
         name=name,
-        mass=float(read_numbers(tag.find('inertial/mass'), 'value', '0', where)[0]),
+        mass=_number(tag.find('inertial/mass'), 'value', '0', where),
         inertia=_inertia(tag.find('inertial/inertia'), where),
-        collisions=tuple(read_shape(shape, where) for shape in shape_tags(tag, 'collision')),
-        visuals=tuple(read_shape(shape, where) for shape in shape_tags(tag, 'visual')),
+        inertial=read_origin(tag.find('inertial'), f'{where}: inertial'),
+        shapes=tuple(read_shape(shape, colours, where) for shape in shape_tags(tag)),
     )
 
 
 def _inertia(tag: ElementTree.Element | None, where: str) -> np.ndarray:
-    xx, xy, xz, yy, yz, zz = (
-        float(read_numbers(tag, c, '0', where)[0]) for c in INERTIA_COMPONENTS
-    )
+    xx, xy, xz, yy, yz, zz = (_number(tag, c, '0', where) for c in INERTIA_COMPONENTS)
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
@@ -247,10 +269,8 @@ def _joint(tag: ElementTree.Element) -> Joint:
         raise DescriptionError(f'{where}: its axis is zero')
     if kind not in JOINT_KINDS:
         raise DescriptionError(f'{where}: type {kind!r}, wanted one of {", ".join(JOINT_KINDS)}')
-    limit, mimic = tag.find('limit'), tag.find('mimic')
-    for word in ('damping', 'friction'):
-        read_numbers(tag.find('dynamics'), word, '0', where)  # for MuJoCo and Pinocchio
-    lower, upper = (float(read_numbers(limit, end, '0', where)[0]) for end in ('lower', 'upper'))
+    limit, dynamics, mimic = tag.find('limit'), tag.find('dynamics'), tag.find('mimic')
+    lower, upper = (_number(limit, end, '0', where) for end in ('lower', 'upper'))
     is_free = kind not in ('revolute', 'prismatic') or limit is None or lower >= upper
     return Joint(
         name=name,
@@ -259,12 +279,20 @@ def _joint(tag: ElementTree.Element) -> Joint:
         child=_name_of(tag, 'child'),
         pose=read_origin(tag, where),
         axis=axis / np.linalg.norm(axis),
-        effort=float(read_numbers(limit, 'effort', '0', where)[0]),
-        velocity=float(read_numbers(limit, 'velocity', '0', where)[0]),
+        effort=_number(limit, 'effort', '0', where),
+        velocity=_number(limit, 'velocity', '0', where),
         lower=-math.inf if is_free else lower,
         upper=math.inf if is_free else upper,
+        damping=_number(dynamics, 'damping', '0', where),
+        friction=_number(dynamics, 'friction', '0', where),
         mimics=mimic.get('joint', '') if mimic is not None else '',
+        multiplier=_number(mimic, 'multiplier', '1', where),
+        offset=_number(mimic, 'offset', '0', where),
     )
+
+
+def _number(tag: ElementTree.Element | None, attribute: str, default: str, where: str) -> float:
+    return float(read_numbers(tag, attribute, default, where)[0])
 
 
 def _name_of(joint: ElementTree.Element, end: str) -> str:

@@ -8,6 +8,7 @@ from robot_description.pose import axis_angle
 from robot_description.pose import IDENTITY
 from robot_description.pose import rpy_matrix
 from robot_description.urdf import parse_urdf
+from robot_description.urdf_shapes import GREY
 
 RNG = np.random.default_rng(1)
 ANGLES = RNG.uniform(-math.pi, math.pi, size=(8, 3)).tolist()
@@ -166,3 +167,40 @@ def test_a_fixed_joint_needs_no_axis():
     # Exporters write a zero one, as in Unitree's own Go2.
     text = robot('a', 'b', rest=joint('a', 'b', inner='<axis xyz="0 0 0"/>'))
     assert parse_urdf(text).joints['a_b'].kind == 'fixed'
+
+
+def test_a_robot_knows_what_a_simulator_needs():
+    text = (
+        '<robot name="r"><material name="leaf"><color rgba="0 1 0 1"/></material>'
+        '<link name="a"><inertial><origin xyz="1 2 3" rpy="0.1 0.2 0.3"/><mass value="1"/>'
+        '</inertial></link>'
+        '<link name="b">'
+        '<collision><geometry><sphere radius="1"/></geometry></collision>'
+        '<visual><geometry><sphere radius="2"/></geometry><material name="leaf"/></visual>'
+        '<collision><geometry><sphere radius="3"/></geometry></collision>'
+        '<visual><geometry><sphere radius="4"/></geometry></visual></link>'
+        '<joint name="j" type="revolute"><parent link="a"/><child link="b"/>'
+        '<dynamics damping="0.5" friction="0.25"/>'
+        '<mimic joint="k" multiplier="-2" offset="0.1"/></joint></robot>'
+    )
+    robot = parse_urdf(text)
+    inertial = robot.links['a'].inertial
+    assert inertial.position.tolist() == [1.0, 2.0, 3.0]
+    assert inertial.rpy == (0.1, 0.2, 0.3)
+    np.testing.assert_allclose(inertial.rotation, rpy_matrix(0.1, 0.2, 0.3))
+    link = robot.links['b']
+    assert [shape.size for shape in link.shapes] == [(1.0,), (2.0,), (3.0,), (4.0,)]
+    assert [shape.size for shape in link.collisions] == [(1.0,), (3.0,)]
+    assert [shape.rgba for shape in link.visuals] == [(0.0, 1.0, 0.0, 1.0), GREY]
+    joint = robot.joints['j']
+    assert (joint.damping, joint.friction) == (0.5, 0.25)
+    assert (joint.mimics, joint.multiplier, joint.offset) == ('k', -2.0, 0.1)
+
+
+def test_a_multiplier_that_is_no_number_is_refused_with_its_joint():
+    text = (
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="revolute">'
+        '<parent link="a"/><child link="b"/><mimic joint="j" multiplier="two"/></joint></robot>'
+    )
+    with pytest.raises(DescriptionError, match="joint 'j': multiplier needs a number, got 'two'"):
+        parse_urdf(text)
