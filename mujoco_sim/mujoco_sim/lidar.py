@@ -3,7 +3,7 @@
 
 import mujoco
 import numpy as np
-from robot_description.mujoco_visuals import VISUAL_GROUP
+from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.urdf import Robot
 
 from mujoco_sim.mount import find_mount

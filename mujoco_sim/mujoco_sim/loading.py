@@ -12,8 +12,8 @@ from robot_description.description import read_description
 from robot_description.drive_wheels import equipped
 from robot_description.errors import DescriptionError
 from robot_description.imu import find_imu
-from robot_description.mujoco_model import add_imu
-from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco.builder import add_imu
+from robot_description.mujoco.builder import to_mujoco
 from robot_description.robots import description_path
 
 from mujoco_sim.physics import Physics
@@ -64,7 +64,7 @@ def robot_spec(loaded: LoadedRobot, setup: RobotSetup, visuals: bool = False) ->
         DescriptionError: MuJoCo cannot read the robot.
     """
     try:
-        spec = to_mujoco(loaded.urdf, loaded.robot, loaded.meshes.files.get, visuals)
+        spec = to_mujoco(loaded.robot, loaded.meshes.files.get, visuals)
     except DescriptionError as error:
         raise DescriptionError(f'{loaded.path}: {error}') from None
     for joint, inertia in setup.reflected_inertia.items():

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from robot_description.errors import DescriptionError
 from robot_description.imu import imu_position
-from robot_description.mujoco_model import REFLECTED_INERTIA
+from robot_description.mujoco.builder import REFLECTED_INERTIA
 from robot_description.quadruped import find_quadruped
 from robot_description.quadruped import Quadruped
 from robot_description.similarity import scale_of

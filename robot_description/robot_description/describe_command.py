@@ -198,7 +198,7 @@ def _info(options: argparse.Namespace) -> int:
     if options.picture is not None:
         from robot_description.picture import draw
 
-        draw(weighed.urdf, weighed.robot, info.meshes.files.get, options.picture)
+        draw(weighed.robot, info.meshes.files.get, options.picture)
     return 0
 
 

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 import yourdfpy
 
-from robot_description.errors import DescriptionError
 from robot_description.forward_kinematics import link_poses
-from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco.builder import compile_model
+from robot_description.mujoco.builder import to_mujoco
 from robot_description.pinocchio_model import bare_urdf
 from robot_description.pinocchio_model import configuration
 from robot_description.pinocchio_model import link_positions
@@ -79,12 +79,9 @@ class _Library(Protocol):
 
 class _Mujoco:
     def __init__(self, urdf: str) -> None:
-        spec = to_mujoco(urdf, parse_urdf(urdf))
+        spec = to_mujoco(parse_urdf(urdf))
         spec.compiler.fusestatic = False  # every link stays a body
-        try:
-            self._model = spec.compile()
-        except ValueError as error:
-            raise DescriptionError(f'MuJoCo: {" ".join(str(error).split())}') from None
+        self._model = compile_model(spec)
 
     def places(self, positions: Positions) -> Places:
         data = mujoco.MjData(self._model)

@@ -9,9 +9,10 @@ import numpy as np
 from PIL import Image
 
 from robot_description.errors import DescriptionError
-from robot_description.mujoco_model import to_mujoco
-from robot_description.mujoco_visuals import FindMesh
-from robot_description.mujoco_visuals import VISUAL_GROUP
+from robot_description.mujoco.builder import compile_model
+from robot_description.mujoco.builder import to_mujoco
+from robot_description.mujoco.geoms import FindMesh
+from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.output_file import OutputFile
 from robot_description.renderer_choice import find_renderer
 from robot_description.renderer_choice import NO_RENDERER
@@ -24,7 +25,7 @@ AZIMUTH = 130.0
 ELEVATION = -20.0
 
 
-def draw(urdf: str, robot: Robot, find_mesh: FindMesh, path: Path) -> None:
+def draw(robot: Robot, find_mesh: FindMesh, path: Path) -> None:
     """
     Write a picture of the robot as a PNG: joints at 0, or as near to it as their limits allow.
 
@@ -35,7 +36,7 @@ def draw(urdf: str, robot: Robot, find_mesh: FindMesh, path: Path) -> None:
     """
     if find_renderer() is None:
         raise DescriptionError(f'--picture needs {NO_RENDERER}')
-    spec = to_mujoco(urdf, robot, find_mesh, visuals=True)
+    spec = to_mujoco(robot, find_mesh, visuals=True)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
     spec.visual.headlight.ambient = np.full(3, 0.4)
     spec.add_texture(
@@ -47,10 +48,7 @@ def draw(urdf: str, robot: Robot, find_mesh: FindMesh, path: Path) -> None:
         width=64,
         height=384,
     )
-    try:
-        model = spec.compile()
-    except ValueError as error:
-        raise DescriptionError(f'MuJoCo: {" ".join(str(error).split())}') from None
+    model = compile_model(spec)
     pixels = _render(model, _rest(model, robot))
     png = io.BytesIO()
     Image.fromarray(pixels).save(png, format='PNG')

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """URDF to Pinocchio: the same joints as in MuJoCo, found by name."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pinocchio as pin
 
 from robot_description.errors import DescriptionError
-from robot_description.mujoco_model import ROOT_JOINT
-from robot_description.plain_urdf import plain_urdf
+from robot_description.mujoco.builder import ROOT_JOINT
+from robot_description.urdf import INERTIA_COMPONENTS
 from robot_description.urdf import MOVABLE
 from robot_description.urdf import Robot
 
@@ -18,6 +18,7 @@ KEPT = {
     'link': {'inertial'},
     'joint': {'origin', 'parent', 'child', 'axis', 'limit', 'dynamics'},
 }
+INERTIAL_PARTS = ('origin', 'mass', 'inertia')
 # A joint without limits goes as far as anybody will ask for.
 NO_LIMIT = {'lower': '-1e9', 'upper': '1e9', 'effort': '0', 'velocity': '0'}
 
@@ -73,26 +74,53 @@ def bare_urdf(urdf: str) -> str:
     """
     Return the URDF without shapes, materials and tags, which urdfdom has complaints about.
 
-    It also wants a name for the robot and all of a limit for joints that may have one.
+    Of repeated tags the first counts, as for `parse_urdf`; what is left out is URDF's default.
+    urdfdom also wants a name for the robot and all of a limit for joints that may have one.
     """
-    tree = plain_urdf(urdf)
+    tree = ElementTree.fromstring(urdf)
     tree.set('name', tree.get('name') or 'robot')
     for element in list(tree):
         if element.tag not in KEPT:
             tree.remove(element)
             continue
-        if element.get('type') in MOVABLE:
-            limit = element.find('limit')
-            if limit is None:
-                limit = ElementTree.SubElement(element, 'limit')
-            limit.attrib.update({**NO_LIMIT, **limit.attrib})
-        for child in list(element):
-            if child.tag not in KEPT[element.tag] or _is_weightless(child):
-                element.remove(child)
+        _keep_first(element, KEPT[element.tag])
+        if element.tag == 'joint':
+            _complete_joint(element)
+        elif (inertial := element.find('inertial')) is not None:
+            _keep_first(inertial, INERTIAL_PARTS)
+            _complete_inertial(element, inertial)
     return ElementTree.tostring(tree, encoding='unicode')
 
 
-def _is_weightless(tag: ElementTree.Element) -> bool:
-    """Whether it is an inertial without all of its parts, for which urdfdom refuses the file."""
-    parts = [tag.find(part) for part in ('mass', 'inertia')]
-    return tag.tag == 'inertial' and any(part is None for part in parts)
+def _keep_first(element: ElementTree.Element, tags: Collection[str]) -> None:
+    """Leave the first child of each of these tags."""
+    first = {tag: element.find(tag) for tag in tags}
+    for child in list(element):
+        if child is not first.get(child.tag):
+            element.remove(child)
+
+
+def _complete_joint(joint: ElementTree.Element) -> None:
+    joint.set('type', joint.get('type', 'fixed'))
+    is_movable = joint.get('type') in MOVABLE
+    axis, limit = joint.find('axis'), joint.find('limit')
+    if axis is not None and not (is_movable and 'xyz' in axis.attrib):
+        joint.remove(axis)
+    if limit is not None and float(limit.get('lower', '0')) == float(limit.get('upper', '0')):
+        limit.attrib.pop('lower', None)  # a limit of no width is none
+        limit.attrib.pop('upper', None)
+    if is_movable:
+        if limit is None:
+            limit = ElementTree.SubElement(joint, 'limit')
+        limit.attrib.update({**NO_LIMIT, **limit.attrib})
+
+
+def _complete_inertial(link: ElementTree.Element, inertial: ElementTree.Element) -> None:
+    """Say what is left out of an inertial; without a part urdfdom refuses the file: drop it."""
+    mass, inertia = inertial.find('mass'), inertial.find('inertia')
+    if mass is None or inertia is None:
+        link.remove(inertial)
+        return
+    mass.set('value', mass.get('value', '0'))
+    for component in INERTIA_COMPONENTS:
+        inertia.set(component, inertia.get(component, '0'))

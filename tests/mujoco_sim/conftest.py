@@ -7,7 +7,7 @@ from mujoco_sim.loading import load_robot
 from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.world import World
 import pytest
-from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco.builder import to_mujoco
 from robot_description.urdf import parse_urdf
 
 BALL = """
@@ -31,7 +31,7 @@ def world(loaded: LoadedRobot) -> World:
 @pytest.fixture
 def ball() -> World:
     """Return a ball of 2 kg that floats without gravity."""
-    spec = to_mujoco(BALL, parse_urdf(BALL))
+    spec = to_mujoco(parse_urdf(BALL))
     spec.option.timestep = 0.001
     spec.option.gravity = [0.0, 0.0, 0.0]
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER

@@ -14,7 +14,7 @@ from mujoco_sim.sensor_tags import read_sensor_tags
 from mujoco_sim.world import World
 import numpy as np
 import pytest
-from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco.builder import to_mujoco
 from robot_description.renderer_choice import find_renderer
 
 WALL = 2.0  # from the origin to the wall [m]
@@ -30,7 +30,7 @@ def kinect():
 @pytest.fixture(scope='module')
 def scene(kinect) -> World:
     """Return mbot before a green wall with a red pillar to its left."""
-    spec = to_mujoco(kinect.urdf, kinect.robot)
+    spec = to_mujoco(kinect.robot)
     furnish(spec, 'flat')
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX, pos=[WALL + 0.1, 0, 1], size=[0.1, 3, 1], rgba=GREEN

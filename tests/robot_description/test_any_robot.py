@@ -12,7 +12,7 @@ import pytest
 from robot_description.errors import DescriptionError
 from robot_description.inertia import impossible_inertias
 from robot_description.inertia import possible_inertia
-from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import share_directory
 from robot_description.urdf import parse_urdf
 
@@ -50,7 +50,7 @@ def joint(parent, child, kind='continuous', inside=''):
 
 def load(*elements, find_mesh=lambda url: None, visuals=False):
     text = f'<robot name="r">{"".join(elements)}</robot>'
-    return to_mujoco(text, parse_urdf(text), find_mesh, visuals).compile()
+    return to_mujoco(parse_urdf(text), find_mesh, visuals).compile()
 
 
 def mesh(kind, filename='package://x/m.obj', scale='1 1 1'):

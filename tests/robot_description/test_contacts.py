@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 from robot_description.errors import DescriptionError
-from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco.builder import to_mujoco
 from robot_description.urdf import parse_urdf
 
 INERTIAL = (
@@ -32,7 +32,7 @@ def tag(reference, said):
 
 def spec(*elements):
     text = f'<robot name="r">{"".join(elements)}</robot>'
-    return to_mujoco(text, parse_urdf(text))
+    return to_mujoco(parse_urdf(text))
 
 
 def touching(*elements):

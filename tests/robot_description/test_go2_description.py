@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from robot_description.expand import expand
-from robot_description.mujoco_model import REFLECTED_INERTIA
-from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco.builder import REFLECTED_INERTIA
+from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import share_directory
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
@@ -34,7 +34,7 @@ def go2(urdf):
 
 @pytest.fixture(scope='module')
 def mujoco_model(urdf, go2):
-    return to_mujoco(urdf, go2).compile()
+    return to_mujoco(go2).compile()
 
 
 @pytest.fixture(scope='module')
@@ -231,7 +231,7 @@ def test_a_foot_slides_where_its_own_friction_says(angle, slides):
         'izz="1" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry><box size="1 1 0.1"/>'
         '</geometry></collision></link><gazebo reference="base"><mu1>0.6</mu1></gazebo></robot>'
     )
-    spec = to_mujoco(text, parse_urdf(text))
+    spec = to_mujoco(parse_urdf(text))
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 100.0
     slope = math.radians(angle)

@@ -11,7 +11,7 @@ from robot_description.errors import DescriptionError
 from robot_description.expand import expand
 from robot_description.forward_kinematics import link_poses
 from robot_description.kinematic_check import check_kinematics
-from robot_description.mujoco_model import to_mujoco
+from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import share_directory
 from robot_description.pinocchio_model import configuration
 from robot_description.pinocchio_model import link_positions
@@ -102,5 +102,5 @@ def test_what_one_reader_refuses_and_the_other_does_not_loads_in_all():
     )
     robot = parse_urdf(urdf)
     assert to_pinocchio(urdf, robot).nq == 8
-    assert to_mujoco(urdf, robot).compile().nq == 8
+    assert to_mujoco(robot).compile().nq == 8
     assert max(deviation.distance for deviation in check_kinematics(urdf, robot)) < 1e-12

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from robot_description.expand import expand
 from robot_description.meshes import load_mesh
-from robot_description.mujoco_model import to_mujoco
-from robot_description.mujoco_urdf import for_mujoco
-from robot_description.mujoco_visuals import VISUAL_GROUP
+from robot_description.mujoco.builder import to_mujoco
+from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
 
@@ -106,16 +105,6 @@ def test_what_is_no_mesh_is_a_value_error_in_one_line(tmp_path, name):
     assert '\n' not in str(caught.value)
 
 
-def test_renaming_keeps_links_apart_and_meshes_together(urdf):
-    renamed, meshes = for_mujoco(urdf, parse_urdf(urdf))
-    assert sorted(mesh.url for mesh in meshes.values()) == sorted(
-        URL.format(name)
-        for name in ('base', 'hip', 'thigh', 'thigh_mirror', 'calf', 'calf_mirror', 'foot')
-    )
-    assert '.dae' not in renamed
-    assert renamed.count('<mesh ') == 17
-
-
 def test_every_link_of_the_go2_is_drawn_with_its_mesh():
     world = build_world(load_robot('go2'), visuals=True)
     assert shown(world.model, 'base') == [mujoco.mjtGeom.mjGEOM_MESH]
@@ -152,13 +141,13 @@ def test_a_missing_mesh_shows_primitives_instead(urdf):
     def find(url):
         return None if 'thigh' in url else files.get(url)
 
-    model = to_mujoco(urdf, parse_urdf(urdf), find, visuals=True).compile()
+    model = to_mujoco(parse_urdf(urdf), find, visuals=True).compile()
     assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]
     assert mujoco.mjtGeom.mjGEOM_MESH in shown(model, 'FL_calf')
 
 
 def test_without_any_mesh_it_loads_and_shows_primitives(urdf):
-    model = to_mujoco(urdf, parse_urdf(urdf), visuals=True).compile()
+    model = to_mujoco(parse_urdf(urdf), visuals=True).compile()
     assert model.nmesh == 0
     assert model.body_mass.sum() == pytest.approx(16.086)
     for body in ('base', 'FL_hip', 'RR_thigh', 'RL_calf'):
@@ -168,7 +157,7 @@ def test_without_any_mesh_it_loads_and_shows_primitives(urdf):
 def test_a_mesh_that_cannot_be_read_shows_primitives_too_and_is_said(urdf, tmp_path, caplog):
     broken = tmp_path / 'broken.dae'
     broken.write_text('<COLLADA>')
-    model = to_mujoco(urdf, parse_urdf(urdf), lambda url: broken, visuals=True).compile()
+    model = to_mujoco(parse_urdf(urdf), lambda url: broken, visuals=True).compile()
     assert model.nmesh == 0
     assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]
     assert all('visual mesh left out' in record.message for record in caplog.records)

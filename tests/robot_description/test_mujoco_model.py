@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from robot_description.errors import DescriptionError
 from robot_description.expand import expand
-from robot_description.mujoco_model import ROOT_JOINT
-from robot_description.mujoco_model import to_mujoco
-from robot_description.mujoco_visuals import COLLISION_GROUP
-from robot_description.mujoco_visuals import VISUAL_GROUP
+from robot_description.mujoco.builder import compile_model
+from robot_description.mujoco.builder import ROOT_JOINT
+from robot_description.mujoco.builder import to_mujoco
+from robot_description.mujoco.geoms import COLLISION_GROUP
+from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
 
@@ -32,7 +33,7 @@ def urdf():
 
 @pytest.fixture(scope='module')
 def spec(urdf):
-    return to_mujoco(urdf, parse_urdf(urdf), visuals=True)
+    return to_mujoco(parse_urdf(urdf), visuals=True)
 
 
 @pytest.fixture(scope='module')
@@ -99,7 +100,7 @@ def test_the_friction_of_a_link_that_is_welded_on_is_kept():
         '<joint name="weld" type="fixed"><parent link="base"/><child link="skid"/></joint>'
         '<gazebo reference="skid"><mu1>0</mu1></gazebo></robot>'
     )
-    model = to_mujoco(text, parse_urdf(text)).compile()
+    model = to_mujoco(parse_urdf(text)).compile()
     sphere = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
     np.testing.assert_array_equal(model.geom_condim[sphere], [1])
     np.testing.assert_array_equal(model.geom_condim[~sphere], [3])
@@ -112,7 +113,7 @@ def test_a_cylinder_that_does_not_roll_stays_a_cylinder():
         '<joint name="hinge" type="continuous"><parent link="base"/><child link="pole"/>'
         '<axis xyz="0 1 0"/></joint><gazebo reference="pole"><mu1>0.5</mu1></gazebo></robot>'
     )
-    model = to_mujoco(text, parse_urdf(text)).compile()
+    model = to_mujoco(parse_urdf(text)).compile()
     np.testing.assert_array_equal(model.geom_type, [mujoco.mjtGeom.mjGEOM_CYLINDER])
     assert model.geom_friction[0, 0] == 0.5
 
@@ -123,12 +124,124 @@ def test_a_joint_without_an_effort_limit_swings_freely():
         '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/></joint>'
         '</robot>'
     )
-    assert to_mujoco(text, parse_urdf(text)).compile().nu == 0
+    assert to_mujoco(parse_urdf(text)).compile().nu == 0
 
 
-def test_what_mujoco_cannot_read_is_one_line():
-    text = f'<robot name="r">{link("base", BOX)}</robot>'
-    robot = parse_urdf(text)
-    with pytest.raises(DescriptionError, match='^MuJoCo: ') as caught:
-        to_mujoco(text.replace('1 1 1', '1 1'), robot)
+def test_what_mujoco_cannot_compile_is_one_line():
+    flat = '<sphere radius="0"/>'
+    free = parse_urdf(f'<robot name="r">{link("base", flat)}</robot>')
+    with pytest.raises(
+        DescriptionError, match='^MuJoCo: Error: size 0 must be positive'
+    ) as caught:
+        compile_model(to_mujoco(free))
     assert '\n' not in str(caught.value)
+    weld = '<joint name="j" type="fixed"><parent link="world"/><child link="base"/></joint>'
+    held = f'<robot name="r"><link name="world"/>{link("base", flat)}{weld}</robot>'
+    with pytest.raises(DescriptionError, match='^MuJoCo: '):
+        to_mujoco(parse_urdf(held))
+
+
+def hinge(kind='revolute', inside=''):
+    """Return a robot of two links, `base` and `arm`, and what its joint `hinge` became."""
+    text = (
+        f'<robot name="r">{link("base")}{link("arm")}<joint name="hinge" type="{kind}">'
+        f'<parent link="base"/><child link="arm"/>{inside}</joint></robot>'
+    )
+    model = to_mujoco(parse_urdf(text)).compile()
+    return model, model.joint('hinge')
+
+
+def test_a_joint_keeps_its_axis_range_damping_and_friction():
+    model, joint = hinge(
+        inside='<axis xyz="0 3 4"/><limit lower="-1.5" upper="0.5" effort="7" velocity="1"/>'
+        '<dynamics damping="0.25" friction="0.125"/>'
+    )
+    np.testing.assert_allclose(joint.axis, [0.0, 0.6, 0.8])
+    np.testing.assert_array_equal(joint.range, [-1.5, 0.5])  # radians, as in the file
+    assert joint.limited[0]
+    assert (joint.damping[0], joint.frictionloss[0]) == (0.25, 0.125)
+    np.testing.assert_array_equal(model.jnt_actfrcrange[joint.id], [-7.0, 7.0])
+
+
+@pytest.mark.parametrize(
+    ('kind', 'limit'),
+    [
+        ('continuous', '<limit lower="-1" upper="1"/>'),
+        ('revolute', '<limit lower="1" upper="-1"/>'),
+        ('revolute', ''),
+    ],
+)
+def test_a_joint_without_limits_has_none(kind, limit):
+    assert not hinge(kind, limit)[1].limited[0]
+
+
+def test_one_limit_alone_is_from_or_to_zero():
+    # URDF's default of the other is 0; MuJoCo's own reader drops both.
+    np.testing.assert_array_equal(hinge(inside='<limit upper="1"/>')[1].range, [0.0, 1.0])
+
+
+def test_a_link_is_turned_as_its_origin_says_and_so_is_its_inertia():
+    inertia = '<inertia ixx="3e-3" ixy="1e-4" ixz="2e-4" iyy="4e-3" iyz="3e-4" izz="5e-3"/>'
+    origin = '<origin xyz="0.1 0.2 0.3" rpy="0.4 -0.5 0.6"/>'
+    text = (
+        f'<robot name="r">{link("base")}'
+        f'<link name="arm"><inertial>{origin}<mass value="2"/>{inertia}</inertial></link>'
+        f'<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/>{origin}'
+        '</joint></robot>'
+    )
+    robot = parse_urdf(text)
+    model = to_mujoco(robot).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    arm, turn = model.body('arm').id, robot.joints['hinge'].pose.rotation
+    np.testing.assert_allclose(data.xmat[arm].reshape(3, 3), turn, atol=1e-12)
+    frame, inertial = data.ximat[arm].reshape(3, 3), robot.links['arm'].inertial
+    expected = turn @ inertial.rotation @ robot.links['arm'].inertia @ (turn @ inertial.rotation).T
+    np.testing.assert_allclose(
+        frame @ np.diag(model.body_inertia[arm]) @ frame.T, expected, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        data.xipos[arm], robot.joints['hinge'].pose.position + turn @ inertial.position
+    )
+
+
+def test_geoms_are_in_the_order_of_the_file_and_collide_in_the_colour_drawn_before_them():
+    def shape(use, size, inside=''):
+        return f'<{use}><geometry><sphere radius="{size}"/></geometry>{inside}</{use}>'
+
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    inside = shape('collision', 1) + shape('visual', 2, red) + shape('collision', 3)
+    robot = parse_urdf(f'<robot name="r"><link name="a">{link("a")[15:-7]}{inside}</link></robot>')
+    drawn, plain = (to_mujoco(robot, visuals=visuals).compile() for visuals in (True, False))
+    assert drawn.geom_size[:, 0].tolist() == [1.0, 2.0, 3.0]
+    assert [drawn.geom(i).name for i in range(3)] == ['a/0', '', 'a/1']
+    np.testing.assert_array_equal(drawn.geom_rgba[1:], [[1.0, 0.0, 0.0, 1.0]] * 2)
+    assert drawn.geom_rgba[0].tolist() == [0.5, 0.5, 0.5, 1.0]
+    assert plain.geom_size[:, 0].tolist() == [1.0, 3.0]
+
+
+def test_a_robot_hangs_as_high_however_much_of_it_is_drawn():
+    mesh = '<visual><geometry><mesh filename="nowhere.stl"/></geometry></visual>'
+    robot = parse_urdf(
+        f'<robot name="r"><link name="world"/>{link("base", SPHERE).replace("</link>", mesh)}'
+        '</link><joint name="j" type="fixed"><parent link="world"/><child link="base"/></joint>'
+        '</robot>'
+    )
+    heights = [
+        to_mujoco(robot, visuals=visuals).compile().body('base').pos[2]
+        for visuals in (False, True)
+    ]
+    assert heights == [pytest.approx(0.15), pytest.approx(0.15)]
+
+
+def test_a_link_whose_drawn_mesh_is_missing_still_needs_the_one_it_collides_with():
+    meshes = ''.join(
+        f'<{use}><geometry><mesh filename="{use}.stl"/></geometry></{use}>'
+        for use in ('visual', 'collision')
+    )
+    box = f'<collision><geometry>{BOX}</geometry></collision>'
+    text = f'<robot name="r">{link("a").replace("</link>", box + meshes)}</link></robot>'
+    with pytest.raises(
+        DescriptionError, match="'a' collides with what is not: mesh collision.stl"
+    ):
+        to_mujoco(parse_urdf(text), visuals=True)

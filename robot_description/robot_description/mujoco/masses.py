@@ -1,51 +1,46 @@
 # SPDX-License-Identifier: Apache-2.0
 """Masses and inertias as MuJoCo can take them; what no body can have is mended or refused."""
 
-import xml.etree.ElementTree as ElementTree
+from typing import NamedTuple
 
 import numpy as np
 
 from robot_description.errors import DescriptionError
 from robot_description.inertia import possible_inertia
-from robot_description.urdf import INERTIA_COMPONENTS
+from robot_description.pose import NO_ORIGIN
+from robot_description.pose import Origin
 from robot_description.urdf import Robot
 
 # A link without mass between two joints, as a hip of three axes has, gets so much [kg], [kg m^2].
 NEXT_TO_NOTHING = 1e-9
 
 
-def mend_inertials(tree: ElementTree.Element, robot: Robot) -> None:
-    """
-    Mend the inertials of a URDF tree for MuJoCo: the nearest possible for an impossible one.
+class Inertial(NamedTuple):
+    """Mass [kg], inertia (3, 3) [kg m^2] about the centre of mass, and the frame of both."""
 
-    `robot` is the parsed tree.
+    mass: float
+    inertia: np.ndarray
+    origin: Origin
+
+
+def inertials(robot: Robot) -> dict[str, Inertial]:
+    """
+    Return the inertials of the links that need one: the nearest possible for an impossible one.
 
     Raises:
         DescriptionError: a joint moves nothing that has a mass.
     """
     virtual = _virtual_links(robot)
-    for tag in tree.findall('link'):
-        link = robot.links[tag.get('name', '')]
-        inertial = tag.find('inertial')
-        if link.mass > 0.0 and inertial is not None:
-            better = possible_inertia(link.inertia, link.mass)
-            if better is not None:
-                _write_inertia(inertial, better)
-            continue
-        if inertial is not None:
-            tag.remove(inertial)
-        if link.name in virtual:
-            inertial = ElementTree.SubElement(tag, 'inertial')
-            ElementTree.SubElement(inertial, 'mass', value=str(NEXT_TO_NOTHING))
-            _write_inertia(inertial, NEXT_TO_NOTHING * np.eye(3))
-
-
-def _write_inertia(inertial: ElementTree.Element, inertia: np.ndarray) -> None:
-    tag = inertial.find('inertia')
-    if tag is None:
-        tag = ElementTree.SubElement(inertial, 'inertia')
-    for component, value in zip(INERTIA_COMPONENTS, inertia[np.triu_indices(3)], strict=True):
-        tag.set(component, repr(float(value)))
+    found = {}
+    for link in robot.links.values():
+        if link.mass > 0.0:
+            mended = possible_inertia(link.inertia, link.mass)
+            inertia = link.inertia if mended is None else mended
+            found[link.name] = Inertial(link.mass, inertia, link.inertial)
+        elif link.name in virtual:
+            inertia = NEXT_TO_NOTHING * np.eye(3)
+            found[link.name] = Inertial(NEXT_TO_NOTHING, inertia, NO_ORIGIN)
+    return found
 
 
 def _virtual_links(robot: Robot) -> set[str]:

@@ -6,7 +6,6 @@ import itertools
 import mujoco
 import numpy as np
 
-from robot_description.mujoco_visuals import COLLISION_GROUP
 from robot_description.urdf import Robot
 from robot_description.urdf_shapes import Shape
 
@@ -15,13 +14,27 @@ from robot_description.urdf_shapes import Shape
 SOLREF = (0.004, 1.0)
 
 
-def name_collisions(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Call what a link collides with `LINK/0`, `LINK/1`, ..."""
-    for link in robot.links:
-        for index, (_, geom) in enumerate(_colliding(spec, robot, link)):
-            geom.name = f'{link}/{index}'
-            if geom.type == mujoco.mjtGeom.mjGEOM_CYLINDER:
-                _tilt(geom)
+def set_contact(geom: mujoco.MjsGeom, robot: Robot, link: str, shape: Shape) -> None:
+    """
+    Say how a colliding shape of a link touches.
+
+    A link that names a friction gets it; what rolls a stiff contact, in one point.
+    """
+    if shape.kind == 'cylinder':
+        _tilt(geom)
+    if link not in robot.friction:
+        return
+    friction = robot.friction[link]
+    geom.priority = 1  # this friction counts, whatever lies on the floor
+    geom.friction[0] = friction
+    geom.condim = 3 if friction > 0.0 else 1
+    joint = robot.parent_joints.get(link)
+    if joint is None or joint.kind != 'continuous':
+        return
+    geom.solref = SOLREF
+    # A cylinder that turns about its own axis is a wheel.
+    if shape.kind == 'cylinder' and abs(shape.pose.rotation[:, 2] @ joint.axis) > 1.0 - 1e-6:
+        _round_off(geom, shape)
 
 
 def _tilt(geom: mujoco.MjsGeom) -> None:
@@ -37,18 +50,15 @@ def _tilt(geom: mujoco.MjsGeom) -> None:
     geom.quat = turned
 
 
-def set_contacts(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Give links that name a friction their contact; what rolls gets a stiff one in one point."""
-    rolling = {joint.child for joint in robot.movable_joints if joint.kind == 'continuous'}
-    for name, friction in robot.friction.items():
-        for shape, geom in _colliding(spec, robot, name):
-            geom.priority = 1  # this friction counts, whatever lies on the floor
-            geom.friction[0] = friction
-            geom.condim = 3 if friction > 0.0 else 1
-            if name in rolling:
-                geom.solref = SOLREF
-            if shape.kind == 'cylinder' and _is_wheel(robot, name, shape):
-                _round_off(geom, shape)
+def _round_off(geom: mujoco.MjsGeom, cylinder: Shape) -> None:
+    """
+    Replace a cylinder by the ellipsoid inside it.
+
+    A flat tread touches in two points, which fight every turn.
+    """
+    radius, length = cylinder.size
+    geom.type = mujoco.mjtGeom.mjGEOM_ELLIPSOID
+    geom.size = np.array([radius, radius, length / 2.0])
 
 
 def exclude_pairs(spec: mujoco.MjSpec, robot: Robot) -> None:
@@ -91,30 +101,3 @@ def _loners(robot: Robot) -> list[str]:
         if link in robot.carriers:
             said.setdefault(robot.carriers[link], []).append(collides)
     return [carrier for carrier, words in said.items() if not any(words)]
-
-
-def _colliding(spec: mujoco.MjSpec, robot: Robot, link: str) -> list[tuple[Shape, mujoco.MjsGeom]]:
-    body = spec.body(link)
-    if body is None or link not in robot.links:  # welded on, or a tag's reference to nothing
-        return []
-    geoms = [geom for geom in body.geoms if geom.group == COLLISION_GROUP]
-    return list(zip(robot.links[link].collisions, geoms, strict=False))
-
-
-def _is_wheel(robot: Robot, link: str, cylinder: Shape) -> bool:
-    """Whether the cylinder turns about its own axis on a continuous joint."""
-    for joint in robot.joints.values():
-        if joint.child == link and joint.kind == 'continuous':
-            return bool(abs(cylinder.pose.rotation[:, 2] @ joint.axis) > 1.0 - 1e-6)
-    return False
-
-
-def _round_off(geom: mujoco.MjsGeom, cylinder: Shape) -> None:
-    """
-    Replace a cylinder by the ellipsoid inside it.
-
-    A flat tread touches in two points, which fight every turn.
-    """
-    radius, length = cylinder.size
-    geom.type = mujoco.mjtGeom.mjGEOM_ELLIPSOID
-    geom.size = np.array([radius, radius, length / 2.0])

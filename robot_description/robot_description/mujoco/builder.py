@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot as MuJoCo's specification: a floating tree, with motors where it has effort limits."""
+
+import mujoco
+import numpy as np
+
+from robot_description.errors import DescriptionError
+from robot_description.imu import find_imu
+from robot_description.imu import imu_position
+from robot_description.mujoco.contacts import exclude_pairs
+from robot_description.mujoco.geoms import add_geoms
+from robot_description.mujoco.geoms import FindMesh
+from robot_description.mujoco.geoms import Meshes
+from robot_description.mujoco.geoms import quaternion
+from robot_description.mujoco.masses import Inertial
+from robot_description.mujoco.masses import inertials
+from robot_description.urdf import Joint
+from robot_description.urdf import Robot
+from robot_description.urdf import WORLD_LINK
+
+ROOT_JOINT = 'root'
+# Rotor inertia as a geared joint feels it [kg m^2]; unitree_mujoco's value for the Go2.
+REFLECTED_INERTIA = 0.01
+# How far in the floor a hanging robot may be, and how far above it is hung up otherwise [m].
+CLEARANCE = 0.05
+
+
+def find_nothing(_: str) -> None:
+    """Find no mesh: primitives only."""
+
+
+def to_mujoco(
+    robot: Robot, find_mesh: FindMesh = find_nothing, visuals: bool = False
+) -> mujoco.MjSpec:
+    """
+    Return the robot as a MuJoCo model specification, nothing around it.
+
+    It is free to move unless it hangs on a link called `world`; then it hangs high enough to
+    touch no floor at z = 0. Joints with an effort limit get a motor of the joint's name, unless
+    they mimic another; the others swing freely. Colliding geoms are called `LINK/0`, `LINK/1`, ...
+    and stay so when their link is welded into its parent. Without `visuals` nothing is there to
+    be drawn.
+
+    Raises:
+        DescriptionError: what MuJoCo cannot have of it, in one line.
+    """
+    _check_floating(robot)
+    spec = mujoco.MjSpec()
+    if robot.name:
+        spec.modelname = robot.name
+    spec.compiler.degree = False  # URDF's angles are in radians
+    # What is welded on is one body with what carries it, which is faster. Not on the world, into
+    # which the base would be welded, too, and lose its mass.
+    spec.compiler.fusestatic = not robot.is_fixed
+    bodies = _add_bodies(spec, robot)
+    for link, inertial in inertials(robot).items():
+        _set_inertial(bodies[link], inertial)
+    meshes = Meshes(spec, find_mesh)
+    for name, body in ((link, bodies[link]) for link in robot.links):
+        add_geoms(body, robot.links[name], robot, meshes, visuals)
+    for joint in robot.joints.values():
+        _add_joint(bodies[joint.child], joint)
+    exclude_pairs(spec, robot)
+    for joint in robot.movable_joints:
+        if joint.effort > 0.0 and not joint.mimics:
+            _add_motor(spec, joint)
+        if joint.mimics in robot.joints and robot.joints[joint.mimics].is_movable:
+            _couple(spec, joint)
+    if find_imu(robot) is not None:
+        add_imu(spec, robot)
+    if robot.is_fixed:
+        _hang(spec, robot)
+    return spec
+
+
+def compile_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """
+    Return the compiled model.
+
+    Raises:
+        DescriptionError: what MuJoCo says, in one line.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise DescriptionError(f'MuJoCo: {" ".join(str(error).split())}') from None
+
+
+def add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Measure specific force and angular velocity where the IMU is, in the base's axes."""
+    site = 'imu_site'
+    spec.body(robot.base).add_site(name=site, pos=imu_position(robot))
+    for name, kind in (
+        ('accelerometer', mujoco.mjtSensor.mjSENS_ACCELEROMETER),
+        ('gyro', mujoco.mjtSensor.mjSENS_GYRO),
+    ):
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
+
+
+def _check_floating(robot: Robot) -> None:
+    for joint in robot.joints.values():
+        if joint.kind == 'floating' and not (robot.is_fixed and joint.parent == robot.root):
+            raise DescriptionError(
+                f'joint {joint.name!r} floats within the robot: only what hangs on a root link '
+                "'world' may"
+            )
+
+
+def _add_bodies(spec: mujoco.MjSpec, robot: Robot) -> dict[str, mujoco.MjsBody]:
+    """Add a body for each link where its joint is at 0; MuJoCo has a body `world` already."""
+    bodies: dict[str, mujoco.MjsBody] = {}
+    for link in robot.links_from_root:
+        joint = robot.parent_joints.get(link)
+        if joint is not None:
+            bodies[link] = bodies[joint.parent].add_body(
+                name=link, pos=joint.pose.position, quat=quaternion(joint.pose)
+            )
+        elif link == WORLD_LINK:
+            bodies[link] = spec.worldbody
+        else:
+            bodies[link] = spec.worldbody.add_body(name=link)
+            bodies[link].add_freejoint(name=ROOT_JOINT)
+    return bodies
+
+
+def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
+    """MuJoCo turns the frame into the principal axes of the inertia by itself."""
+    body.explicitinertial = True
+    body.mass = inertial.mass
+    body.ipos = inertial.origin.position
+    body.iquat = quaternion(inertial.origin)
+    inertia = inertial.inertia
+    body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+
+
+def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
+    """Let a body move as its joint does: not at all, in one way, or in several."""
+    hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
+    added = []
+    if joint.kind == 'floating':
+        added.append(body.add_joint(name=joint.name, type=mujoco.mjtJoint.mjJNT_FREE))
+    elif joint.kind == 'planar':
+        # Along two axes of its plane and about the normal on it.
+        x, y = _plane(joint.axis)
+        added.append(body.add_joint(name=f'{joint.name}_TX', type=slide, axis=x))
+        added.append(body.add_joint(name=f'{joint.name}_TY', type=slide, axis=y))
+        added.append(body.add_joint(name=f'{joint.name}_RZ', type=hinge, axis=joint.axis))
+    elif joint.is_movable:
+        kind = slide if joint.kind == 'prismatic' else hinge
+        added.append(body.add_joint(name=joint.name, type=kind, axis=joint.axis))
+    for each in added:
+        each.damping[0] = joint.damping
+        each.frictionloss = joint.friction
+    if joint.kind == 'revolute':
+        added[0].armature = REFLECTED_INERTIA
+    if np.isfinite(joint.upper):
+        added[0].range = joint.lower, joint.upper
+    if added and joint.effort:
+        # Whatever acts on the joint, in sum; its motor stops there by itself.
+        added[0].actfrcrange = -abs(joint.effort), abs(joint.effort)
+
+
+def _plane(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return two unit vectors, each (3,), that make a right-handed frame with a normal."""
+    turn, matrix = np.zeros(4), np.zeros(9)
+    mujoco.mju_quatZ2Vec(turn, normal)
+    mujoco.mju_quat2Mat(matrix, turn)
+    return matrix[0::3], matrix[1::3]
+
+
+def _couple(spec: mujoco.MjSpec, joint: Joint) -> None:
+    """Make a joint follow the one that it mimics: position = multiplier * other + offset."""
+    equality = spec.add_equality(
+        type=mujoco.mjtEq.mjEQ_JOINT, name1=joint.name, name2=joint.mimics
+    )
+    equality.data[:2] = joint.offset, joint.multiplier
+
+
+def _add_motor(spec: mujoco.MjSpec, joint: Joint) -> None:
+    """
+    Add an actuator whose force is `ctrl - kp q - kd v`, clipped to the effort limit [N m].
+
+    Gains are written at run time, so that the law acts at every physics step.
+    """
+    actuator = spec.add_actuator(
+        name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+    )
+    actuator.gaintype = mujoco.mjtGain.mjGAIN_FIXED
+    actuator.gainprm[0] = 1.0
+    actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    actuator.forcelimited = True
+    actuator.forcerange = np.array([-joint.effort, joint.effort])
+
+
+def _hang(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Lift a robot whose feet would be in the floor; what stands on it stays."""
+    model = compile_model(spec)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    lowest = 0.0
+    for geom in np.flatnonzero(model.geom_contype):
+        rotation = data.geom_xmat[geom].reshape(3, 3)
+        centre, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
+        bottom = data.geom_xpos[geom] + rotation @ centre - np.abs(rotation) @ half
+        lowest = min(lowest, float(bottom[2]))
+    if lowest < -CLEARANCE and robot.base != robot.root:
+        spec.body(robot.base).pos[2] += CLEARANCE - lowest
