@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
+from page_in_browser import open_page  # noqa: E402
+from page_in_browser import skip_unless_alive  # noqa: E402
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
 
@@ -80,11 +82,12 @@ def test_a_second_run_takes_the_next_port(run_with_page: Callable[..., Any]) -> 
 
 
 def test_keys_on_the_page_drive_it(
-    run_with_page: Callable[..., Any], browser: Any, picture: Picture, tmp_path: Path
+    run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
-    run = run_with_page('mbot', '--duration', '60', '--report', 'report.json')
-    browser.get(run.url)
-    wait_for_robot(picture)
+    run = run_with_page('mbot', '--duration', '300', '--report', 'report.json')
+    browser.set_window_size(500, 400)
+    open_page(browser, run.url)
+    skip_unless_alive(browser)
     canvas = browser.find_element(By.TAG_NAME, 'canvas')
     for _ in range(5):  # a busy machine takes its time to give the page the focus
         ActionChains(browser).move_to_element(canvas).click().perform()

@@ -9,54 +9,11 @@ from typing import Any
 import pytest
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
+from page_in_browser import open_page  # noqa: E402
+from page_in_browser import skip_unless_alive  # noqa: E402
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
 
 pytestmark = pytest.mark.slow
-
-# A page that draws fewer pictures a second than this is not known to be alive all the time.
-LEAST_RATE = 5.0
-# Counts the pictures that the page tells of, and the panels that it is sent, on their connection.
-COUNT = """
-window.told = window.sent = 0;
-const Plain = WebSocket;
-window.WebSocket = class extends Plain {
-  constructor(...words) {
-    super(...words);
-    if (!String(words[0]).includes('/ui')) return;
-    this.addEventListener('message', event => {
-      const count = data => { if (new DataView(data).getUint8(4) === 3) window.sent += 1; };
-      if (event.data instanceof ArrayBuffer) count(event.data);
-      else if (event.data instanceof Blob) event.data.arrayBuffer().then(count);
-    });
-  }
-  send(data) {
-    if ((data.byteLength ?? data.size) === 616) window.told += 1;
-    super.send(data);
-  }
-};
-"""
-
-
-def open_page(browser: Any, url: str) -> None:
-    """Open a page, wait until it shows a panel, and give it the keys."""
-    browser.set_window_size(500, 400)
-    browser.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': COUNT})
-    browser.get(url)
-    deadline, said = time.monotonic() + 90.0, ''
-    while 'First remote draw frame applied' not in said:
-        assert time.monotonic() < deadline, 'the page shows no panel'
-        time.sleep(0.3)
-        said += ''.join(entry['message'] for entry in browser.get_log('browser'))
-    canvas = browser.find_element(By.TAG_NAME, 'canvas')
-    ActionChains(browser).move_to_element(canvas).click().perform()
-
-
-def rate_of(browser: Any) -> float:
-    """Return how many pictures a second the browser draws."""
-    before = browser.execute_script('return window.told')
-    time.sleep(3.0)
-    return float(browser.execute_script('return window.told') - before) / 3.0
 
 
 def tap(browser: Any, key: str) -> None:
@@ -82,10 +39,9 @@ def test_four_taps_are_four_steps_and_end_with_the_browser(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
     run = run_with_page('go2', '--save-keys', 'keys.txt', '--duration', '300')
+    browser.set_window_size(500, 400)
     open_page(browser, run.url)
-    rate = rate_of(browser)
-    if rate < LEAST_RATE:
-        pytest.skip(f'Chromium draws {rate:.1f} pictures a second here: too few to drive')
+    skip_unless_alive(browser)
     saved = tmp_path / 'keys.txt'
     for key, pause in (('2', 3.0), ('4', 1.0)):
         tap(browser, key)
@@ -106,10 +62,9 @@ def test_a_key_that_is_held_ends_with_the_browser(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
     run = run_with_page('mbot', '--save-keys', 'keys.txt', '--duration', '300')
+    browser.set_window_size(500, 400)
     open_page(browser, run.url)
-    rate = rate_of(browser)
-    if rate < LEAST_RATE:
-        pytest.skip(f'Chromium draws {rate:.1f} pictures a second here: too few to drive')
+    skip_unless_alive(browser)
     saved = tmp_path / 'keys.txt'
     ActionChains(browser).key_down('i').perform()
     wait_for_key(saved, 'i')
@@ -126,6 +81,7 @@ def test_a_browser_is_not_sent_panels_that_it_cannot_show(
     run_with_page: Callable[..., Any], browser: Any
 ) -> None:
     run = run_with_page('mbot', '--duration', '300')
+    browser.set_window_size(500, 400)
     open_page(browser, run.url)
     browser.execute_cdp_cmd('Emulation.setCPUThrottlingRate', {'rate': 4})
     ahead = []

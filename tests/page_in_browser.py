@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a real browser, with a count of what it tells and of what it is sent."""
+
+import time
+from typing import Any
+
+import pytest
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.by import By
+
+# A page that draws fewer pictures a second than this is not known to be alive all the time.
+LEAST_RATE = 5.0
+# Counts the pictures that the page tells of, and the panels that it is sent, on their connection.
+COUNT = """
+window.told = window.sent = 0;
+const Plain = WebSocket;
+window.WebSocket = class extends Plain {
+  constructor(...words) {
+    super(...words);
+    if (!String(words[0]).includes('/ui')) return;
+    this.addEventListener('message', event => {
+      const count = data => { if (new DataView(data).getUint8(4) === 3) window.sent += 1; };
+      if (event.data instanceof ArrayBuffer) count(event.data);
+      else if (event.data instanceof Blob) event.data.arrayBuffer().then(count);
+    });
+  }
+  send(data) {
+    if ((data.byteLength ?? data.size) === 616) window.told += 1;
+    super.send(data);
+  }
+};
+"""
+
+
+def open_page(browser: Any, url: str) -> None:
+    """Open a page, wait until it shows a panel, and give it the keys."""
+    browser.execute_cdp_cmd('Page.addScriptToEvaluateOnNewDocument', {'source': COUNT})
+    browser.get(url)
+    deadline, said = time.monotonic() + 90.0, ''
+    while 'First remote draw frame applied' not in said:
+        assert time.monotonic() < deadline, 'the page shows no panel'
+        time.sleep(0.3)
+        said += ''.join(entry['message'] for entry in browser.get_log('browser'))
+    canvas = browser.find_element(By.TAG_NAME, 'canvas')
+    ActionChains(browser).move_to_element(canvas).click().perform()
+
+
+def rate_of(browser: Any) -> float:
+    """Return how many pictures a second the browser draws."""
+    before = browser.execute_script('return window.told')
+    time.sleep(3.0)
+    return float(browser.execute_script('return window.told') - before) / 3.0
+
+
+def skip_unless_alive(browser: Any) -> None:
+    """Skip a test that drives where Chromium draws too few pictures a second to count as alive."""
+    rate = rate_of(browser)
+    if rate < LEAST_RATE:
+        pytest.skip(f'Chromium draws {rate:.1f} pictures a second here: too few to drive')
