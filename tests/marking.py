@@ -10,6 +10,7 @@ fails when it starts a process or ROS all the same.
 
 from collections.abc import Callable, Iterator
 import functools
+import importlib
 import inspect
 from pathlib import Path
 import sys
@@ -37,6 +38,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Declare the marks, and watch what quick tests do."""
     for mark in MARKS:
         config.addinivalue_line('markers', f'{mark}: set automatically, see tests/marking.py')
+    # numpy 1's asks the machine by a process what it can do, once, when it is first used.
+    importlib.import_module('numpy.testing')
     sys.addaudithook(_refuse_processes)
 
 
