@@ -127,11 +127,24 @@ def init_ros(
     try:
         with explained():
             rclpy.init(
-                args=list(args) if args is not None else None,
+                args=_without_log_file(sys.argv if args is None else args, is_local),
                 signal_handler_options=SignalHandlerOptions.NO,
             )
     finally:
         rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.UNSET)
+
+
+def _without_log_file(args: Sequence[str], is_local: bool) -> list[str]:
+    """
+    Return arguments that keep ROS from leaving a file in the home at each start.
+
+    What is logged is printed, and goes to /rosout. A file is written where ROS is sourced and its
+    tools look for it, or where the user asks for it: by a place, or by ROS' own argument.
+    """
+    asked = '--enable-external-lib-logs' in args or {'ROS_LOG_DIR', 'ROS_HOME'} & os.environ.keys()
+    if asked or (is_sourced(os.environ) and not is_local):
+        return list(args)
+    return [*args, '--ros-args', '--disable-external-lib-logs']
 
 
 def spin_alone(node: Node, stop: StopSignals) -> None:

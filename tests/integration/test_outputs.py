@@ -215,6 +215,20 @@ def test_a_closed_standard_output_is_one_line_for_who_writes_there(
     assert os.listdir(tmp_path) == ['keys']
 
 
+def test_a_closed_standard_output_costs_no_file(run: Callable[..., Any], tmp_path: Path) -> None:
+    words = ' '.join(word for pair in NAMES.items() for word in pair)
+    done = subprocess.run(
+        ['sh', '-c', f'exec {" ".join(WASD)} {" ".join(RUN)} {words} >&-'],
+        cwd=tmp_path,
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert (done.returncode, done.stderr) == (0, '')
+    for option, name in NAMES.items():
+        check(option, tmp_path / name)
+
+
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
