@@ -24,14 +24,14 @@ module, moment = sys.argv.pop(1), sys.argv.pop(1)
 sys.meta_path.insert(0, Interrupt)
 sys.argv[0] = sys.argv[1]
 del sys.argv[1]
-sys.exit(importlib.import_module(module).main())
+name, _, function = module.partition(':')
+sys.exit(getattr(importlib.import_module(name), function)())
 """
 
 
 def run(script: str, moment: str, *arguments: str) -> 'subprocess.CompletedProcess[str]':
-    module = SCRIPTS[script].partition(':')[0]
     return subprocess.run(
-        [sys.executable, '-c', PROGRAM, module, moment, f'/usr/bin/{script}', *arguments],
+        [sys.executable, '-c', PROGRAM, SCRIPTS[script], moment, f'/usr/bin/{script}', *arguments],
         capture_output=True,
         text=True,
         stdin=subprocess.DEVNULL,
