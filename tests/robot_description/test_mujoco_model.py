@@ -141,6 +141,17 @@ def test_what_mujoco_cannot_compile_is_one_line():
         to_mujoco(parse_urdf(held))
 
 
+@pytest.mark.parametrize('names', [('base', 'arm', 'root'), ('base', 'world', 'hinge')])
+def test_a_name_that_mujoco_or_we_have_taken_is_refused_in_one_line(names):
+    base, arm, joint = names
+    robot = parse_urdf(
+        f'<robot name="r">{link(base)}{link(arm)}<joint name="{joint}" type="continuous">'
+        f'<parent link="{base}"/><child link="{arm}"/></joint></robot>'
+    )
+    with pytest.raises(DescriptionError, match=r"^MuJoCo: Error: repeated name '(root|world)'"):
+        to_mujoco(robot)
+
+
 def hinge(kind='revolute', inside=''):
     """Return a robot of two links, `base` and `arm`, and what its joint `hinge` became."""
     text = (

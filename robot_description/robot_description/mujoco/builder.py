@@ -1,5 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot as MuJoCo's specification: a floating tree, with motors where it has effort limits."""
+"""
+A robot as MuJoCo's specification: a floating tree, with motors where it has effort limits.
+
+What MuJoCo's own reader of URDF does without a word is said here: angles are radians, joints have
+their range, damping and dry friction, some mimic others, and links that are welded on become one
+body. Inertias are mended in `masses`, not balanced by the compiler; what is drawn is left out or
+not as `geoms` is asked, and meshes come as triangles, so that no path or scale is interpreted.
+"""
+
+from collections.abc import Iterator
+import contextlib
 
 import mujoco
 import numpy as np
@@ -45,6 +55,26 @@ def to_mujoco(
         DescriptionError: what MuJoCo cannot have of it, in one line.
     """
     _check_floating(robot)
+    with _one_line():
+        spec = _new_spec(robot)
+        bodies = _add_bodies(spec, robot)
+        for name, inertial in inertials(robot).items():
+            _set_inertial(bodies[name], inertial)
+        meshes = Meshes(spec, find_mesh)
+        for link in robot.links.values():
+            add_geoms(bodies[link.name], link, robot, meshes, visuals)
+        for joint in robot.joints.values():
+            _add_joint(bodies[joint.child], joint)
+        exclude_pairs(spec, robot)
+        _drive(spec, robot)
+        if find_imu(robot) is not None:
+            add_imu(spec, robot)
+    if robot.is_fixed:
+        _hang(spec, robot)
+    return spec
+
+
+def _new_spec(robot: Robot) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     if robot.name:
         spec.modelname = robot.name
@@ -52,24 +82,6 @@ def to_mujoco(
     # What is welded on is one body with what carries it, which is faster. Not on the world, into
     # which the base would be welded, too, and lose its mass.
     spec.compiler.fusestatic = not robot.is_fixed
-    bodies = _add_bodies(spec, robot)
-    for link, inertial in inertials(robot).items():
-        _set_inertial(bodies[link], inertial)
-    meshes = Meshes(spec, find_mesh)
-    for name, body in ((link, bodies[link]) for link in robot.links):
-        add_geoms(body, robot.links[name], robot, meshes, visuals)
-    for joint in robot.joints.values():
-        _add_joint(bodies[joint.child], joint)
-    exclude_pairs(spec, robot)
-    for joint in robot.movable_joints:
-        if joint.effort > 0.0 and not joint.mimics:
-            _add_motor(spec, joint)
-        if joint.mimics in robot.joints and robot.joints[joint.mimics].is_movable:
-            _couple(spec, joint)
-    if find_imu(robot) is not None:
-        add_imu(spec, robot)
-    if robot.is_fixed:
-        _hang(spec, robot)
     return spec
 
 
@@ -80,8 +92,18 @@ def compile_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
     Raises:
         DescriptionError: what MuJoCo says, in one line.
     """
+    with _one_line():
+        model = spec.compile()
+    return model
+
+
+@contextlib.contextmanager
+def _one_line() -> Iterator[None]:
+    """Turn what MuJoCo refuses, a name used twice, say, into a DescriptionError."""
     try:
-        return spec.compile()
+        yield
+    except DescriptionError:  # our own words
+        raise
     except ValueError as error:
         raise DescriptionError(f'MuJoCo: {" ".join(str(error).split())}') from None
 
@@ -166,6 +188,16 @@ def _plane(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     mujoco.mju_quatZ2Vec(turn, normal)
     mujoco.mju_quat2Mat(matrix, turn)
     return matrix[0::3], matrix[1::3]
+
+
+def _drive(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Give joints their motor, or what they mimic."""
+    for joint in robot.movable_joints:
+        if joint.effort > 0.0 and not joint.mimics:
+            _add_motor(spec, joint)
+        other = robot.joints.get(joint.mimics)
+        if other is not None and other.is_movable:
+            _couple(spec, joint)
 
 
 def _couple(spec: mujoco.MjSpec, joint: Joint) -> None:
