@@ -22,8 +22,7 @@ from robot_description.mujoco.geoms import add_geoms
 from robot_description.mujoco.geoms import FindMesh
 from robot_description.mujoco.geoms import Meshes
 from robot_description.mujoco.geoms import quaternion
-from robot_description.mujoco.masses import Inertial
-from robot_description.mujoco.masses import inertials
+from robot_description.mujoco.masses import add_masses
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
 from robot_description.urdf import WORLD_LINK
@@ -58,8 +57,7 @@ def to_mujoco(
     with _one_line():
         spec = _new_spec(robot)
         bodies = _add_bodies(spec, robot)
-        for name, inertial in inertials(robot).items():
-            _set_inertial(bodies[name], inertial)
+        add_masses(bodies, robot)
         meshes = Meshes(spec, find_mesh)
         for link in robot.links.values():
             add_geoms(bodies[link.name], link, robot, meshes, visuals)
@@ -93,7 +91,7 @@ def compile_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
         DescriptionError: what MuJoCo says, in one line.
     """
     with _one_line():
-        model = spec.compile()
+        model: mujoco.MjModel = spec.compile()
     return model
 
 
@@ -145,16 +143,6 @@ def _add_bodies(spec: mujoco.MjSpec, robot: Robot) -> dict[str, mujoco.MjsBody]:
     return bodies
 
 
-def _set_inertial(body: mujoco.MjsBody, inertial: Inertial) -> None:
-    """MuJoCo turns the frame into the principal axes of the inertia by itself."""
-    body.explicitinertial = True
-    body.mass = inertial.mass
-    body.ipos = inertial.origin.position
-    body.iquat = quaternion(inertial.origin)
-    inertia = inertial.inertia
-    body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
-
-
 def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     """Let a body move as its joint does: not at all, in one way, or in several."""
     hinge, slide = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
@@ -162,11 +150,12 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     if joint.kind == 'floating':
         added.append(body.add_joint(name=joint.name, type=mujoco.mjtJoint.mjJNT_FREE))
     elif joint.kind == 'planar':
-        # Along two axes of its plane and about the normal on it.
-        x, y = _plane(joint.axis)
-        added.append(body.add_joint(name=f'{joint.name}_TX', type=slide, axis=x))
-        added.append(body.add_joint(name=f'{joint.name}_TY', type=slide, axis=y))
-        added.append(body.add_joint(name=f'{joint.name}_RZ', type=hinge, axis=joint.axis))
+        # Along two axes of its plane and about the normal on it, which is URDF's default axis, x.
+        for end, kind, axis in (
+            ('TX', slide, (0.0, 0.0, -1.0)), ('TY', slide, (0.0, 1.0, 0.0)),
+            ('RZ', hinge, (1.0, 0.0, 0.0)),
+        ):  # fmt: skip
+            added.append(body.add_joint(name=f'{joint.name}_{end}', type=kind, axis=axis))
     elif joint.is_movable:
         kind = slide if joint.kind == 'prismatic' else hinge
         added.append(body.add_joint(name=joint.name, type=kind, axis=joint.axis))
@@ -180,14 +169,6 @@ def _add_joint(body: mujoco.MjsBody, joint: Joint) -> None:
     if added and joint.effort:
         # Whatever acts on the joint, in sum; its motor stops there by itself.
         added[0].actfrcrange = -abs(joint.effort), abs(joint.effort)
-
-
-def _plane(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two unit vectors, each (3,), that make a right-handed frame with a normal."""
-    turn, matrix = np.zeros(4), np.zeros(9)
-    mujoco.mju_quatZ2Vec(turn, normal)
-    mujoco.mju_quat2Mat(matrix, turn)
-    return matrix[0::3], matrix[1::3]
 
 
 def _drive(spec: mujoco.MjSpec, robot: Robot) -> None:

@@ -21,11 +21,12 @@ from robot_description.urdf_shapes import Shape
 LOGGER = logging.getLogger(__name__)
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
-TYPES = {
-    'box': mujoco.mjtGeom.mjGEOM_BOX,
-    'cylinder': mujoco.mjtGeom.mjGEOM_CYLINDER,
-    'sphere': mujoco.mjtGeom.mjGEOM_SPHERE,
-    'mesh': mujoco.mjtGeom.mjGEOM_MESH,
+# What a kind of shape is, and its size: halves of a box's edges and of a cylinder's length.
+TYPES: dict[str, tuple[int, Callable[..., list[float]]]] = {
+    'box': (mujoco.mjtGeom.mjGEOM_BOX, lambda x, y, z: [x / 2.0, y / 2.0, z / 2.0]),
+    'cylinder': (mujoco.mjtGeom.mjGEOM_CYLINDER, lambda radius, h: [radius, h / 2.0, 0.0]),
+    'sphere': (mujoco.mjtGeom.mjGEOM_SPHERE, lambda radius: [radius, 0.0, 0.0]),
+    'mesh': (mujoco.mjtGeom.mjGEOM_MESH, lambda: [0.0, 0.0, 0.0]),
 }
 # What collides looks like what is drawn before it in its link, or else as MuJoCo has it.
 PLAIN: Colour = (0.5, 0.5, 0.5, 1.0)
@@ -134,9 +135,10 @@ def add_geoms(
 def _add_geom(
     body: mujoco.MjsBody, shape: Shape, colour: Colour, meshes: Meshes
 ) -> mujoco.MjsGeom:
+    kind, size = TYPES[shape.kind]
     return body.add_geom(
-        type=TYPES[shape.kind],
-        size=_size(shape),
+        type=kind,
+        size=size(*shape.size),
         pos=shape.pose.position,
         quat=quaternion(shape.pose),
         meshname=meshes.name_of(shape) if shape.kind == 'mesh' else '',
@@ -146,15 +148,3 @@ def _add_geom(
         conaffinity=int(shape.collides),
         mass=0.0,  # else MuJoCo weighs the shapes of links without an inertial
     )
-
-
-def _size(shape: Shape) -> list[float]:
-    """Return the size as MuJoCo has it: halves of a box's edges and of a cylinder's length."""
-    if shape.kind == 'box':
-        return [edge / 2.0 for edge in shape.size]
-    if shape.kind == 'cylinder':
-        radius, length = shape.size
-        return [radius, length / 2.0, 0.0]
-    if shape.kind == 'sphere':
-        return [shape.size[0], 0.0, 0.0]
-    return [0.0, 0.0, 0.0]

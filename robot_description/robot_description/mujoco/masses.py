@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Masses and inertias as MuJoCo can take them; what no body can have is mended or refused."""
 
-from typing import NamedTuple
+from collections.abc import Mapping
 
+import mujoco
 import numpy as np
 
 from robot_description.errors import DescriptionError
 from robot_description.inertia import possible_inertia
+from robot_description.mujoco.geoms import quaternion
 from robot_description.pose import NO_ORIGIN
 from robot_description.pose import Origin
 from robot_description.urdf import Robot
@@ -15,32 +17,30 @@ from robot_description.urdf import Robot
 NEXT_TO_NOTHING = 1e-9
 
 
-class Inertial(NamedTuple):
-    """Mass [kg], inertia (3, 3) [kg m^2] about the centre of mass, and the frame of both."""
-
-    mass: float
-    inertia: np.ndarray
-    origin: Origin
-
-
-def inertials(robot: Robot) -> dict[str, Inertial]:
+def add_masses(bodies: Mapping[str, mujoco.MjsBody], robot: Robot) -> None:
     """
-    Return the inertials of the links that need one: the nearest possible for an impossible one.
+    Give the links' bodies their masses and inertias, the nearest possible for an impossible one.
 
     Raises:
         DescriptionError: a joint moves nothing that has a mass.
     """
     virtual = _virtual_links(robot)
-    found = {}
     for link in robot.links.values():
         if link.mass > 0.0:
             mended = possible_inertia(link.inertia, link.mass)
             inertia = link.inertia if mended is None else mended
-            found[link.name] = Inertial(link.mass, inertia, link.inertial)
+            _set_mass(bodies[link.name], link.mass, inertia, link.inertial)
         elif link.name in virtual:
             inertia = NEXT_TO_NOTHING * np.eye(3)
-            found[link.name] = Inertial(NEXT_TO_NOTHING, inertia, NO_ORIGIN)
-    return found
+            _set_mass(bodies[link.name], NEXT_TO_NOTHING, inertia, NO_ORIGIN)
+
+
+def _set_mass(body: mujoco.MjsBody, mass: float, inertia: np.ndarray, frame: Origin) -> None:
+    """Set a body's mass; MuJoCo finds the principal axes of the inertia in the frame by itself."""
+    body.explicitinertial = True
+    body.mass = mass
+    body.ipos, body.iquat = frame.position, quaternion(frame)
+    body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
 
 
 def _virtual_links(robot: Robot) -> set[str]:
