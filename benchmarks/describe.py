@@ -10,12 +10,12 @@ import tempfile
 from typing import Any
 
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
-from robot_description.errors import UserError
+from robot_description.description import load_robot
 from robot_description.kinematic_check import check_kinematics
 from robot_description.packages import share_directory
 from table import at_most
 from table import Row
+from wasd_core.errors import UserError
 
 # What a process of its own runs: a world with the Go2 and all that is drawn of it.
 LOAD = """

@@ -13,7 +13,6 @@ from pathlib import Path
 from experiment import Experiment
 from experiment import Verdict
 import numpy as np
-from robot_description.errors import UserError
 from robot_description.expand import expand
 from robot_description.packages import share_directory
 from robot_description.quadruped import find_quadruped
@@ -26,6 +25,7 @@ from trials import Run
 from trials import simulate_all
 from trials import START
 from trials import Trace
+from wasd_core.errors import UserError
 
 FIRST_SEED = 1000
 # In example-robot-data, which the project installs.

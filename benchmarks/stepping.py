@@ -4,11 +4,11 @@
 import sys
 
 import rclpy
-from robot_description.node_support import init_ros
-from robot_description.node_support import StopSignals
 from wasd_bringup.cli import make_parser
 from wasd_bringup.options import read_options
 from wasd_bringup.session import Session
+from wasd_core.node import init_ros
+from wasd_core.node import StopSignals
 
 PARAMETERS = ('--ros-args', '-p', 'leg_controller:step_in_place:=true')
 

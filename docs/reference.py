@@ -20,7 +20,7 @@ from ask_nodes import NodeFacts
 from ask_nodes import NODES
 from ask_nodes import VARIANTS
 import rclpy
-from robot_description.node_support import init_ros
+from wasd_core.node import init_ros
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -73,7 +73,7 @@ def isolated_ros(monkeypatch: pytest.MonkeyPatch, log_directory: Path) -> int:
 def ros(isolated_ros: int) -> Iterator[None]:
     """Have rclpy initialised as the project's nodes do it, and shut down afterwards."""
     import rclpy
-    from robot_description.node_support import init_ros
+    from wasd_core.node import init_ros
 
     init_ros([])
     yield
@@ -111,7 +111,7 @@ class Spawner:
     """Puts nodes on one `pump` and destroys them in the end."""
 
     def __init__(self) -> None:
-        from robot_description.node_support import MessagePump
+        from wasd_core.node import MessagePump
 
         self.pump = MessagePump()
         self._nodes: list[Any] = []

@@ -8,11 +8,11 @@ import difflib
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from robot_description.parameters import InvalidParameter
-from robot_description.parameters import outward_name
-from robot_description.safe_yaml import compose_yaml
-from robot_description.safe_yaml import construct
-from robot_description.safe_yaml import read_text
+from wasd_core.parameters import InvalidParameter
+from wasd_core.parameters import outward_name
+from wasd_core.safe_yaml import compose_yaml
+from wasd_core.safe_yaml import construct
+from wasd_core.safe_yaml import read_text
 import yaml
 
 from diff_drive_sim.parameters import DiffDriveParameters

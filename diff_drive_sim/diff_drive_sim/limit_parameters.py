@@ -4,8 +4,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-from robot_description.parameters import parameter
-from robot_description.parameters import Parameters
+from wasd_core.parameters import parameter
+from wasd_core.parameters import Parameters
 
 from diff_drive_sim.limits import AxisLimits
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.parameters import outward_name
+from wasd_core.parameters import outward_name
 
 from diff_drive_sim.controller_file import ALIASES
 from diff_drive_sim.controller_file import read_controller_file

@@ -3,9 +3,9 @@
 
 from dataclasses import dataclass
 
-from robot_description.parameters import InvalidParameter
-from robot_description.parameters import parameter
-from robot_description.parameters import Parameters
+from wasd_core.parameters import InvalidParameter
+from wasd_core.parameters import parameter
+from wasd_core.parameters import Parameters
 
 # A planar robot knows nothing of z, roll and pitch: 1e6 tells a filter to look elsewhere.
 UNKNOWN = 1e6

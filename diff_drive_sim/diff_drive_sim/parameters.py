@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 
-from robot_description.parameters import parameter
+from wasd_core.parameters import parameter
 
 from diff_drive_sim.limit_parameters import LimitParameters
 from diff_drive_sim.odometry_parameters import OdometryParameters

@@ -11,8 +11,8 @@ from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.node import Node
-from robot_description.inlet import Inlet
-from robot_description.qos import RELIABLE
+from wasd_core.loopback import Inlet
+from wasd_core.qos import RELIABLE
 
 TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
 # How often publishers of the other type are looked for, and their messages taken [s, wall time].

@@ -10,34 +10,11 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.msg import KeyValue
 from nav_msgs.msg import Odometry
 import numpy as np
-from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
-from trajectory_msgs.msg import JointTrajectoryPoint
+from wasd_core.robot_io import BaseState
+from wasd_core.rotations import rotate_inverse
 
-from mujoco_sim.base_state import BaseState
-from mujoco_sim.errors import SimulationError
-from mujoco_sim.sensors import ImuReading
-from mujoco_sim.sensors import JointStates
 from mujoco_sim.wheel_slip import Slip
-from mujoco_sim.world import JointCommand
-
-
-def to_stamp(simulated: float) -> Time:
-    """Return simulated time [s] as a stamp."""
-    nanoseconds = round(simulated * 1e9)
-    return Time(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-
-
-def to_joint_state(names: Sequence[str], joints: JointStates, stamp: Time) -> JointState:
-    """Return sensor_msgs/JointState with position, velocity and effort."""
-    message = JointState()
-    message.header.stamp = stamp
-    message.name = list(names)
-    message.position = joints.position.tolist()
-    message.velocity = joints.velocity.tolist()
-    message.effort = joints.effort.tolist()
-    return message
 
 
 def to_ground_truth(base: BaseState, frame: str, child_frame: str, stamp: Time) -> Odometry:
@@ -94,19 +71,6 @@ def to_wheel_slip(names: Sequence[str], slips: Sequence[Slip], stamp: Time) -> J
     return message
 
 
-def to_imu(reading: ImuReading, frame: str, stamp: Time) -> Imu:
-    """Return sensor_msgs/Imu; the readings are in the axes of the robot's root."""
-    message = Imu()
-    message.header.stamp = stamp
-    message.header.frame_id = frame
-    orientation, rate = message.orientation, message.angular_velocity
-    force = message.linear_acceleration
-    orientation.w, orientation.x, orientation.y, orientation.z = reading.orientation.tolist()
-    rate.x, rate.y, rate.z = reading.angular_velocity.tolist()
-    force.x, force.y, force.z = reading.linear_acceleration.tolist()
-    return message
-
-
 def to_foot_contacts(names: Sequence[str], forces: np.ndarray, stamp: Time) -> JointState:
     """Return the normal force on each foot [N]: link names, and the forces as efforts."""
     message = JointState()
@@ -114,81 +78,6 @@ def to_foot_contacts(names: Sequence[str], forces: np.ndarray, stamp: Time) -> J
     message.name = list(names)
     message.effort = forces.tolist()
     return message
-
-
-def rotate_inverse(orientation: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Return a world-frame vector in the frame of a quaternion (w, x, y, z), shape (3,)."""
-    # In plain numbers: np.cross takes 20 us for one of these. With q the vector part of the
-    # inverse and u = q x v, the result is v + 2 (w u + q x u).
-    w, x, y, z = orientation.tolist()
-    a, b, c = vector.tolist()
-    d, e, f = z * b - y * c, x * c - z * a, y * a - x * b
-    return np.array(
-        [
-            a + 2.0 * (w * d + z * e - y * f),
-            b + 2.0 * (w * e + x * f - z * d),
-            c + 2.0 * (w * f + y * d - x * e),
-        ]
-    )
-
-
-def to_joint_commands(names: Sequence[str], command: JointCommand, stamp: Time) -> JointTrajectory:
-    """
-    Return a joint command as trajectory_msgs/JointTrajectory of two points.
-
-    The first point is the set-point: positions, velocities, effort. The second holds the gains
-    in the slots of what they multiply: kp in positions, kd in velocities.
-    """
-    message = JointTrajectory()
-    message.header.stamp = stamp
-    message.joint_names = list(names)
-    message.points = [
-        JointTrajectoryPoint(
-            positions=command.position.tolist(),
-            velocities=command.velocity.tolist(),
-            effort=command.effort.tolist(),
-        ),
-        JointTrajectoryPoint(positions=command.kp.tolist(), velocities=command.kd.tolist()),
-    ]
-    return message
-
-
-def from_joint_commands(message: JointTrajectory, names: Sequence[str]) -> JointCommand:
-    """
-    Return the command of a message in the order of `names`; joints it leaves out get zeros.
-
-    Raises:
-        SimulationError: an unknown joint, a missing gain point, or lists of different lengths.
-    """
-    if len(message.points) != 2:
-        raise SimulationError(
-            f'joint_commands needs 2 points (set-point, gains), got {len(message.points)}'
-        )
-    unknown = sorted(set(message.joint_names) - set(names))
-    if unknown:
-        raise SimulationError(
-            f'joint_commands names {", ".join(unknown)}; motors are {", ".join(names)}'
-        )
-    places = [names.index(name) for name in message.joint_names]
-    setpoint, gains = message.points
-    columns = (
-        setpoint.positions,
-        setpoint.velocities,
-        setpoint.effort,
-        gains.positions,
-        gains.velocities,
-    )
-    parts = []
-    for column in columns:
-        if len(column) not in (0, len(places)):
-            raise SimulationError(
-                f'joint_commands has {len(places)} joints but a list of {len(column)} values'
-            )
-        part = np.zeros(len(names))
-        if len(column):
-            part[places] = column
-        parts.append(part)
-    return JointCommand(*parts)
 
 
 def to_diagnostics(

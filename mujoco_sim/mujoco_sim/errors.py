@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of this package."""
 
-from robot_description.errors import UserError
+from wasd_core.errors import UserError
 
 
 class SimulationError(UserError):

@@ -4,8 +4,8 @@
 from typing import NamedTuple
 
 import mujoco
-from robot_description.pose import Pose
 from robot_description.urdf import Robot
+from wasd_core.rotations import Pose
 
 from mujoco_sim.world import World
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from robot_description.pose import Pose
 from robot_description.renderer_choice import find_renderer
 from robot_description.renderer_choice import NO_RENDERER
+from wasd_core.rotations import Pose
 
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.world import World

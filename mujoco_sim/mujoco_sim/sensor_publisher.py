@@ -7,19 +7,19 @@ from typing import Any
 from builtin_interfaces.msg import Time
 import numpy as np
 from rclpy.node import Node
-from robot_description.node_support import has_listener
-from robot_description.node_support import has_subscriber
-from robot_description.qos import RELIABLE
-from robot_description.visible import visible
+from robot_description.description import Description
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan
+from wasd_core.conversions import to_stamp
+from wasd_core.node import has_listener
+from wasd_core.node import has_subscriber
+from wasd_core.qos import RELIABLE
+from wasd_core.visible import visible
 
 from mujoco_sim.camera import Camera
-from mujoco_sim.conversions import to_stamp
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.lidar import Lidar
-from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.mount import Snapshot
 from mujoco_sim.offscreen import Offscreen
 from mujoco_sim.parameters import SimulatorParameters
@@ -65,7 +65,7 @@ class SensorPublisher:
     """
 
     def __init__(
-        self, node: Node, loaded: LoadedRobot, world: World, settings: SimulatorParameters
+        self, node: Node, loaded: Description, world: World, settings: SimulatorParameters
     ) -> None:
         """
         Find the sensors in the robot's description; nothing is rendered yet.

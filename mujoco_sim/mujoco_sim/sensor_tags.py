@@ -10,9 +10,9 @@ from typing import NamedTuple
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from robot_description.pose import Pose
-from robot_description.pose import rpy_matrix
 from robot_description.urdf import Robot
+from wasd_core.rotations import Pose
+from wasd_core.rotations import rpy_matrix
 
 from mujoco_sim.errors import SimulationError
 

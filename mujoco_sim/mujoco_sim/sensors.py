@@ -1,34 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the robot can measure: joints and an IMU, with noise."""
 
-from typing import NamedTuple
-
 import numpy as np
+from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
 
 from mujoco_sim.robot_setup import SensorNoise
-
-
-class JointStates(NamedTuple):
-    """Joints in the order of `World.joint_names`, each array of shape (n,)."""
-
-    position: np.ndarray  # [rad]
-    velocity: np.ndarray  # [rad/s]
-    effort: np.ndarray  # [N m], of the last physics step; 0 without a motor
-
-
-class ImuReading(NamedTuple):
-    """The IMU in the root's axes: quaternion w, x, y, z; [rad/s]; specific force [m/s^2]."""
-
-    orientation: np.ndarray
-    angular_velocity: np.ndarray
-    linear_acceleration: np.ndarray
-
-
-class Reading(NamedTuple):
-    """Everything measured in one instant; `imu` is None for a robot without one."""
-
-    joints: JointStates
-    imu: ImuReading | None
 
 
 class NoisySensors:

@@ -8,35 +8,35 @@ from diagnostic_msgs.msg import DiagnosticArray
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.conversions import to_seconds
-from robot_description.node_support import declare_parameters
-from robot_description.node_support import has_listener
-from robot_description.node_support import MessagePump
-from robot_description.node_support import run_node
-from robot_description.node_support import StopSignals
-from robot_description.parameters import Parameters
-from robot_description.qos import RELIABLE
-from robot_description.qos import SENSOR_DATA
-from robot_description.visible import visible
+from robot_description.description import Description
+from robot_description.description import load_robot
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.conversions import to_seconds
+from wasd_core.conversions import to_stamp
+from wasd_core.node import declare_parameters
+from wasd_core.node import has_listener
+from wasd_core.node import MessagePump
+from wasd_core.node import run_node
+from wasd_core.node import StopSignals
+from wasd_core.parameters import Parameters
+from wasd_core.qos import RELIABLE
+from wasd_core.qos import SENSOR_DATA
+from wasd_core.robot_messages import from_joint_commands
+from wasd_core.robot_messages import to_imu
+from wasd_core.robot_messages import to_joint_state
+from wasd_core.visible import visible
 
 from mujoco_sim.answer_hold import AnswerHold
-from mujoco_sim.conversions import from_joint_commands
 from mujoco_sim.conversions import to_diagnostics
 from mujoco_sim.conversions import to_foot_contacts
-from mujoco_sim.conversions import to_imu
-from mujoco_sim.conversions import to_joint_state
-from mujoco_sim.conversions import to_stamp
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.executables import SIMULATOR
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
-from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.sensor_publisher import SensorPublisher
 from mujoco_sim.sensor_tags import has_camera
@@ -64,7 +64,7 @@ class SimulatorNode(Node):
 
     def __init__(
         self,
-        robot: LoadedRobot | None = None,
+        robot: Description | None = None,
         world: World | None = None,
         *,
         lock_step: bool = False,
@@ -154,7 +154,7 @@ class SimulatorNode(Node):
         self._world.brake()
         self._sensors.close()
 
-    def _build_world(self, robot: LoadedRobot) -> World:
+    def _build_world(self, robot: Description) -> World:
         setup = usual_setup(robot.robot, self.settings.sensor_noise)
         try:
             visuals = has_camera(robot.urdf, robot.robot)

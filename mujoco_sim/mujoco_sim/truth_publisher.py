@@ -8,18 +8,18 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from robot_description.conversions import to_seconds
-from robot_description.node_support import has_listener
-from robot_description.node_support import has_subscriber
-from robot_description.qos import RELIABLE
-from robot_description.qos import SENSOR_DATA
 from robot_description.urdf import Robot
 from sensor_msgs.msg import JointState
+from wasd_core.conversions import to_seconds
+from wasd_core.conversions import to_stamp
+from wasd_core.node import has_listener
+from wasd_core.node import has_subscriber
+from wasd_core.qos import RELIABLE
+from wasd_core.qos import SENSOR_DATA
+from wasd_core.robot_io import BaseState
 
-from mujoco_sim.base_state import BaseState
 from mujoco_sim.conversions import to_ground_truth
 from mujoco_sim.conversions import to_odometry_error
-from mujoco_sim.conversions import to_stamp
 from mujoco_sim.conversions import to_wheel_slip
 from mujoco_sim.mount import Snapshot
 from mujoco_sim.wheel_slip import WheelSlip

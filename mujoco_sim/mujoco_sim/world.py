@@ -3,20 +3,20 @@
 
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from wasd_core.robot_io import BaseState
+from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
 
-from mujoco_sim.base_state import BaseState
 from mujoco_sim.motors import TorqueSpeedCurve
 from mujoco_sim.physics import Physics
 from mujoco_sim.robot_parts import RobotParts
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.sensors import ImuReading
-from mujoco_sim.sensors import JointStates
 from mujoco_sim.sensors import NoisySensors
-from mujoco_sim.sensors import Reading
 from mujoco_sim.start_pose import put_at_start
 
 FALL_TILT = np.deg2rad(60.0)
@@ -25,21 +25,6 @@ BRAKE_DAMPING = 3.0
 # ... but at most this share of what stops a joint within one physics step: motor torques are
 # integrated explicitly, which diverges beyond 2 and rings beyond 1.
 STABLE_SHARE = 0.5
-
-
-class JointCommand(NamedTuple):
-    """
-    Motors in the order of `World.motor_names`, each array of shape (m,).
-
-    The motor applies `effort + kp (position - q) + kd (velocity - v)` [N m], clipped to its limit,
-    at every physics step.
-    """
-
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
-    kp: np.ndarray
-    kd: np.ndarray
 
 
 class World:

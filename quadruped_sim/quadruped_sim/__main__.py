@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`python -m quadruped_sim` compiles the leg controller, at the end of an installation."""
 
-from mujoco_sim.loading import load_robot
+from robot_description.description import load_robot
 
 from quadruped_sim.warm_up import warm_up
 

@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 from numba.core import event
-from robot_description.errors import Stopped
+from wasd_core.errors import Stopped
 
 NOTICE = 'compiling, once: the leg controller, which takes some 15 s of a core'
 # How long a stop may go unnoticed while the other process compiles [s].

@@ -5,8 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from robot_description.quadruped import Quadruped
+from wasd_core.robot_io import BaseState as TrueBase
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import Reading
 
+from quadruped_sim.records import BaseState
 from quadruped_sim.records import LegCommand
+from quadruped_sim.records import Sensors
 
 
 class JointMap:
@@ -50,3 +55,31 @@ class JointMap:
             command.kp[motors],
             command.kd[motors],
         )
+
+
+def to_sensors(reading: Reading, joints: JointMap, truth: TrueBase | None) -> Sensors:
+    """Return a reading as the controller has it, in leg angles."""
+    assert reading.imu is not None  # the node refuses a robot without one
+    states, imu = reading.joints, reading.imu
+    return Sensors(
+        joint_position=joints.angles(states.position),
+        joint_velocity=joints.rates(states.velocity),
+        joint_effort=joints.rates(states.effort),
+        imu_orientation=imu.orientation,
+        imu_angular_velocity=imu.angular_velocity,
+        imu_linear_acceleration=imu.linear_acceleration,
+        truth=to_base(truth) if truth is not None else None,
+    )
+
+
+def to_base(truth: TrueBase) -> BaseState:
+    """Return the simulator's base state as the controller's record."""
+    return BaseState(
+        truth.position, truth.orientation, truth.linear_velocity, truth.angular_velocity
+    )
+
+
+def to_joint_command(command: LegCommand, joints: JointMap) -> JointCommand:
+    """Return a command as the simulator's motors take it."""
+    motors = joints.command(command)
+    return JointCommand(motors.position, motors.velocity, motors.effort, motors.kp, motors.kd)

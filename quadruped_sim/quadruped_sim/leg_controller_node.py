@@ -5,45 +5,45 @@ import math
 import sys
 
 from geometry_msgs.msg import Twist
-from mujoco_sim.base_state import BaseState
-from mujoco_sim.conversions import to_joint_commands
-from mujoco_sim.loading import load_robot
-from mujoco_sim.sensors import Reading
-from mujoco_sim.world import JointCommand
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.absence import AbsenceWatch
-from robot_description.beat import Beat
-from robot_description.conversions import to_seconds
-from robot_description.inlet import Inlet
-from robot_description.node_support import declare_parameters
-from robot_description.node_support import run_node
-from robot_description.notice import Notice
-from robot_description.qos import EVENTS
-from robot_description.qos import LATCHED
-from robot_description.qos import RELIABLE
-from robot_description.qos import SENSOR_DATA
-from robot_description.stop_signals import stop_requested
-from robot_description.tf import TfBroadcaster
+from robot_description.description import load_robot
 from robot_description.urdf import parse_urdf
-from robot_description.visible import visible
 from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.absence import AbsenceWatch
+from wasd_core.beat import Beat
+from wasd_core.conversions import to_seconds
+from wasd_core.loopback import Inlet
+from wasd_core.node import declare_parameters
+from wasd_core.node import run_node
+from wasd_core.notice import Notice
+from wasd_core.qos import EVENTS
+from wasd_core.qos import LATCHED
+from wasd_core.qos import RELIABLE
+from wasd_core.qos import SENSOR_DATA
+from wasd_core.robot_io import BaseState
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import Reading
+from wasd_core.robot_messages import to_base_state
+from wasd_core.robot_messages import to_joint_commands
+from wasd_core.robot_messages import to_reading
+from wasd_core.stop_signals import stop_requested
+from wasd_core.tf import TfBroadcaster
+from wasd_core.visible import visible
 
 from quadruped_sim.compilation import compile_once
 from quadruped_sim.conversions import Frames
-from quadruped_sim.conversions import from_messages
-from quadruped_sim.conversions import from_odometry
-from quadruped_sim.conversions import to_joint_command
 from quadruped_sim.conversions import to_odometry
-from quadruped_sim.conversions import to_sensors
 from quadruped_sim.conversions import to_transform
 from quadruped_sim.executables import LEG_CONTROLLER
 from quadruped_sim.joint_map import JointMap
+from quadruped_sim.joint_map import to_joint_command
+from quadruped_sim.joint_map import to_sensors
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.node_parameters import LegNodeParameters
 from quadruped_sim.parameters import CommandParameters
@@ -219,7 +219,7 @@ class LegControllerNode(Node):
         self._answer_when_complete()
 
     def _on_truth(self, message: Odometry) -> None:
-        self._truth = from_odometry(message)
+        self._truth = to_base_state(message)
         self._truth_at = to_seconds(message.header.stamp)
         self._answer_when_complete()
 
@@ -258,7 +258,7 @@ class LegControllerNode(Node):
         self.notice.step(now - previous)
         dt = min(now - previous, MAXIMUM_STEP)
         self.controller.command_filter.pass_time(now - previous - dt)
-        reading = from_messages(message, self._imu)
+        reading = to_reading(message, self._imu)
         command = self.control(reading, names, motors, dt, self._truth)
         self._commands.publish(to_joint_commands(motors, command, stamp))
         if self._beat.is_due(now, self.settings.publish_rate):

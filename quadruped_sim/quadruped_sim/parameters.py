@@ -8,8 +8,8 @@ The numbers are the Go2's. `scaling` gives those of another robot, by the units 
 from dataclasses import dataclass
 from dataclasses import field
 
-from robot_description.parameters import parameter
-from robot_description.parameters import Parameters
+from wasd_core.parameters import parameter
+from wasd_core.parameters import Parameters
 
 
 @dataclass(frozen=True, kw_only=True)

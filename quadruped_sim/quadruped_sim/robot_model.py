@@ -7,7 +7,6 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pinocchio as pin
-from robot_description.errors import DescriptionError
 from robot_description.imu import imu_position
 from robot_description.mujoco.builder import REFLECTED_INERTIA
 from robot_description.quadruped import find_quadruped
@@ -15,6 +14,7 @@ from robot_description.quadruped import Quadruped
 from robot_description.similarity import scale_of
 from robot_description.similarity import similar_pose
 from robot_description.urdf import parse_urdf
+from wasd_core.errors import DescriptionError
 
 from quadruped_sim.exceptions import RobotModelError
 from quadruped_sim.leg_kinematics import foot_positions

@@ -14,8 +14,8 @@ from dataclasses import replace
 import math
 from typing import Any, TypeVar
 
-from robot_description.parameters import Parameters
 from robot_description.similarity import Scale
+from wasd_core.parameters import Parameters
 
 from quadruped_sim.convex_mpc import GRAVITY
 from quadruped_sim.parameters import LegControllerParameters

@@ -17,6 +17,8 @@ import sysconfig
 import tempfile
 import time
 
+from wasd_core.errors import UserError
+
 from robot_description import code_of_tf2_msgs
 from robot_description.code_of_tf2_msgs import CannotBuild
 from robot_description.code_of_tf2_msgs import DESCRIPTION
@@ -25,7 +27,6 @@ from robot_description.code_of_tf2_msgs import NAME
 from robot_description.code_of_tf2_msgs import PACKAGE
 from robot_description.code_of_tf2_msgs import PREFIX
 from robot_description.code_of_tf2_msgs import SOURCE
-from robot_description.errors import UserError
 
 SITE_PACKAGES = Path(sysconfig.get_path('purelib'))
 # What the installed package was made of; also the mark that it is ours.

@@ -15,8 +15,7 @@ import sysconfig
 from typing import Any
 
 import numpy as np
-
-from robot_description.errors import UserError
+from wasd_core.errors import UserError
 
 NAME = 'tf2_msgs'
 SOURCE = Path(__file__).parent / 'interfaces' / NAME

@@ -9,14 +9,14 @@ import re
 import signal
 import sys
 
-from robot_description.argument_parser import OneLineParser
-from robot_description.errors import UserError
-from robot_description.output_file import identity
-from robot_description.output_file import OutputFile
-from robot_description.streams import lost_output
-from robot_description.streams import OutputLost
-from robot_description.streams import prepare_streams
-from robot_description.streams import print_error
+from wasd_core.command_line import OneLineParser
+from wasd_core.errors import UserError
+from wasd_core.output_file import identity
+from wasd_core.output_file import OutputFile
+from wasd_core.streams import lost_output
+from wasd_core.streams import OutputLost
+from wasd_core.streams import prepare_streams
+from wasd_core.streams import print_error
 
 # What a xacro argument looks like on the command line.
 ASSIGNMENT = ':='

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.dom import minidom
 
-from robot_description.errors import DescriptionError
-from robot_description.places import LocatedError
-from robot_description.places import Place
+from wasd_core.errors import DescriptionError
+from wasd_core.places import LocatedError
+from wasd_core.places import Place
+
 from robot_description.reach import Reach
 from robot_description.xacro_session import XacroSession
 

@@ -8,7 +8,7 @@ import re
 from types import CodeType
 from typing import Any
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
 
 # What all expressions of a description may do together: calls, and items of their loops.
 MOST_STEPS = 200_000

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from wasd_core.rotations import Pose
 
-from robot_description.pose import Pose
 from robot_description.urdf import Robot
 from robot_description.urdf_shapes import Shape
 

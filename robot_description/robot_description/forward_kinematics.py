@@ -3,8 +3,9 @@
 
 from collections.abc import Mapping
 
-from robot_description.pose import IDENTITY
-from robot_description.pose import Pose
+from wasd_core.rotations import IDENTITY
+from wasd_core.rotations import Pose
+
 from robot_description.urdf import Robot
 
 

@@ -9,14 +9,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
+from wasd_core.streams import unguarded
+from wasd_core.visible import visible
 
 from robot_description.description import Description
 from robot_description.mesh_report import MeshRecord
 from robot_description.robot_kind import kind_of
-from robot_description.streams import unguarded
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
-from robot_description.visible import visible
 
 # Where no terminal says how wide it is.
 WIDTH = 120

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
+from wasd_core.errors import DescriptionError
+from wasd_core.rotations import Pose
 
-from robot_description.errors import DescriptionError
 from robot_description.foot import find_foot
-from robot_description.pose import Pose
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
 
 EXACT = 'exact'
 MISSING = 'missing'

@@ -8,7 +8,8 @@ from pathlib import Path
 from pathlib import PurePosixPath
 from typing import NamedTuple
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+
 from robot_description.mesh_files import best_format
 from robot_description.mesh_files import closest
 from robot_description.mesh_files import in_any_case

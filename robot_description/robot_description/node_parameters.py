@@ -3,8 +3,8 @@
 
 from dataclasses import dataclass
 
-from robot_description.parameters import parameter
-from robot_description.parameters import Parameters
+from wasd_core.parameters import parameter
+from wasd_core.parameters import Parameters
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,8 @@ import os
 from pathlib import Path
 import sys
 
-from robot_description.errors import PackageNotFound
+from wasd_core.errors import PackageNotFound
+
 from robot_description.package_tree import manifest_name
 from robot_description.package_tree import own_folder
 from robot_description.package_tree import packages_below

@@ -7,13 +7,13 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from PIL import Image
+from wasd_core.errors import DescriptionError
+from wasd_core.output_file import OutputFile
 
-from robot_description.errors import DescriptionError
 from robot_description.mujoco.builder import compile_model
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.mujoco.geoms import FindMesh
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.output_file import OutputFile
 from robot_description.renderer_choice import find_renderer
 from robot_description.renderer_choice import NO_RENDERER
 from robot_description.urdf import Robot

@@ -6,8 +6,8 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pinocchio as pin
+from wasd_core.errors import DescriptionError
 
-from robot_description.errors import DescriptionError
 from robot_description.mujoco.builder import ROOT_JOINT
 from robot_description.urdf import INERTIA_COMPONENTS
 from robot_description.urdf import MOVABLE

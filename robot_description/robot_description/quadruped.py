@@ -4,12 +4,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from wasd_core.rotations import Pose
 
 from robot_description.leg import Leg
 from robot_description.leg import measure_leg
 from robot_description.leg import NotAQuadruped
 from robot_description.leg import WANTED
-from robot_description.pose import Pose
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
 

@@ -4,7 +4,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+
 from robot_description.package_tree import MANIFEST
 from robot_description.package_tree import own_folder
 from robot_description.packages import installed_folders

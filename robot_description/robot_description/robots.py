@@ -4,7 +4,8 @@
 import os
 from pathlib import Path
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+
 from robot_description.packages import share_directory
 
 DESCRIPTIONS = {

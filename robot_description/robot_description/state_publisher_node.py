@@ -9,25 +9,25 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from wasd_core.beat import Beat
+from wasd_core.conversions import to_seconds
+from wasd_core.conversions import to_transform
+from wasd_core.node import declare_parameters
+from wasd_core.node import run_node
+from wasd_core.qos import LATCHED
+from wasd_core.qos import SENSOR_DATA
+from wasd_core.rotations import Pose
+from wasd_core.tf import TfBroadcaster
+from wasd_core.visible import visible
 
-from robot_description.beat import Beat
-from robot_description.conversions import to_seconds
-from robot_description.conversions import to_transform
 from robot_description.description import Description
 from robot_description.description import read_description
 from robot_description.executables import STATE_PUBLISHER
 from robot_description.joint_names import unknown_joint_warning
 from robot_description.node_parameters import StatePublisherParameters
-from robot_description.node_support import declare_parameters
-from robot_description.node_support import run_node
-from robot_description.pose import Pose
 from robot_description.published_urdf import published_urdf
-from robot_description.qos import LATCHED
-from robot_description.qos import SENSOR_DATA
 from robot_description.robots import description_path
-from robot_description.tf import TfBroadcaster
 from robot_description.urdf import Joint
-from robot_description.visible import visible
 
 
 class StatePublisherNode(Node):

@@ -9,15 +9,15 @@ from typing import TypeVar
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+from wasd_core.errors import DescriptionError
+from wasd_core.rotations import axis_angle
+from wasd_core.rotations import IDENTITY
+from wasd_core.rotations import Origin
+from wasd_core.rotations import Pose
+from wasd_core.safe_reading import check_xml
 
-from robot_description.errors import DescriptionError
 from robot_description.gazebo_tags import read_friction
 from robot_description.gazebo_tags import read_self_collide
-from robot_description.pose import axis_angle
-from robot_description.pose import IDENTITY
-from robot_description.pose import Origin
-from robot_description.pose import Pose
-from robot_description.safe_reading import check_xml
 from robot_description.urdf_numbers import read_numbers
 from robot_description.urdf_shapes import Colour
 from robot_description.urdf_shapes import read_colours

@@ -5,8 +5,7 @@ import math
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
 
 
 def read_numbers(

@@ -7,9 +7,9 @@ from dataclasses import replace
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+from wasd_core.rotations import Origin
+from wasd_core.rotations import rpy_matrix
 
-from robot_description.pose import Origin
-from robot_description.pose import rpy_matrix
 from robot_description.urdf_numbers import parse_numbers
 from robot_description.urdf_numbers import read_numbers
 

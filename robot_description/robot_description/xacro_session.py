@@ -12,19 +12,19 @@ from types import SimpleNamespace
 from typing import Any
 from xml.dom import minidom
 
+from wasd_core.errors import DescriptionError
+from wasd_core.places import parse_with_places
+from wasd_core.places import Place
+from wasd_core.places import place_of
+from wasd_core.safe_reading import check_xml
+from wasd_core.safe_reading import MOST_ELEMENTS
+from wasd_core.safe_reading import read_file
+from wasd_core.safe_yaml import read_yaml
 import xacro
 from xacro import substitution_args
 
-from robot_description.errors import DescriptionError
 from robot_description.expressions import Evaluator
-from robot_description.places import parse_with_places
-from robot_description.places import Place
-from robot_description.places import place_of
 from robot_description.reach import Reach
-from robot_description.safe_reading import check_xml
-from robot_description.safe_reading import MOST_ELEMENTS
-from robot_description.safe_reading import read_file
-from robot_description.safe_yaml import read_yaml
 
 # Macros that unroll a loop call themselves; more often than this none has been seen to.
 DEEPEST_MACRO = 150

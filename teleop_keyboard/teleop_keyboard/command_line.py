@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import sys
 from typing import NamedTuple
 
-from robot_description.executable import Executable
-from robot_description.output_file import OutputFile
+from wasd_core.executable import Executable
+from wasd_core.output_file import OutputFile
 
 
 class KeyOptions(NamedTuple):

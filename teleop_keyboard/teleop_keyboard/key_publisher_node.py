@@ -10,17 +10,17 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from robot_description.errors import UserError
-from robot_description.node_support import declare_parameters
-from robot_description.node_support import init_ros
-from robot_description.qos import EVENTS
-from robot_description.ros_errors import explained
-from robot_description.stop_signals import last_status
-from robot_description.stop_signals import StopSignals
-from robot_description.streams import never_wait
-from robot_description.streams import prepare_streams
-from robot_description.streams import print_error
 from std_msgs.msg import String
+from wasd_core.errors import UserError
+from wasd_core.node import declare_parameters
+from wasd_core.node import init_ros
+from wasd_core.qos import EVENTS
+from wasd_core.ros_errors import explained
+from wasd_core.stop_signals import last_status
+from wasd_core.stop_signals import StopSignals
+from wasd_core.streams import never_wait
+from wasd_core.streams import prepare_streams
+from wasd_core.streams import print_error
 
 from teleop_keyboard.command_line import read_options
 from teleop_keyboard.executables import KEY_PUBLISHER

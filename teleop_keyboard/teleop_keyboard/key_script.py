@@ -11,8 +11,8 @@ import re
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from robot_description.errors import UserError
-from robot_description.output_file import OutputFile
+from wasd_core.errors import UserError
+from wasd_core.output_file import OutputFile
 
 from teleop_keyboard.key_names import canonical_key
 

@@ -4,8 +4,8 @@
 import time
 from typing import Any
 
-from robot_description.qos import LATCHED
 from std_msgs.msg import String
+from wasd_core.qos import LATCHED
 
 from teleop_keyboard.waiting_keys import WaitingKeys
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from robot_description.parameters import InvalidParameter
-from robot_description.safe_yaml import read_text
+from wasd_core.parameters import InvalidParameter
+from wasd_core.safe_yaml import read_text
 
 from teleop_keyboard.layouts import on_layout
 

@@ -3,7 +3,7 @@
 
 import math
 
-from robot_description.parameters import InvalidParameter
+from wasd_core.parameters import InvalidParameter
 
 from teleop_keyboard.key_names import HELD
 from teleop_keyboard.key_names import split_event

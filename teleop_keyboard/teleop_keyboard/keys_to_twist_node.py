@@ -9,11 +9,11 @@ from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.inlet import Inlet
-from robot_description.node_support import declare_parameters
-from robot_description.node_support import run_node
-from robot_description.qos import EVENTS
 from std_msgs.msg import String
+from wasd_core.loopback import Inlet
+from wasd_core.node import declare_parameters
+from wasd_core.node import run_node
+from wasd_core.qos import EVENTS
 
 from teleop_keyboard.conversions import to_twist
 from teleop_keyboard.executables import KEYS_TO_TWIST

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from robot_description.parameters import InvalidParameter
+from wasd_core.parameters import InvalidParameter
 
 # The largest priority of twist_mux: no source can have more than the e-stop.
 HIGHEST_PRIORITY = 255

@@ -3,9 +3,9 @@
 
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from robot_description.qos import LATCHED
-from robot_description.qos import LATEST
 from std_msgs.msg import String
+from wasd_core.qos import LATCHED
+from wasd_core.qos import LATEST
 
 from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.ramp import Velocity

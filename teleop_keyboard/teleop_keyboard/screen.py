@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 import shutil
 from typing import TextIO
 
-from robot_description.streams import offer
-from robot_description.streams import PATIENCE
-from robot_description.visible import visible
+from wasd_core.streams import offer
+from wasd_core.streams import PATIENCE
+from wasd_core.visible import visible
 
 from teleop_keyboard.dashboard import ASCII
 from teleop_keyboard.dashboard import FULL

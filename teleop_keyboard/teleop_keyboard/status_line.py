@@ -6,9 +6,9 @@ import math
 import shutil
 from typing import TextIO
 
-from robot_description.streams import offer
-from robot_description.streams import PATIENCE
-from robot_description.visible import visible
+from wasd_core.streams import offer
+from wasd_core.streams import PATIENCE
+from wasd_core.visible import visible
 
 from teleop_keyboard.terminal import may_draw_on
 from teleop_keyboard.terminal import understands_escapes

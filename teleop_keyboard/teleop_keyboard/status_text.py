@@ -3,7 +3,7 @@
 
 from typing import NamedTuple
 
-from robot_description.notice import brief
+from wasd_core.notice import brief
 
 GAP = '  '
 

@@ -8,16 +8,16 @@ import sys
 import time
 
 import rclpy
-from robot_description.errors import UserError
-from robot_description.node_support import init_ros
-from robot_description.node_support import MessagePump
-from robot_description.notice import Notice
-from robot_description.ros_errors import explained
-from robot_description.stop_signals import last_status
-from robot_description.stop_signals import StopSignals
-from robot_description.streams import never_wait
-from robot_description.streams import prepare_streams
-from robot_description.streams import print_error
+from wasd_core.errors import UserError
+from wasd_core.node import init_ros
+from wasd_core.node import MessagePump
+from wasd_core.notice import Notice
+from wasd_core.ros_errors import explained
+from wasd_core.stop_signals import last_status
+from wasd_core.stop_signals import StopSignals
+from wasd_core.streams import never_wait
+from wasd_core.streams import prepare_streams
+from wasd_core.streams import print_error
 
 from teleop_keyboard.command_line import read_options
 from teleop_keyboard.dashboard import dashboard

@@ -15,10 +15,10 @@ from types import FrameType
 from types import TracebackType
 from typing import Any, Self, TextIO
 
-from robot_description.errors import UserError
-from robot_description.stop_signals import DEADLY
-from robot_description.stop_signals import SUSPENDING
-from robot_description.streams import open_own
+from wasd_core.errors import UserError
+from wasd_core.stop_signals import DEADLY
+from wasd_core.stop_signals import SUSPENDING
+from wasd_core.streams import open_own
 
 # Indices into the list of termios.tcgetattr.
 INPUT_FLAGS = 0

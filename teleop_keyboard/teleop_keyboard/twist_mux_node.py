@@ -16,15 +16,15 @@ from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.absence import AbsenceWatch
-from robot_description.node_support import declare_parameters
-from robot_description.node_support import run_node
-from robot_description.parameters import InvalidParameter
-from robot_description.qos import LATCHED
-from robot_description.qos import RELIABLE
 from std_msgs.msg import Bool
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
+from wasd_core.absence import AbsenceWatch
+from wasd_core.node import declare_parameters
+from wasd_core.node import run_node
+from wasd_core.parameters import InvalidParameter
+from wasd_core.qos import LATCHED
+from wasd_core.qos import RELIABLE
 
 from teleop_keyboard.conversions import is_finite
 from teleop_keyboard.conversions import to_marker

@@ -12,8 +12,8 @@ from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
-from robot_description.parameters import InvalidParameter
-from robot_description.qos import RELIABLE
+from wasd_core.parameters import InvalidParameter
+from wasd_core.qos import RELIABLE
 
 # How often the subscribers' types are looked at [s of wall time].
 LOOK_PERIOD = 0.25

@@ -2,8 +2,8 @@
 """mbot's wheels."""
 
 from diff_drive_sim.geometry import DiffDriveGeometry
-from mujoco_sim.loading import load_robot
 import pytest
+from robot_description.description import load_robot
 from robot_description.urdf import Robot
 
 

@@ -4,7 +4,7 @@ import math
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest
-from robot_description.parameters import InvalidParameter
+from wasd_core.parameters import InvalidParameter
 
 # As the tutorial prints it: one pair of braces per level, no indent, comments in Chinese.
 TUTORIAL = """controllers: {

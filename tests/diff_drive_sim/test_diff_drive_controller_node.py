@@ -13,9 +13,9 @@ import pytest
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.node_support import init_ros
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.node import init_ros
 
 WHEELS = ['left_wheel_joint', 'right_wheel_joint']
 

@@ -6,8 +6,8 @@ from diff_drive_sim.geometry import configured
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.geometry import find_wheels
 from diff_drive_sim.wheel_parameters import WheelParameters
-from mujoco_sim.loading import load_robot
 import pytest
+from robot_description.description import load_robot
 from robot_description.urdf import parse_urdf
 
 

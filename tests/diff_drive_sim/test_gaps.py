@@ -10,10 +10,10 @@ from geometry_msgs.msg import Twist
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.absence import Absence
-from robot_description.absence import AFTERMATH
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.absence import Absence
+from wasd_core.absence import AFTERMATH
 
 WHEELS = ['left_wheel_joint', 'right_wheel_joint']
 RADIUS = 0.06

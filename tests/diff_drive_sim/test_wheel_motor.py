@@ -11,10 +11,10 @@ from diff_drive_sim.wheel_motor import STALL_SHARE
 from diff_drive_sim.wheel_motor import STEEPEST
 from diff_drive_sim.wheel_motor import wheel_motor
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
-from mujoco_sim.world import JointCommand
 import numpy as np
 import pytest
+from robot_description.description import load_robot
+from wasd_core.robot_io import JointCommand
 
 DT = 0.005
 

@@ -10,9 +10,9 @@ import sys
 import tomllib
 
 import pytest
-from robot_description.executable import Executable
-from robot_description.executable import split_ros_words
-from robot_description.parameters import outward_name
+from wasd_core.executable import Executable
+from wasd_core.executable import split_ros_words
+from wasd_core.parameters import outward_name
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 from rclpy.qos import qos_profile_sensor_data
-from robot_description.ros_domains import claim
 from std_msgs.msg import String
+from wasd_core.ros_domains import claim
 import yaml
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')

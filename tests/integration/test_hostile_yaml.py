@@ -7,9 +7,9 @@ import time
 
 from diff_drive_sim.controller_file import read_controller_file
 import pytest
-from robot_description.errors import UserError
 from robot_description.expand import expand
 from teleop_keyboard.keymap import load_preset
+from wasd_core.errors import UserError
 
 LAUGHS = 'a: &a [x,x,x,x,x,x,x,x,x]\n' + ''.join(
     f'{chr(98 + i)}: &{chr(98 + i)} [{",".join(["*" + chr(97 + i)] * 9)}]\n' for i in range(8)

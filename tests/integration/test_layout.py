@@ -25,16 +25,19 @@ PROJECT = tomllib.loads((ROOT / 'pyproject.toml').read_text())
 
 # What each package may import: arrows point down only, and the keyboard knows no simulation.
 BELOW = {
-    'robot_description': set(),
-    'mujoco_sim': {'robot_description'},
-    'teleop_keyboard': {'robot_description'},
-    'diff_drive_sim': {'mujoco_sim', 'robot_description'},
-    'quadruped_sim': {'mujoco_sim', 'robot_description'},
+    'wasd_core': set(),
+    'robot_description': {'wasd_core'},
+    'mujoco_sim': {'robot_description', 'wasd_core'},
+    'teleop_keyboard': {'wasd_core'},
+    'diff_drive_sim': {'robot_description', 'wasd_core'},
+    'quadruped_sim': {'robot_description', 'wasd_core'},
     'wasd_bringup': {
-        'diff_drive_sim', 'mujoco_sim', 'quadruped_sim', 'robot_description', 'teleop_keyboard'
+        'diff_drive_sim', 'mujoco_sim', 'quadruped_sim', 'robot_description', 'teleop_keyboard',
+        'wasd_core',
     },
 }  # fmt: skip
 EXECUTABLES = {
+    'wasd_core': set(),
     'teleop_keyboard': {'key_publisher', 'keys_to_twist', 'teleop', 'twist_mux'},
     'robot_description': {'describe', 'state_publisher'},
     'mujoco_sim': {'simulator'},

@@ -21,7 +21,7 @@ def start():
 
 @pytest.fixture
 def through_a_fixture():
-    from robot_description.node_support import init_ros
+    from wasd_core.node import init_ros
 
     return init_ros
 

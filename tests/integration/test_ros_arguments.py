@@ -16,7 +16,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import ReliabilityPolicy
-from robot_description.node_support import init_ros
+from wasd_core.node import init_ros
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -24,13 +24,13 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
 from robot_description.description import read_description
-from robot_description.node_support import init_ros
 from robot_description.published_urdf import published_urdf
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
+from wasd_core.node import init_ros
 
 KEYS = {'mbot': '0.1 i*300', 'go2': '0.1 2\n1 4\n1.5 w*4'}
 BASE = {'mbot': 'base_footprint', 'go2': 'base'}

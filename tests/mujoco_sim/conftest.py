@@ -3,10 +3,10 @@
 
 import mujoco
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
-from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.world import World
 import pytest
+from robot_description.description import Description
+from robot_description.description import load_robot
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.urdf import parse_urdf
 
@@ -17,13 +17,13 @@ BALL = """
 
 
 @pytest.fixture(scope='session')
-def loaded() -> LoadedRobot:
+def loaded() -> Description:
     """Return mbot's description."""
     return load_robot('mbot')
 
 
 @pytest.fixture
-def world(loaded: LoadedRobot) -> World:
+def world(loaded: Description) -> World:
     """Return mbot on a flat floor."""
     return build_world(loaded)
 

@@ -6,7 +6,6 @@ import math
 import mujoco
 from mujoco_sim.camera import Camera
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.loading import load_robot
 from mujoco_sim.mount import Snapshot
 from mujoco_sim.offscreen import Offscreen
 from mujoco_sim.scene import furnish
@@ -14,6 +13,7 @@ from mujoco_sim.sensor_tags import read_sensor_tags
 from mujoco_sim.world import World
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.renderer_choice import find_renderer
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import mujoco
-from mujoco_sim.conversions import rotate_inverse
 import numpy as np
 import pytest
+from wasd_core.rotations import rotate_inverse
 
 
 @pytest.mark.parametrize('seed', range(5))

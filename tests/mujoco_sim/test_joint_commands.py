@@ -2,15 +2,15 @@
 """The command law, and its way through a message."""
 
 from builtin_interfaces.msg import Time
-from mujoco_sim.conversions import from_joint_commands
-from mujoco_sim.conversions import to_joint_commands
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.loading import build_world
-from mujoco_sim.world import JointCommand
 import numpy as np
 import pytest
 from trajectory_msgs.msg import JointTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
+from wasd_core.errors import InvalidMessage
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_messages import from_joint_commands
+from wasd_core.robot_messages import to_joint_commands
 
 LIMIT = 2.0
 NAMES = ('left_wheel_joint', 'right_wheel_joint')
@@ -120,7 +120,7 @@ def test_what_a_message_leaves_out_is_zero():
 def test_unknown_joints_are_named_with_the_known_ones():
     message = to_joint_commands(('base_l_wheel_joint', NAMES[1]), COMMAND, Time())
     with pytest.raises(
-        SimulationError, match='names base_l_wheel_joint; motors are left_wheel_joint, right'
+        InvalidMessage, match='names base_l_wheel_joint; motors are left_wheel_joint, right'
     ):
         from_joint_commands(message, NAMES)
 
@@ -128,12 +128,12 @@ def test_unknown_joints_are_named_with_the_known_ones():
 @pytest.mark.parametrize('count', [0, 1, 3])
 def test_missing_gains_are_named(count):
     message = JointTrajectory(joint_names=list(NAMES), points=[JointTrajectoryPoint()] * count)
-    with pytest.raises(SimulationError, match=rf'2 points \(set-point, gains\), got {count}'):
+    with pytest.raises(InvalidMessage, match=rf'2 points \(set-point, gains\), got {count}'):
         from_joint_commands(message, NAMES)
 
 
 def test_a_list_that_is_too_short_is_named():
     message = to_joint_commands(NAMES, COMMAND, Time())
     message.points[1].velocities = [0.1]
-    with pytest.raises(SimulationError, match='2 joints but a list of 1 values'):
+    with pytest.raises(InvalidMessage, match='2 joints but a list of 1 values'):
         from_joint_commands(message, NAMES)

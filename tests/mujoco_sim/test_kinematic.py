@@ -4,9 +4,9 @@ import math
 from mujoco_sim.kinematic import place
 from mujoco_sim.kinematic import PlanarPose
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 
 
 @pytest.fixture

@@ -4,12 +4,12 @@ import math
 
 from mujoco_sim.lidar import Lidar
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
 from mujoco_sim.mount import Snapshot
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.sensor_tags import read_sensor_tags
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 
 # From its joint in the course's URDF: on the axis of the robot, above its lid.
 

@@ -2,13 +2,13 @@
 """Motors give what their torque-speed curve allows, in the simulation, too."""
 
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
 from mujoco_sim.motors import FULL_TORQUE_SHARE
 from mujoco_sim.motors import TorqueSpeedCurve
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.world import JointCommand
 import numpy as np
 import pytest
+from robot_description.description import load_robot
+from wasd_core.robot_io import JointCommand
 
 TORQUE, SPEED = 23.7, 30.1
 

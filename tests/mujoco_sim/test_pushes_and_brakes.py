@@ -4,9 +4,9 @@
 import math
 
 from mujoco_sim.loading import build_world
-from mujoco_sim.world import JointCommand
 import numpy as np
 import pytest
+from wasd_core.robot_io import JointCommand
 
 LIMP = JointCommand(*np.zeros((5, 2)))
 

@@ -4,9 +4,9 @@ from mujoco_sim.errors import SimulationError
 from mujoco_sim.loading import build_world
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.scene import WALL_HEIGHT
-from mujoco_sim.world import JointCommand
 import numpy as np
 import pytest
+from wasd_core.robot_io import JointCommand
 
 MJCF = (
     '<mujoco><worldbody><geom name="ground" type="plane" size="9 9 1"/>'

@@ -2,10 +2,10 @@
 import math
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.loading import load_robot
 from mujoco_sim.sensor_tags import read_sensor_tags
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 from robot_description.urdf import parse_urdf
 
 LIDAR = """

@@ -4,17 +4,17 @@
 import math
 
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import SensorNoise
-from mujoco_sim.sensors import ImuReading
-from mujoco_sim.sensors import JointStates
 from mujoco_sim.sensors import NoisySensors
-from mujoco_sim.sensors import Reading
 from mujoco_sim.sensors import tilted
 from mujoco_sim.usual_setup import usual_setup
 import numpy as np
 import pytest
+from robot_description.description import load_robot
+from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
 
 NOISE = SensorNoise()
 COUNT = 4000

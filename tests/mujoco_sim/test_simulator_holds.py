@@ -5,13 +5,13 @@ from mujoco_sim.answer_hold import LONGEST_LOOK
 from mujoco_sim.answer_hold import PATIENCE
 from mujoco_sim.answer_hold import STATES_AHEAD
 from mujoco_sim.answer_hold import STEADY
-from mujoco_sim.conversions import to_joint_commands
 from mujoco_sim.simulator_node import SimulatorNode
-from mujoco_sim.world import JointCommand
 import numpy as np
 import pytest
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_messages import to_joint_commands
 
 STATE_STEPS = 20  # physics steps between two states at the usual 50 Hz
 

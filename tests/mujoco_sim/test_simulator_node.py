@@ -2,10 +2,8 @@
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from diagnostic_msgs.msg import DiagnosticStatus
-from mujoco_sim.conversions import to_joint_commands
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.statistics import TickStatistics
-from mujoco_sim.world import JointCommand
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
@@ -15,6 +13,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_messages import to_joint_commands
 
 WHEELS = ('left_wheel_joint', 'right_wheel_joint')
 

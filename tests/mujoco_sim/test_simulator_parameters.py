@@ -10,7 +10,7 @@ from mujoco_sim.simulator_node import main
 from mujoco_sim.simulator_node import SimulatorNode
 import pytest
 from rclpy.parameter import Parameter
-from robot_description.errors import UserError
+from wasd_core.errors import UserError
 
 
 @pytest.fixture

@@ -2,12 +2,12 @@
 """Messages are made when there is somebody to get them; what moves does not depend on that."""
 
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.usual_setup import usual_setup
 import numpy as np
 import pytest
 from rclpy.node import Node
+from robot_description.description import load_robot
 from sensor_msgs.msg import JointState
 
 from mujoco_sim import simulator_node

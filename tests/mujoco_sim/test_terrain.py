@@ -6,12 +6,12 @@ import math
 import mujoco
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
 from mujoco_sim.terrain import AHEAD
 from mujoco_sim.terrain import STEPS
 from mujoco_sim.terrain import TREAD
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 
 
 @pytest.fixture(scope='module')

@@ -2,12 +2,12 @@
 """A quadruped begins lying, with real motors and sensors; other robots as they are."""
 
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.usual_setup import COMMAND_DELAY
 from mujoco_sim.usual_setup import usual_setup
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 
 
 @pytest.fixture(scope='module')

@@ -6,9 +6,9 @@ from mujoco_sim.mount import Snapshot
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.wheel_slip import slip
 from mujoco_sim.wheel_slip import WheelSlip
-from mujoco_sim.world import JointCommand
 import numpy as np
 import pytest
+from wasd_core.robot_io import JointCommand
 
 RADIUS, HALF_TRACK = 0.06, 0.19
 

@@ -2,14 +2,14 @@
 import math
 
 import mujoco
-from mujoco_sim.base_state import BaseState
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.loading import build_world
-from mujoco_sim.world import JointCommand
 from mujoco_sim.world import World
 import numpy as np
 import pytest
-from robot_description.pose import rpy_matrix
+from wasd_core.robot_io import BaseState
+from wasd_core.robot_io import JointCommand
+from wasd_core.rotations import rpy_matrix
 
 GRAVITY = 9.81
 WHEELS = ('left_wheel_joint', 'right_wheel_joint')

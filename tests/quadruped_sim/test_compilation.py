@@ -13,7 +13,7 @@ import numba
 import pytest
 from quadruped_sim.compilation import compile_once
 from quadruped_sim.compilation import NOTICE
-from robot_description.errors import Stopped
+from wasd_core.errors import Stopped
 
 import quadruped_sim
 from quadruped_sim import compilation

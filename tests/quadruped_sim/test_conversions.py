@@ -4,25 +4,25 @@
 import math
 
 from builtin_interfaces.msg import Time
-from mujoco_sim.base_state import BaseState
 from mujoco_sim.conversions import to_ground_truth
-from mujoco_sim.conversions import to_imu
-from mujoco_sim.sensors import ImuReading
-from mujoco_sim.sensors import JointStates
-from mujoco_sim.sensors import Reading
 import numpy as np
 import pytest
 from quadruped_sim.conversions import Frames
-from quadruped_sim.conversions import from_messages
-from quadruped_sim.conversions import from_odometry
-from quadruped_sim.conversions import to_joint_command
 from quadruped_sim.conversions import to_odometry
-from quadruped_sim.conversions import to_sensors
 from quadruped_sim.conversions import to_transform
 from quadruped_sim.joint_map import JointMap
+from quadruped_sim.joint_map import to_joint_command
+from quadruped_sim.joint_map import to_sensors
 from quadruped_sim.records import LegCommand
 from quadruped_sim.records import Odometry
 from sensor_msgs.msg import JointState
+from wasd_core.robot_io import BaseState
+from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
+from wasd_core.robot_messages import to_base_state
+from wasd_core.robot_messages import to_imu
+from wasd_core.robot_messages import to_reading
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_the_truth_survives_its_message():
     message = to_ground_truth(truth, 'odom', 'base', Time())
     # In the base frame: the robot looks along y.
     assert message.twist.twist.linear.x == pytest.approx(0.2)
-    for one, other in zip(from_odometry(message), truth, strict=True):
+    for one, other in zip(to_base_state(message), truth, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-12)
 
 
@@ -52,7 +52,7 @@ def test_a_reading_survives_its_messages(reading, model):
     joints, imu = reading
     message = JointState(name=list(model.quadruped.joint_names), position=joints.position.tolist())
     message.velocity, message.effort = joints.velocity.tolist(), joints.effort.tolist()
-    back = from_messages(message, to_imu(imu, 'base', Time()))
+    back = to_reading(message, to_imu(imu, 'base', Time()))
     for one, other in zip((*back.joints, *back.imu), (*joints, *imu), strict=True):
         np.testing.assert_array_equal(one, other)
 

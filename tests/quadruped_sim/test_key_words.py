@@ -12,9 +12,9 @@ from quadruped_sim.state_machine import StateMachine
 from quadruped_sim.state_machine import StateName
 from quadruped_sim.state_machine import TRANSITIONS
 from quadruped_sim.sticks import STICK_KEYS
-from robot_description.notice import brief
 from teleop_keyboard.status_text import Status
 from teleop_keyboard.status_text import status_line
+from wasd_core.notice import brief
 
 WORDS = KeyWords(reset_key='BACKSPACE', help_key='?')
 DRIVE_KEYS = (*STICK_KEYS, ' ', 'SPACE', *ARROWS)

@@ -4,7 +4,6 @@
 import copy
 
 from geometry_msgs.msg import Twist
-from mujoco_sim.conversions import to_stamp
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
@@ -22,6 +21,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.conversions import to_stamp
 
 PERIOD = 0.002
 JOINT_NAMES = tuple(f'{leg}_{part}_joint' for leg in LEGS for part in ('hip', 'thigh', 'calf'))

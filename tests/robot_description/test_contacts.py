@@ -4,9 +4,9 @@
 import mujoco
 import numpy as np
 import pytest
-from robot_description.errors import DescriptionError
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.urdf import parse_urdf
+from wasd_core.errors import DescriptionError
 
 INERTIAL = (
     '<inertial><mass value="1"/>'

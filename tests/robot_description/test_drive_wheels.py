@@ -3,8 +3,8 @@
 
 from dataclasses import replace
 
-from mujoco_sim.loading import load_robot
 import pytest
+from robot_description.description import load_robot
 from robot_description.drive_wheels import drive_wheels
 from robot_description.drive_wheels import equipped
 from robot_description.drive_wheels import GRAVITY

@@ -4,12 +4,12 @@ import subprocess
 import sys
 
 import pytest
-from robot_description.errors import DescriptionError
-from robot_description.errors import PackageNotFound
 from robot_description.expand import expand
 from robot_description.expand import expand_document
 from robot_description.packages import share_directory
 from robot_description.robots import description_path
+from wasd_core.errors import DescriptionError
+from wasd_core.errors import PackageNotFound
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 

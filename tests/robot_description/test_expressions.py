@@ -2,9 +2,9 @@
 import math
 
 import pytest
-from robot_description.errors import DescriptionError
 from robot_description.expand import expand
 from robot_description.expressions import Evaluator
+from wasd_core.errors import DescriptionError
 import xacro
 
 NAMES = {'pi': math.pi, 'radians': math.radians, 'd': {'a': {'b': 2}}, 'name': 'FL', 'n': 3}

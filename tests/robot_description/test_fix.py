@@ -5,12 +5,12 @@ import shutil
 import pytest
 from robot_description.describe_command import main
 from robot_description.describe_command import MENDABLE
-from robot_description.errors import DescriptionError
 from robot_description.expand import expand
 from robot_description.fix import mend
 from robot_description.fix.run import FIXES
 from robot_description.lint import lint
 from robot_description.urdf import parse_urdf
+from wasd_core.errors import DescriptionError
 
 FIXTURES = Path(__file__).parent / 'fixtures'
 HEAD = '<robot name="robot" xmlns:xacro="http://www.ros.org/wiki/xacro">'

@@ -3,11 +3,10 @@
 
 import math
 
-from mujoco_sim.loading import load_robot
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_description.errors import DescriptionError
+from robot_description.description import load_robot
 from robot_description.expand import expand
 from robot_description.forward_kinematics import link_poses
 from robot_description.kinematic_check import check_kinematics
@@ -18,6 +17,7 @@ from robot_description.pinocchio_model import link_positions
 from robot_description.pinocchio_model import to_pinocchio
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
+from wasd_core.errors import DescriptionError
 
 ROBOTS = share_directory('example-robot-data') / 'robots'
 OTHERS = [f'{name}_description/urdf/{name}.urdf' for name in ('a1', 'go1', 'go2', 'b1', 'z1')]

@@ -134,7 +134,7 @@ READER = """
 import json, pathlib, resource, sys, time
 resource.setrlimit(resource.RLIMIT_AS, (500_000_000, 500_000_000))
 resource.setrlimit(resource.RLIMIT_CPU, (100, 100))
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
 from robot_description.expand import expand
 from robot_description.urdf import parse_urdf
 for line in sys.stdin:
@@ -261,6 +261,6 @@ def test_an_unreadable_file_says_so(tmp_path, monkeypatch, capsys):
     def refuse(*_):
         raise PermissionError(13, 'Permission denied')
 
-    monkeypatch.setattr('robot_description.safe_reading.os.open', refuse)
+    monkeypatch.setattr('wasd_core.safe_reading.os.open', refuse)
     assert main(['info', str(path)]) == 2
     assert capsys.readouterr().err == f'error: {path}: Permission denied\n'

@@ -6,9 +6,9 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from robot_description.expand import expand
-from robot_description.pose import rpy_matrix
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
+from wasd_core.rotations import rpy_matrix
 
 WHEEL_RADIUS = 0.06
 CASTER_RADIUS = 0.015

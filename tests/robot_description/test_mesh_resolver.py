@@ -2,7 +2,7 @@
 """Meshes are found where a description meant them to be; what was done is said."""
 
 import pytest
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
 
 
 def first(report):

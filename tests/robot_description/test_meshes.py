@@ -5,9 +5,9 @@ from pathlib import Path
 
 import mujoco
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 from robot_description.expand import expand
 from robot_description.meshes import load_mesh
 from robot_description.mujoco.builder import to_mujoco

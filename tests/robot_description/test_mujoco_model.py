@@ -2,7 +2,6 @@
 import mujoco
 import numpy as np
 import pytest
-from robot_description.errors import DescriptionError
 from robot_description.expand import expand
 from robot_description.mujoco.builder import compile_model
 from robot_description.mujoco.builder import ROOT_JOINT
@@ -11,6 +10,7 @@ from robot_description.mujoco.geoms import COLLISION_GROUP
 from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
+from wasd_core.errors import DescriptionError
 
 INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'
 BOX = '<box size="1 1 1"/>'

@@ -6,9 +6,9 @@ import subprocess
 import sys
 
 import pytest
-from robot_description.errors import PackageNotFound
 from robot_description.packages import EXAMPLE_ROBOT_DATA
 from robot_description.packages import share_directory
+from wasd_core.errors import PackageNotFound
 
 
 def make_wheel(site: Path) -> Path:

@@ -4,11 +4,11 @@ import math
 from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
-from robot_description.conversions import to_quaternion
-from robot_description.conversions import to_transform
-from robot_description.pose import axis_angle
-from robot_description.pose import Pose
-from robot_description.pose import rpy_matrix
+from wasd_core.conversions import to_transform
+from wasd_core.rotations import axis_angle
+from wasd_core.rotations import Pose
+from wasd_core.rotations import rpy_matrix
+from wasd_core.rotations import to_quaternion
 
 RNG = np.random.default_rng(2)
 AXES = RNG.normal(size=(6, 3)).tolist() + np.eye(3).tolist()

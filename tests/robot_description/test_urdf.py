@@ -3,12 +3,12 @@ import math
 
 import numpy as np
 import pytest
-from robot_description.errors import DescriptionError
-from robot_description.pose import axis_angle
-from robot_description.pose import IDENTITY
-from robot_description.pose import rpy_matrix
 from robot_description.urdf import parse_urdf
 from robot_description.urdf_shapes import GREY
+from wasd_core.errors import DescriptionError
+from wasd_core.rotations import axis_angle
+from wasd_core.rotations import IDENTITY
+from wasd_core.rotations import rpy_matrix
 
 RNG = np.random.default_rng(1)
 ANGLES = RNG.uniform(-math.pi, math.pi, size=(8, 3)).tolist()

@@ -6,10 +6,10 @@ import time
 
 import pytest
 from rclpy.node import Node
-from robot_description.inlet import Inlet
-from robot_description.qos import EVENTS
 from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from wasd_core.loopback import Inlet
+from wasd_core.qos import EVENTS
 
 BURST = 2000
 

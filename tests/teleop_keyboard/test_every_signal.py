@@ -6,9 +6,9 @@ import signal
 import time
 
 import pytest
-from robot_description.stop_signals import DEADLY
 from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.ramp import STANDSTILL
+from wasd_core.stop_signals import DEADLY
 
 pytestmark = pytest.mark.slow
 

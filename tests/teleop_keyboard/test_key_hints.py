@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from robot_description.notice import brief
 from teleop_keyboard.key_hints import driving_keys
 from teleop_keyboard.key_hints import is_press
 from teleop_keyboard.key_hints import KeyHints
@@ -11,6 +10,7 @@ from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.layouts import LAYOUTS
 from teleop_keyboard.status_text import Status
 from teleop_keyboard.status_text import status_line
+from wasd_core.notice import brief
 
 KEYS = (*map(chr, range(32, 127)), *sorted(NAMED_KEYS), 'CTRL+ALT+SHIFT+DOWN')
 WHEELS = ('x', 'yaw')

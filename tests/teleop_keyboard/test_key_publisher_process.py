@@ -8,9 +8,9 @@ import sys
 import time
 
 import pytest
-from robot_description.qos import LATCHED
 from std_msgs.msg import String
 from teleop_keyboard.key_script import parse_key_script
+from wasd_core.qos import LATCHED
 
 pytestmark = pytest.mark.slow
 

@@ -2,13 +2,13 @@
 from pathlib import Path
 
 import pytest
-from robot_description.parameters import InvalidParameter
 from teleop_keyboard.keymap import KeymapError
 from teleop_keyboard.keymap import load_preset
 from teleop_keyboard.keymap import preset_names
 from teleop_keyboard.keymap_reader import OPTIONAL
 from teleop_keyboard.keymap_reader import read_keymap
 from teleop_keyboard.keymap_reader import REQUIRED
+from wasd_core.parameters import InvalidParameter
 
 GOOD = """\
 motion:

@@ -9,12 +9,12 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from robot_description.parameters import InvalidParameter
 from std_msgs.msg import String
 from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.ramp import STANDSTILL
+from wasd_core.parameters import InvalidParameter
 
 
 @pytest.fixture

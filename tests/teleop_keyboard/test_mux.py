@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from robot_description.parameters import InvalidParameter
 from teleop_keyboard.mux import DEFAULT_LOCKS
 from teleop_keyboard.mux import DEFAULT_SOURCES
 from teleop_keyboard.mux import Mux
 from teleop_keyboard.mux import MuxInput
+from wasd_core.parameters import InvalidParameter
 
 
 def source(name, priority, timeout=0.5):

@@ -6,15 +6,15 @@ import random
 import pytest
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
-from robot_description.errors import UserError
-from robot_description.output_file import OutputError
-from robot_description.output_file import OutputFile
 from std_msgs.msg import String
 from teleop_keyboard.command_line import read_options
 from teleop_keyboard.key_names import NAMED_KEYS
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from wasd_core.errors import UserError
+from wasd_core.output_file import OutputError
+from wasd_core.output_file import OutputFile
 
 KEYS = ['i', 'j', ' ', '*', '#', '+', 'é', 'CTRL+*', 'ALT+#', 'SHIFT+UP', 'CTRL+SPACE']
 EVENTS = ['HELD+i', 'RELEASE+i', 'HELD+SPACE', 'RELEASE+UP', 'HELD+#', 'RELEASE+*']

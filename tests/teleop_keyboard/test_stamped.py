@@ -9,12 +9,12 @@ from geometry_msgs.msg import TwistStamped
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
-from robot_description.parameters import InvalidParameter
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.ramp import STANDSTILL
+from wasd_core.parameters import InvalidParameter
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
-from robot_description.parameters import InvalidParameter
 from std_msgs.msg import Bool
 from std_msgs.msg import String
 from teleop_keyboard.twist_mux_node import TwistMuxNode
 from visualization_msgs.msg import Marker
+from wasd_core.parameters import InvalidParameter
 
 
 class Peer:

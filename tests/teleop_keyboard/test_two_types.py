@@ -10,10 +10,10 @@ from geometry_msgs.msg import TwistStamped
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
-from robot_description.parameters import InvalidParameter
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.twist_mux_node import TwistMuxNode
+from wasd_core.parameters import InvalidParameter
 
 
 @pytest.fixture

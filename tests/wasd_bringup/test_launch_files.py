@@ -11,11 +11,11 @@ from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.parameters import SimulatorParameters
 import pytest
 from quadruped_sim.node_parameters import LegNodeParameters
-from robot_description.parameters import outward_name
 from robot_description.state_publisher_node import StatePublisherParameters
 from teleop_keyboard.teleop_parameters import KeyParameters
 from teleop_keyboard.teleop_parameters import TeleopParameters
 from wasd_bringup.unitree_keys import unitree_help
+from wasd_core.parameters import outward_name
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

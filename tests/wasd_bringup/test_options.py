@@ -6,11 +6,11 @@ import math
 from pathlib import Path
 
 import pytest
-from robot_description.errors import UserError
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import read_options
 from wasd_bringup.run_parsers import add_legged_options
 from wasd_bringup.run_parsers import add_run_options
+from wasd_core.errors import UserError
 
 
 @pytest.fixture

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
-from robot_description.inlet import Inlet
-from robot_description.node_support import has_listener
 from std_msgs.msg import String
 from wasd_bringup.publisher_tap import PublisherTap
+from wasd_core.loopback import Inlet
+from wasd_core.node import has_listener
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ import os
 import stat
 
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.statistics import TickSummary
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 from wasd_bringup.report import build_report
 from wasd_bringup.report import Recorder
 from wasd_bringup.report import Sample

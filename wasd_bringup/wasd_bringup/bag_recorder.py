@@ -9,8 +9,8 @@ from typing import Any
 
 from rclpy.duration import Infinite
 from rclpy.qos import QoSProfile
-from robot_description.output_file import OutputFile
 from std_msgs.msg import String
+from wasd_core.output_file import OutputFile
 import yaml
 
 from wasd_bringup.bag_writer import BagWriter

@@ -21,8 +21,8 @@ from mcap.records import MetadataIndex
 from mcap.records import Schema
 from mcap.records import Statistics
 from mcap.records import SummaryOffset
-from robot_description.output_file import OutputError
-from robot_description.output_file import OutputFile
+from wasd_core.output_file import OutputError
+from wasd_core.output_file import OutputFile
 
 from wasd_bringup.errors import RecordingError
 from wasd_bringup.recorded_run import RECORD_NAME

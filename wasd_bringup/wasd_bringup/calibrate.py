@@ -14,11 +14,11 @@ from diff_drive_sim.umbmark import least_squares
 from diff_drive_sim.umbmark import Umbmark
 from diff_drive_sim.umbmark import umbmark
 from diff_drive_sim.umbmark import Wheels
-from mujoco_sim.loading import load_robot
-from robot_description.output_file import check_apart
-from robot_description.output_file import OutputFile
-from robot_description.stop_signals import StopSignals
-from robot_description.streams import offer
+from robot_description.description import load_robot
+from wasd_core.output_file import check_apart
+from wasd_core.output_file import OutputFile
+from wasd_core.stop_signals import StopSignals
+from wasd_core.streams import offer
 import yaml
 
 from wasd_bringup.discovery_range import keep_alone

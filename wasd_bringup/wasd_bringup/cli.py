@@ -6,17 +6,17 @@ from collections.abc import Sequence
 import sys
 from typing import Any
 
-from robot_description.argument_parser import OneLineParser
-from robot_description.errors import Stopped
-from robot_description.errors import UserError
-from robot_description.streams import lost_output
-from robot_description.streams import OutputLost
-from robot_description.streams import prepare_streams
-from robot_description.streams import print_error
 from teleop_keyboard.keymap_text import describe_keymap
 from teleop_keyboard.keymap_text import list_presets
 from teleop_keyboard.layouts import LAYOUTS
 from teleop_keyboard.terminal import tolerate_any_text
+from wasd_core.command_line import OneLineParser
+from wasd_core.errors import Stopped
+from wasd_core.errors import UserError
+from wasd_core.streams import lost_output
+from wasd_core.streams import OutputLost
+from wasd_core.streams import prepare_streams
+from wasd_core.streams import print_error
 
 from wasd_bringup.calibrate_options import add_calibrate_options
 from wasd_bringup.command_help import examples

@@ -13,12 +13,12 @@ from mujoco_sim.pictures import Trace
 from mujoco_sim.pictures import Viewpoint
 import numpy as np
 import rclpy
-from robot_description.node_support import init_ros
-from robot_description.node_support import StopSignals
-from robot_description.output_file import OutputFile
 from robot_description.renderer_choice import choose_renderer
 from robot_description.renderer_choice import NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
+from wasd_core.node import init_ros
+from wasd_core.node import StopSignals
+from wasd_core.output_file import OutputFile
 
 from wasd_bringup.discovery_range import keep_alone
 from wasd_bringup.errors import UsageError

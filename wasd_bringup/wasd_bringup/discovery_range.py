@@ -3,8 +3,8 @@
 
 import os
 
-from robot_description.ros_isolation import RANGE
-from robot_description.ros_isolation import SAYS_WHO
+from wasd_core.ros_isolation import RANGE
+from wasd_core.ros_isolation import SAYS_WHO
 
 # Values of --discovery; rcl knows them in capitals.
 RANGES = ('off', 'localhost', 'subnet')

@@ -7,8 +7,6 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from mujoco_sim.loading import build_shared_world
 from mujoco_sim.loading import build_world
-from mujoco_sim.loading import load_robot
-from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.schedule import Schedule
 from mujoco_sim.sensor_tags import has_camera
@@ -20,11 +18,13 @@ from mujoco_sim.world import World
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.conversions import to_transform
-from robot_description.pose import Pose
+from robot_description.description import Description
+from robot_description.description import load_robot
 from robot_description.state_publisher_node import StatePublisherNode
-from robot_description.tf import TfBroadcaster
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from wasd_core.conversions import to_transform
+from wasd_core.rotations import Pose
+from wasd_core.tf import TfBroadcaster
 
 from wasd_bringup.drive_mode import is_fake
 from wasd_bringup.options import RunOptions
@@ -50,7 +50,7 @@ class DrivenRobot:
     def __init__(
         self,
         options: RunOptions,
-        loaded: LoadedRobot,
+        loaded: Description,
         world: World,
         simulation: Simulation | None = None,
     ) -> None:
@@ -150,7 +150,7 @@ def build_robots(options: RunOptions, visuals: bool) -> list[DrivenRobot]:
 
 def build_worlds(
     options: RunOptions, visuals: bool
-) -> list[tuple[RunOptions, LoadedRobot, World]]:
+) -> list[tuple[RunOptions, Description, World]]:
     """
     Load what the options name into one world; return each robot's options and part of it.
 
@@ -171,7 +171,7 @@ def build_worlds(
     return list(zip(parts, loaded, worlds, strict=True))
 
 
-def _load(options: RunOptions) -> LoadedRobot:
+def _load(options: RunOptions) -> Description:
     return load_robot(
         options.description,
         options.package_path,
@@ -181,7 +181,7 @@ def _load(options: RunOptions) -> LoadedRobot:
     )
 
 
-def _setup(options: RunOptions, loaded: LoadedRobot) -> RobotSetup:
+def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
     setup = usual_setup(loaded.robot, noise=options.estimator == 'kalman')
     if not options.namespace:
         return setup

@@ -4,7 +4,6 @@
 import time
 
 from geometry_msgs.msg import Twist
-from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.schedule import Schedule
 from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.viewer import CameraView
@@ -22,7 +21,7 @@ from quadruped_sim.sticks import ZERO_KEYS
 from rclpy.logging import LoggingSeverity
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.qos import RELIABLE
+from robot_description.description import Description
 from std_msgs.msg import String
 from teleop_keyboard.key_hints import driving_keys
 from teleop_keyboard.key_hints import HELP_KEY
@@ -33,6 +32,7 @@ from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.layouts import on_layout
 from teleop_keyboard.layouts import on_qwerty
 from teleop_keyboard.status_text import Status
+from wasd_core.qos import RELIABLE
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
@@ -55,7 +55,7 @@ class Go2Stack:
 
     has_states = True
 
-    def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
+    def __init__(self, loaded: Description, world: World, options: RunOptions) -> None:
         self.estimator = options.estimator
         self._world = world
         self._layout = options.layout
@@ -241,7 +241,7 @@ class Go2Stack:
         self.ticks.add(time.perf_counter() - started)
 
 
-def _make_legs(loaded: LoadedRobot, world: World, options: RunOptions) -> LegControllerNode:
+def _make_legs(loaded: Description, world: World, options: RunOptions) -> LegControllerNode:
     """
     Return the leg controller of a robot.
 

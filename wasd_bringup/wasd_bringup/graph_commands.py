@@ -12,9 +12,10 @@ from typing import Any
 from rclpy.parameter import Parameter
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
-from robot_description.safe_yaml import load_yaml
-from robot_description.stop_signals import last_status
-from robot_description.streams import print_error
+from wasd_core.safe_yaml import load_yaml
+from wasd_core.stop_signals import last_status
+from wasd_core.streams import print_error
+from wasd_core.suggestions import suggest
 import yaml
 
 from wasd_bringup.errors import NotFound
@@ -29,7 +30,6 @@ from wasd_bringup.ros_graph import full_name
 from wasd_bringup.ros_graph import Interrupted
 from wasd_bringup.ros_graph import PATIENCE
 from wasd_bringup.ros_graph import RosGraph
-from wasd_bringup.suggestions import suggest
 from wasd_bringup.topic_listener import TopicListener
 
 # A rate is printed so often [s].

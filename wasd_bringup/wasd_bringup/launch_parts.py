@@ -21,7 +21,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 from mujoco_sim.parameters import SimulatorParameters
-from robot_description.parameters import Parameters
+from wasd_core.parameters import Parameters
 
 from wasd_bringup.run_place import NAMESPACED
 from wasd_bringup.unitree_keys import unitree_help

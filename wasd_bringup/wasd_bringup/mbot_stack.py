@@ -10,18 +10,15 @@ from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 from mujoco_sim.kinematic import place
 from mujoco_sim.kinematic import PlanarPose
-from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.schedule import Schedule
 from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.viewer import CameraView
-from mujoco_sim.world import JointCommand
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.notice import Notice
-from robot_description.qos import RELIABLE
+from robot_description.description import Description
 from std_msgs.msg import String
 from teleop_keyboard.key_hints import driving_keys
 from teleop_keyboard.key_hints import HELP_KEY
@@ -30,6 +27,9 @@ from teleop_keyboard.key_hints import KeyHints
 from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.status_text import Status
+from wasd_core.notice import Notice
+from wasd_core.qos import RELIABLE
+from wasd_core.robot_io import JointCommand
 
 from wasd_bringup.drive_mode import drive_mode
 from wasd_bringup.errors import UsageError
@@ -52,7 +52,7 @@ class MbotStack:
     stop_key = STOP_KEY
     camera = CameraView(distance=1.6, azimuth=130.0, elevation=-25.0)
 
-    def __init__(self, loaded: LoadedRobot, world: World, options: RunOptions) -> None:
+    def __init__(self, loaded: Description, world: World, options: RunOptions) -> None:
         self._driver = DiffDriveControllerNode(
             loaded.robot,
             lock_step=True,
@@ -234,7 +234,7 @@ def _overrides(options: RunOptions) -> list[Parameter]:
     return [Parameter(name, value=value) for name, value in given.items() if value is not None]
 
 
-def _frames(loaded: LoadedRobot, world: World) -> list[Parameter]:
+def _frames(loaded: Description, world: World) -> list[Parameter]:
     """Return the frames of one of several robots; alone, a controller file may name them."""
     if not world.prefix:
         return []

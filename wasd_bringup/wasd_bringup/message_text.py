@@ -8,11 +8,11 @@ import sys
 from typing import Any
 
 import numpy as np
+from wasd_core.suggestions import suggest
 import yaml
 
 from wasd_bringup.errors import UsageError
 from wasd_bringup.field_types import parse_field_type
-from wasd_bringup.suggestions import suggest
 
 # Longer arrays and texts are cut unless asked for whole, as ros2cli does.
 SHOWN_LENGTH = 128

@@ -9,10 +9,10 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
-from robot_description.output_file import check_apart
-from robot_description.output_file import OutputFile
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
+from wasd_core.output_file import check_apart
+from wasd_core.output_file import OutputFile
 
 from wasd_bringup.errors import UsageError
 from wasd_bringup.scripts import Command

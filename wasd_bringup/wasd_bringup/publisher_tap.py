@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
-from robot_description.inlet import Inlet
+from wasd_core.loopback import Inlet
 
 from wasd_bringup.cdr_padding import clear_padding
 

@@ -9,9 +9,9 @@ import sys
 
 import rclpy
 from rclpy.serialization import deserialize_message
-from robot_description.node_support import init_ros
-from robot_description.node_support import StopSignals
 from std_msgs.msg import String
+from wasd_core.node import init_ros
+from wasd_core.node import StopSignals
 
 from wasd_bringup.bag_reader import BagReader
 from wasd_bringup.discovery_range import keep_alone

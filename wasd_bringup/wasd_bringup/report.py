@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from mujoco_sim.statistics import TickSummary
 from mujoco_sim.world import FALL_TILT
 from mujoco_sim.world import World
-from robot_description.output_file import OutputFile
+from wasd_core.output_file import OutputFile
 
 from wasd_bringup.samples import Samples
 

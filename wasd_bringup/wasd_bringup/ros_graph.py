@@ -15,14 +15,14 @@ from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 from rclpy.validate_full_topic_name import validate_full_topic_name
-from robot_description.node_support import init_ros
-from robot_description.node_support import MessagePump
-from robot_description.node_support import StopSignals
-from robot_description.ros_domains import running
+from wasd_core.node import init_ros
+from wasd_core.node import MessagePump
+from wasd_core.node import StopSignals
+from wasd_core.ros_domains import running
+from wasd_core.suggestions import suggest
 
 from wasd_bringup.errors import NotFound
 from wasd_bringup.errors import UsageError
-from wasd_bringup.suggestions import suggest
 
 # What is asked for is not there when nothing new has been discovered for so long [s].
 PATIENCE = 3.0

@@ -10,15 +10,15 @@ import sys
 from typing import TextIO
 
 import rclpy
-from robot_description.errors import attempt_all
-from robot_description.errors import Stopped
-from robot_description.node_support import init_ros
-from robot_description.stop_signals import last_status
-from robot_description.stop_signals import StopSignals
-from robot_description.streams import never_wait
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.terminal import NoTerminal
+from wasd_core.errors import attempt_all
+from wasd_core.errors import Stopped
+from wasd_core.node import init_ros
+from wasd_core.stop_signals import last_status
+from wasd_core.stop_signals import StopSignals
+from wasd_core.streams import never_wait
 
 from wasd_bringup.bag_recorder import BagRecorder
 from wasd_bringup.discovery_range import choose_range

@@ -6,9 +6,9 @@ import contextlib
 import os
 import sys
 
-from robot_description.ros_domains import claim_domain
-from robot_description.ros_domains import namespaces_of
-from robot_description.ros_isolation import RANGE
+from wasd_core.ros_domains import claim_domain
+from wasd_core.ros_domains import namespaces_of
+from wasd_core.ros_isolation import RANGE
 
 from wasd_bringup.options import RunOptions
 

@@ -12,8 +12,6 @@ from mujoco_sim.viewer import WebView
 from mujoco_sim.world import World
 from rclpy.node import Node
 from rclpy.time_source import TimeSource
-from robot_description.errors import attempt_all
-from robot_description.node_support import MessagePump
 from rosgraph_msgs.msg import Clock
 from teleop_keyboard.key_hints import HELP_KEYS
 from teleop_keyboard.key_reader import KeyReader
@@ -21,6 +19,8 @@ from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.status_line import StatusLine
 from teleop_keyboard.status_text import Status
 from teleop_keyboard.status_text import status_line
+from wasd_core.errors import attempt_all
+from wasd_core.node import MessagePump
 
 from wasd_bringup.bag_recorder import BagRecorder
 from wasd_bringup.driven_robot import build_robots

@@ -15,7 +15,7 @@ from diff_drive_sim.umbmark import Wheels
 import numpy as np
 import rclpy
 import rclpy.logging
-from robot_description.node_support import init_ros
+from wasd_core.node import init_ros
 import yaml
 
 from wasd_bringup.errors import UsageError

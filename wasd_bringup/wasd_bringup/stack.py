@@ -3,16 +3,16 @@
 
 from typing import Protocol
 
-from mujoco_sim.loading import LoadedRobot
 from mujoco_sim.schedule import Schedule
 from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from robot_description.notice import Notice
+from robot_description.description import Description
 from std_msgs.msg import String
 from teleop_keyboard.status_text import Status
+from wasd_core.notice import Notice
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
@@ -82,7 +82,7 @@ class Stack(Protocol):
         """Leave the robot stopped."""
 
 
-def make_stack(loaded: LoadedRobot, world: World, options: RunOptions) -> Stack:
+def make_stack(loaded: Description, world: World, options: RunOptions) -> Stack:
     """
     Return the nodes of the robot that the command names.
 

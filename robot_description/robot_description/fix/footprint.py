@@ -3,7 +3,8 @@
 
 from collections.abc import Iterator
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+
 from robot_description.fix.workspace import Edit
 from robot_description.fix.workspace import Workspace
 from robot_description.lint.model import Model

@@ -4,10 +4,11 @@
 from pathlib import Path
 import shutil
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+from wasd_core.output_file import identity
+from wasd_core.output_file import OutputFile
+
 from robot_description.fix.run import Fixes
-from robot_description.output_file import identity
-from robot_description.output_file import OutputFile
 from robot_description.package_tree import own_folder
 
 

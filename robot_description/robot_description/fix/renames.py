@@ -5,12 +5,13 @@ from collections.abc import Iterator, Mapping
 import re
 from typing import NamedTuple
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+from wasd_core.places import Place
+
 from robot_description.fix.workspace import Edit
 from robot_description.fix.workspace import Workspace
 from robot_description.joint_names import meant
 from robot_description.lint.model import Element
-from robot_description.places import Place
 
 # Tags whose name or link is that of a link, though a joint may be called the same.
 LINK_TAGS = {'link', 'parent', 'child', 'visual', 'collision', 'material'}

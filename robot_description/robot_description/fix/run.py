@@ -8,7 +8,8 @@ from pathlib import Path
 import re
 from typing import NamedTuple
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+
 from robot_description.fix.footprint import add_footprint
 from robot_description.fix.meshes import correct_mesh_paths
 from robot_description.fix.renames import rename_joints

@@ -6,7 +6,9 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+from wasd_core.places import Place
+
 from robot_description.expand import run_session
 from robot_description.lint import Finding
 from robot_description.lint.model import make_model
@@ -15,7 +17,6 @@ from robot_description.lint.run import lint_session
 from robot_description.mesh_report import MeshReport
 from robot_description.mesh_resolver import resolve_meshes
 from robot_description.package_tree import own_folder
-from robot_description.places import Place
 from robot_description.reach import Reach
 from robot_description.source_xml import parse_source
 from robot_description.source_xml import SourceTag

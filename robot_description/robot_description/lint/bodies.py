@@ -6,12 +6,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.rotations import Pose
 
 from robot_description.lint.finding import Finding
 from robot_description.lint.finding import finding
 from robot_description.lint.model import Element
 from robot_description.lint.model import Model
-from robot_description.pose import Pose
 
 # Osmium has 22 590 kg/m^3; shapes are drawn a little small.
 DENSEST = 30_000.0

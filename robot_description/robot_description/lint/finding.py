@@ -3,10 +3,11 @@
 
 from typing import NamedTuple
 
+from wasd_core.places import Place
+
 from robot_description.lint.rules import Rule
 from robot_description.lint.rules import RULES
 from robot_description.lint.rules import Severity
-from robot_description.places import Place
 
 
 class Finding(NamedTuple):

@@ -4,7 +4,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+from wasd_core.places import Place
+
 from robot_description.lint.finding import Finding
 from robot_description.lint.finding import finding
 from robot_description.lint.model import Model
@@ -12,7 +14,6 @@ from robot_description.mesh_report import MeshRecord
 from robot_description.mesh_resolver import resolve_meshes
 from robot_description.package_tree import manifest_name
 from robot_description.package_tree import own_package
-from robot_description.places import Place
 from robot_description.urdf import Robot
 
 

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from wasd_core.places import Place
+from wasd_core.places import place_of
+from wasd_core.rotations import IDENTITY
+from wasd_core.rotations import Pose
+from wasd_core.rotations import rpy_matrix
 
 from robot_description.expand import Expansion
-from robot_description.places import Place
-from robot_description.places import place_of
-from robot_description.pose import IDENTITY
-from robot_description.pose import Pose
-from robot_description.pose import rpy_matrix
 
 MOVABLE = ('revolute', 'continuous', 'prismatic', 'floating', 'planar')
 

@@ -3,6 +3,8 @@
 
 from collections.abc import Iterator
 
+from wasd_core.places import Place
+
 from robot_description.joint_names import meant
 from robot_description.joint_names import sides
 from robot_description.joint_names import words
@@ -10,7 +12,6 @@ from robot_description.lint.finding import Finding
 from robot_description.lint.finding import finding
 from robot_description.lint.model import Element
 from robot_description.lint.model import Model
-from robot_description.places import Place
 
 # Tags of Gazebo's drive plugins that hold the name of a joint.
 JOINT_TAGS = {'leftJoint', 'rightJoint', 'left_joint', 'right_joint', 'jointName', 'joint_name'}

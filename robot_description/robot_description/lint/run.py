@@ -5,7 +5,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 
-from robot_description.errors import DescriptionError
+from wasd_core.errors import DescriptionError
+from wasd_core.places import LocatedError
+from wasd_core.places import Place
+
 from robot_description.expand import run_session
 from robot_description.lint import bodies
 from robot_description.lint import references
@@ -18,8 +21,6 @@ from robot_description.lint.meshes import check_meshes
 from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
 from robot_description.lint.sources import check_macro_calls
-from robot_description.places import LocatedError
-from robot_description.places import Place
 from robot_description.reach import Reach
 from robot_description.urdf import parse_urdf
 from robot_description.xacro_session import XacroSession

@@ -4,10 +4,11 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from wasd_core.places import Place
+
 from robot_description.lint.finding import Finding
 from robot_description.lint.finding import finding
 from robot_description.macro_calls import unprefixed_calls
-from robot_description.places import Place
 
 
 def check_macro_calls(sources: Mapping[Path, bytes]) -> Iterator[Finding]:

@@ -13,8 +13,8 @@ import contextlib
 
 import mujoco
 import numpy as np
+from wasd_core.errors import DescriptionError
 
-from robot_description.errors import DescriptionError
 from robot_description.imu import find_imu
 from robot_description.imu import imu_position
 from robot_description.mujoco.contacts import exclude_pairs

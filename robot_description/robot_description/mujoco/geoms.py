@@ -7,11 +7,11 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from wasd_core.errors import DescriptionError
+from wasd_core.rotations import Origin
 
-from robot_description.errors import DescriptionError
 from robot_description.meshes import load_mesh
 from robot_description.mujoco.contacts import set_contact
-from robot_description.pose import Origin
 from robot_description.urdf import Link
 from robot_description.urdf import Robot
 from robot_description.urdf_shapes import Colour

@@ -5,12 +5,12 @@ from collections.abc import Mapping
 
 import mujoco
 import numpy as np
+from wasd_core.errors import DescriptionError
+from wasd_core.rotations import NO_ORIGIN
+from wasd_core.rotations import Origin
 
-from robot_description.errors import DescriptionError
 from robot_description.inertia import possible_inertia
 from robot_description.mujoco.geoms import quaternion
-from robot_description.pose import NO_ORIGIN
-from robot_description.pose import Origin
 from robot_description.urdf import Robot
 
 # A link without mass between two joints, as a hip of three axes has, gets so much [kg], [kg m^2].

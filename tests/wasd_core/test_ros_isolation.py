@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may talk to ROS here, as environments say it."""
+
+from pathlib import Path
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+from wasd_core.ros_isolation import keep_to_this_machine
+from wasd_core.ros_isolation import PROFILE
+from wasd_core.ros_isolation import PROFILES_FILE
+from wasd_core.ros_isolation import RANGE
+
+FAST = 'rmw_fastrtps_cpp'
+
+
+def kept(environment, middleware=FAST, folder=Path('/')):
+    changed = dict(environment)
+    keep_to_this_machine(changed, middleware, folder)
+    return {name: value for name, value in changed.items() if environment.get(name) != value}
+
+
+def test_who_has_said_nothing_is_bound_to_this_machine():
+    assert kept({}) == {RANGE: 'SYSTEM_DEFAULT', PROFILES_FILE: str(PROFILE)}
+    assert kept({RANGE: ''}) == kept({}), 'ROS takes an empty text for none, too'
+
+
+@pytest.mark.parametrize('value', ['OFF', 'LOCALHOST', 'SUBNET', 'SYSTEM_DEFAULT'])
+def test_a_range_of_the_users_stays(value):
+    assert kept({RANGE: value}) == {}
+    assert kept({'ROS_LOCALHOST_ONLY': '1'}) == {}
+
+
+@pytest.mark.parametrize('name', [PROFILES_FILE, 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'])
+def test_peers_and_profiles_of_the_users_stay(name):
+    assert kept({name: 'mine'}) == {RANGE: 'LOCALHOST'}
+
+
+def test_a_profile_in_the_current_folder_counts_as_the_users(tmp_path):
+    (tmp_path / 'DEFAULT_FASTRTPS_PROFILES.xml').touch()
+    assert kept({}, folder=tmp_path) == {RANGE: 'LOCALHOST'}
+
+
+def test_another_middleware_is_told_to_look_no_further():
+    assert kept({}, 'rmw_cyclonedds_cpp') == {RANGE: 'LOCALHOST'}
+
+
+def test_a_domain_says_nothing_about_machines():
+    assert kept({'ROS_DOMAIN_ID': '5'}) == kept({})
+
+
+def test_the_profile_has_one_address_and_no_transport_of_fast_dds_own():
+    root = ElementTree.parse(PROFILE).getroot()
+    values = {e.tag.partition('}')[2]: e.text for e in root.iter()}
+    addresses = [e.text for e in root.iter() if e.tag.endswith('}address')]
+    assert set(addresses) == {'127.0.0.1'}
+    assert values['useBuiltinTransports'] == 'false'

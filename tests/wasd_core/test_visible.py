@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+import unicodedata
+
+import pytest
+from wasd_core.visible import visible
+from wasd_core.visible import visible_lines
+
+
+@pytest.mark.parametrize(
+    ('text', 'shown'),
+    [
+        ('trotting', 'trotting'),
+        ('\x1b]0;owned\x07', '^[]0;owned^G'),
+        ('\x9b31m', r'\x9b31m'),
+        ('\x7f\x00\n\t', '^?^@^J^I'),
+        ('abc\u202edcba', r'abc\u202edcba'),
+        ('a\u2066b\u2069', r'a\u2066b\u2069'),
+        ('a\u2028b', r'a\u2028b'),
+        ('file\udcff', r'file\udcff'),
+        ('\U000e0041', r'\U000e0041'),
+        ('Grüße 中 🙂', 'Grüße 中 🙂'),
+        ('👩\u200d🚀', '👩\u200d🚀'),
+    ],
+)
+def test_what_would_steer_a_terminal_is_shown(text, shown):
+    assert visible(text) == shown
+
+
+def test_lines_stay_lines():
+    assert visible_lines('a: 1\n\tb: \x1b[2J\r\n') == 'a: 1\n\tb: ^[[2J^M\n'
+
+
+def test_no_character_of_unicode_that_controls_gets_through():
+    for code in range(0x110000):
+        one = chr(code)
+        for shown in visible(one):
+            assert (
+                shown in '\u200c\u200d'
+                or unicodedata.category(shown)[0] != 'C'
+                or (unicodedata.category(one) in ('Co', 'Cn'))
+            )

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a simulator and a controller tell each other: readings, commands, the base's state."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+
+class BaseState(NamedTuple):
+    """The robot's root frame as physics knows it; without sensor noise."""
+
+    position: np.ndarray  # p_world_base [m], shape (3,)
+    orientation: np.ndarray  # quaternion w, x, y, z of R_world_base, shape (4,)
+    linear_velocity: np.ndarray  # in the world frame [m/s], shape (3,)
+    angular_velocity: np.ndarray  # in the base frame [rad/s], shape (3,)
+
+    @property
+    def rpy(self) -> np.ndarray:
+        """Roll, pitch, yaw [rad], shape (3,); R = Rz(yaw) Ry(pitch) Rx(roll)."""
+        # In plain numbers: numpy takes ten times as long for one of these.
+        w, x, y, z = self.orientation.tolist()
+        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+        pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        return np.array([roll, pitch, yaw])
+
+    @property
+    def tilt(self) -> float:
+        """Angle between the base's z axis and the world's [rad]."""
+        _, x, y, _ = self.orientation.tolist()
+        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
+
+    @property
+    def planar_velocity(self) -> np.ndarray:
+        """Velocity ahead and to the left [m/s] by yaw, and turn about world z [rad/s], (3,)."""
+        roll, pitch, yaw = self.rpy.tolist()
+        vx, vy, _ = self.linear_velocity.tolist()
+        p, q, r = self.angular_velocity.tolist()
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        # The third row of Rz(yaw) Ry(pitch) Rx(roll), which yaw does not change.
+        turn = math.cos(pitch) * (math.sin(roll) * q + math.cos(roll) * r) - math.sin(pitch) * p
+        return np.array([cos * vx + sin * vy, cos * vy - sin * vx, turn])
+
+
+class JointStates(NamedTuple):
+    """Joints in a known order, each array of shape (n,)."""
+
+    position: np.ndarray  # [rad]
+    velocity: np.ndarray  # [rad/s]
+    effort: np.ndarray  # [N m], of the last physics step; 0 without a motor
+
+
+class ImuReading(NamedTuple):
+    """The IMU in the root's axes: quaternion w, x, y, z; [rad/s]; specific force [m/s^2]."""
+
+    orientation: np.ndarray
+    angular_velocity: np.ndarray
+    linear_acceleration: np.ndarray
+
+
+class Reading(NamedTuple):
+    """Everything measured in one instant; `imu` is None for a robot without one."""
+
+    joints: JointStates
+    imu: ImuReading | None
+
+
+class JointCommand(NamedTuple):
+    """
+    Motors in a known order, each array of shape (m,).
+
+    The motor applies `effort + kp (position - q) + kd (velocity - v)` [N m], clipped to its limit,
+    at every physics step.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    kp: np.ndarray
+    kd: np.ndarray

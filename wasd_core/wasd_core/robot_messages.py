@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The records of robot_io as messages, and back."""
+
+from collections.abc import Sequence
+
+from builtin_interfaces.msg import Time
+from nav_msgs.msg import Odometry
+import numpy as np
+from sensor_msgs.msg import Imu
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from wasd_core.errors import InvalidMessage
+from wasd_core.robot_io import BaseState
+from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
+from wasd_core.rotations import rotate_inverse
+
+
+def to_joint_state(names: Sequence[str], joints: JointStates, stamp: Time) -> JointState:
+    """Return sensor_msgs/JointState with position, velocity and effort."""
+    message = JointState()
+    message.header.stamp = stamp
+    message.name = list(names)
+    message.position = joints.position.tolist()
+    message.velocity = joints.velocity.tolist()
+    message.effort = joints.effort.tolist()
+    return message
+
+
+def to_imu(reading: ImuReading, frame: str, stamp: Time) -> Imu:
+    """Return sensor_msgs/Imu; the readings are in the axes of the robot's root."""
+    message = Imu()
+    message.header.stamp = stamp
+    message.header.frame_id = frame
+    orientation, rate = message.orientation, message.angular_velocity
+    force = message.linear_acceleration
+    orientation.w, orientation.x, orientation.y, orientation.z = reading.orientation.tolist()
+    rate.x, rate.y, rate.z = reading.angular_velocity.tolist()
+    force.x, force.y, force.z = reading.linear_acceleration.tolist()
+    return message
+
+
+def to_reading(joints: JointState, imu: Imu) -> Reading:
+    """Return the reading of two messages."""
+    q, w, a = imu.orientation, imu.angular_velocity, imu.linear_acceleration
+    return Reading(
+        JointStates(np.array(joints.position), np.array(joints.velocity), np.array(joints.effort)),
+        ImuReading(
+            np.array((q.w, q.x, q.y, q.z)),
+            np.array((w.x, w.y, w.z)),
+            np.array((a.x, a.y, a.z)),
+        ),
+    )
+
+
+def to_base_state(message: Odometry) -> BaseState:
+    """Return the base state of `ground_truth/odom`: its twist is in the base frame."""
+    p, q = message.pose.pose.position, message.pose.pose.orientation
+    v, w = message.twist.twist.linear, message.twist.twist.angular
+    orientation = np.array((q.w, q.x, q.y, q.z))
+    conjugate = orientation * (1.0, -1.0, -1.0, -1.0)
+    velocity = rotate_inverse(conjugate, np.array((v.x, v.y, v.z)))
+    return BaseState(np.array((p.x, p.y, p.z)), orientation, velocity, np.array((w.x, w.y, w.z)))
+
+
+def to_joint_commands(names: Sequence[str], command: JointCommand, stamp: Time) -> JointTrajectory:
+    """
+    Return a joint command as trajectory_msgs/JointTrajectory of two points.
+
+    The first point is the set-point: positions, velocities, effort. The second holds the gains
+    in the slots of what they multiply: kp in positions, kd in velocities.
+    """
+    message = JointTrajectory()
+    message.header.stamp = stamp
+    message.joint_names = list(names)
+    message.points = [
+        JointTrajectoryPoint(
+            positions=command.position.tolist(),
+            velocities=command.velocity.tolist(),
+            effort=command.effort.tolist(),
+        ),
+        JointTrajectoryPoint(positions=command.kp.tolist(), velocities=command.kd.tolist()),
+    ]
+    return message
+
+
+def from_joint_commands(message: JointTrajectory, names: Sequence[str]) -> JointCommand:
+    """
+    Return the command of a message in the order of `names`; joints it leaves out get zeros.
+
+    Raises:
+        InvalidMessage: an unknown joint, a missing gain point, or lists of different lengths.
+    """
+    if len(message.points) != 2:
+        raise InvalidMessage(
+            f'joint_commands needs 2 points (set-point, gains), got {len(message.points)}'
+        )
+    unknown = sorted(set(message.joint_names) - set(names))
+    if unknown:
+        raise InvalidMessage(
+            f'joint_commands names {", ".join(unknown)}; motors are {", ".join(names)}'
+        )
+    places = [names.index(name) for name in message.joint_names]
+    setpoint, gains = message.points
+    columns = (
+        setpoint.positions,
+        setpoint.velocities,
+        setpoint.effort,
+        gains.positions,
+        gains.velocities,
+    )
+    parts = []
+    for column in columns:
+        if len(column) not in (0, len(places)):
+            raise InvalidMessage(
+                f'joint_commands has {len(places)} joints but a list of {len(column)} values'
+            )
+        part = np.zeros(len(names))
+        if len(column):
+            part[places] = column
+        parts.append(part)
+    return JointCommand(*parts)

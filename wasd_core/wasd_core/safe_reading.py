@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reading files that strangers wrote: ordinary files of a bounded size, XML without surprises."""
+
+import os
+from pathlib import Path
+import stat
+from typing import Any
+import xml.parsers.expat
+
+from wasd_core.errors import DescriptionError
+from wasd_core.places import LocatedError
+from wasd_core.places import Place
+
+# The largest of example-robot-data have 0.2 MB and 4 000 elements.
+LARGEST_FILE = 4_000_000
+MOST_ELEMENTS = 30_000
+# Python's own recursion limit lets no more levels through xacro.
+DEEPEST = 60
+NO_NAMESPACE = xml.parsers.expat.errors.XML_ERROR_UNBOUND_PREFIX
+
+
+def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
+    """
+    Return a file's bytes; never waits for a pipe or a device.
+
+    Raises:
+        DescriptionError: it cannot be read, is no ordinary file, or has more than `largest` bytes.
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        with open(handle, 'rb') as file:
+            status = os.fstat(handle)
+            is_file = stat.S_ISREG(status.st_mode)
+            data = file.read(largest + 1) if is_file else b''
+    except FileNotFoundError:
+        raise DescriptionError(f'{path}: no such file') from None
+    except IsADirectoryError:
+        raise DescriptionError(f'{path}: is a folder, wanted a file') from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise DescriptionError(f'{path}: {reason}') from None
+    if not is_file:
+        raise DescriptionError(f'{path}: is a device or pipe, wanted a file')
+    if len(data) > largest:
+        size = max(status.st_size, len(data))
+        raise DescriptionError(
+            f'{path}: {size / 1e6:.1f} MB is too much, at most {largest / 1e6:.1f} MB are read'
+        )
+    return data
+
+
+def check_xml(data: bytes | str, file: Path | None = None) -> None:
+    """
+    Accept XML that is well-formed, not too deep or long, and defines no entities.
+
+    Raises:
+        DescriptionError: what is wrong, and the line; a LocatedError when it came from a file.
+    """
+    parser = xml.parsers.expat.ParserCreate(namespace_separator=' ')
+    depth = count = 0
+
+    def fail(reason: str) -> None:
+        raise _error(file, parser.CurrentLineNumber, reason)
+
+    def enter(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, count
+        depth, count = depth + 1, count + 1
+        if depth > DEEPEST:
+            fail(f'elements nested more than {DEEPEST} deep')
+        if count > MOST_ELEMENTS:
+            fail(f'more than {MOST_ELEMENTS} elements')
+
+    def leave(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def refuse_entity(name: str, *rest: Any) -> None:
+        fail(f'defines the entity {name!r}: entities are not read')
+
+    parser.StartElementHandler = enter
+    parser.EndElementHandler = leave
+    parser.EntityDeclHandler = refuse_entity
+    try:
+        parser.Parse(data, True)
+    except xml.parsers.expat.ExpatError as error:
+        reason = xml.parsers.expat.ErrorString(error.code)
+        if error.code == xml.parsers.expat.errors.codes[NO_NAMESPACE]:
+            reason += ' (<robot> needs xmlns:xacro="http://www.ros.org/wiki/xacro")'
+        column = error.offset + 1
+        text = f'not well-formed XML: {reason}, column {column}'
+        raise _error(file, error.lineno, text) from None
+    except DescriptionError:
+        raise
+    except (LookupError, ValueError) as error:  # an encoding that is not known, or not kept to
+        raise _error(file, 1, f'not well-formed XML: {error}') from None
+
+
+def _error(file: Path | None, line: int, reason: str) -> DescriptionError:
+    if file is None:
+        return DescriptionError(f'{reason} (line {line})')
+    return LocatedError(Place(file, line), reason)
