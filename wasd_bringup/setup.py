@@ -16,8 +16,11 @@ setup(
     version=MANIFEST.findtext('version'),
     description=MANIFEST.findtext('description'),
     license=MANIFEST.findtext('license'),
-    packages=find_packages(include=[NAME, NAME + '.*']),
-    package_data={NAME: ['**/*.xacro', '**/*.yaml', '**/*.keys', 'py.typed']},
+    packages=find_packages(include=[NAME, NAME + '.*', 'wasd', 'wasd.*']),
+    package_data={
+        'wasd': ['py.typed'],
+        NAME: ['**/*.xacro', '**/*.yaml', '**/*.keys', 'py.typed'],
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
         ('share/' + NAME, ['package.xml']),

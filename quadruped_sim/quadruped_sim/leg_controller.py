@@ -93,6 +93,11 @@ class LegController:
         return self._machine.state.value
 
     @property
+    def coming_state(self) -> str:
+        """Name of the state that a pressed key leads to, or of the present one."""
+        return self._machine.coming.value
+
+    @property
     def is_fallen(self) -> bool:
         """Whether the robot lies on its side or back."""
         return self.robot is not None and self.safety.is_fallen(self.robot.R)

@@ -59,6 +59,8 @@ ROSDEP_KEYS = {
     'yaml': 'python3-yaml',
     'yourdfpy': None,
 }
+# Import packages beside the one that a package is named after: `import wasd`.
+ALSO_IN = {'wasd_bringup': ('wasd',)}
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 LONGEST_MODULE = 400
 
@@ -71,7 +73,8 @@ def modules(package: str) -> dict[str, Path]:
     folder = ROOT / package
     return {
         '.'.join(path.relative_to(folder).with_suffix('').parts): path
-        for path in (folder / package).rglob('*.py')
+        for name in (package, *ALSO_IN.get(package, ()))
+        for path in (folder / name).rglob('*.py')
     }
 
 
@@ -97,7 +100,7 @@ def roots(package: str) -> set[str]:
     found = {
         name.partition('.')[0] for path in modules(package).values() for name in imports(path)
     }
-    return found - set(sys.stdlib_module_names) - {package}
+    return found - set(sys.stdlib_module_names) - {package, *ALSO_IN.get(package, ())}
 
 
 def ros_modules() -> set[str]:
@@ -307,9 +310,10 @@ def wheel(tmp_path_factory) -> Iterator[zipfile.ZipFile]:
 def test_the_wheel_holds_every_file_of_a_package(package, wheel):
     wanted = {path.relative_to(ROOT / package).as_posix() for path in modules(package).values()}
     wanted |= {f'{package}/{name}' for name in data_files(package)}
-    assert f'{package}/py.typed' in wanted
-    held = {name for name in wheel.namelist() if name.startswith(package + '/')}
-    assert held == wanted
+    tops = (package, *ALSO_IN.get(package, ()))
+    held = {name for name in wheel.namelist() if name.partition('/')[0] in tops}
+    assert held - {f'{top}/py.typed' for top in tops} == wanted - {f'{package}/py.typed'}
+    assert {f'{top}/py.typed' for top in tops} <= held
 
 
 @pytest.mark.parametrize('package', PACKAGES)
@@ -330,4 +334,4 @@ def test_the_wheel_holds_the_executables_and_nothing_foreign(wheel):
     parser.read_string(wheel.read(listed).decode())
     assert dict(parser['console_scripts']) == PROJECT['project']['scripts']
     tops = {name.partition('/')[0] for name in wheel.namelist()}
-    assert {top for top in tops if not top.startswith('wasd-')} == set(PACKAGES)
+    assert {top for top in tops if not top.startswith('wasd-')} == {*PACKAGES, 'wasd'}

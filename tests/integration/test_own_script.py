@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`import wasd`, and the two scripts of docs/your_own_script.md as they stand there."""
+
+from pathlib import Path
+import re
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+# Makes everything of ROS unimportable, then runs the file that is named.
+WITHOUT_ROS = """
+import runpy, sys
+class NoRos:
+    def find_spec(self, name, path=None, target=None):
+        root = name.partition('.')[0]
+        if root == 'rclpy' or root.endswith(('_msgs', '_interfaces')):
+            raise ImportError(f'no {name} here')
+sys.meta_path.insert(0, NoRos())
+runpy.run_path(sys.argv[1])
+"""
+
+
+def scripts() -> list[str]:
+    """Return the Python blocks of the page."""
+    page = (ROOT / 'docs' / 'your_own_script.md').read_text()
+    return re.findall(r'```python\n(.*?)```', page, re.DOTALL)
+
+
+def test_the_scripts_of_the_page_are_short():
+    assert [len(text.splitlines()) <= 15 for text in scripts()] == [True, True]
+
+
+@pytest.mark.parametrize('start', [[], ['-c', WITHOUT_ROS]], ids=['as it stands', 'without ROS'])
+def test_the_script_without_ros_walks_and_draws(start, tmp_path):
+    (tmp_path / 'script.py').write_text(scripts()[0])
+    done = subprocess.run(
+        [sys.executable, *start, 'script.py'],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    last = done.stdout.splitlines()[-1]
+    assert last.startswith('6.5 move base')
+    x, y, _ = map(float, re.search(r'\[([^]]+)\]', last)[1].split())
+    assert np.hypot(x, y) > 1.3
+    assert (tmp_path / 'dog.png').stat().st_size > 20_000
+
+
+@pytest.mark.slow
+def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path: Path):
+    (tmp_path / 'circle.py').write_text(scripts()[1])
+    node = subprocess.Popen([sys.executable, 'circle.py'], cwd=tmp_path, env=environment)
+    try:
+        done = subprocess.run(
+            [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', '--duration', '8'],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+    finally:
+        node.terminate()
+        node.wait()
+    assert done.returncode == 0, done.stderr
+    x, y = map(float, re.search(r'mbot at (\S+) (\S+) m', done.stdout).groups())
+    # On a circle of 0.4 m about (0, 0.4).
+    assert np.hypot(x, y) > 0.1
+    assert np.hypot(x, y - 0.4) == pytest.approx(0.4, abs=0.03)
+
+
+def test_the_same_seed_and_calls_are_the_run_of_the_command(wasd: Any):
+    import wasd as own
+
+    play = '0.5 2\n3 4\n3.5 w w w\n'
+    report = wasd.report('go2', '--seed', '3', '--duration', '5', play=play)
+    dog = own.Go2(seed=3)
+    positions = []
+    for until, keys in ((0.5, '2'), (3.0, '4'), (3.5, 'www'), (4.98, '')):
+        dog.run(until - dog.time)
+        positions.append(dog.truth.position.tolist())
+        for key in keys:
+            dog.press(key)
+    samples = report['samples']
+    there = [samples['position'][samples['t'].index(t)] for t in (0.5, 3.0, 3.5, 4.98)]
+    assert positions == there
+
+
+def test_what_is_not_legal_says_why():
+    import wasd
+
+    dog = wasd.Go2()
+    with pytest.raises(wasd.UserError, match='press 2'):
+        dog.press('4')
+    with pytest.raises(wasd.UserError, match='needs the state move base'):
+        dog.drive(0.5)
+    with pytest.raises(wasd.UserError, match='finite time'):
+        dog.run(-1.0)
+
+
+def test_mbot_drives_by_velocity_and_a_key_takes_over():
+    import wasd
+
+    car = wasd.Mbot()
+    car.drive(0.25)
+    car.run(4.0)
+    assert car.truth.position[0] == pytest.approx(1.0, abs=0.15)
+    car.press('k')
+    car.run(2.0)
+    assert car.state == 'stopped'
+    with pytest.raises(wasd.UserError, match='finite'):
+        car.drive(float('nan'))

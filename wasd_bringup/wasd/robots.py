@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot, its world and its controller as one object that a script steps."""
+
+from collections.abc import Sequence
+import os
+from pathlib import Path
+import time
+from typing import Any
+
+from diff_drive_sim.drive_unit import DriveUnit
+from diff_drive_sim.parameters import DiffDriveParameters
+from mujoco_sim.loading import build_world
+from mujoco_sim.pictures import take_picture
+from mujoco_sim.pictures import Viewpoint
+from mujoco_sim.simulation import Simulation
+from mujoco_sim.usual_setup import usual_setup
+import numpy as np
+from quadruped_sim.joint_map import JointMap
+from quadruped_sim.joint_map import to_joint_command
+from quadruped_sim.joint_map import to_sensors
+from quadruped_sim.leg_controller import LegController
+from quadruped_sim.parameters import CommandParameters
+from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.records import Odometry
+from quadruped_sim.state_machine import STATE_KEYS
+from robot_description.description import load_robot
+from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_core.errors import UserError
+from wasd_core.robot_io import BaseState
+from wasd_core.robot_io import JointCommand
+
+# Rate of the leg controller [Hz], as of its node.
+LEG_RATE = 500.0
+# Where a picture is taken from: distance as a multiple of the robot's [m], angles [degrees].
+AZIMUTH, ELEVATION = 130.0, -20.0
+
+
+class Robot:
+    """
+    What both robots have: a world that is stepped, pressed keys, a commanded velocity.
+
+    Everything happens inside `run`: between two calls simulated time stands still. The same seed
+    and the same calls give the same bits. A velocity holds until the next, since who commands it
+    is known to be alive: it is this process that steps the robot.
+    """
+
+    _distance = 1.8
+    _with_noise = True
+
+    def __init__(
+        self,
+        description: str,
+        world: str,
+        seed: int,
+        package_path: Sequence[str | os.PathLike[str]],
+    ) -> None:
+        self._loaded = load_robot(description, [Path(folder) for folder in package_path])
+        setup = usual_setup(self._loaded.robot, noise=self._with_noise)
+        self._world = build_world(self._loaded, world, seed, setup, visuals=True)
+        self._simulation = Simulation(self._world, speed=0.0)
+        self._window: Any = None
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the start [s]."""
+        return self._world.time
+
+    @property
+    def truth(self) -> BaseState:
+        """Where the base really is: position [m], quaternion w x y z, velocities."""
+        return self._world.base()
+
+    def run(self, seconds: float) -> None:
+        """
+        Simulate for so long [s], as fast as it goes; with a window, at its pace.
+
+        Raises:
+            UserError: the time is negative or not finite.
+        """
+        if not 0.0 <= seconds < float('inf'):
+            raise UserError(f'run: got {seconds} s, wanted a finite time >= 0')
+        end = self._world.tick + round(seconds / self._world.time_step)
+        self._simulation.run(
+            stop=lambda: self._world.tick >= end,
+            poll=self._show,
+            duration=end * self._world.time_step,
+        )
+
+    def push(self, force: Sequence[float], seconds: float) -> None:
+        """Push the base with a world-frame force [N], shape (3,), for so long [s]."""
+        if not self._world.push(force, seconds):
+            raise UserError(f'push: got {force!r} for {seconds!r} s, wanted three finite numbers')
+
+    def reset(self) -> None:
+        """Put the robot back to its start, controller included; time goes on."""
+        self._simulation.reset()
+
+    def picture(self, path: str | os.PathLike[str]) -> None:
+        """Write what the robot looks like now as a PNG of 1280 x 720."""
+        view = Viewpoint(self.truth.position.tolist(), self._distance, AZIMUTH, ELEVATION)
+        take_picture(self._world, view, Path(path))
+
+    def show(self) -> None:
+        """
+        Open MuJoCo's window; from now on `run` keeps pace with wall time.
+
+        Raises:
+            SimulationError: there is no display.
+        """
+        from mujoco_sim.native_viewer import NativeView
+        from mujoco_sim.viewer import CameraView
+
+        self._window = NativeView(self._world, CameraView(self._distance, AZIMUTH, ELEVATION))
+        self._simulation.pacer.speed = 1.0
+        self._simulation.pacer.restart()
+
+    def _show(self, timeout: float) -> None:
+        if self._window is not None:
+            self._window.sync()
+        if timeout > 0.0:
+            time.sleep(timeout)
+
+
+class Go2(Robot):
+    """
+    A Unitree Go2, or any quadruped, with its leg controller: keys 2 stand, 4 trot, 5 move base.
+
+    `drive` commands a velocity in the state move base. `estimator` is `kalman` (IMU with noise
+    and legs) or `truth`; `limits` is `sport` or `guide`, what full stick means.
+
+    Raises:
+        UserError: what is wrong with the description, the world or an option, in one line.
+    """
+
+    def __init__(
+        self,
+        world: str = 'flat',
+        seed: int = 0,
+        *,
+        description: str = 'go2',
+        package_path: Sequence[str | os.PathLike[str]] = (),
+        estimator: str = 'kalman',
+        limits: str = 'sport',
+    ) -> None:
+        self._with_noise = estimator == 'kalman'
+        super().__init__(description, world, seed, package_path)
+        parameters = LegControllerParameters(command=CommandParameters(limits=limits))
+        self._controller = LegController(self._loaded.urdf, parameters, estimator)
+        model = self._controller.model
+        self._distance *= model.scale.of('m')
+        names = self._world.joint_names, self._world.motor_names
+        self._joints = JointMap(model.quadruped, *names)
+        self._velocity: tuple[float, float, float] | None = None
+        self._simulation.schedule.every(1.0 / LEG_RATE, self._control)
+        self._simulation.on_reset.append(self._forget)
+
+    @property
+    def state(self) -> str:
+        """The controller's state, such as `trotting`."""
+        return self._controller.state
+
+    @property
+    def odometry(self) -> Odometry:
+        """Where the robot believes it is: pose, velocities and their covariances."""
+        odometry = self._controller.odometry
+        if odometry is None:
+            raise UserError('odometry: there is none before the first run')
+        return odometry
+
+    def press(self, key: str) -> str | None:
+        """
+        Press a key of the Go2: a state (1 to 5, 8 to 0) or a stick (w a s d j l i k, space).
+
+        Return what the status line would say to it, if anything.
+
+        Raises:
+            UserError: the state cannot follow the present one; says what to press.
+        """
+        said = self._controller.press(key)
+        if said is not None and key in STATE_KEYS:
+            raise UserError(said)
+        return said
+
+    def drive(self, vx: float, vy: float = 0.0, wz: float = 0.0) -> None:
+        """
+        Command a velocity [m/s], [m/s], [rad/s] in the state move base, until the next.
+
+        Raises:
+            UserError: not finite, or the robot is in another state.
+        """
+        if self._controller.coming_state != 'move base':
+            raise UserError(f'drive: needs the state move base (2, then 5), not {self.state}')
+        if not np.isfinite((vx, vy, wz)).all():
+            raise UserError(f'drive: got {(vx, vy, wz)}, wanted finite numbers')
+        self._velocity = (vx, vy, wz)
+
+    def _control(self) -> None:
+        if self._velocity is not None and self._controller.state == 'move base':
+            self._controller.set_velocity(*self._velocity)
+        reading = self._world.read()
+        command = self._controller.step(
+            to_sensors(reading, self._joints, self._world.base_since_start()), 1.0 / LEG_RATE
+        )
+        self._world.apply(to_joint_command(command, self._joints))
+
+    def _forget(self) -> None:
+        self._velocity = None
+        self._controller.reset()
+
+
+class Mbot(Robot):
+    """
+    mbot, or any robot with two driven wheels, with its drive controller: keys u i o j k l m , .
+
+    `drive` commands a velocity; a key takes over from it, as long as it is held.
+
+    Raises:
+        UserError: what is wrong with the description, the world or an option, in one line.
+    """
+
+    _distance = 1.6
+
+    def __init__(
+        self,
+        world: str = 'flat',
+        seed: int = 0,
+        *,
+        description: str = 'mbot',
+        package_path: Sequence[str | os.PathLike[str]] = (),
+        preset: str = 'mbot',
+    ) -> None:
+        super().__init__(description, world, seed, package_path)
+        parameters = DiffDriveParameters()
+        self._period = 1.0 / parameters.update_rate
+        self._unit = DriveUnit(self._loaded.robot, parameters)
+        self._keys = KeysToTwist(load_preset(preset))
+        geometry = self._unit.controller.geometry
+        wheels = (geometry.left_joint, geometry.right_joint)
+        self._motors = [self._world.motor_names.index(name) for name in wheels]
+        self._wheels = [self._world.joint_names.index(name) for name in wheels]
+        self._velocity = (0.0, 0.0)
+        self._is_driven_by_keys = False
+        schedule = self._simulation.schedule
+        schedule.every(1.0 / self._keys.rate, self._take_keys)
+        schedule.every(self._period, self._control)
+        self._simulation.on_reset.append(self._forget)
+
+    @property
+    def state(self) -> str:
+        """`driving`, `stopped` or `timed out`."""
+        return self._unit.controller.state
+
+    @property
+    def odometry(self) -> Any:
+        """Where the wheels say it is: x, y [m], yaw [rad], and the velocities."""
+        return self._unit.controller.odometry_state
+
+    def press(self, key: str) -> None:
+        """Press a key of the keymap; held keys are pressed again, 30 times a second."""
+        self._is_driven_by_keys = True
+        self._keys.press(key)
+
+    def drive(self, vx: float, wz: float = 0.0) -> None:
+        """
+        Command a velocity ahead [m/s] and a turn [rad/s], until the next.
+
+        Raises:
+            UserError: not finite.
+        """
+        if not np.isfinite((vx, wz)).all():
+            raise UserError(f'drive: got {(vx, wz)}, wanted finite numbers')
+        self._is_driven_by_keys = False
+        self._velocity = (vx, wz)
+
+    def _take_keys(self) -> None:
+        velocity = self._keys.step(1.0 / self._keys.rate)
+        if velocity is not None and self._is_driven_by_keys:
+            self._velocity = (velocity.vx, velocity.wz)
+
+    def _control(self) -> None:
+        self._unit.controller.command(*self._velocity)
+        left, right = self._world.joints().position[self._wheels].tolist()
+        speeds = self._unit.step(left, right, self._period)
+        command = np.zeros((len(JointCommand._fields), len(self._world.motor_names)))
+        command[1, self._motors] = speeds
+        command[4, self._motors] = self._unit.motor.damping
+        self._world.apply(JointCommand(*command))
+
+    def _forget(self) -> None:
+        self._velocity = (0.0, 0.0)
+        self._keys.reset()
+        self._unit.reset()
