@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.conversions import to_seconds
 from wasd_core.conversions import to_stamp
+from wasd_core.errors import InvalidMessage
 from wasd_core.node import declare_parameters
 from wasd_core.node import has_listener
 from wasd_core.node import MessagePump
@@ -190,7 +191,7 @@ class SimulatorNode(Node):
     def _on_command(self, message: JointTrajectory) -> None:
         try:
             command = from_joint_commands(message, self._world.motor_names)
-        except SimulationError as error:
+        except InvalidMessage as error:
             self.get_logger().warning(visible(str(error)), throttle_duration_sec=5.0)
             return
         if self._world.apply(command):

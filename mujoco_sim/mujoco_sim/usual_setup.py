@@ -5,9 +5,9 @@ import math
 
 from robot_description.drive_wheels import lowest_point
 from robot_description.leg import NotAQuadruped
-from robot_description.mujoco.builder import REFLECTED_INERTIA
 from robot_description.quadruped import find_quadruped
 from robot_description.quadruped import Quadruped
+from robot_description.similarity import REFLECTED_INERTIA
 from robot_description.similarity import scale_of
 from robot_description.similarity import similar_pose
 from robot_description.urdf import Robot

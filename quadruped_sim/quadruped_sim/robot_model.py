@@ -8,9 +8,9 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pinocchio as pin
 from robot_description.imu import imu_position
-from robot_description.mujoco.builder import REFLECTED_INERTIA
 from robot_description.quadruped import find_quadruped
 from robot_description.quadruped import Quadruped
+from robot_description.similarity import REFLECTED_INERTIA
 from robot_description.similarity import scale_of
 from robot_description.similarity import similar_pose
 from robot_description.urdf import parse_urdf

@@ -14,6 +14,8 @@ from robot_description.quadruped import Quadruped
 # The built-in Go2, for which everything is tuned: upper and lower leg [m], whole mass [kg].
 GO2_LINK = 0.213
 GO2_MASS = 16.086
+# Rotor inertia as a geared joint feels it [kg m^2]; unitree_mujoco's value for the Go2.
+REFLECTED_INERTIA = 0.01
 # A ratio closer to one than this is one: the last digits of a description say nothing.
 RESOLUTION = 1e-4
 # Poses keep away from the stops by this much [rad].

@@ -161,6 +161,23 @@ def test_logic_imports_no_ros(package):
     assert not offences
 
 
+@pytest.mark.parametrize(
+    ('module', 'kept_out'),
+    [
+        ('teleop_keyboard.teleop_node', ('robot_description', 'mujoco', 'pinocchio')),
+        ('quadruped_sim.leg_controller_node', ('mujoco', 'mujoco_sim')),
+        ('diff_drive_sim.diff_drive_controller_node', ('mujoco', 'mujoco_sim')),
+    ],
+)
+def test_a_node_loads_no_simulator_and_teleop_no_robot(module, kept_out):
+    look = f'import sys, {module}; print(*sys.modules)'
+    done = subprocess.run(
+        [sys.executable, '-c', look], check=True, capture_output=True, text=True, timeout=60
+    )
+    loaded = {name.partition('.')[0] for name in done.stdout.split()}
+    assert loaded & set(kept_out) == set()
+
+
 def test_every_module_that_may_know_ros_exists():
     known = {name for package in PACKAGES for name in modules(package)}
     assert ros_modules() <= known

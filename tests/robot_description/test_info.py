@@ -128,4 +128,4 @@ def test_a_picture_that_cannot_be_written_is_one_line(tmp_path):
     words = ['-m', 'robot_description.describe_command', 'info', 'mbot', '--picture', str(path)]
     done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr == f'error: --picture {path}: No such file or directory\n'
+    assert done.stderr == f'error: --picture {path}: wanted a file in a folder that exists\n'

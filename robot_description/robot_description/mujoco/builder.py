@@ -23,13 +23,12 @@ from robot_description.mujoco.geoms import FindMesh
 from robot_description.mujoco.geoms import Meshes
 from robot_description.mujoco.geoms import quaternion
 from robot_description.mujoco.masses import add_masses
+from robot_description.similarity import REFLECTED_INERTIA
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
 from robot_description.urdf import WORLD_LINK
 
 ROOT_JOINT = 'root'
-# Rotor inertia as a geared joint feels it [kg m^2]; unitree_mujoco's value for the Go2.
-REFLECTED_INERTIA = 0.01
 # How far in the floor a hanging robot may be, and how far above it is hung up otherwise [m].
 CLEARANCE = 0.05
 
