@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of a world, rendered without a display; see `renderer_choice` for with what."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from mujoco_sim.world import World
 
 SIZE = (1280, 720)
 STRIP_SIZE = (320, 240)  # of one picture of a strip
+FILM_SIZE = (480, 320)
 DOT_RADIUS = 0.012
 
 
@@ -53,25 +54,53 @@ def take_strip(
     world: World, states: Collection[np.ndarray], viewpoint: Viewpoint, path: Path
 ) -> None:
     """
-    Write pictures of several instants side by side as one PNG.
+    Write pictures of several instants side by side as one PNG; see `_pictures`.
 
-    `states` are generalised positions as in `World.data.qpos`; the camera follows the root, so
-    `viewpoint.lookat` is relative to it. The world is left as it was.
+    The world is left as it was.
     """
     width, height = STRIP_SIZE
     strip = Image.new('RGB', (width * len(states), height))
+    for index, picture in enumerate(_pictures(world, states, viewpoint, STRIP_SIZE)):
+        strip.paste(picture, (width * index, 0))
+    strip.save(path)
+
+
+def take_film(
+    world: World, states: Collection[np.ndarray], viewpoint: Viewpoint, path: Path, period: float
+) -> None:
+    """
+    Write pictures of instants `period` [s] apart as a moving WebP; see `_pictures`.
+
+    The world is left as it was.
+    """
+    first, *others = _pictures(world, states, viewpoint, FILM_SIZE)
+    milliseconds = round(1e3 * period)
+    first.save(
+        path, save_all=True, append_images=others, duration=milliseconds, loop=0, quality=55
+    )
+
+
+def _pictures(
+    world: World, states: Collection[np.ndarray], viewpoint: Viewpoint, size: tuple[int, int]
+) -> Iterator[Image.Image]:
+    """
+    Yield a picture of each instant.
+
+    `states` are generalised positions as in `World.data.qpos`; the camera follows the root on the
+    ground, so `viewpoint.lookat` is relative to it.
+    """
+    width, height = size
     data = mujoco.MjData(world.model)
     renderer = mujoco.Renderer(world.model, height, width, max_geom=10_000)
     try:
-        for index, state in enumerate(states):
+        for state in states:
             data.qpos[:] = state
             mujoco.mj_forward(world.model, data)
             place = np.asarray(viewpoint.lookat) + (state[0], state[1], 0.0)
             renderer.update_scene(data, _camera(viewpoint._replace(lookat=place)))
-            strip.paste(Image.fromarray(renderer.render()), (width * index, 0))
+            yield Image.fromarray(renderer.render())
     finally:
         renderer.close()
-    strip.save(path)
 
 
 def _camera(viewpoint: Viewpoint) -> mujoco.MjvCamera:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pages under docs/: links lead somewhere, and what is to be typed exists."""
+"""README, CONTRIBUTING and docs/: links lead somewhere, and what is to be typed exists."""
 
 import argparse
 from pathlib import Path
@@ -12,8 +12,9 @@ from wasd_bringup.cli import make_parser
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted((ROOT / 'docs').glob('*.md'))
 SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
+ROOT_PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md']
 # Commands of `wasd` that are no subparsers.
-OTHER_COMMANDS = {'COMMAND', 'test', 'bench'}
+OTHER_COMMANDS = {'COMMAND', 'test', 'bench', 'lint'}
 
 
 def code(page: Path) -> str:
@@ -22,7 +23,7 @@ def code(page: Path) -> str:
     return '\n'.join([*re.findall(r'^    (.*)$', text, re.M), *re.findall(r'`([^`\n]+)`', text)])
 
 
-@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize('page', [*PAGES, *ROOT_PAGES], ids=str)
 def test_every_link_leads_to_a_file(page):
     links = re.findall(r'\]\(([^)#:]+)\)', page.read_text())
     assert [link for link in links if not (page.parent / link).exists()] == []
@@ -43,7 +44,7 @@ def test_launch_files_and_their_arguments_exist(page, launch_file):
         )
 
 
-@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize('page', [*PAGES, *ROOT_PAGES], ids=str)
 def test_executables_and_commands_exist(page):
     for package, executable in re.findall(r'ros2 run (\w+) (\w+)', code(page)):
         assert SCRIPTS[executable].partition('.')[0] == package
@@ -56,3 +57,7 @@ def test_executables_and_commands_exist(page):
     )
     named = set(re.findall(r'(?:^|\s)(?:\./)?wasd ([A-Za-z]\w*)', code(page), re.M))
     assert named - OTHER_COMMANDS <= set(commands)
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / 'README.md').read_text().splitlines()) <= 120

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mujoco_sim.pictures import take_film
 from mujoco_sim.pictures import take_picture
 from mujoco_sim.pictures import take_strip
 from mujoco_sim.pictures import Trace
@@ -23,7 +24,9 @@ from wasd_core.output_file import OutputFile
 from wasd_bringup.discovery_range import keep_alone
 from wasd_bringup.errors import UsageError
 from wasd_bringup.options import RunOptions
+from wasd_bringup.scripts import parse_push
 from wasd_bringup.scripts import parse_twist_script
+from wasd_bringup.scripts import ScriptedPush
 from wasd_bringup.session import Session
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
@@ -47,6 +50,8 @@ class Stop(NamedTuple):
     robot: str = 'mbot'
     world: str = 'flat'
     strip: Viewpoint | None = None  # of the last gait period, seen along with the robot
+    film: Viewpoint | None = None  # of the whole stop, seen along with the robot
+    pushes: tuple[ScriptedPush, ...] = ()
 
 
 TOUR = (
@@ -70,6 +75,15 @@ TOUR = (
         29.0,
         twist=SQUARE,
         viewpoint=Viewpoint((0.5, 0.5, 0.0), 2.4, 90.0, -70.0),
+    ),
+    Stop(
+        'go2_tour',
+        'Go2, keys: stand up, trot, turn, take a push',
+        10.0,
+        robot='go2',
+        keys='0.3 2\n2.5 4\n2.8 w*10\n5 l*8\n7 j*8',
+        film=Viewpoint((0.0, 0.0, 0.2), 1.7, 120.0, -16.0),
+        pushes=(parse_push('8.2 0 150 0 0.1'),),
     ),
     Stop(
         'go2_trot',
@@ -101,6 +115,7 @@ TOUR = (
 # A strip shows so many instants of one gait period [s].
 STRIP_FRAMES = 6
 GAIT_PERIOD = 0.45
+FILM_PERIOD = 0.08  # [s]
 
 
 class Result(NamedTuple):
@@ -162,15 +177,16 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         preset={'mbot': 'mbot', 'go2': 'unitree'}[stop.robot],
         keys=tuple(parse_key_script(stop.keys, stop.name)) if stop.keys else None,
         twists=tuple(parse_twist_script(stop.twist, stop.name)) if stop.twist else None,
+        pushes=stop.pushes,
         duration=stop.duration,
         speed=0.0,
         samples=True,
     )
     session = Session(options, visuals=pictures)
-    frames: deque[np.ndarray] = deque(maxlen=STRIP_FRAMES)
-    spacing = GAIT_PERIOD / STRIP_FRAMES
+    frames: deque[np.ndarray] = deque(maxlen=STRIP_FRAMES if stop.film is None else None)
+    spacing = GAIT_PERIOD / STRIP_FRAMES if stop.film is None else FILM_PERIOD
     try:
-        if stop.strip is not None:
+        if stop.strip is not None or stop.film is not None:
             positions = session.world.data.qpos
             session.simulation.schedule.every(spacing, lambda: frames.append(positions.copy()))
         session.run(signals)
@@ -180,6 +196,9 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
             take_picture(session.world, stop.viewpoint, path, _traces(report['samples']))
         if pictures and stop.strip is not None:
             take_strip(session.world, frames, stop.strip, folder / f'{stop.name}_strip.png')
+        if pictures and stop.film is not None:
+            path = folder / f'{stop.name}.webp'
+            take_film(session.world, frames, stop.film, path, FILM_PERIOD)
         return summarise(stop.title, report)
     finally:
         session.close()
