@@ -92,7 +92,7 @@ def kinematics() -> Row:
     trials = []
     for name in names:
         loaded = load_robot(name)
-        deviations = check_kinematics(loaded.urdf, loaded.robot)
+        deviations = check_kinematics(loaded)
         rows = [deviation._asdict() for deviation in deviations]
         trials.append({'robot': Path(name).stem, 'deviations': rows})
     worst = max(row['distance'] for trial in trials for row in trial['deviations'])

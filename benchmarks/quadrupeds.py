@@ -13,12 +13,10 @@ from pathlib import Path
 from experiment import Experiment
 from experiment import Verdict
 import numpy as np
-from robot_description.expand import expand
+from robot_description.description import read_description
 from robot_description.packages import share_directory
-from robot_description.quadruped import find_quadruped
 from robot_description.similarity import Scale
 from robot_description.similarity import scale_of
-from robot_description.urdf import parse_urdf
 from table import format_count
 from table import Row
 from trials import Run
@@ -93,7 +91,7 @@ def walk(name: str, path: Path, seeds: Sequence[int]) -> Experiment:
     """
     if not path.is_file():
         raise UserError(f'{path.name} is not installed')
-    scale = scale_of(find_quadruped(parse_urdf(expand(path))))
+    scale = scale_of(read_description(path).quadruped)
     script, spans = walk_script(scale)
     end = spans[-1][2]
     runs = [Run(seed=seed, twist=script, duration=end, description=str(path)) for seed in seeds]

@@ -75,7 +75,7 @@ class SensorPublisher:
         """
         self._world = world
         self._noise = settings.sensor_noise
-        found = read_sensor_tags(loaded.urdf, loaded.robot)
+        found = read_sensor_tags(loaded.robot)
         for note in found.notes:
             node.get_logger().warning(visible(note))
         lidars, cameras = (

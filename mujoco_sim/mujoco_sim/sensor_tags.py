@@ -75,9 +75,9 @@ class SensorTags(NamedTuple):
     notes: list[str]
 
 
-def read_sensor_tags(urdf: str, robot: Robot) -> SensorTags:
+def read_sensor_tags(robot: Robot) -> SensorTags:
     """
-    Return the lidars and cameras of a URDF; sensors of other kinds are left to others.
+    Return the lidars and cameras of a robot; sensors of other kinds are left to others.
 
     Topics are relative, so that a namespace prefixes them; what ROS does not allow in a name
     becomes `_`. Where two sensors would publish one topic, both get their sensor's name before it.
@@ -88,7 +88,7 @@ def read_sensor_tags(urdf: str, robot: Robot) -> SensorTags:
     lidars: list[LidarTag] = []
     cameras: list[CameraTag] = []
     notes: list[str] = []
-    for gazebo in ElementTree.fromstring(urdf).findall('gazebo'):
+    for gazebo in robot.gazebo:
         link = gazebo.get('reference', '')
         for sensor in gazebo.findall('sensor'):
             kind = sensor.get('type', '')
@@ -106,9 +106,9 @@ def read_sensor_tags(urdf: str, robot: Robot) -> SensorTags:
     return SensorTags(_apart_lidars(lidars), _apart_cameras(cameras), notes)
 
 
-def has_camera(urdf: str, robot: Robot) -> bool:
+def has_camera(robot: Robot) -> bool:
     """Return whether a robot needs others, and itself, to be there to be looked at."""
-    return bool(read_sensor_tags(urdf, robot).cameras)
+    return bool(read_sensor_tags(robot).cameras)
 
 
 class _Reader:

@@ -98,7 +98,7 @@ class SimulatorNode(Node):
         self._clock_publisher = self.create_publisher(Clock, '/clock', RELIABLE)
         self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self.truth = TruthPublisher(self, world, robot.robot)
-        self._feet = foot_links(robot.robot)
+        self._feet = foot_links(robot)
         if self._feet:
             self._contacts = self.create_publisher(JointState, 'foot_contacts', RELIABLE)
         if world.has_imu:
@@ -156,9 +156,9 @@ class SimulatorNode(Node):
         self._sensors.close()
 
     def _build_world(self, robot: Description) -> World:
-        setup = usual_setup(robot.robot, self.settings.sensor_noise)
+        setup = usual_setup(robot, self.settings.sensor_noise)
         try:
-            visuals = has_camera(robot.urdf, robot.robot)
+            visuals = has_camera(robot.robot)
             return build_world(robot, self.settings.world, self.settings.seed, setup, visuals)
         except SimulationError as error:
             # What is an option of the `wasd` command is a parameter of the same name here.

@@ -3,14 +3,13 @@
 
 import math
 
+from robot_description.description import Description
 from robot_description.drive_wheels import lowest_point
 from robot_description.leg import NotAQuadruped
-from robot_description.quadruped import find_quadruped
 from robot_description.quadruped import Quadruped
 from robot_description.similarity import REFLECTED_INERTIA
 from robot_description.similarity import scale_of
 from robot_description.similarity import similar_pose
-from robot_description.urdf import Robot
 
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import SensorNoise
@@ -26,7 +25,7 @@ ROUNDING = 1e-6
 COMMAND_DELAY = 0.002
 
 
-def usual_setup(robot: Robot, noise: bool = True) -> RobotSetup:
+def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
     """
     Return a quadruped that lies on the floor, with real motors and sensors; others as they are.
 
@@ -35,9 +34,9 @@ def usual_setup(robot: Robot, noise: bool = True) -> RobotSetup:
     Without `noise` its sensors tell the truth; motors and delay stay real.
     """
     try:
-        quadruped = find_quadruped(robot)
+        quadruped = description.quadruped
     except NotAQuadruped:
-        lowest = lowest_point(robot)
+        lowest = lowest_point(description.robot)
         return RobotSetup(height=-lowest if -math.inf < lowest < -ROUNDING else 0.0)
     scale = scale_of(quadruped)
     inertia = REFLECTED_INERTIA * scale.of('kg m^2')
@@ -61,9 +60,9 @@ def lying_positions(quadruped: Quadruped) -> dict[str, float]:
     return dict(zip(quadruped.joint_names, positions.tolist(), strict=True))
 
 
-def foot_links(robot: Robot) -> tuple[str, ...]:
+def foot_links(description: Description) -> tuple[str, ...]:
     """Return the links on which a quadruped stands; none of another robot."""
     try:
-        return find_quadruped(robot).feet
+        return description.quadruped.feet
     except NotAQuadruped:
         return ()

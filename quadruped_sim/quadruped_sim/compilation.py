@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import contextlib
 import subprocess
 import sys
-from typing import Any
+from typing import Any, TypeVar
 
 from numba.core import event
 from wasd_core.errors import Stopped
@@ -15,18 +15,20 @@ NOTICE = 'compiling, once: the leg controller, which takes some 15 s of a core'
 PERIOD = 0.05
 COMPILE = (sys.executable, '-m', 'quadruped_sim')
 
+Result = TypeVar('Result')
+
 
 class _NotCompiled(Exception):
     """A function is not in the cache."""
 
 
 def compile_once(
-    use: Callable[[], None],
+    use: Callable[[], Result],
     say: Callable[[str], None],
     is_stopped: Callable[[], bool] = lambda: False,
-) -> None:
+) -> Result:
     """
-    Run `use`, which calls all that the controller compiles; `say` hears of it before it compiles.
+    Return what `use` does, which calls all that the controller compiles; `say` hears before it.
 
     What is in numba's cache is loaded. Otherwise another process fills the cache first, and is
     ended when `is_stopped` says so. Where no cache can be written this process compiles.
@@ -35,8 +37,7 @@ def compile_once(
         Stopped: `is_stopped` said so.
     """
     with contextlib.suppress(_NotCompiled), _before_each_function(_refuse):
-        use()
-        return
+        return use()
     say(NOTICE)
     _compile_elsewhere(is_stopped)
 
@@ -45,7 +46,7 @@ def compile_once(
             raise Stopped
 
     with _before_each_function(look):
-        use()
+        return use()
 
 
 def _refuse() -> None:

@@ -39,23 +39,23 @@ class LegController:
     """
     Walks a quadruped: one `step` per tick, 500 times a second.
 
-    `params` are as for the Go2; they are scaled to the robot. Joints are leg angles, see
-    `robot_description.quadruped`.
+    A `model` serves one controller at a time. `params` are as for the Go2; they are scaled to the
+    robot. Joints are leg angles, see `robot_description.quadruped`.
     `estimator` is 'kalman' (IMU and joints only) or 'truth' (`Sensors.truth`, which must be set).
     Never raises for bad data: it falls back to damping and says so in `event`.
     """
 
     def __init__(
         self,
-        urdf: str,
+        model: RobotModel,
         params: LegControllerParameters | None = None,
         estimator: str = 'kalman',
     ) -> None:
         if estimator not in ('kalman', 'truth'):
             raise ValueError(f"estimator must be 'kalman' or 'truth', got {estimator!r}")
         self._uses_truth = estimator == 'truth'
-        self.model = RobotModel(urdf)
-        scale = self.model.scale
+        self.model = model
+        scale = model.scale
         self._params = scaled(params or LegControllerParameters(), scale, self.model.friction)
         self.sticks = Sticks()
         self.words = KeyWords()

@@ -8,8 +8,8 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.description import Description
 from robot_description.description import load_robot
-from robot_description.urdf import parse_urdf
 from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -49,6 +49,7 @@ from quadruped_sim.node_parameters import LegNodeParameters
 from quadruped_sim.parameters import CommandParameters
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.warm_up import warm_up
 
 # Longest step of gait and estimate between two readings [s]; a request is as old as it is.
@@ -66,14 +67,14 @@ class LegControllerNode(Node):
 
     def __init__(
         self,
-        urdf: str | None = None,
+        description: Description | None = None,
         *,
         lock_step: bool = False,
         namespace: str = '',
         parameter_overrides: list[Parameter] | None = None,
     ) -> None:
         """
-        Take a URDF text, or expand the description that the parameter names.
+        Take a robot, or load the description that the parameter names.
 
         Raises:
             UserError: what is wrong with the parameters or the robot, in one line.
@@ -83,18 +84,20 @@ class LegControllerNode(Node):
             'leg_controller', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
         self.settings = declare_parameters(self, LegNodeParameters)
-        urdf = urdf or load_robot(self.settings.description).urdf
-        # Before anything calls a compiled function; loading them is no part of the first tick.
-        compile_once(lambda: warm_up(urdf), self.get_logger().info, stop_requested)
+        description = description or load_robot(self.settings.description)
+        # Before anything else calls a compiled function; loading is no part of the first tick.
+        model = compile_once(
+            lambda: _warm_model(description), self.get_logger().info, stop_requested
+        )
         self.controller = LegController(
-            urdf,
+            model,
             LegControllerParameters(
                 command=CommandParameters(limits=self.settings.limits),
                 gait=GaitParameters(step_in_place=self.settings.step_in_place),
             ),
             self.settings.estimator,
         )
-        if weak := self.controller.model.overloaded:
+        if weak := model.overloaded:
             needed = ', '.join(
                 f'{visible(joint)} {torque:.0f} N m' for joint, torque in weak.items()
             )
@@ -102,9 +105,9 @@ class LegControllerNode(Node):
         # What is said to the driver. In lock-step whoever shows it lets its time pass.
         self.notice = Notice()
         self._refused: str | None = None
-        self.quadruped = self.controller.model.quadruped
+        self.quadruped = model.quadruped
         self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
-        root = parse_urdf(urdf).base
+        root = description.robot.base
         self._frames = Frames(self.settings.odom_frame, self.settings.base_frame or root)
         self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
         self._is_alone = not lock_step
@@ -274,6 +277,13 @@ class LegControllerNode(Node):
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=5.0)
+
+
+def _warm_model(description: Description) -> RobotModel:
+    """Return the model of a robot, with all loaded that its controller compiles."""
+    model = RobotModel(description)
+    warm_up(model)
+    return model
 
 
 def main(args: list[str] | None = None) -> int:

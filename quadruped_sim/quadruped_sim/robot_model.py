@@ -3,17 +3,16 @@
 
 from dataclasses import dataclass
 import math
-import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pinocchio as pin
+from robot_description.description import Description
 from robot_description.imu import imu_position
-from robot_description.quadruped import find_quadruped
+from robot_description.pinocchio_model import to_pinocchio
 from robot_description.quadruped import Quadruped
 from robot_description.similarity import REFLECTED_INERTIA
 from robot_description.similarity import scale_of
 from robot_description.similarity import similar_pose
-from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 
 from quadruped_sim.exceptions import RobotModelError
@@ -34,8 +33,6 @@ GO2_KNEE_SPEED = 15.7
 # Thigh and calf of the Go2 [rad]: unitree_guide's stand, and about what they are in trot.
 STANDING = (0.67, -1.3)
 WALKING = (0.8, -1.6)
-# What a joint without stops gets instead of them [rad].
-UNBOUNDED = 100.0
 
 
 @dataclass(frozen=True)
@@ -73,15 +70,18 @@ class RobotModel:
     URDF leaves out, is taken to grow as it does. `friction` is the feet's, infinite if not given.
 
     Raises:
-        RobotModelError: the description is not a quadruped that can be walked.
+        RobotModelError: the description is not a quadruped that can be walked; says which file.
     """
 
-    def __init__(self, urdf: str) -> None:
+    def __init__(self, description: Description) -> None:
         try:
-            robot = parse_urdf(urdf)
-            self.quadruped = find_quadruped(robot)
-        except DescriptionError as error:
-            raise RobotModelError(str(error)) from error
+            self._read(description)
+        except (DescriptionError, RobotModelError) as error:
+            raise RobotModelError(f'{description.path}: {error}') from None
+
+    def _read(self, description: Description) -> None:
+        robot = description.robot
+        self.quadruped = description.quadruped
         self.scale = scale_of(self.quadruped)
         self.limits = _limits(self.quadruped, EFFORT_MAX * self.scale.of('N m'))
         self.geometry = _geometry(self.quadruped)
@@ -89,18 +89,14 @@ class RobotModel:
         self.friction = min(robot.friction.get(foot, math.inf) for foot in self.quadruped.feet)
         self.standing_pose = similar_pose(self.quadruped, *STANDING)
         self.walking_pose = similar_pose(self.quadruped, *WALKING)
-        self._build(urdf)
+        self._build(description)
         self.mass = float(pin.computeTotalMass(self._model))
         self.weight = self.mass * 9.81
         self._check_geometry()
 
-    def _build(self, urdf: str) -> None:
+    def _build(self, description: Description) -> None:
         """Have Pinocchio build its model, and note how its joints are ordered and turned."""
-        try:
-            self._model = pin.buildModelFromXML(_for_pinocchio(urdf), pin.JointModelFreeFlyer())
-        except (ValueError, RuntimeError) as error:
-            text = ' '.join(str(error).split())
-            raise RobotModelError(f'the description cannot be read: {text}') from error
+        self._model = to_pinocchio(description, for_control=True)
         if self._model.nv != 18:
             raise RobotModelError(f'12 moving joints wanted, got {self._model.nv - 6}')
         self._data = self._model.createData()
@@ -257,27 +253,3 @@ def _geometry(quadruped: Quadruped) -> LegGeometry:
         foot_radius=float(np.median([leg.foot_radius for leg in legs])),
         bend=np.array([leg.bend for leg in legs]),
     )
-
-
-def _for_pinocchio(urdf: str) -> str:
-    """
-    Drop a root link called `world` that holds the robot up (`DEBUG:=true`); bound every joint.
-
-    Pinocchio gives a joint without stops two coordinates, cosine and sine.
-    """
-    root = ElementTree.fromstring(urdf)
-    for joint in root.findall('joint'):
-        parent = joint.find('parent')
-        if parent is not None and parent.get('link') == 'world':
-            root.remove(joint)
-            for link in root.findall('link'):
-                if link.get('name') == 'world':
-                    root.remove(link)
-        if joint.get('type') == 'continuous':
-            joint.set('type', 'revolute')
-            limit = joint.find('limit')
-            if limit is None:
-                limit = ElementTree.SubElement(joint, 'limit', effort='0', velocity='0')
-            limit.set('lower', str(-UNBOUNDED))
-            limit.set('upper', str(UNBOUNDED))
-    return ElementTree.tostring(root, encoding='unicode')

@@ -185,7 +185,7 @@ def _info(options: argparse.Namespace) -> int:
     if options.check:
         from robot_description.kinematic_check import check_kinematics
 
-        deviations = check_kinematics(weighed.urdf, weighed.robot)
+        deviations = check_kinematics(weighed)
         record['kinematics'] = [deviation._asdict() for deviation in deviations]
     if options.json:
         print(json.dumps(record, indent=2))

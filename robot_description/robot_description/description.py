@@ -2,17 +2,24 @@
 """A description from its file to its content and its meshes, in one step."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from dataclasses import replace
+from functools import cached_property
 import logging
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from wasd_core.errors import DescriptionError
 
+from robot_description.drive_wheels import drive_wheels
 from robot_description.drive_wheels import equipped
 from robot_description.expand import expand_document
 from robot_description.inertia import impossible_inertias
+from robot_description.leg import NotAQuadruped
 from robot_description.mesh_report import MeshReport
 from robot_description.mesh_resolver import resolve_meshes
+from robot_description.quadruped import find_quadruped
+from robot_description.quadruped import Quadruped
 from robot_description.robots import description_path
 from robot_description.stand_in_masses import with_stand_in_masses
 from robot_description.urdf import parse_urdf
@@ -21,11 +28,19 @@ from robot_description.urdf import Robot
 # Without a handler Python writes warnings to standard error, a line each.
 LOGGER = logging.getLogger(__name__)
 
+# Kinds of robots.
+QUADRUPED = 'quadruped'
+DIFF_DRIVE = 'diff-drive'
+OTHER = 'other'
 
-class Description(NamedTuple):
+
+@dataclass(frozen=True)
+class Description:
     """
     A robot's description: its file, URDF text and content, and what became of its meshes.
 
+    What loads, simulates or drives a robot takes this, so that a file is read and parsed once.
+    `robot` is `urdf` parsed, with motors and tyres where `load_robot` filled gaps.
     `warnings` are what xacro was not happy with, an argument that the file does not have, say.
     """
 
@@ -36,6 +51,32 @@ class Description(NamedTuple):
     warnings: tuple[str, ...] = ()
 
     @property
+    def quadruped(self) -> Quadruped:
+        """
+        The robot's four legs, which are looked for once.
+
+        Raises:
+            NotAQuadruped: what was found instead.
+        """
+        if isinstance(self._quadruped, NotAQuadruped):
+            raise self._quadruped.with_traceback(None)
+        return self._quadruped
+
+    @cached_property
+    def _quadruped(self) -> Quadruped | NotAQuadruped:
+        try:
+            return find_quadruped(self.robot)
+        except NotAQuadruped as error:
+            return error
+
+    @property
+    def kind(self) -> str:
+        """`quadruped`, `diff-drive` for two coaxial wheels, or `other`."""
+        if isinstance(self._quadruped, Quadruped):
+            return QUADRUPED
+        return DIFF_DRIVE if len(drive_wheels(self.robot)) == 2 else OTHER
+
+    @property
     def repairs(self) -> tuple[str, ...]:
         """What is not as the description says, in one line each."""
         lines = [record.line() for record in self.meshes.repairs]
@@ -44,7 +85,7 @@ class Description(NamedTuple):
     def with_stand_in_masses(self) -> 'Description':
         """Return the robot with a mass for each link, for a world without physics."""
         urdf = with_stand_in_masses(self.urdf)
-        return self._replace(urdf=urdf, robot=parse_urdf(urdf))
+        return replace(self, urdf=urdf, robot=parse_urdf(urdf))
 
     def record(self) -> dict[str, Any]:
         """Return where the description is from and what was repaired in it, as JSON has it."""
@@ -68,7 +109,7 @@ def read_description(
     """
     expansion = expand_document(path, arguments, search)
     warnings = tuple(f'{place or path}: {text}' for place, text in expansion.warnings)
-    return parse_description(expansion.urdf, path, search)._replace(warnings=warnings)
+    return replace(parse_description(expansion.urdf, path, search), warnings=warnings)
 
 
 def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Description:
@@ -112,4 +153,4 @@ def load_robot(
         raise DescriptionError(f'{loaded.path}: {error}') from None
     for line in (*loaded.warnings, *loaded.repairs):
         LOGGER.warning('description: %s', line)
-    return loaded._replace(robot=equipped(loaded.robot))
+    return replace(loaded, robot=equipped(loaded.robot))

@@ -5,7 +5,6 @@ import math
 from typing import Any
 
 from robot_description.description import Description
-from robot_description.robot_kind import kind_of
 from robot_description.urdf import Joint
 
 
@@ -15,7 +14,7 @@ def info_record(description: Description) -> dict[str, Any]:
     return {
         'path': str(description.path),
         'name': robot.name,
-        'kind': kind_of(robot),
+        'kind': description.kind,
         'root': robot.root,
         'floating': not robot.is_fixed,
         'mass': robot.mass,

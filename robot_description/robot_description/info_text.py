@@ -14,7 +14,6 @@ from wasd_core.visible import visible
 
 from robot_description.description import Description
 from robot_description.mesh_report import MeshRecord
-from robot_description.robot_kind import kind_of
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
 
@@ -33,7 +32,7 @@ def print_info(info: Description) -> None:
     base = f'hangs on {root}' if robot.is_fixed else f'floats, root {root}'
     movable = len(robot.movable_joints)
     console.print(
-        f'[bold]{_shown(robot.name)}[/]  {kind_of(robot)}, {robot.mass:.3f} kg, {base}; '
+        f'[bold]{_shown(robot.name)}[/]  {info.kind}, {robot.mass:.3f} kg, {base}; '
         f'{len(robot.links)} links, {len(robot.joints)} joints, {movable} of them movable'
     )
     console.print(_tree(robot))

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import yourdfpy
 
+from robot_description.description import Description
 from robot_description.forward_kinematics import link_poses
 from robot_description.mujoco.builder import compile_model
 from robot_description.mujoco.builder import to_mujoco
@@ -20,7 +21,6 @@ from robot_description.pinocchio_model import link_positions
 from robot_description.pinocchio_model import to_pinocchio
 from robot_description.urdf import Joint
 from robot_description.urdf import parse_urdf
-from robot_description.urdf import Robot
 
 Positions = Mapping[str, float]
 Places = dict[str, np.ndarray]
@@ -38,7 +38,7 @@ class Deviation(NamedTuple):
 
 
 def check_kinematics(
-    urdf: str, robot: Robot, poses: int = 5, seed: int = 0
+    description: Description, poses: int = 5, seed: int = 0
 ) -> tuple[Deviation, ...]:
     """
     Compare the places of all links in random poses within the joint limits.
@@ -49,10 +49,10 @@ def check_kinematics(
         DescriptionError: a library cannot read the robot.
     """
     random = np.random.default_rng(seed)
-    text = bare_urdf(urdf)
+    robot, text = description.robot, bare_urdf(description.urdf)
     libraries: dict[str, _Library] = {
         'MuJoCo': _Mujoco(text),
-        'Pinocchio': _Pinocchio(text, robot),
+        'Pinocchio': _Pinocchio(description),
         'yourdfpy': _Yourdfpy(text),
     }
     worst = {name: Deviation(name, 0.0, robot.root) for name in libraries}
@@ -93,8 +93,8 @@ class _Mujoco:
 
 
 class _Pinocchio:
-    def __init__(self, urdf: str, robot: Robot) -> None:
-        self._model = to_pinocchio(urdf, robot)
+    def __init__(self, description: Description) -> None:
+        self._model = to_pinocchio(description)
 
     def places(self, positions: Positions) -> Places:
         return link_positions(self._model, configuration(self._model, positions))

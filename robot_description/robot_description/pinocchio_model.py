@@ -8,10 +8,11 @@ import numpy as np
 import pinocchio as pin
 from wasd_core.errors import DescriptionError
 
-from robot_description.mujoco.builder import ROOT_JOINT
+from robot_description.description import Description
 from robot_description.urdf import INERTIA_COMPONENTS
 from robot_description.urdf import MOVABLE
-from robot_description.urdf import Robot
+from robot_description.urdf import ROOT_JOINT
+from robot_description.urdf import WORLD_LINK
 
 # All that kinematics and dynamics need.
 KEPT = {
@@ -23,20 +24,22 @@ INERTIAL_PARTS = ('origin', 'mass', 'inertia')
 NO_LIMIT = {'lower': '-1e9', 'upper': '1e9', 'effort': '0', 'velocity': '0'}
 
 
-def to_pinocchio(urdf: str, robot: Robot) -> pin.Model:
+def to_pinocchio(description: Description, *, for_control: bool = False) -> pin.Model:
     """
     Return the robot as a Pinocchio model, free to move unless it hangs on a link called `world`.
 
-    `robot` is the parsed `urdf`. Every link is a frame of its name; joints keep theirs, and the
-    free one is called as in MuJoCo. Pinocchio sorts brothers by name: go by `configuration`, not
-    by position in the file.
+    Every link is a frame of its name; joints keep theirs, and the free one is called as in MuJoCo.
+    Pinocchio sorts brothers by name: go by `configuration`, not by position in the file.
+
+    With `for_control` it is free in any case, and a joint without limits is an angle like others
+    instead of a cosine and a sine.
 
     Raises:
         DescriptionError: what Pinocchio says about the URDF, in one line.
     """
-    text = bare_urdf(urdf)
+    text = bare_urdf(description.urdf, for_control)
     try:
-        if robot.is_fixed:
+        if description.robot.is_fixed and not for_control:
             return pin.buildModelFromXML(text)
         return pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), ROOT_JOINT)
     except (ValueError, RuntimeError) as error:
@@ -70,21 +73,24 @@ def link_positions(model: pin.Model, q: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def bare_urdf(urdf: str) -> str:
+def bare_urdf(urdf: str, for_control: bool = False) -> str:
     """
     Return the URDF without shapes, materials and tags, which urdfdom has complaints about.
 
     Of repeated tags the first counts, as for `parse_urdf`; what is left out is URDF's default.
-    urdfdom also wants a name for the robot and all of a limit for joints that may have one.
+    urdfdom also wants a name for the robot and all of a limit for joints that may have one. What
+    `for_control` changes is said at `to_pinocchio`.
     """
     tree = ElementTree.fromstring(urdf)
     tree.set('name', tree.get('name') or 'robot')
     for element in list(tree):
-        if element.tag not in KEPT:
+        if element.tag not in KEPT or (for_control and _is_world(element)):
             tree.remove(element)
             continue
         _keep_first(element, KEPT[element.tag])
         if element.tag == 'joint':
+            if for_control and element.get('type') == 'continuous':
+                _bound(element)
             _complete_joint(element)
         elif (inertial := element.find('inertial')) is not None:
             _keep_first(inertial, INERTIAL_PARTS)
@@ -98,6 +104,23 @@ def _keep_first(element: ElementTree.Element, tags: Collection[str]) -> None:
     for child in list(element):
         if child is not first.get(child.tag):
             element.remove(child)
+
+
+def _is_world(element: ElementTree.Element) -> bool:
+    """Whether an element is the link `world` or a joint that holds the robot on it."""
+    if element.tag == 'link':
+        return element.get('name') == WORLD_LINK
+    parent = element.find('parent')
+    return parent is not None and parent.get('link') == WORLD_LINK
+
+
+def _bound(joint: ElementTree.Element) -> None:
+    """Make a joint without stops one with stops that it never meets."""
+    joint.set('type', 'revolute')
+    limit = joint.find('limit')
+    if limit is None:
+        limit = ElementTree.SubElement(joint, 'limit')
+    limit.attrib.update({end: NO_LIMIT[end] for end in ('lower', 'upper')})
 
 
 def _complete_joint(joint: ElementTree.Element) -> None:

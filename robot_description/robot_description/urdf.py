@@ -32,6 +32,8 @@ JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
 INERTIA_COMPONENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 # A root link of this name is no part of the robot: what hangs on it does not float.
 WORLD_LINK = 'world'
+# The joint by which a robot floats, where a library wants a name for it.
+ROOT_JOINT = 'root'
 # More names than these are not listed in an error.
 MOST_NAMES = 8
 
@@ -112,7 +114,8 @@ class Robot:
     """
     A kinematic tree.
 
-    `friction` and `self_collide` map a link to what its gazebo tag says, where it does.
+    `friction` and `self_collide` map a link to what its gazebo tag says, where it does; `gazebo`
+    are these tags, for what a simulator looks for in them.
     """
 
     name: str
@@ -121,6 +124,7 @@ class Robot:
     joints: dict[str, Joint]
     friction: dict[str, float]
     self_collide: dict[str, bool]
+    gazebo: tuple[ElementTree.Element, ...]
 
     @property
     def mass(self) -> float:
@@ -199,7 +203,8 @@ def parse_urdf(text: str) -> Robot:
     joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
     root = _find_root(links, joints)
     friction, self_collide = read_friction(tree), read_self_collide(tree)
-    return Robot(tree.get('name', ''), root, links, joints, friction, self_collide)
+    gazebo = tuple(tree.findall('gazebo'))
+    return Robot(tree.get('name', ''), root, links, joints, friction, self_collide, gazebo)
 
 
 def _by_name(elements: list[Named]) -> dict[str, Named]:

@@ -55,7 +55,7 @@ def make(kinect, scene):
     """Return a function that puts the Kinect, changed as wanted, on the robot."""
 
     def make(scale=1.0, **changes):
-        _, (tag,), _ = read_sensor_tags(kinect.urdf, kinect.robot)
+        _, (tag,), _ = read_sensor_tags(kinect.robot)
         return Camera(replace(tag, **changes), scene, kinect.robot, Snapshot(scene), scale)
 
     return make

@@ -24,7 +24,7 @@ def make(loaded):
     """Return a function that puts mbot's lidar, changed as wanted, into a world."""
 
     def make(world, robot=loaded, **changes):
-        ((tag,), _, _) = read_sensor_tags(robot.urdf, robot.robot)
+        ((tag,), _, _) = read_sensor_tags(robot.robot)
         return Lidar(replace(tag, **changes), world, robot.robot, Snapshot(world))
 
     return make

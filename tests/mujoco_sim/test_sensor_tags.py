@@ -21,7 +21,7 @@ def read(sensors, link='head'):
     urdf = (
         f'<robot name="r"><link name="head"/><gazebo reference="{link}">{sensors}</gazebo></robot>'
     )
-    return read_sensor_tags(urdf, parse_urdf(urdf))
+    return read_sensor_tags(parse_urdf(urdf))
 
 
 def lidar(kind='ray', word='ray', plugin='', name='eye', samples=3, yaw=0):
@@ -31,7 +31,7 @@ def lidar(kind='ray', word='ray', plugin='', name='eye', samples=3, yaw=0):
 @pytest.fixture(scope='module')
 def mbot():
     loaded = load_robot('mbot')
-    return read_sensor_tags(loaded.urdf, loaded.robot)
+    return read_sensor_tags(loaded.robot)
 
 
 def test_mbots_lidar_is_the_courses(mbot):
@@ -67,7 +67,7 @@ def test_mbots_camera_is_the_courses_with_depth_beside_it(mbot):
 
 def test_a_kinect_has_colour_and_depth():
     loaded = load_robot('mbot_kinect')
-    _, (kinect,), _ = read_sensor_tags(loaded.urdf, loaded.robot)
+    _, (kinect,), _ = read_sensor_tags(loaded.robot)
     assert kinect.colour_topic == 'kinect/rgb/image_raw'
     assert kinect.colour_info_topic == 'kinect/rgb/camera_info'
     assert kinect.depth_topic == 'kinect/depth/image_raw'
@@ -75,7 +75,7 @@ def test_a_kinect_has_colour_and_depth():
 
 def test_a_robot_without_sensors_has_none():
     loaded = load_robot('mbot_bare')
-    assert read_sensor_tags(loaded.urdf, loaded.robot) == ([], [], [])
+    assert read_sensor_tags(loaded.robot) == ([], [], [])
 
 
 @pytest.mark.parametrize(

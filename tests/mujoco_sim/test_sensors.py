@@ -117,7 +117,7 @@ def go2():
 
 
 def test_the_simulated_imu_feels_gravity_upward_and_no_turning_at_rest(go2):
-    world = build_world(go2, setup=usual_setup(go2.robot, noise=False))
+    world = build_world(go2, setup=usual_setup(go2, noise=False))
     world.step(2000)
     imu = world.read().imu
     assert imu is not None
@@ -146,7 +146,7 @@ def test_the_imu_is_in_the_axes_of_the_trunk(go2):
 
 
 def test_asked_twice_in_one_instant_the_sensors_say_the_same(go2):
-    world = build_world(go2, setup=usual_setup(go2.robot))
+    world = build_world(go2, setup=usual_setup(go2))
     first, second = world.read(), world.read()
     np.testing.assert_array_equal(first.joints.position, second.joints.position)
     world.step(1)
@@ -154,7 +154,7 @@ def test_asked_twice_in_one_instant_the_sensors_say_the_same(go2):
 
 
 def test_a_world_that_is_reset_has_the_same_noise_again(go2):
-    world = build_world(go2, setup=usual_setup(go2.robot), seed=5)
+    world = build_world(go2, setup=usual_setup(go2), seed=5)
     world.step(3)
     before = world.read().joints.position
     world.reset()

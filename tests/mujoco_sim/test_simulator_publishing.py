@@ -28,7 +28,7 @@ def go2():
 
 def simulate(spawn, go2, steps=100):
     """Return the last reading of a Go2 with noise, and its simulator."""
-    world = build_world(go2, setup=usual_setup(go2.robot))
+    world = build_world(go2, setup=usual_setup(go2))
     node = spawn(SimulatorNode(go2, world))
     node.schedule_publishing()
     for _ in range(steps // 10):

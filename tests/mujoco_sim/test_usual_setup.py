@@ -21,11 +21,11 @@ def mbot():
 
 
 def test_mbot_is_put_into_the_world_as_it_is(mbot):
-    assert usual_setup(mbot.robot) == RobotSetup()
+    assert usual_setup(mbot) == RobotSetup()
 
 
 def test_the_go2_has_noise_a_delay_and_speed_limits(go2):
-    setup = usual_setup(go2.robot)
+    setup = usual_setup(go2)
     assert setup.noise is not None
     assert setup.command_delay == COMMAND_DELAY == 0.002
     assert setup.speed_limits['FL_thigh_joint'] == 30.1
@@ -33,14 +33,14 @@ def test_the_go2_has_noise_a_delay_and_speed_limits(go2):
 
 
 def test_without_noise_motors_and_delay_stay_real(go2):
-    setup = usual_setup(go2.robot, noise=False)
+    setup = usual_setup(go2, noise=False)
     assert setup.noise is None
     assert setup.command_delay == COMMAND_DELAY
     assert len(setup.speed_limits) == 12
 
 
 def test_it_lies_on_the_floor_with_its_legs_folded(go2):
-    world = build_world(go2, setup=usual_setup(go2.robot, noise=False))
+    world = build_world(go2, setup=usual_setup(go2, noise=False))
     angles = dict(zip(world.joint_names, world.joints().position, strict=True))
     for leg in ('FL', 'FR', 'RL', 'RR'):
         assert angles[f'{leg}_hip_joint'] == 0.0
@@ -56,7 +56,7 @@ def test_it_lies_on_the_floor_with_its_legs_folded(go2):
 
 
 def test_reset_puts_it_back(go2):
-    world = build_world(go2, setup=usual_setup(go2.robot))
+    world = build_world(go2, setup=usual_setup(go2))
     before = world.data.qpos.copy()
     world.push((0.0, 300.0, 200.0), 0.2)
     world.step(600)

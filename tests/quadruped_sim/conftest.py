@@ -6,6 +6,7 @@ import pytest
 from quadruped_sim.records import BaseState
 from quadruped_sim.records import Sensors
 from quadruped_sim.robot_model import RobotModel
+from robot_description.description import parse_description
 import xacro
 
 _XACRO = Path(__file__).parents[2] / 'robot_description/robot_description/urdf/go2/go2.urdf.xacro'
@@ -18,7 +19,7 @@ def urdf() -> str:
 
 @pytest.fixture(scope='session')
 def model(urdf: str) -> RobotModel:
-    return RobotModel(urdf)
+    return RobotModel(parse_description(urdf, Path('robot.urdf')))
 
 
 @pytest.fixture

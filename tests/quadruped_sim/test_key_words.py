@@ -39,8 +39,8 @@ LEGAL = {(state, key) for state, keys in TRANSITIONS.items() for key in keys}
 
 
 @pytest.fixture(scope='module')
-def legs(urdf):
-    return LegController(urdf, estimator='truth')
+def legs(model):
+    return LegController(model, estimator='truth')
 
 
 @pytest.fixture

@@ -15,8 +15,8 @@ STAND_ANGLES = np.tile((0.0, 0.67, -1.3), 4)
 
 
 @pytest.fixture
-def controller(urdf):
-    return LegController(urdf, estimator='truth')
+def controller(model):
+    return LegController(model, estimator='truth')
 
 
 @pytest.fixture
@@ -130,8 +130,8 @@ def test_reset_gives_the_same_commands_again(controller, run):
     np.testing.assert_array_equal(first, script())
 
 
-def test_standing_still_the_odometry_stays(urdf, run):
-    controller = LegController(urdf)
+def test_standing_still_the_odometry_stays(model, run):
+    controller = LegController(model)
     run(controller, 50)
     odometry = controller.odometry
     assert np.linalg.norm(odometry.position[:2]) < 1e-6
@@ -139,18 +139,18 @@ def test_standing_still_the_odometry_stays(urdf, run):
     assert np.linalg.eigvalsh(odometry.pose_covariance).min() > 0.0
 
 
-def test_unknown_estimators_are_refused(urdf):
+def test_unknown_estimators_are_refused(model):
     with pytest.raises(ValueError, match='kalman'):
-        LegController(urdf, estimator='magic')
+        LegController(model, estimator='magic')
 
 
 def test_keys_it_does_not_know_are_named(controller):
     assert "'x'" in controller.press('x')
 
 
-def test_key_2_ends_a_trot_before_the_legs_stiffen(urdf, run):
+def test_key_2_ends_a_trot_before_the_legs_stiffen(model, run):
     params = LegControllerParameters(gait=GaitParameters(step_in_place=True))
-    controller = LegController(urdf, params, estimator='truth')
+    controller = LegController(model, params, estimator='truth')
     run(controller, 2)
     for key in '24':
         controller.press(key)

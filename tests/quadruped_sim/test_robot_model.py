@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -8,9 +9,14 @@ from quadruped_sim.joint_map import JointMap
 from quadruped_sim.legs import LEGS
 from quadruped_sim.records import LegCommand
 from quadruped_sim.robot_model import RobotModel
+from robot_description.description import parse_description
 from robot_description.similarity import GO2
 
 LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
+
+
+def make_model(urdf):
+    return RobotModel(parse_description(urdf, Path('robot.urdf')))
 
 
 def test_mass_and_legs_are_those_of_the_go2(model):
@@ -29,18 +35,18 @@ def test_a_robot_hung_from_the_world_is_modelled_free(urdf, model):
         '<child link="base"/></joint><link name="base">',
         1,
     )
-    assert RobotModel(hung).mass == pytest.approx(model.mass)
+    assert make_model(hung).mass == pytest.approx(model.mass)
 
 
 def test_joints_may_have_any_name(urdf, model, angles):
-    other = RobotModel(urdf.replace('RR_calf_joint', 'other_joint'))
+    other = make_model(urdf.replace('RR_calf_joint', 'other_joint'))
     assert other.quadruped.joint_names[-1] == 'other_joint'
     np.testing.assert_array_equal(other.foot_positions(angles), model.foot_positions(angles))
 
 
-def test_text_that_is_no_xml_is_refused():
-    with pytest.raises(RobotModelError, match='not well-formed XML'):
-        RobotModel('<robot')
+def test_what_is_no_quadruped_is_refused_and_its_file_named():
+    with pytest.raises(RobotModelError, match=r'^robot\.urdf: a quadruped is wanted'):
+        make_model('<robot name="r"><link name="a"/></robot>')
 
 
 def test_weight_is_the_bias_at_rest(model, angles):
@@ -106,7 +112,7 @@ def turned(urdf, names):
 
 
 def test_joints_that_count_the_other_way_change_nothing(urdf, model, angles, rng):
-    other = RobotModel(turned(urdf, model.quadruped.joint_names[3:8]))
+    other = make_model(turned(urdf, model.quadruped.joint_names[3:8]))
     assert other.quadruped.sign.tolist() == [1.0] * 3 + [-1.0] * 5 + [1.0] * 4
     np.testing.assert_array_equal(other.limits.lower, model.limits.lower)
     velocity, omega, rates = rng.normal(size=3), rng.normal(size=3), rng.normal(size=12)
@@ -121,7 +127,7 @@ def test_joints_that_count_the_other_way_change_nothing(urdf, model, angles, rng
 
 
 def test_a_joint_without_stops_may_turn(urdf, model, angles):
-    free = RobotModel(
+    free = make_model(
         urdf.replace('"FL_thigh_joint" type="revolute"', '"FL_thigh_joint" type="continuous"')
     )
     assert free.limits.upper[1] == np.inf
@@ -130,18 +136,18 @@ def test_a_joint_without_stops_may_turn(urdf, model, angles):
 
 def test_a_joint_without_a_motor_is_named(urdf):
     with pytest.raises(RobotModelError, match='no motor on FL_calf_joint, FR_calf_joint'):
-        RobotModel(urdf.replace('effort="35.55"', 'effort="0"'))
+        make_model(urdf.replace('effort="35.55"', 'effort="0"'))
 
 
 def test_motors_are_weighed_against_the_robot(urdf, model):
     assert model.overloaded == {}
-    assert set(RobotModel(urdf.replace('effort="35.55"', 'effort="8"')).overloaded) == {
+    assert set(make_model(urdf.replace('effort="35.55"', 'effort="8"')).overloaded) == {
         f'{leg}_calf_joint' for leg in LEGS
     }
 
 
 def test_slow_motors_make_a_slow_robot(urdf, model):
     assert model.agility == model.turning == 1.0
-    slow = RobotModel(urdf.replace('velocity="15.7"', 'velocity="7.85"'))
+    slow = make_model(urdf.replace('velocity="15.7"', 'velocity="7.85"'))
     assert slow.agility == pytest.approx(0.5)
     assert slow.friction == model.friction == 0.6

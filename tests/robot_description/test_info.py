@@ -2,6 +2,7 @@
 """`describe info` says what a robot is, and draws it."""
 
 import json
+from pathlib import Path
 import subprocess
 import sys
 
@@ -9,10 +10,9 @@ import numpy as np
 from PIL import Image
 import pytest
 from robot_description.describe_command import main
+from robot_description.description import parse_description
 from robot_description.packages import share_directory
 from robot_description.renderer_choice import find_renderer
-from robot_description.robot_kind import kind_of
-from robot_description.urdf import parse_urdf
 
 ROBOTS = share_directory('example-robot-data') / 'robots'
 
@@ -44,7 +44,8 @@ def test_the_kind_of_a_robot_follows_from_its_tree(capsys, name, kind):
 
 
 def test_a_world_without_a_robot_is_none():
-    assert kind_of(parse_urdf('<robot name="r"><link name="world"/></robot>')) == 'other'
+    world = '<robot name="r"><link name="world"/></robot>'
+    assert parse_description(world, Path('world.urdf')).kind == 'other'
 
 
 def test_json_has_the_tree_masses_limits_and_meshes(capsys):

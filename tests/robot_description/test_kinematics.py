@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """MuJoCo, Pinocchio and yourdfpy put the same robot in the same place, with the same mass."""
 
+from dataclasses import replace
 import math
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from robot_description.description import load_robot
-from robot_description.expand import expand
+from robot_description.description import parse_description
+from robot_description.description import read_description
 from robot_description.forward_kinematics import link_poses
 from robot_description.kinematic_check import check_kinematics
 from robot_description.mujoco.builder import to_mujoco
@@ -16,7 +19,6 @@ from robot_description.pinocchio_model import configuration
 from robot_description.pinocchio_model import link_positions
 from robot_description.pinocchio_model import to_pinocchio
 from robot_description.robots import description_path
-from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 
 ROBOTS = share_directory('example-robot-data') / 'robots'
@@ -27,24 +29,22 @@ FEET = ('FL_foot', 'FR_foot', 'RL_foot', 'RR_foot')
 @pytest.mark.slow
 @pytest.mark.parametrize('name', ['go2', 'mbot', *(str(ROBOTS / other) for other in OTHERS)])
 def test_every_link_is_where_the_urdf_says_in_three_libraries(name):
-    loaded = load_robot(name)
-    deviations = check_kinematics(loaded.urdf, loaded.robot)
+    deviations = check_kinematics(load_robot(name))
     assert [deviation.library for deviation in deviations] == ['MuJoCo', 'Pinocchio', 'yourdfpy']
     assert max(deviation.distance for deviation in deviations) < 1e-6
 
 
 def test_a_wrong_link_is_found():
     loaded = load_robot('go2')
-    shifted = loaded.urdf.replace('-0.213"', '-0.214"')
-    deviations = check_kinematics(shifted, loaded.robot)
+    shifted = replace(loaded, urdf=loaded.urdf.replace('-0.213"', '-0.214"'))
+    deviations = check_kinematics(shifted)
     assert all(deviation.distance > 9e-4 for deviation in deviations)
 
 
 @pytest.fixture(scope='module')
 def go2():
-    urdf = expand(description_path('go2'))
-    robot = parse_urdf(urdf)
-    return robot, to_pinocchio(urdf, robot)
+    loaded = load_robot('go2')
+    return loaded.robot, to_pinocchio(loaded)
 
 
 def test_pinocchio_has_mujocos_joints_and_the_urdfs_mass(go2):
@@ -67,24 +67,31 @@ def test_a_configuration_goes_by_name_whatever_the_order(go2):
 
 
 def test_a_joint_without_limits_is_a_cosine_and_a_sine():
-    urdf = expand(description_path('mbot'))
-    model = to_pinocchio(urdf, parse_urdf(urdf))
+    model = to_pinocchio(load_robot('mbot'))
     q = configuration(model, {'left_wheel_joint': math.pi / 2})
     joint = model.joints[model.getJointId('left_wheel_joint')]
     np.testing.assert_allclose(q[joint.idx_q : joint.idx_q + 2], [0.0, 1.0], atol=1e-15)
 
 
 def test_a_robot_that_hangs_on_the_world_is_fixed_in_pinocchio_too():
-    urdf = expand(description_path('go2'), {'DEBUG': 'true'})
-    robot = parse_urdf(urdf)
-    assert to_pinocchio(urdf, robot).nq == 12
-    assert max(deviation.distance for deviation in check_kinematics(urdf, robot)) < 1e-6
+    hung = read_description(description_path('go2'), arguments={'DEBUG': 'true'})
+    assert to_pinocchio(hung).nq == 12
+    assert max(deviation.distance for deviation in check_kinematics(hung)) < 1e-6
+
+
+def test_for_control_a_robot_is_free_and_each_joint_one_number():
+    hung = read_description(description_path('go2'), arguments={'DEBUG': 'true'})
+    assert (to_pinocchio(hung, for_control=True).nq, to_pinocchio(hung).nq) == (19, 12)
+    wheeled = load_robot('mbot')
+    turning = len(wheeled.robot.movable_joints)  # none has limits
+    assert to_pinocchio(wheeled).nq == 7 + 2 * turning
+    assert to_pinocchio(wheeled, for_control=True).nq == 7 + turning
 
 
 def test_what_pinocchio_cannot_read_is_one_line():
-    robot = parse_urdf('<robot name="r"><link name="a"/></robot>')
+    read = parse_description('<robot name="r"><link name="a"/></robot>', Path('r.urdf'))
     with pytest.raises(DescriptionError, match='^Pinocchio: ') as caught:
-        to_pinocchio('<robot name="r"></robot>', robot)
+        to_pinocchio(replace(read, urdf='<robot name="r"></robot>'))
     assert '\n' not in str(caught.value)
 
 
@@ -100,7 +107,7 @@ def test_what_one_reader_refuses_and_the_other_does_not_loads_in_all():
         '<joint name="k" type="fixed"><parent link="b"/><child link="c"/>'
         '<origin xyz="0 0 1"/></joint></robot>'
     )
-    robot = parse_urdf(urdf)
-    assert to_pinocchio(urdf, robot).nq == 8
-    assert to_mujoco(robot).compile().nq == 8
-    assert max(deviation.distance for deviation in check_kinematics(urdf, robot)) < 1e-12
+    read = parse_description(urdf, Path('r.urdf'))
+    assert to_pinocchio(read).nq == 8
+    assert to_mujoco(read.robot).compile().nq == 8
+    assert max(deviation.distance for deviation in check_kinematics(read)) < 1e-12

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from robot_description.expand import expand
 from robot_description.mujoco.builder import compile_model
-from robot_description.mujoco.builder import ROOT_JOINT
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.mujoco.geoms import COLLISION_GROUP
 from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
+from robot_description.urdf import ROOT_JOINT
 from wasd_core.errors import DescriptionError
 
 INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'

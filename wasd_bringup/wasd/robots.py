@@ -22,6 +22,7 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import CommandParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.records import Odometry
+from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.state_machine import STATE_KEYS
 from robot_description.description import load_robot
 from teleop_keyboard.keymap import load_preset
@@ -56,7 +57,7 @@ class Robot:
         package_path: Sequence[str | os.PathLike[str]],
     ) -> None:
         self._loaded = load_robot(description, [Path(folder) for folder in package_path])
-        setup = usual_setup(self._loaded.robot, noise=self._with_noise)
+        setup = usual_setup(self._loaded, noise=self._with_noise)
         self._world = build_world(self._loaded, world, seed, setup, visuals=True)
         self._simulation = Simulation(self._world, speed=0.0)
         self._window: Any = None
@@ -146,8 +147,8 @@ class Go2(Robot):
         self._with_noise = estimator == 'kalman'
         super().__init__(description, world, seed, package_path)
         parameters = LegControllerParameters(command=CommandParameters(limits=limits))
-        self._controller = LegController(self._loaded.urdf, parameters, estimator)
-        model = self._controller.model
+        model = RobotModel(self._loaded)
+        self._controller = LegController(model, parameters, estimator)
         self._distance *= model.scale.of('m')
         names = self._world.joint_names, self._world.motor_names
         self._joints = JointMap(model.quadruped, *names)

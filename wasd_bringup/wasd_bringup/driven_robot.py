@@ -160,7 +160,7 @@ def build_worlds(
     parts = options.per_robot()
     loaded = [_load(part) for part in parts]
     setups = [_setup(part, robot) for part, robot in zip(parts, loaded, strict=True)]
-    visuals = visuals or any(has_camera(robot.urdf, robot.robot) for robot in loaded)
+    visuals = visuals or any(has_camera(robot.robot) for robot in loaded)
     if len(parts) == 1:
         built = loaded[0].with_stand_in_masses() if is_fake(options) else loaded[0]
         world = build_world(built, options.world, options.seed, setups[0], visuals)
@@ -182,7 +182,7 @@ def _load(options: RunOptions) -> Description:
 
 
 def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
-    setup = usual_setup(loaded.robot, noise=options.estimator == 'kalman')
+    setup = usual_setup(loaded, noise=options.estimator == 'kalman')
     if not options.namespace:
         return setup
     return dataclasses.replace(setup, place=PLACES[options.robot])

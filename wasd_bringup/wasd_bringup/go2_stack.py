@@ -9,7 +9,6 @@ from mujoco_sim.statistics import TickStatistics
 from mujoco_sim.viewer import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
-from quadruped_sim.exceptions import RobotModelError
 from quadruped_sim.key_words import KeyWords
 from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.rotations import matrix_from_quaternion
@@ -253,12 +252,6 @@ def _make_legs(loaded: Description, world: World, options: RunOptions) -> LegCon
     if world.prefix:
         overrides.append(Parameter('odom_frame', value=f'{world.prefix}odom'))
         overrides.append(Parameter('base_frame', value=world.prefix + loaded.robot.root))
-    try:
-        return LegControllerNode(
-            loaded.urdf,
-            lock_step=True,
-            namespace=options.namespace,
-            parameter_overrides=overrides,
-        )
-    except RobotModelError as error:
-        raise RobotModelError(f'{loaded.path}: {error}') from None
+    return LegControllerNode(
+        loaded, lock_step=True, namespace=options.namespace, parameter_overrides=overrides
+    )

@@ -26,9 +26,9 @@ from robot_description.mujoco.masses import add_masses
 from robot_description.similarity import REFLECTED_INERTIA
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
+from robot_description.urdf import ROOT_JOINT
 from robot_description.urdf import WORLD_LINK
 
-ROOT_JOINT = 'root'
 # How far in the floor a hanging robot may be, and how far above it is hung up otherwise [m].
 CLEARANCE = 0.05
 

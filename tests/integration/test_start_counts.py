@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""At a start a description is parsed once, its legs are found once, Pinocchio builds one model."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+# Before anything else takes these functions by their names. The robots in the argument are built,
+# and what was called meanwhile is printed.
+COUNT = """
+import collections, json
+import pinocchio
+from robot_description import expand, quadruped, urdf
+
+counts = collections.Counter()
+
+def count(module, name, what):
+    real = getattr(module, name)
+    def counted(*arguments, **options):
+        counts[what] += 1
+        return real(*arguments, **options)
+    setattr(module, name, counted)
+
+count(expand, 'expand_document', 'read')
+count(urdf, 'parse_urdf', 'parsed')
+count(quadruped, 'find_quadruped', 'recognised')
+for name in dir(pinocchio):
+    if name.startswith('buildModel'):
+        count(pinocchio, name, 'modelled')
+
+from wasd_core.node import init_ros
+init_ros([])
+"""
+SESSION = """
+from wasd_bringup.options import RunOptions
+from wasd_bringup.session import Session
+built = Session(RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0))
+built.close()
+"""
+NODE = """
+from quadruped_sim.leg_controller_node import LegControllerNode
+LegControllerNode().close()
+"""
+SCRIPT = """
+import wasd
+wasd.Go2()
+"""
+
+
+@pytest.mark.parametrize('build', [SESSION, NODE, SCRIPT], ids=['session', 'node', 'script'])
+def test_a_go2_is_read_parsed_recognised_and_modelled_once(isolated_ros, build):
+    code = f'{COUNT}{build}print(json.dumps(counts))'
+    done = subprocess.run(
+        [sys.executable, '-c', code], check=False, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    counts = json.loads(done.stdout.splitlines()[-1])
+    assert counts == {'read': 1, 'parsed': 1, 'recognised': 1, 'modelled': 1}
