@@ -10,8 +10,13 @@ from wasd_core.watchdog import Watchdog
 
 from mujoco_sim.page_keys import PageKeys
 
-# Nothing of a page counts when it was not heard for so long [s]; a live one is heard every frame.
+# What is held down on a page counts for so long after it was heard [s]: with every picture.
 SILENCE = 0.5
+# A page that was not heard for so long is lost, and what it has set moving is stopped [s]: within
+# a second, but not between two pictures of a slow one.
+LOSS = 0.85
+# A key that went down in a longer silence was not pressed now [s]: it may have waited in a queue.
+GONE = 2.0
 # A page that draws fewer pictures a second than this is slow.
 SLOW = 10
 # How long pictures are counted [s], and how many at most.
@@ -23,6 +28,9 @@ class PageInput:
     """
     The one gate for everything that a page commands: keys, sticks, pushes.
 
+    A press is proved by the packet that tells of it, whatever the rate of pictures; what lasts
+    counts only while `is_alive`.
+
     The server's thread calls `hear` and `lose`, the viewer's `wait_for_picture` and `set_typing`,
     the simulation's `take_keys`. What is not a key asks `is_alive`.
     """
@@ -32,6 +40,7 @@ class PageInput:
         self._clock = clock
         self._lock = threading.Condition()
         self._life = Watchdog(SILENCE)
+        self._presence = Watchdog(LOSS)
         self._keys = PageKeys()
         self._stepped = clock()
         self._source: object | None = None
@@ -47,18 +56,31 @@ class PageInput:
             return self._life.is_alive
 
     @property
+    def is_present(self) -> bool:
+        """Whether the controlling browser was heard within LOSS: it may only be slow."""
+        with self._lock:
+            self._step()
+            return self._presence.is_alive
+
+    @property
     def has_source(self) -> bool:
         """Whether a browser that has been heard is still connected, silent or not."""
         return self._source is not None
 
     @property
-    def is_slow(self) -> bool:
-        """Whether the browser draws fewer than SLOW pictures a second."""
+    def rate(self) -> int | None:
+        """How many pictures the browser has drawn in the last second; None for a new one."""
         with self._lock:
             now = self._clock()
-            recent = [at for at in self._pictures if now - at <= _WINDOW]
-            is_new = not self._pictures or now - self._pictures[0] < _WINDOW
-            return not is_new and len(recent) < SLOW
+            if not self._pictures or now - self._pictures[0] < _WINDOW:
+                return None
+            return sum(now - at <= _WINDOW for at in self._pictures)
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether the browser draws fewer than SLOW pictures a second."""
+        rate = self.rate
+        return rate is not None and rate < SLOW
 
     def hear(self, source: object, down: frozenset[int]) -> None:
         """Take what a browser sends with each picture that it draws: the keys that are down."""
@@ -68,12 +90,13 @@ class PageInput:
                 self._end_life()
                 self._source = source
                 self._pictures.clear()
-            if self._is_typing:
+            if self._is_typing or self._life.age > GONE:
                 self._keys.ignore_down()
             now = self._clock()
             since = now - self._pictures[-1] if self._pictures else 0.0
             self._keys.report(down, since)
             self._life.hear()
+            self._presence.hear()
             self._pictures.append(now)
             self._undrawn = True
             self._lock.notify_all()
@@ -117,15 +140,19 @@ class PageInput:
         """Let the time pass that has passed."""
         now = self._clock()
         dt, self._stepped = now - self._stepped, now
-        was_alive = self._life.is_alive
+        was_present = self._presence.is_alive
         self._life.step(dt)
+        self._presence.step(dt)
         if self._life.is_alive:
             self._keys.step(dt)
-        elif was_alive:
-            self._end_life()
+        elif was_present and not self._presence.is_alive:
+            self._keys.lose()
+            self._undrawn = False
 
     def _end_life(self) -> None:
         if self._source is not None:
             self._keys.lose()
+            self._keys.ignore_down()
         self._life.reset()
+        self._presence.reset()
         self._undrawn = False

@@ -94,9 +94,9 @@ class PageKeys:
     Makes presses, repeats and releases of what a page reports to be down.
 
     One press comes per key that goes down, repeats as from a keyboard, `HELD+key` every
-    `HELD_PERIOD` while it is down, `RELEASE+key` at its end. A key that is down when `ignore_down`
-    is called, or at the first report after it, counts again only after it was seen up. Nothing
-    here looks at a clock.
+    `HELD_PERIOD` while it is down, `RELEASE+key` at its end. A key that is down when `lose` or
+    `ignore_down` is called, or at the first report after the latter, counts again only after it
+    was seen up. Nothing here looks at a clock.
     """
 
     def __init__(self) -> None:
@@ -137,21 +137,24 @@ class PageKeys:
 
     def ignore_down(self) -> None:
         """Release all keys, and let none that is down count until it was seen up."""
-        self._events += [_with_event(RELEASE, key.name) for key in self._down.values()]
-        self._ghosts |= set(self._down)
-        self._down.clear()
+        self._release()
         self._is_fresh = True
 
     def lose(self) -> None:
-        """Note that nobody is there any more: LOST, and no key that is down counts."""
+        """Note that nobody is there any more: LOST, and no key counts that was down."""
         self._events.append(LOST)
-        self.ignore_down()
+        self._release()
 
     def take(self) -> list[str]:
         """Return what came since the last call."""
         events = list(self._events)
         self._events.clear()
         return events
+
+    def _release(self) -> None:
+        self._events += [_with_event(RELEASE, key.name) for key in self._down.values()]
+        self._ghosts |= set(self._down)
+        self._down.clear()
 
     def _repeat(self, key: _Down, proved: float) -> None:
         key.age += proved

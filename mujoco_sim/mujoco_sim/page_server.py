@@ -87,7 +87,7 @@ class PageConnection(ServerConnection):
         path = self.request.path.partition('?')[0] if self.request else ''
         if path == '/ui' and isinstance(message, bytes):
             self._hear(message)
-        elif path == '/state' and message == 'force_control' and self._input.is_alive:
+        elif path == '/state' and message == 'force_control' and self._input.is_present:
             # Nobody takes a robot from a driver who is there: they wait for their turn.
             return 'request_control'
         return message

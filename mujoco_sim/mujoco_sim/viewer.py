@@ -25,6 +25,7 @@ from mujoco_sim.page_panels import Panel
 from mujoco_sim.page_panels import Panels
 from mujoco_sim.page_server import HOST
 from mujoco_sim.page_server import use_page_server
+from mujoco_sim.picture_detail import PictureDetail
 from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0
@@ -76,6 +77,8 @@ class _Page(plugin.ViewerPlugin):
         self.body = body
         self._panel = panel
         self._lines_above = 0
+        self._detail = PictureDetail()
+        self._detail_set = time.monotonic()
         self._panels = Panels({'status': self._draw_status, 'keys': self._draw_help})
 
     @messages.handler
@@ -103,10 +106,22 @@ class _Page(plugin.ViewerPlugin):
     @messages.handler
     def on_gui(self, event: messages.BuildGuiEvent) -> None:
         """Draw the panels; keys belong to a field of text while there is one."""
+        self._set_detail()
         self.viewer.camera.trackbodyid = self.body
         if self.viewer.is_drawing:
             self._panels.draw()
             self.input.set_typing(imgui.GetIO().WantCaptureKeyboard)
+
+    def _set_detail(self) -> None:
+        """Ask the browser for as much as it draws fast, or for little while none is there."""
+        now = time.monotonic()
+        dt, self._detail_set = now - self._detail_set, now
+        if self.input.is_present:
+            self._detail.step(self.input.rate, dt)
+        elif not self.input.has_source:
+            self._detail.reset()
+        flags = self.viewer.render_flags
+        flags.flags = self._detail.flags(list(flags.flags))
 
     def _draw_status(self) -> None:
         lines = list(self._panel.status())

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gate of everything that a page commands: only of a browser that is known to be alive."""
 
+from mujoco_sim.page_input import GONE
+from mujoco_sim.page_input import LOSS
 from mujoco_sim.page_input import PageInput
 from mujoco_sim.page_input import SILENCE
 from mujoco_sim.page_keys import LOST
@@ -53,6 +55,10 @@ def test_life_ends_with_silence_and_keys_are_released(page, clock):
     page.take_keys()
     clock.now += 0.02
     assert not page.is_alive
+    assert page.is_present
+    assert page.take_keys() == []
+    clock.now += LOSS - SILENCE
+    assert not page.is_present
     assert page.take_keys() == [LOST, 'RELEASE+w']
     clock.now += 10.0
     assert page.take_keys() == []
@@ -62,7 +68,7 @@ def test_life_that_ended_unseen_has_ended(page, clock):
     draw(page, clock, 'tab', NONE, 0.1)
     draw(page, clock, 'tab', W, 0.1)
     page.take_keys()
-    clock.now += SILENCE + 0.01
+    clock.now += LOSS + 0.01
     draw(page, clock, 'tab', W, 2.0)  # nobody has asked in between
     assert page.take_keys() == [LOST, 'RELEASE+w']
     draw(page, clock, 'tab', NONE, 0.1)
@@ -119,3 +125,67 @@ def test_a_page_that_draws_fewer_than_ten_pictures_a_second_is_slow(page, clock,
         clock.now += 1.0 / rate
         page.hear('tab', NONE)
     assert page.is_slow == is_slow
+
+
+def names(page: PageInput) -> list[str]:
+    """Return what came without HELD and RELEASE."""
+    return [key for key in page.take_keys() if '+' not in key]
+
+
+def watch(page: PageInput, clock: Clock, seconds: float) -> list[str]:
+    """Let time pass as the simulation sees it, which asks 50 times a second; return what came."""
+    came = []
+    for _ in range(round(seconds * 50)):
+        clock.now += 0.02
+        came += page.take_keys()
+    return came
+
+
+@pytest.mark.parametrize('rate', [1.5, 2.0, 3.0])
+def test_a_page_that_draws_slowly_taps_once_a_tap_and_is_not_lost(page, clock, rate):
+    came = []
+    # As ImGui has it, a tap that is shorter than a picture is down in one and up in the next.
+    for down in (NONE, W, NONE, W, NONE, NONE, W, W, NONE):
+        page.hear('tab', down)
+        came += watch(page, clock, 1.0 / rate)
+    assert [key for key in came if '+' not in key] == ['w', 'w', 'w']
+    assert came.count('RELEASE+w') == 3
+
+
+def test_a_page_that_is_lost_between_two_pictures_taps_once_a_tap(page, clock):
+    came = []
+    for down in (NONE, W, NONE, W, NONE):
+        page.hear('tab', down)
+        came += watch(page, clock, 1.0)
+    assert [key for key in came if '+' not in key] == [LOST, 'w', LOST, LOST, 'w', LOST, LOST]
+
+
+def test_what_is_held_down_is_told_only_for_a_while_after_a_picture(page, clock):
+    page.hear('tab', NONE)
+    page.hear('tab', W)
+    assert watch(page, clock, SILENCE - 0.05).count('HELD+w') >= 4
+    clock.now += 0.05
+    page.take_keys()
+    assert watch(page, clock, LOSS - SILENCE - 0.05) == []
+
+
+def test_a_key_that_went_down_in_a_long_silence_counts_after_it_was_up(page, clock):
+    page.hear('tab', NONE)
+    clock.now += GONE + 0.1
+    page.hear('tab', W)
+    assert names(page) == [LOST]
+    clock.now += 0.1
+    page.hear('tab', NONE)
+    page.hear('tab', W)
+    assert names(page) == ['w']
+
+
+def test_a_connection_that_ends_is_lost_at_once_however_slow_it_was(page, clock):
+    page.hear('tab', NONE)
+    page.hear('tab', W)
+    page.take_keys()
+    clock.now += SILENCE + 0.1
+    page.lose('tab')
+    assert page.take_keys() == [LOST, 'RELEASE+w']
+    page.hear('next', W)
+    assert page.take_keys() == []
