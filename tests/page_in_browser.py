@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page in a real browser, with a count of what it tells and of what it is sent."""
 
+from collections.abc import Iterator
+import contextlib
 import time
 from typing import Any
 
+from mujoco_sim.page_input import LOSS
 import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 
-# A page that draws fewer pictures a second than this is not known to be alive all the time.
-LEAST_RATE = 5.0
+# A page that draws fewer pictures a second than this cannot be told from one that is lost.
+LEAST_RATE = 1.5
 # Counts the pictures that the page tells of, and the panels that it is sent, on their connection.
 COUNT = """
-window.told = window.sent = 0;
+window.told = window.sent = window.longest = 0;
+window.last = performance.now();
 const Plain = WebSocket;
 window.WebSocket = class extends Plain {
   constructor(...words) {
@@ -25,7 +29,11 @@ window.WebSocket = class extends Plain {
     });
   }
   send(data) {
-    if ((data.byteLength ?? data.size) === 616) window.told += 1;
+    if ((data.byteLength ?? data.size) === 616) {
+      window.told += 1;
+      window.longest = Math.max(window.longest, performance.now() - window.last);
+      window.last = performance.now();
+    }
     super.send(data);
   }
 };
@@ -57,3 +65,18 @@ def skip_unless_alive(browser: Any) -> None:
     rate = rate_of(browser)
     if rate < LEAST_RATE:
         pytest.skip(f'Chromium draws {rate:.1f} pictures a second here: too few to drive')
+
+
+@contextlib.contextmanager
+def judged_while_alive(browser: Any) -> Iterator[None]:
+    """Skip a test that fails where the machine left Chromium no picture for as long as LOSS."""
+    browser.execute_script('window.longest = 0')
+    try:
+        yield
+    except AssertionError:
+        gap = browser.execute_script(
+            'return Math.max(window.longest, performance.now() - window.last) / 1000'
+        )
+        if gap >= LOSS:
+            pytest.skip(f'Chromium drew nothing for {gap:.1f} s: the page was lost, as it should')
+        raise

@@ -8,19 +8,13 @@ FAST, FAST_FOR = 20, 3.0
 # One that then draws fewer than this a second, for so long [s], gets plain ones again.
 SLOW, SLOW_FOR = 10, 3.0
 
-_COSTLY = tuple(
-    int(flag)
-    for flag in (
-        mujoco.mjtRndFlag.mjRND_SHADOW,
-        mujoco.mjtRndFlag.mjRND_REFLECTION,
-        mujoco.mjtRndFlag.mjRND_POST_PROCESSING,
-    )
-)
+# Not post-processing: without it colours are wrong, and too dark.
+_COSTLY = (int(mujoco.mjtRndFlag.mjRND_SHADOW), int(mujoco.mjtRndFlag.mjRND_REFLECTION))
 
 
 class PictureDetail:
     """
-    Decides whether a browser is asked for shadows, reflections and smooth edges.
+    Decides whether a browser is asked for shadows and reflections.
 
     It begins without: on a machine without a graphics card they cost seconds a picture. A browser
     that draws fast earns them, once: one that they make slow does without from then on.
