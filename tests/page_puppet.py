@@ -50,7 +50,7 @@ class PagePuppet:
     Context of a controlling page that draws `rate` pictures a second.
 
     `keys` are down (ImGui's numbers), `mouse` and `buttons` are where the pointer is; `frames` are
-    the frames of panels that came.
+    the frames of panels that came, `shown` has their number at each picture.
 
     Raises:
         AssertionError: the server speaks another version than this was made for.
@@ -60,6 +60,7 @@ class PagePuppet:
         self.keys: set[int] = set()
         self.mouse, self.buttons = SCENE, 0
         self.frames = self.pictures = 0
+        self.shown: list[int] = []
         self.is_silent = False
         self.rate = rate
         self._url = f'{url.replace("http", "ws", 1)}ui?sid={session}'
@@ -116,6 +117,7 @@ class PagePuppet:
         with contextlib.suppress(ConnectionClosed):
             while not self._stop.wait(1.0 / self.rate):
                 if not self.is_silent:
+                    self.shown.append(self.frames)
                     self.socket.send(input_packet(self.keys, self.mouse, self.buttons))
                     self.pictures += 1
 

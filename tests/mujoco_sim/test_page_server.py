@@ -4,6 +4,7 @@
 from collections.abc import Iterator
 import contextlib
 import http.client
+import itertools
 from pathlib import Path
 import socket
 import time
@@ -188,6 +189,16 @@ def test_a_browser_is_sent_no_more_panels_than_it_draws(view, rate):
         frames, pictures = page.frames, page.pictures
         time.sleep(3.0)
         assert 0 < page.frames - frames <= page.pictures - pictures + 2
+
+
+def test_what_the_panels_of_a_slow_page_say_is_never_older_than_two_pictures(view):
+    with PagePuppet(view.url, rate=2.0) as page:
+        time.sleep(7.0)
+        shown = page.shown[2:]  # after the connection was made
+    # A frame is built when a picture was heard. Each picture shows one that was built after the
+    # picture before, none queues: the next picture, 2 * 0.5 s after that, replaces it.
+    assert len(shown) >= 8
+    assert {after - before for before, after in itertools.pairwise(shown)} == {1}
 
 
 def test_a_silent_browser_is_sent_no_panels(view):
