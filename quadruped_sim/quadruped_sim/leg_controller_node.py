@@ -22,6 +22,7 @@ from wasd_core.loopback import Inlet
 from wasd_core.node import declare_parameters
 from wasd_core.node import run_node
 from wasd_core.notice import Notice
+from wasd_core.publisher_watch import PublisherWatch
 from wasd_core.qos import EVENTS
 from wasd_core.qos import LATCHED
 from wasd_core.qos import RELIABLE
@@ -50,6 +51,7 @@ from quadruped_sim.parameters import CommandParameters
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.sticks import StickValues
 from quadruped_sim.warm_up import warm_up
 
 # Longest step of gait and estimate between two readings [s]; a request is as old as it is.
@@ -212,10 +214,17 @@ class LegControllerNode(Node):
         self._last: float | None = None
         self._needed = set(self.quadruped.joint_names)
         self._beat = Beat()
+        self._keyboard = PublisherWatch(self, 'keys', self._on_lost_keyboard)
         self.create_subscription(Imu, 'imu/data', self._on_imu, SENSOR_DATA)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, SENSOR_DATA)
         if self.settings.estimator == 'truth':
             self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, SENSOR_DATA)
+
+    def _on_lost_keyboard(self) -> None:
+        """Centre the sticks: they stay where keys have put them, the keyboard does not."""
+        if self.controller.sticks.values != StickValues():
+            self.controller.sticks.zero()
+            self._warn('nobody publishes keys any more: sticks centred')
 
     def _on_imu(self, message: Imu) -> None:
         self._imu = message

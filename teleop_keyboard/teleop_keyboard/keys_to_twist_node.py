@@ -5,14 +5,13 @@ from collections.abc import Callable, Sequence
 import sys
 from typing import Any
 
-from rclpy.clock import Clock
-from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from wasd_core.loopback import Inlet
 from wasd_core.node import declare_parameters
 from wasd_core.node import run_node
+from wasd_core.publisher_watch import PublisherWatch
 from wasd_core.qos import EVENTS
 
 from teleop_keyboard.conversions import to_twist
@@ -23,7 +22,6 @@ from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.teleop_parameters import TeleopParameters
 from teleop_keyboard.twist_output import declare_stamped
-from teleop_keyboard.twist_output import LOOK_PERIOD
 from teleop_keyboard.twist_output import TwistOutput
 
 # The zero that ends it all is sent this often, and may take this long to leave [s].
@@ -66,11 +64,8 @@ class KeysToTwistNode(Node):
         self._last_time = self.get_clock().now()
         self._timer = None if lock_step else self._make_timer()
         self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
-        self._had_keyboard = False
         if not lock_step:
-            # Wall time: simulated time may stand still while the keyboard gets lost.
-            wall = Clock(clock_type=ClockType.STEADY_TIME)
-            self._watch = self.create_timer(LOOK_PERIOD, self._watch_keyboard, clock=wall)
+            self._keyboard = PublisherWatch(self, 'keys', self._on_lost_keyboard)
 
     @property
     def has_subscriber(self) -> bool:
@@ -119,13 +114,11 @@ class KeysToTwistNode(Node):
             self._timer.reset()
         self.step(1.0 / self.logic.rate if is_start else 0.0)
 
-    def _watch_keyboard(self) -> None:
-        """Stop the robot when the last publisher of keys has gone, whatever the mode."""
-        has_keyboard = self.count_publishers('keys') > 0
-        if self._had_keyboard and not has_keyboard and self.logic.is_moving:
+    def _on_lost_keyboard(self) -> None:
+        """Stop the robot, whatever the mode."""
+        if self.logic.is_moving:
             self.get_logger().warning('nobody publishes keys any more: stopping')
             self.logic.release_all()
-        self._had_keyboard = has_keyboard
 
     def _on_timer(self) -> None:
         now = self.get_clock().now()

@@ -326,3 +326,18 @@ def test_a_legal_key_ends_what_was_said(feed, peer, legs, spawn, spin_until):
     spin_until(spawn.pump, lambda: legs.notice.text)
     peer.press('2')
     spin_until(spawn.pump, lambda: not legs.notice.text)
+
+
+def test_sticks_do_not_outlive_the_keyboard_that_set_them(legs, peer, spawn, spin_until):
+    other = Node('keyboard')
+    keyboard = other.create_publisher(String, 'keys', 100)
+    peer.destroy_publisher(peer.keys)
+    legs.controller.press('w')
+    spin_until(spawn.pump, lambda: legs.count_publishers('keys') == 1)
+    for _ in range(20):
+        spawn.pump.handle(0.02)
+    # As long as somebody could let go of them they stay.
+    assert legs.controller.sticks.values.ly > 0.0
+    other.destroy_publisher(keyboard)
+    spin_until(spawn.pump, lambda: legs.controller.sticks.values.ly == 0.0)
+    other.destroy_node()

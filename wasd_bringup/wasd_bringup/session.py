@@ -199,7 +199,8 @@ class Session:
     def resume(self) -> None:
         """Go on after a suspension: it was no time that anything took."""
         self.simulation.pacer.restart()
-        self._next_frame = self._next_messages = 0.0
+        self._next_frame = 0.0
+        self._message_times = MessageTimes()
         self._status.refresh()
 
     def report(self) -> dict[str, Any]:
