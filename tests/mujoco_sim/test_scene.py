@@ -23,6 +23,15 @@ def test_the_floor_is_at_zero_and_physics_steps_by_a_millisecond(loaded, name):
     assert model.opt.timestep == 0.001
 
 
+def test_a_world_asks_the_page_for_no_ambient_occlusion(loaded, tmp_path):
+    path = tmp_path / 'world.xml'
+    own = '<custom><numeric name="filament.ao.enabled" data="1"/></custom>'
+    path.write_text(MJCF.replace('<worldbody>', f'{own}<worldbody>'))
+    for world in ('flat', str(path)):
+        model = build_world(loaded, world).model
+        assert model.numeric('filament.ao.enabled').data[0] == 0.0
+
+
 def test_a_room_has_a_wall_on_each_side(loaded):
     world = build_world(loaded, 'room')
     hit = np.zeros(1, dtype=np.int32)
