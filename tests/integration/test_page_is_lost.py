@@ -154,18 +154,13 @@ def test_a_key_that_is_held_ends_with_its_page(
     assert [(way, after) for way, after in late if after > STOP_TIME] == []
 
 
-@pytest.mark.parametrize('rate', [1.5, 5.0])
 def test_sticks_of_the_page_are_one_step_a_tap_and_end_with_it(
-    run_with_page: Callable[..., Any],
-    client: Callable[..., Any],
-    robot: Robot,
-    tmp_path: Path,
-    rate: float,
+    run_with_page: Callable[..., Any], client: Callable[..., Any], robot: Robot, tmp_path: Path
 ) -> None:
     run = run_with_page('go2', '--report', 'report.json', '--save-keys', 'keys.txt')
     # As slow as a browser without a graphics card on a busy machine.
-    with PagePuppet(run.url, rate) as page:
-        time.sleep(2.0)
+    with PagePuppet(run.url, rate=5.0) as page:
+        time.sleep(1.0)
         page.tap('N2')
         robot.wait(3.0)
         page.tap('N4')
