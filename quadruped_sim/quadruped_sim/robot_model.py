@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pinocchio as pin
 from robot_description.description import Description
-from robot_description.imu import imu_position
 from robot_description.pinocchio_model import to_pinocchio
+from robot_description.quadruped import imu_position
 from robot_description.quadruped import Quadruped
 from robot_description.similarity import REFLECTED_INERTIA
 from robot_description.similarity import scale_of

@@ -15,6 +15,8 @@ from robot_description.urdf import Robot
 
 # More limbs than this are counted, not listed.
 LISTED = 8
+# Names that are an IMU's, the likeliest first; then any that has `imu` in it.
+IMU_LINKS = ('imu', 'imu_link')
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,19 @@ def poses_in_base(robot: Robot) -> dict[str, Pose]:
     base = poses[robot.base]
     back = Pose(-base.rotation.T @ base.position, base.rotation.T)
     return {link: back @ pose for link, pose in poses.items()}
+
+
+def find_imu(robot: Robot) -> str | None:
+    """Return the link on the trunk that is an IMU by its name, or None."""
+    trunk = links_on_trunk(robot)
+    by_name = [link for link in IMU_LINKS if link in trunk]
+    return next(iter([*by_name, *(link for link in trunk if 'imu' in link.lower())]), None)
+
+
+def imu_position(robot: Robot) -> np.ndarray:
+    """Return where the IMU is in the base (3,) [m]; its origin when the robot names none."""
+    link = find_imu(robot)
+    return np.zeros(3) if link is None else poses_in_base(robot)[link].position
 
 
 def _in_order(legs: list[Leg]) -> tuple[Leg, ...]:

@@ -16,8 +16,7 @@ from wasd_core.rotations import Origin
 from wasd_core.rotations import Pose
 from wasd_core.safe_reading import check_xml
 
-from robot_description.gazebo_tags import read_friction
-from robot_description.gazebo_tags import read_self_collide
+from robot_description.urdf_numbers import parse_numbers
 from robot_description.urdf_numbers import read_numbers
 from robot_description.urdf_shapes import Colour
 from robot_description.urdf_shapes import read_colours
@@ -36,6 +35,9 @@ WORLD_LINK = 'world'
 ROOT_JOINT = 'root'
 # More names than these are not listed in an error.
 MOST_NAMES = 8
+# Gazebo has spelt it both ways.
+SELF_COLLIDE = ('self_collide', 'selfCollide')
+FALSE = ('0', 'false')
 
 
 @dataclass(frozen=True)
@@ -202,7 +204,7 @@ def parse_urdf(text: str) -> Robot:
     links = _by_name([_link(tag, colours) for tag in tree.findall('link')])
     joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
     root = _find_root(links, joints)
-    friction, self_collide = read_friction(tree), read_self_collide(tree)
+    friction, self_collide = _friction(tree), _self_collide(tree)
     gazebo = tuple(tree.findall('gazebo'))
     return Robot(tree.get('name', ''), root, links, joints, friction, self_collide, gazebo)
 
@@ -303,3 +305,28 @@ def _number(tag: ElementTree.Element | None, attribute: str, default: str, where
 def _name_of(joint: ElementTree.Element, end: str) -> str:
     tag = joint.find(end)
     return tag.get('link', '') if tag is not None else ''
+
+
+def _friction(tree: ElementTree.Element) -> dict[str, float]:
+    """
+    Return the first friction coefficient, mu1, of the links that give one.
+
+    Raises:
+        DescriptionError: it is no number.
+    """
+    return {
+        str(tag.get('reference')): float(parse_numbers(str(tag.findtext('mu1')), 1, 'mu1')[0])
+        for tag in tree.findall('gazebo')
+        if tag.get('reference') and tag.findtext('mu1')
+    }
+
+
+def _self_collide(tree: ElementTree.Element) -> dict[str, bool]:
+    """Return whether links that say so may touch other links of the robot."""
+    said = {}
+    for tag in tree.findall('gazebo'):
+        for name in SELF_COLLIDE:
+            text = tag.findtext(name)
+            if tag.get('reference') and text is not None:
+                said[str(tag.get('reference'))] = text.strip().lower() not in FALSE
+    return said

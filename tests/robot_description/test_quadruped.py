@@ -9,10 +9,10 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from robot_description.expand import expand
-from robot_description.imu import find_imu
-from robot_description.imu import imu_position
 from robot_description.leg import NotAQuadruped
+from robot_description.quadruped import find_imu
 from robot_description.quadruped import find_quadruped
+from robot_description.quadruped import imu_position
 from robot_description.quadruped import Quadruped
 from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf

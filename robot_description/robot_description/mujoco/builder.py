@@ -15,14 +15,14 @@ import mujoco
 import numpy as np
 from wasd_core.errors import DescriptionError
 
-from robot_description.imu import find_imu
-from robot_description.imu import imu_position
 from robot_description.mujoco.contacts import exclude_pairs
 from robot_description.mujoco.geoms import add_geoms
 from robot_description.mujoco.geoms import FindMesh
 from robot_description.mujoco.geoms import Meshes
 from robot_description.mujoco.geoms import quaternion
 from robot_description.mujoco.masses import add_masses
+from robot_description.quadruped import find_imu
+from robot_description.quadruped import imu_position
 from robot_description.similarity import REFLECTED_INERTIA
 from robot_description.urdf import Joint
 from robot_description.urdf import Robot
