@@ -10,10 +10,18 @@ def alone() -> dict[str, str]:
     return {**_without_range(), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}
 
 
-def together() -> dict[str, str]:
-    """Return one for processes that hear each other and nobody else: a domain of their own."""
-    first, _, last = os.environ.get('WASD_TEST_DOMAINS', '1-100').partition('-')
-    domain = random.SystemRandom().randint(int(first), int(last or first))
+def together(turn: int | None = None) -> dict[str, str]:
+    """
+    Return one for processes that hear each other and nobody else: a domain of their own.
+
+    Groups of processes that run side by side say whose `turn` it is: none shares a domain.
+    """
+    begin, _, end = os.environ.get('WASD_TEST_DOMAINS', '1-100').partition('-')
+    first, last = int(begin), int(end or begin)
+    if turn is None:
+        domain = random.SystemRandom().randint(first, last)
+    else:
+        domain = first + turn % (last + 1 - first)
     return {
         **_without_range(),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',

@@ -17,6 +17,7 @@ import tempfile
 import time
 
 import both
+import cycles
 import describe
 import go2
 import mbot
@@ -38,6 +39,7 @@ PARTS = {
     'describe': describe.measure,
     'quadrupeds': quadrupeds.measure,
     'soak': soak.measure,
+    'cycles': cycles.measure,
 }
 
 

@@ -2,6 +2,8 @@
 """
 Benchmark of staying as it is: `wasd both` for half an hour of simulated time, with random keys.
 
+The keys are of all kinds: sticks, states, speeds, TAB, help, nonsense, now and then a reset.
+
 Memory of the process must be flat after its first minutes; threads and descriptors must be
 constant; nobody falls. What counts is what the process holds, so a busy machine only takes longer.
 """
@@ -9,17 +11,15 @@ constant; nobody falls. What counts is what the process holds, so a busy machine
 from collections.abc import Callable
 import json
 from pathlib import Path
-import random
-import re
 import subprocess
 import sys
 import tempfile
 import time
 from typing import Any, NamedTuple
 
-from both import GO2_KEYS
-from both import MBOT_KEYS
+from cycled_nodes import held_by
 from environment import alone
+from random_keys import random_keys
 from table import Row
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
@@ -38,31 +38,9 @@ class Look(NamedTuple):
     descriptors: int
 
 
-def random_keys(duration: float, seed: int) -> str:
-    """Return a key script that drives both robots by turns, for ever on the move."""
-    chance = random.Random(seed)
-    lines, time_, name = ['0.2 2', '3.2 4'], 5.0, 'go2'
-    while time_ < duration - 4.0:
-        end = time_ + chance.uniform(1.0, 3.0)
-        lines.append(
-            f'{time_ + 0.02:.3f} {chance.choice(MBOT_KEYS if name == "mbot" else GO2_KEYS)}'
-        )
-        if name == 'go2':
-            # Its sticks stay where they are: they would add up.
-            lines.append(f'{end - 0.05:.3f} SPACE')
-        lines.append(f'{end:.3f} TAB')
-        time_, name = end, 'go2' if name == 'mbot' else 'mbot'
-    return '\n'.join(lines)
-
-
 def look(pid: int, now: float) -> Look:
     """Return what a process holds now."""
-    status = Path(f'/proc/{pid}/status').read_text()
-    memory, threads = (
-        int(re.search(rf'^{name}:\s+(\d+)', status, re.MULTILINE)[1])  # type: ignore[index]
-        for name in ('VmRSS', 'Threads')
-    )
-    return Look(now, memory, threads, len(list(Path(f'/proc/{pid}/fd').iterdir())))
+    return Look(now, *held_by(pid))
 
 
 def soak(duration: float, seed: int, note: Callable[[str], None]) -> tuple[list[Look], dict]:

@@ -31,6 +31,7 @@ from wasd_core.ros_domains import join_domain
 from wasd_core.ros_errors import explained
 from wasd_core.ros_isolation import is_sourced
 from wasd_core.ros_isolation import keep_to_this_machine
+from wasd_core.shared_memory import remove_segments_of_the_dead
 from wasd_core.stop_signals import last_status
 from wasd_core.stop_signals import StopSignals
 from wasd_core.streams import never_wait
@@ -112,7 +113,8 @@ def init_ros(
 
     Its own handlers end the context before a node could publish its last, zero command.
     ROS keeps to this machine unless the user says otherwise, in a sourced ROS only if `is_local`.
-    With `joins` it is in the domain of the user's run, where there is one.
+    With `joins` it is in the domain of the user's run, where there is one. What killed processes
+    left in shared memory is removed.
 
     Raises:
         UserError: arguments after --ros-args that are none, in one line.
@@ -122,6 +124,7 @@ def init_ros(
         choice = join_domain(os.environ) if joins else ''
         if choice:
             print(choice, file=sys.stderr, flush=True)
+    remove_segments_of_the_dead()
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
     try:
