@@ -23,6 +23,10 @@ class BaseTracking:
     ) -> None:
         self._mass = model.mass
         self._inverse_inertia = np.linalg.inv(inertia)
+        self.tune(params)
+
+    def tune(self, params: WholeBodyParameters) -> None:
+        """Take other gains."""
         self._gains = np.array(
             (
                 params.position_gains,

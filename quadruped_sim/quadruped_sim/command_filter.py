@@ -65,11 +65,19 @@ class CommandFilter:
         agility: float = 1.0,
         turning: float = 1.0,
     ) -> None:
-        self._params = params
-        self.limits = velocity_limits(params.limits, scale, agility, turning)
+        self._robot = scale, agility, turning
         self.refused = 0
         self._age = Watchdog(params.timeout)
+        self._request = np.zeros(3)
+        self.tune(params)
         self.reset()
+
+    def tune(self, params: CommandParameters) -> None:
+        """Take other limits, ramps and time-out; they hold for the present request, too."""
+        self._params = params
+        self.limits = velocity_limits(params.limits, *self._robot)
+        self._age.timeout = params.timeout
+        self._request = self._clamped(*self._request.tolist())
 
     def reset(self) -> None:
         """Rest, as if no request had ever come."""
@@ -97,17 +105,20 @@ class CommandFilter:
         if not (math.isfinite(vx) and math.isfinite(vy) and math.isfinite(yaw_rate)):
             self.refused += 1
             return f'velocity command refused: not finite: ({vx}, {vy}, {yaw_rate})'
+        self._request = self._clamped(vx, vy, yaw_rate)
+        self._age.hear()
+        self._is_new = True
+        return None
+
+    def _clamped(self, vx: float, vy: float, yaw_rate: float) -> np.ndarray:
         limits = self.limits
-        self._request = np.array(
+        return np.array(
             (
                 min(max(vx, -limits.backward), limits.forward),
                 min(max(vy, -limits.lateral), limits.lateral),
                 min(max(yaw_rate, -limits.yaw), limits.yaw),
             )
         )
-        self._age.hear()
-        self._is_new = True
-        return None
 
     def step(self, dt: float) -> np.ndarray:
         """Command (3,) after `dt` [s]: toward the request, or toward rest when it is too old."""

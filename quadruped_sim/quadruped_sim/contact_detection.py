@@ -20,7 +20,7 @@ class ContactDetector:
     """
 
     def __init__(self, params: ContactParameters) -> None:
-        self._params = params
+        self.params = params
         self.reset()
 
     def reset(self) -> None:
@@ -47,12 +47,12 @@ class ContactDetector:
             self._residual,
             torque + dynamics.momentum_drift,
             dynamics.momentum,
-            self._params.bandwidth,
+            self.params.bandwidth,
             motion.jacobian,
             dt,
         )
         self.normal_forces = self.forces @ normal
-        threshold = np.where(self.is_contact, self._params.force_off, self._params.force_on)
+        threshold = np.where(self.is_contact, self.params.force_off, self.params.force_on)
         self.is_contact = self.normal_forces > threshold
 
 

@@ -42,10 +42,14 @@ class ConvexMpc:
     """
 
     def __init__(self, params: MpcParameters, mass: float, inertia: np.ndarray) -> None:
-        self._params = params
         self._inverse_mass = 1.0 / mass
         self._inverse_inertia = np.linalg.inv(inertia)
         self.solver = QpSolver()
+        self.tune(params)
+
+    def tune(self, params: MpcParameters) -> None:
+        """Take other parameters, another horizon among them."""
+        self._params = params
         self._pyramids = FrictionPyramids(params.friction, params.force_min, params.force_max)
         n, dt = params.steps, params.step
         self.times = dt * np.arange(n)

@@ -43,7 +43,7 @@ class KalmanEstimator:
     def __init__(
         self, params: EstimatorParameters, foot_radius: float, imu_offset: np.ndarray
     ) -> None:
-        self._params = params
+        self.params = params
         self._radius = foot_radius
         self._imu_offset = imu_offset
         self._x = np.zeros((6, 3))
@@ -79,7 +79,7 @@ class KalmanEstimator:
         self, imu: ImuSample, motion: LegMotion, trust: np.ndarray, normal: np.ndarray, dt: float
     ) -> None:
         """Predict by the accelerometer, correct by the legs; `normal` is the ground's, world."""
-        params = self._params
+        params = self.params
         _filter_step(
             self._x,
             self._P,
@@ -113,9 +113,9 @@ class KalmanEstimator:
         if total < 1.0:
             return
         level = float(trust @ self._x[2:, 2]) / total - self._radius
-        if math.fabs(level) < self._params.level_band:
-            self._x[0, 2] -= dt / self._params.level_time * level
-            self._x[2:, 2] -= dt / self._params.level_time * level
+        if math.fabs(level) < self.params.level_band:
+            self._x[0, 2] -= dt / self.params.level_time * level
+            self._x[2:, 2] -= dt / self.params.level_time * level
 
 
 @jit

@@ -34,15 +34,15 @@ class Gait:
     """
 
     def __init__(self, params: GaitParameters) -> None:
-        self._params = params
+        self.params = params
         self.reset()
 
     def reset(self) -> None:
         """Stand on four feet; the first step will lift FR and RL."""
         self._phase = 0.0
         self.is_stepping = False
-        self._period = self._params.slow_period
-        self._duty = self._params.slow_duty
+        self._period = self.params.slow_period
+        self._duty = self.params.slow_duty
 
     def step(self, dt: float, speed: float, wants_steps: bool) -> GaitState:
         """
@@ -61,7 +61,7 @@ class Gait:
         return self.state()
 
     def _follow(self, speed: float) -> None:
-        params = self._params
+        params = self.params
         span = max(params.fast_speed - params.slow_speed, 1e-6)
         share = min(max((speed - params.slow_speed) / span, 0.0), 1.0)
         self._period = params.slow_period + share * (params.fast_period - params.slow_period)

@@ -18,7 +18,7 @@ class Ground:
     """
 
     def __init__(self, params: GroundParameters) -> None:
-        self._params = params
+        self.params = params
         self.reset(np.zeros((4, 3)))
 
     def reset(self, feet: np.ndarray) -> None:
@@ -30,8 +30,8 @@ class Ground:
 
     def step(self, contacts: np.ndarray, is_contact: np.ndarray, dt: float) -> None:
         """Move the plane toward the contact points (4, 3) of the feet that stand, world [m]."""
-        slope_share = min(1.0, dt / self._params.slope_time)
-        height_share = min(1.0, dt / self._params.height_time)
+        slope_share = min(1.0, dt / self.params.slope_time)
+        height_share = min(1.0, dt / self.params.height_time)
         self.height = _follow_plane(
             self._points,
             contacts,
@@ -39,7 +39,7 @@ class Ground:
             self.centre,
             self.gradient,
             self.height,
-            math.tan(self._params.slope_max),
+            math.tan(self.params.slope_max),
             slope_share,
             height_share,
         )

@@ -67,12 +67,23 @@ class LegController:
         self.safety = Safety(self._params.safety, self.model.limits)
         self._detector = ContactDetector(self._params.contact)
         self._kalman = KalmanEstimator(
-            self._params.estimator, self.model.geometry.foot_radius, self.model.imu_offset
+            self._params.kalman, self.model.geometry.foot_radius, self.model.imu_offset
         )
-        self._states = make_states(
-            Parts(self.model, self._params, self.locomotion, self.command_filter, self.sticks)
+        self._parts = Parts(
+            self.model, self._params, self.locomotion, self.command_filter, self.sticks
         )
+        self._states = make_states(self._parts)
         self.reset()
+
+    def tune(self, params: LegControllerParameters) -> None:
+        """Go on with other parameters, as for the Go2, from the next step; what it does stays."""
+        own = scaled(params, self.model.scale, self.model.friction)
+        self._params = self._parts.params = own
+        self.command_filter.tune(own.command)
+        self.locomotion.tune(own)
+        self.safety.params = own.safety
+        self._detector.params = own.contact
+        self._kalman.params = own.kalman
 
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""

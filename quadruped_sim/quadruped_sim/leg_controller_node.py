@@ -22,6 +22,8 @@ from wasd_core.loopback import Inlet
 from wasd_core.node import declare_parameters
 from wasd_core.node import run_node
 from wasd_core.notice import Notice
+from wasd_core.parameter_file import NodeKind
+from wasd_core.parameter_file import read_parameters
 from wasd_core.publisher_watch import PublisherWatch
 from wasd_core.qos import EVENTS
 from wasd_core.qos import LATCHED
@@ -47,15 +49,13 @@ from quadruped_sim.joint_map import to_joint_command
 from quadruped_sim.joint_map import to_sensors
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.node_parameters import LegNodeParameters
-from quadruped_sim.parameters import CommandParameters
-from quadruped_sim.parameters import GaitParameters
-from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.sticks import StickValues
 from quadruped_sim.warm_up import warm_up
 
 # Longest step of gait and estimate between two readings [s]; a request is as old as it is.
 MAXIMUM_STEP = 0.02
+KIND = NodeKind(LEG_CONTROLLER.name, 'leg controller')
 
 
 class LegControllerNode(Node):
@@ -85,20 +85,15 @@ class LegControllerNode(Node):
         super().__init__(
             'leg_controller', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
-        self.settings = declare_parameters(self, LegNodeParameters)
+        self.settings = declare_parameters(
+            self, LegNodeParameters, self._on_change, _parameters_of_file(self)
+        )
         description = description or load_robot(self.settings.description)
         # Before anything else calls a compiled function; loading is no part of the first tick.
         model = compile_once(
             lambda: _warm_model(description), self.get_logger().info, stop_requested
         )
-        self.controller = LegController(
-            model,
-            LegControllerParameters(
-                command=CommandParameters(limits=self.settings.limits),
-                gait=GaitParameters(step_in_place=self.settings.step_in_place),
-            ),
-            self.settings.estimator,
-        )
+        self.controller = LegController(model, self.settings, self.settings.estimator)
         if weak := model.overloaded:
             needed = ', '.join(
                 f'{visible(joint)} {torque:.0f} N m' for joint, torque in weak.items()
@@ -176,6 +171,11 @@ class LegControllerNode(Node):
     def _say(self, text: str | None) -> None:
         if self.notice.say(text) and text:
             self.get_logger().warning(visible(text))
+
+    def _on_change(self, settings: LegNodeParameters) -> None:
+        """Go on with other parameters, from the next tick."""
+        self.settings = settings
+        self.controller.tune(settings)
 
     def _on_key(self, message: String) -> None:
         if message.data.startswith(('HELD+', 'RELEASE+')):
@@ -293,6 +293,20 @@ def _warm_model(description: Description) -> RobotModel:
     model = RobotModel(description)
     warm_up(model)
     return model
+
+
+def _parameters_of_file(node: Node) -> LegNodeParameters:
+    """
+    Return the defaults with the values of the file that `controller` names, if it names one.
+
+    Raises:
+        InvalidParameter: what is wrong with the file, with its line.
+    """
+    given = node._parameter_overrides.get('controller')
+    path = '' if given is None else given.value
+    if not isinstance(path, str) or not path:
+        return LegNodeParameters()
+    return LegNodeParameters.from_mapping(read_parameters(path, LegNodeParameters, KIND))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -45,13 +45,11 @@ class Locomotion:
 
     def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
         self._model = model
-        self._params = params
         scale = model.scale
         self._height_rate = _HEIGHT_RATE * scale.of('m/s')
         self._turning_radius = _TURNING_RADIUS * scale.of('m')
         self._rest = _REST[0] * scale.of('m/s'), _REST[1] * scale.of('m')
         self._unrest = _UNREST[0] * scale.of('m/s'), _UNREST[1] * scale.of('m')
-        self._nominal_height = params.reference.height - float(model.geometry.hip[:, 2].mean())
         self.gait = Gait(params.gait)
         self.ground = Ground(params.ground)
         self.reference = Reference(params.reference, scale)
@@ -60,11 +58,29 @@ class Locomotion:
         self.whole_body = WholeBody(params.whole_body, params.mpc)
         self._tracking = BaseTracking(params.whole_body, model, inertia)
         self.swing_legs = SwingLegs(model, params)
+        self._params = params
+        self._nominal_height = self._height_of(params)
         self.schedule = self.gait.state()
         self.is_stance = np.ones(4, dtype=bool)
         self._forces = np.zeros((4, 3))
         self._since_solution = math.inf
         self._height = self._nominal_height
+
+    def tune(self, params: LegControllerParameters) -> None:
+        """Go on with other parameters, from the next step."""
+        self._params = params
+        self._nominal_height = self._height_of(params)
+        self.gait.params = params.gait
+        self.ground.params = params.ground
+        self.reference.params = params.reference
+        self.swing_legs.params = params
+        self.mpc.tune(params.mpc)
+        self.whole_body.tune(params.whole_body, params.mpc)
+        self._tracking.tune(params.whole_body)
+
+    def _height_of(self, params: LegControllerParameters) -> float:
+        """Return the height of the base that puts the hips where they are to be [m]."""
+        return params.reference.height - float(self._model.geometry.hip[:, 2].mean())
 
     def reset(self, state: RobotState) -> None:
         """Stand where the robot is, on level ground under its feet."""
@@ -148,7 +164,7 @@ class Locomotion:
         trust = np.where(self.is_stance, np.clip(felt, 0.0, 1.0), 0.0)
         if not self.gait.is_stepping:
             return trust
-        window = max(self._params.estimator.phase_window, 1e-6)
+        window = max(self._params.kalman.phase_window, 1e-6)
         phase = self.schedule.phase
         edge = np.minimum(phase, 1.0 - phase) / window
         return np.asarray(trust * np.where(self._early, 0.5, np.minimum(edge, 1.0)))

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the leg controller's node; the controller's own tuning is in `parameters`."""
+"""Parameters of the leg controller's node: the controller's own tuning, and what ROS adds."""
 
 from dataclasses import dataclass
 
 from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
+
+from quadruped_sim.parameters import LegControllerParameters
 
 
 @dataclass(frozen=True, kw_only=True)
-class LegNodeParameters(Parameters):
-    """Which robot, how it is estimated, how fast it may be asked to go, and its frames."""
+class LegNodeParameters(LegControllerParameters):
+    """Which robot, how it is estimated, its rates and frames; and the tuning, in groups."""
 
     description: str = parameter(
         'go2', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
@@ -20,14 +21,10 @@ class LegNodeParameters(Parameters):
         doc='Base state from IMU and legs, or from the simulator',
         read_only=True,
     )
-    limits: str = parameter(
-        'sport',
-        choices=('sport', 'guide'),
-        doc='Full stick: what the controller is good for, or what unitree_guide allows',
+    controller: str = parameter(
+        '',
+        doc='YAML file with parameters: a plain table or a ROS 2 parameter file',
         read_only=True,
-    )
-    step_in_place: bool = parameter(
-        False, doc='Trot on the spot at zero command instead of standing', read_only=True
     )
     update_rate: float = parameter(
         500.0, doc='Rate of the controller', unit='Hz', above=0.0, read_only=True

@@ -43,7 +43,7 @@ class Reference:
     """
 
     def __init__(self, params: ReferenceParameters, scale: Scale) -> None:
-        self._params = params
+        self.params = params
         self._height_limit = _HEIGHT_INTEGRAL_LIMIT * scale.of('m')
         self._steady_error = _STEADY_ERROR * scale.of('m/s')
         self._xy = np.zeros(2)
@@ -66,7 +66,7 @@ class Reference:
 
         The base is kept `height` [m] above the ground plane and parallel to it.
         """
-        params = self._params
+        params = self.params
         yaw = float(state.rpy[2])
         c, s = math.cos(yaw), math.sin(yaw)
         to_world = np.array(((c, -s), (s, c)))
@@ -97,7 +97,7 @@ class Reference:
         self, state: RobotState, command: np.ndarray, to_world: np.ndarray, dt: float
     ) -> None:
         """Add the velocity error to its integral."""
-        params = self._params
+        params = self.params
         error = command[:2] - to_world.T @ state.velocity[:2]
         limit, steady = params.velocity_integral_limit, self._steady_error
         for axis in (0, 1):

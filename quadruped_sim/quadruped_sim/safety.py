@@ -22,7 +22,7 @@ class Safety:
     """
 
     def __init__(self, params: SafetyParameters, limits: JointLimits) -> None:
-        self._params = params
+        self.params = params
         self._limits = limits
         self.reset()
 
@@ -53,7 +53,7 @@ class Safety:
 
     def is_fallen(self, R: np.ndarray) -> bool:
         """Whether the base is tilted too far to stand."""
-        return self.tilt(R) > self._params.tilt_max
+        return self.tilt(R) > self.params.tilt_max
 
     def reason_to_let_go(
         self, R: np.ndarray, joint_position: np.ndarray, failures_in_a_row: int
@@ -63,12 +63,12 @@ class Safety:
             return f'{self.broken_in_a_row} sensor readings in a row are not finite'
         if self.is_fallen(R):
             return f'tilt {math.degrees(self.tilt(R)):.0f} deg exceeds the limit'
-        margin = self._params.joint_margin
+        margin = self.params.joint_margin
         if (joint_position < self._limits.lower - margin).any() or (
             joint_position > self._limits.upper + margin
         ).any():
             return 'a joint is beyond its limits'
-        if failures_in_a_row >= self._params.solver_failures:
+        if failures_in_a_row >= self.params.solver_failures:
             return f'{failures_in_a_row} QPs in a row failed'
         return None
 

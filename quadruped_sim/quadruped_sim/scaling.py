@@ -33,6 +33,8 @@ ACCELERATION_SHARE = 0.4
 # What belongs to the one who drives or to the wire, not to the body.
 NOT_SCALED = {'timeout'}
 
+GROUPS = fields(LegControllerParameters)
+
 Group = TypeVar('Group', bound=Parameters)
 
 
@@ -44,7 +46,7 @@ def scaled(
 
     On feet with little `friction` forces and accelerations keep inside it.
     """
-    groups = {field.name: _scaled(getattr(params, field.name), scale) for field in fields(params)}
+    groups = {field.name: _scaled(getattr(params, field.name), scale) for field in GROUPS}
     result = replace(params, **groups)
     mpc, command = result.mpc, result.command
     grip = ACCELERATION_SHARE * friction * GRAVITY

@@ -37,7 +37,7 @@ class SwingLegs:
     """Leads the feet in the air to their footholds; keeps where they left the ground."""
 
     def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
-        self._params = params
+        self.params = params
         self._radius = model.geometry.foot_radius
         self._press = _PRESS * model.scale.of('m')
         self.nominal = nominal_feet(model.geometry.hip, model.geometry.offset)
@@ -60,7 +60,7 @@ class SwingLegs:
         ground: Ground,
     ) -> SwingTargets:
         """Targets of this tick."""
-        params = self._params
+        params = self.params
         landing = footholds(
             params.foothold,
             self.nominal,

@@ -94,10 +94,14 @@ class WholeBody:
     """
 
     def __init__(self, params: WholeBodyParameters, mpc: MpcParameters) -> None:
+        self.solver = QpSolver()
+        self.tune(params, mpc)
+
+    def tune(self, params: WholeBodyParameters, mpc: MpcParameters) -> None:
+        """Take other weights; the limits of the forces are the MPC's."""
         self._weights = np.array(params.acceleration_weights)
         self._force_weight = params.force_weight
         self._pyramids = FrictionPyramids(mpc.friction, mpc.force_min, mpc.force_max)
-        self.solver = QpSolver()
 
     def solve(
         self,

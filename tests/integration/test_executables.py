@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every program answers --help at once, and refuses what it does not know in one line."""
 
-import dataclasses
 from importlib import import_module
 import os
 from pathlib import Path
@@ -12,7 +11,7 @@ import tomllib
 import pytest
 from wasd_core.executable import Executable
 from wasd_core.executable import split_ros_words
-from wasd_core.parameters import outward_name
+from wasd_core.parameters import known_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
@@ -70,13 +69,13 @@ def test_help_comes_at_once_and_starts_nothing(name, word):
 def test_help_has_every_parameter_with_its_default_the_topics_and_an_example(name):
     _, said, _, _ = start(name, '--help')
     program: Executable = PROGRAMS[name]
-    fields = []
+    names: list[str] = []
     for place in program.parameters:
         module, _, definition = place.partition(':')
-        fields += dataclasses.fields(getattr(import_module(module), definition))
-    assert fields
-    for field in fields:
-        assert f'\n  {outward_name(field)}  (' in said
+        names += known_parameters(getattr(import_module(module), definition))
+    assert names
+    for outward in names:
+        assert f'\n  {outward}  (' in said
     assert 'docs/topics.md' in said
     assert f'\n  {program.example}\n' in said
     assert program.example.startswith(f'{name} ')

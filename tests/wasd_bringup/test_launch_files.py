@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The launch files: everything that they name is there, and what they start drives."""
 
-import dataclasses
 import importlib
 from pathlib import Path
 import re
@@ -15,7 +14,6 @@ from robot_description.state_publisher_node import StatePublisherParameters
 from teleop_keyboard.teleop_parameters import KeyParameters
 from teleop_keyboard.teleop_parameters import TeleopParameters
 from wasd_bringup.unitree_keys import unitree_help
-from wasd_core.parameters import outward_name
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -70,8 +68,7 @@ def test_every_parameter_exists_and_has_a_legal_value(started):
             assert not given
         elif node.executable in DEFINITIONS:
             definition = DEFINITIONS[node.executable]
-            names = {outward_name(field): field.name for field in dataclasses.fields(definition)}
-            definition(**{names[name]: value for name, value in given.items()})
+            definition.from_mapping(given)
 
 
 def test_every_file_exists_and_is_for_the_node_that_gets_it(started):

@@ -27,7 +27,7 @@ def test_defaults_are_those_of_the_contract(read):
     options = read()
     assert (options.robot, options.description, options.world) == ('go2', 'go2', 'flat')
     assert (options.speed, options.seed, options.duration) == (1.0, 0, math.inf)
-    assert (options.estimator, options.limits, options.preset) == ('kalman', 'sport', 'unitree')
+    assert (options.estimator, options.limits, options.preset) == ('kalman', None, 'unitree')
     assert options.viewer is None
     assert options.keys is None
     assert not options.scripted

@@ -28,6 +28,7 @@ from wasd_bringup.run_parsers import add_both_options
 from wasd_bringup.run_parsers import add_legged_options
 from wasd_bringup.run_parsers import add_replay_options
 from wasd_bringup.run_parsers import add_run_options
+from wasd_bringup.run_parsers import add_tuning_option
 from wasd_bringup.run_parsers import add_wheeled_options
 from wasd_bringup.unitree_keys import unitree_help
 from wasd_bringup.unitree_keys import UNITREE_PRESET
@@ -53,6 +54,7 @@ def make_parser() -> argparse.ArgumentParser:
     go2 = _add_run(commands, 'go2', 'drive the legged robot')
     add_run_options(go2, robot='go2')
     add_legged_options(go2)
+    add_tuning_option(go2)
     both = _add_run(commands, 'both', 'drive both in one world; TAB goes from one to the other')
     add_both_options(both)
     add_legged_options(both)

@@ -31,7 +31,7 @@ def is_fake(options: RunOptions) -> bool:
 
 
 def _mode_of_file(options: RunOptions) -> str | None:
-    if options.controller is None:
-        return None
+    if options.controller is None or options.robot == 'go2':
+        return None  # legs have no mode
     mode = read_controller_file(str(options.controller)).values.get('mode')
     return str(mode) if mode is not None else None

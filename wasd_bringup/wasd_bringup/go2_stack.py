@@ -247,8 +247,9 @@ def _make_legs(loaded: Description, world: World, options: RunOptions) -> LegCon
     Raises:
         RobotModelError: the description is no quadruped that can be walked; says which file.
     """
-    names = ('description', 'estimator', 'limits')
-    overrides = [Parameter(name, value=getattr(options, name)) for name in names]
+    names = ('description', 'estimator', 'limits', 'controller')
+    given = {name: getattr(options, name) for name in names}
+    overrides = [Parameter(name, value=str(value)) for name, value in given.items() if value]
     if world.prefix:
         overrides.append(Parameter('odom_frame', value=f'{world.prefix}odom'))
         overrides.append(Parameter('base_frame', value=world.prefix + loaded.robot.root))

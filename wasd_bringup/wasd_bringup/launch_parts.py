@@ -7,7 +7,6 @@ Everything that a namespace should keep apart is renamed to a relative name: in 
 such a namespace does the same.
 """
 
-import dataclasses
 from typing import Any
 
 from launch.actions import DeclareLaunchArgument
@@ -21,6 +20,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 from mujoco_sim.parameters import SimulatorParameters
+from wasd_core.parameters import known_parameters
 from wasd_core.parameters import Parameters
 
 from wasd_bringup.run_place import NAMESPACED
@@ -33,7 +33,7 @@ KEYS_OF_THE_ROBOT, NO_KEYS = 'unitree', 'none'
 
 def parameter_argument(definition: type[Parameters], name: str) -> DeclareLaunchArgument:
     """Return the launch argument that sets a parameter."""
-    (field,) = (f for f in dataclasses.fields(definition) if f.name == name)
+    field = known_parameters(definition)[name].field
     choices = field.metadata['choices']
     return DeclareLaunchArgument(
         name,
@@ -45,7 +45,7 @@ def parameter_argument(definition: type[Parameters], name: str) -> DeclareLaunch
 
 def parameter_value(definition: type[Parameters], name: str) -> ParameterValue:
     """Return what an argument gives a parameter: of its type, whatever the text looks like."""
-    (field,) = (f for f in dataclasses.fields(definition) if f.name == name)
+    field = known_parameters(definition)[name].field
     return ParameterValue(LaunchConfiguration(name), value_type=type(field.default))
 
 

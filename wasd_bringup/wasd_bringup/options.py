@@ -55,7 +55,7 @@ class RunOptions:
     samples: bool = False
     discovery: str | None = None
     estimator: str = 'kalman'
-    limits: str = 'sport'
+    limits: str | None = None
     mode: str | None = None
     controller: Path | None = None
     interactive: bool = False
@@ -128,7 +128,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         save_keys=outputs['save_keys'],
         discovery=arguments.discovery,
         estimator=getattr(arguments, 'estimator', 'kalman'),
-        limits=getattr(arguments, 'limits', 'sport'),
+        limits=getattr(arguments, 'limits', None),
         mode=getattr(arguments, 'mode', None),
         controller=_file(getattr(arguments, 'controller', None), '--controller'),
     )

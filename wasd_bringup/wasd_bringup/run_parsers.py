@@ -134,6 +134,13 @@ def add_wheeled_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_tuning_option(parser: argparse.ArgumentParser) -> None:
+    """Declare the option that gives one legged robot other parameters."""
+    parser.add_argument(
+        '--controller', metavar='FILE', help="YAML with the leg controller's parameters"
+    )
+
+
 def add_legged_options(parser: argparse.ArgumentParser) -> None:
     """Declare what only a legged robot's command has."""
     parser.add_argument(
@@ -145,6 +152,5 @@ def add_legged_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--limits',
         choices=('sport', 'guide'),
-        default='sport',
         help="full stick: what the controller is good for (default), or unitree_guide's",
     )

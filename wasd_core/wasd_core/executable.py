@@ -14,7 +14,7 @@ from typing import Any
 from wasd_core.command_line import OneLineParser
 from wasd_core.errors import UserError
 from wasd_core.parameters import describe_range
-from wasd_core.parameters import outward_name
+from wasd_core.parameters import known_parameters
 
 # No help is wider than one can read.
 WIDEST = 100
@@ -87,9 +87,10 @@ class Executable:
             yield f'parameters ({ROS_WORDS} -p NAME:=VALUE; live: can be set while it runs):'
         for name in self.parameters:
             module, _, definition = name.partition(':')
-            for field in dataclasses.fields(getattr(import_module(module), definition)):
+            known = known_parameters(getattr(import_module(module), definition))
+            for outward, (field, _) in known.items():
                 live = '' if field.metadata['read_only'] else ', live'
-                yield f'  {outward_name(field)}  ({written(field.default)}{live})'
+                yield f'  {outward}  ({written(field.default)}{live})'
                 yield textwrap.indent(textwrap.fill(_meaning(field), width - len(INDENT)), INDENT)
         yield from self.notes
         yield ''

@@ -2,8 +2,7 @@
 """What every node of this project needs: parameters from their definition, a clean way out."""
 
 import array
-from collections.abc import Callable, Sequence
-import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 import os
 import sys
 from typing import Any, TypeVar
@@ -25,7 +24,8 @@ from wasd_core.errors import Stopped
 from wasd_core.errors import UserError
 from wasd_core.executable import Executable
 from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import outward_name
+from wasd_core.parameters import Known
+from wasd_core.parameters import known_parameters
 from wasd_core.parameters import Parameters
 from wasd_core.ros_domains import join_domain
 from wasd_core.ros_errors import explained
@@ -61,9 +61,11 @@ def declare_parameters(
         InvalidParameter: when an override given at start is illegal.
     """
     values: dict[str, Any] = {}
-    fields = {outward_name(field): field for field in dataclasses.fields(definition)}
-    for name, field in fields.items():
-        default = field.default if defaults is None else getattr(defaults, field.name)
+    before = definition() if defaults is None else defaults
+    known = known_parameters(definition)
+    _refuse_unknown(node, definition, known)
+    for name, (field, _) in known.items():
+        default = before.value(name)
         given = node._parameter_overrides.get(name)
         if given is not None and {type(field.default), type(given.value)} <= {int, float}:
             definition.checked(name, given.value)  # ROS would say less of a range
@@ -71,20 +73,18 @@ def declare_parameters(
             declared = node.declare_parameter(name, _to_ros(default), to_descriptor(field))
         except rclpy.exceptions.ParameterException as error:
             raise InvalidParameter(f'{name}: {error}') from None
-        values[field.name] = _from_ros(declared.value)
-    current = definition(**values)
+        values[name] = _from_ros(declared.value)
+    current = before.changed(values)
 
     def set_parameters(changes: 'Sequence[Parameter]') -> SetParametersResult:
         nonlocal current
         wanted = {
-            fields[change.name].name: _from_ros(change.value)
-            for change in changes
-            if change.name in fields
+            change.name: _from_ros(change.value) for change in changes if change.name in known
         }
         if not wanted:
             return SetParametersResult(successful=True)
         try:
-            changed = dataclasses.replace(current, **wanted)
+            changed = current.changed(wanted)
             if on_change is not None:
                 on_change(changed)
         except (InvalidParameter, TypeError) as error:
@@ -94,6 +94,14 @@ def declare_parameters(
 
     node.add_on_set_parameters_callback(set_parameters)
     return current
+
+
+def _refuse_unknown(node: Node, definition: type[Parameters], known: Mapping[str, Known]) -> None:
+    """Refuse `group.x` where the group has no x; other names may be meant for others."""
+    groups = {place.group for place in known.values()} - {''}
+    for name in node._parameter_overrides:
+        if '.' in name and name.partition('.')[0] in groups and name not in known:
+            definition.from_mapping({name: None})
 
 
 def _to_ros(value: Any) -> Any:

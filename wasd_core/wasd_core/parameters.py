@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import dataclasses
 import difflib
 import math
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from wasd_core.errors import UserError
 
@@ -54,15 +54,46 @@ def parameter(
     )
 
 
+def group(definition: 'type[Parameters]') -> Any:
+    """Return the dataclass field of a set within a set: `period` of `gait` is `gait.period`."""
+    return dataclasses.field(default_factory=definition, metadata={'group': definition})
+
+
 def outward_name(definition: 'dataclasses.Field[Any]') -> str:
     """Return what users call a parameter."""
     return definition.metadata.get('name') or definition.name
 
 
+class Known(NamedTuple):
+    """Where a parameter is: its field, and the group that has it, '' for the set itself."""
+
+    field: 'dataclasses.Field[Any]'
+    group: str = ''
+
+
+def known_parameters(definition: 'type[Parameters]') -> dict[str, Known]:
+    """
+    Return every parameter of a set by what users call it, those of its groups last.
+
+    A field of a group is called `group.field`, unless it has a `name` of its own.
+    """
+    fields = dataclasses.fields(definition)
+    known = {outward_name(field): Known(field) for field in fields if not _is_group(field)}
+    for part in filter(_is_group, fields):
+        for field in dataclasses.fields(part.metadata['group']):
+            name = field.metadata['name'] or f'{part.name}.{field.name}'
+            known[name] = Known(field, part.name)
+    return known
+
+
+def _is_group(field: 'dataclasses.Field[Any]') -> bool:
+    return 'group' in field.metadata
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Parameters:
     """
-    Base of a package's parameter sets; subclasses are frozen dataclasses of `parameter` fields.
+    Base of a package's parameter sets: frozen dataclasses of `parameter` and `group` fields.
 
     Raises:
         InvalidParameter: on construction, when a value is of the wrong type or out of range.
@@ -70,14 +101,41 @@ class Parameters:
 
     def __post_init__(self) -> None:
         """Check every field against its definition; an int is accepted where a float is meant."""
-        for definition in dataclasses.fields(self):
-            value = _checked(definition, getattr(self, definition.name))
-            object.__setattr__(self, definition.name, value)
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if _is_group(field):
+                wanted = field.metadata['group']
+                if not isinstance(value, wanted):
+                    raise InvalidParameter(f'{field.name} must be {wanted.__name__}')
+            else:
+                object.__setattr__(self, field.name, _checked(field, value, outward_name(field)))
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Self:
         """Build from e.g. a YAML mapping; an unknown key is an error that names its neighbour."""
-        return cls(**{_find(cls, key).name: value for key, value in values.items()})
+        return cls().changed(values)
+
+    def changed(self, values: Mapping[str, Any]) -> Self:
+        """
+        Return this set with other values, by the names that users call them.
+
+        Raises:
+            InvalidParameter: one is unknown, or cannot have its value.
+        """
+        own: dict[str, Any] = {}
+        groups: dict[str, dict[str, Any]] = {}
+        for key, value in values.items():
+            field, part = _find(type(self), key)
+            kept = groups.setdefault(part, {}) if part else own
+            kept[field.name] = _checked(field, value, key)
+        for part, inner in groups.items():
+            own[part] = dataclasses.replace(getattr(self, part), **inner)
+        return dataclasses.replace(self, **own)
+
+    def value(self, key: str) -> Any:
+        """Return the value of one parameter, by the name that users call it."""
+        field, part = _find(type(self), key)
+        return getattr(getattr(self, part) if part else self, field.name)
 
     @classmethod
     def checked(cls, key: str, value: Any) -> Any:
@@ -87,11 +145,11 @@ class Parameters:
         Raises:
             InvalidParameter: there is no such parameter, or it cannot have this value.
         """
-        return _checked(_find(cls, key), value)
+        return _checked(_find(cls, key).field, value, key)
 
 
-def _find(definition: type[Parameters], key: str) -> 'dataclasses.Field[Any]':
-    known = {outward_name(field): field for field in dataclasses.fields(definition)}
+def _find(definition: type[Parameters], key: str) -> Known:
+    known = known_parameters(definition)
     if key not in known:
         near = difflib.get_close_matches(str(key), known, n=1)
         hint = f', did you mean {near[0]!r}?' if near else f'; known: {", ".join(known)}'
@@ -99,20 +157,21 @@ def _find(definition: type[Parameters], key: str) -> 'dataclasses.Field[Any]':
     return known[key]
 
 
-def _checked(definition: 'dataclasses.Field[Any]', value: Any) -> Any:
-    if not isinstance(definition.default, tuple):
-        return _checked_item(definition, value, type(definition.default))
-    name, default = outward_name(definition), definition.default
+def _checked(definition: 'dataclasses.Field[Any]', value: Any, name: str) -> Any:
+    """Return a value as it is kept; `name` is what errors call it."""
+    default = definition.default
+    if not isinstance(default, tuple):
+        return _checked_item(definition, value, type(default), name)
     if isinstance(value, str) or not isinstance(value, Sequence):
         raise InvalidParameter(f'{name} must be a list, got {type(value).__name__} {value!r}')
     kind = type(default[0]) if default else str
     if kind is float and len(value) != len(default):
         raise InvalidParameter(f'{name} must be {len(default)} numbers, got {len(value)}')
-    return tuple(_checked_item(definition, item, kind) for item in value)
+    return tuple(_checked_item(definition, item, kind, name) for item in value)
 
 
-def _checked_item(definition: 'dataclasses.Field[Any]', value: Any, kind: type) -> Any:
-    name, meta = outward_name(definition), definition.metadata
+def _checked_item(definition: 'dataclasses.Field[Any]', value: Any, kind: type, name: str) -> Any:
+    meta = definition.metadata
     if kind is float and type(value) is int:
         value = float(value)
     if type(value) is not kind:

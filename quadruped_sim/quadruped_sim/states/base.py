@@ -16,9 +16,9 @@ from quadruped_sim.robot_state import RobotState
 from quadruped_sim.sticks import Sticks
 
 
-@dataclass(frozen=True)
+@dataclass
 class Parts:
-    """Parts of the controller that states use; made once and shared."""
+    """Parts of the controller that states use; made once and shared. `params` may be replaced."""
 
     model: RobotModel
     params: LegControllerParameters

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters from a YAML file: a plain table, or one node's of a ROS 2 parameter file."""
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+import contextlib
+import difflib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from wasd_core.parameters import InvalidParameter
+from wasd_core.parameters import known_parameters
+from wasd_core.parameters import Parameters
+from wasd_core.safe_yaml import compose_yaml
+from wasd_core.safe_yaml import construct
+from wasd_core.safe_yaml import read_text
+
+# ROS's own; it may stand in every file.
+USE_SIM_TIME = 'use_sim_time'
+
+
+class NodeKind(NamedTuple):
+    """Whose parameters are wanted: the node's name, what it is, parameters that only it has."""
+
+    name: str
+    words: str
+    marks: Collection[str] = ()
+
+
+class Entry(NamedTuple):
+    """A value of the file and the line it is in."""
+
+    value: Any
+    line: int
+
+
+def read_parameters(path: str, definition: type[Parameters], kind: NodeKind) -> dict[str, Any]:
+    """
+    Return the parameters of a file by their names, checked.
+
+    Raises:
+        InvalidParameter: `file:line: key, what came, what is wanted`.
+    """
+
+    def read(root: yaml.MappingNode) -> dict[str, Any]:
+        _, entries = entries_of(root, kind)
+        values = {
+            key: checked(definition, key, entry.value, key, entry.line)
+            for key, entry in entries.items()
+            if key != USE_SIM_TIME
+        }
+        check_together(definition, values)
+        return values
+
+    values: dict[str, Any] = read_mapping(path, read)
+    return values
+
+
+def read_mapping(path: str, read: Callable[[yaml.MappingNode], Any]) -> Any:
+    """
+    Return what `read` makes of a file's root; its errors begin with `:line:` and get the path.
+
+    Raises:
+        InvalidParameter: it cannot be read, is no YAML, no mapping, or what `read` says.
+    """
+    try:
+        # YAML forbids tabs to indent; people use them, and what they mean is plain.
+        text = read_text(Path(path), 'utf-8-sig').expandtabs(8)
+    except UnicodeDecodeError:
+        raise InvalidParameter(f'{path}: not a text file') from None
+    except OSError as error:
+        raise InvalidParameter(f'{path}: {error.strerror}') from None
+    try:
+        root = compose_yaml(text)
+    except yaml.YAMLError as error:
+        raise InvalidParameter(f'{path}{_where(error)}') from None
+    if not isinstance(root, yaml.MappingNode):
+        raise InvalidParameter(f'{path}: wanted "name: value" pairs')
+    try:
+        return read(root)
+    except InvalidParameter as error:
+        raise InvalidParameter(f'{path}{error}') from None
+
+
+def entries_of(root: yaml.MappingNode, kind: NodeKind) -> tuple[str, dict[str, Entry]]:
+    """Return the node's name, '' if the file tells none, and its parameters by dotted names."""
+    if not any(key == 'ros__parameters' for key in _all_keys(root)):
+        return '', dict(flat(root))
+    nodes = {name: dict(flat(node)) for name, node in _parameter_nodes(root)}
+    everybody = {
+        key: entry for name in ('/**', '**') for key, entry in nodes.pop(name, {}).items()
+    }
+    chosen = [name for name in nodes if name.rpartition('/')[2] == kind.name] or [
+        name for name, entries in nodes.items() if any(mark in entries for mark in kind.marks)
+    ]
+    if not chosen and everybody:
+        return '', everybody
+    if len(chosen) != 1:
+        found = ', '.join(chosen or nodes) or 'none'
+        raise InvalidParameter(
+            f': wanted the parameters of one {kind.words}, e.g. {kind.name}, got {found}'
+        )
+    return chosen[0].rpartition('/')[2], {**everybody, **nodes[chosen[0]]}
+
+
+def checked(
+    definition: type[Parameters],
+    outward: str,
+    value: Any,
+    key: str,
+    line: int,
+    aliases: Collection[str] = (),
+) -> Any:
+    """
+    Return a value as it is kept; `key` is what the user wrote for the parameter `outward`.
+
+    Raises:
+        InvalidParameter: an unknown name or an illegal value.
+    """
+    known = known_parameters(definition)
+    if outward not in known:
+        if ':' in key:
+            raise InvalidParameter(f':{line}: {key!r}: a space is missing after the colon')
+        near = difflib.get_close_matches(key, [*known, *aliases], n=1)
+        hint = f', did you mean {near[0]!r}?' if near else ''
+        raise InvalidParameter(f':{line}: unknown parameter {key!r}{hint}')
+    try:
+        return definition.checked(outward, value)
+    except InvalidParameter as error:
+        # By the name that the user wrote.
+        raise InvalidParameter(f':{line}: {str(error).replace(outward, key, 1)}') from None
+
+
+def check_together(definition: type[Parameters], values: Mapping[str, Any]) -> None:
+    """
+    Check what does not show in one value alone.
+
+    Raises:
+        InvalidParameter: the values do not go together.
+    """
+    try:
+        definition.from_mapping(values)
+    except InvalidParameter as error:
+        raise InvalidParameter(f': {error}') from None
+
+
+def _parameter_nodes(
+    node: yaml.MappingNode, prefix: str = ''
+) -> Iterator[tuple[str, yaml.MappingNode]]:
+    for key, child in children(node).items():
+        if not isinstance(child, yaml.MappingNode):
+            continue
+        if key == 'ros__parameters':
+            yield prefix, child
+        else:
+            yield from _parameter_nodes(child, f'{prefix}/{key}' if prefix else key)
+
+
+def children(node: yaml.MappingNode) -> dict[str, yaml.Node]:
+    """
+    Return what is in a mapping by name.
+
+    Raises:
+        InvalidParameter: a name is there twice.
+    """
+    found: dict[str, yaml.Node] = {}
+    for key, value in node.value:
+        name = str(key.value)
+        if name in found:
+            raise InvalidParameter(f':{line_of(key)}: {name!r} is there twice')
+        found[name] = value
+    return found
+
+
+def _all_keys(node: yaml.Node) -> Iterator[str]:
+    if isinstance(node, yaml.MappingNode):
+        for key, child in children(node).items():
+            yield key
+            yield from _all_keys(child)
+
+
+def flat(node: yaml.MappingNode, prefix: str = '') -> Iterator[tuple[str, Entry]]:
+    """Yield scalars and lists by dotted names."""
+    for key, child in children(node).items():
+        if isinstance(child, yaml.MappingNode):
+            yield from flat(child, f'{prefix}{key}.')
+        else:
+            yield f'{prefix}{key}', Entry(_value(child), line_of(child))
+
+
+def _value(node: yaml.Node) -> Any:
+    try:
+        value = construct(node)
+    except yaml.YAMLError as error:
+        raise InvalidParameter(_where(error)) from None
+    if isinstance(value, str) and isinstance(node, yaml.ScalarNode) and not node.style:
+        with contextlib.suppress(ValueError):
+            return float(value)  # 1e-3 is a number to ROS and to people, not to YAML 1.1
+    return value
+
+
+def line_of(node: yaml.Node) -> int:
+    """Return the line in which a node begins, from 1."""
+    return int(node.start_mark.line) + 1
+
+
+def _where(error: yaml.YAMLError) -> str:
+    mark = getattr(error, 'problem_mark', None)
+    problem = getattr(error, 'problem', None) or ' '.join(str(error).split())
+    hint = ' (is a space missing after a colon?)' if 'mapping values' in problem else ''
+    return f':{mark.line + 1}: {problem}{hint}' if mark else f': {problem}'
