@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starts and ends leave nothing: `cycles` of the benchmark, in short."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
+
+
+@pytest.fixture
+def benchmarks(monkeypatch: pytest.MonkeyPatch, isolated_ros: int) -> None:
+    """Have the benchmark's modules to import, and its processes in this test's domain."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    monkeypatch.setenv('WASD_TEST_DOMAINS', str(isolated_ros))
+
+
+@pytest.mark.slow
+def test_programs_started_and_stopped_leave_nothing(benchmarks: Any) -> None:
+    from cycled_programs import PROGRAMS
+    import cycles
+
+    programs = dict.fromkeys(PROGRAMS, 1)
+    rows = cycles.measure(True, lambda text: None, programs, 8, workers=1)
+    assert [(row.what, row.measured) for row in rows if not row.passed] == []
+    assert len(rows) == len(programs) + 9
