@@ -18,8 +18,9 @@ pytest_plugins = ['marking']
 # How long a message may take to arrive on a busy machine [s].
 PATIENCE = 10.0
 
-# A shell starts what goes to the background deaf to these, and children inherit that.
-for number in (signal.SIGINT, signal.SIGQUIT):
+# A shell starts what goes to the background deaf to these, nohup to the last, and children inherit
+# that.
+for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
     if signal.getsignal(number) is signal.SIG_IGN:
         is_interrupt = number == signal.SIGINT
         signal.signal(number, signal.default_int_handler if is_interrupt else signal.SIG_DFL)

@@ -14,7 +14,6 @@ Wasd = Callable[..., 'subprocess.CompletedProcess[str]']
 MISTAKES = [
     (['mbot', '--no-such-option'], '--no-such-option'),
     (['fly'], "invalid choice: 'fly'"),
-    ([], 'COMMAND'),
     (['mbot', '--play', 'nowhere.txt'], '--play nowhere.txt: No such file'),
     (['mbot', '--twist', 'nowhere.txt'], '--twist nowhere.txt: No such file'),
     (['mbot', '--play', '.'], '--play .: Is a directory'),

@@ -315,7 +315,12 @@ def test_what_was_said_goes_after_three_seconds_of_the_nodes_time(
     spin_until(spawn.pump, lambda: legs.notice.text)
     assert legs.notice.text == 'press 2 to stand, then 4 to trot (w does nothing here)'
     stamps = iter(np.arange(1.002, 9.0, 0.01).tolist())
-    spin_until(spawn.pump, lambda: not legs.notice.text, step=lambda: feed(next(stamps)))
+    spin_until(
+        spawn.pump,
+        lambda: not legs.notice.text,
+        timeout=60.0,
+        step=lambda: feed(next(stamps)),
+    )
     assert 3.9 < next(stamps) < 6.0
 
 

@@ -97,11 +97,11 @@ TEXTS = {
     ),
     'yaml laughs': (
         robot('<link name="${xacro.load_yaml(\'laughs.yaml\')}"/>'),
-        'laughs.yaml: more than 10000 values',
+        'laughs.yaml: not YAML: more than 10000 values',
     ),
     'yaml in itself': (
         robot('<link name="${xacro.load_yaml(\'circle.yaml\')}"/>'),
-        'circle.yaml: more than 10000 values',
+        'circle.yaml: not YAML: more than 10000 values',
     ),
     'yaml that is none': (
         robot('<link name="${xacro.load_yaml(\'link.yaml\')}"/>'),

@@ -37,11 +37,12 @@ def test_a_wheel_is_found_in_any_folder_that_python_imports_from(elsewhere, tmp_
 def test_a_wheel_is_found_after_pip_install_user(tmp_path):
     ask = 'import site; print(site.getusersitepackages())'
     find = (
-        'import sys; sys.path.append(sys.argv[1])\n'
+        'import sys; sys.path[:0] = sys.argv[1:]\n'
         'from robot_description.packages import share_directory as find\n'
         f'print(find({EXAMPLE_ROBOT_DATA!r}))'
     )
-    source = str(Path(__file__).parents[2] / 'robot_description')
+    root = Path(__file__).parents[2]
+    sources = [str(root / name) for name in ('robot_description', 'wasd_core')]
     # The Python below this environment: it has a user's folder, and nothing of ours.
     python = str(Path(sys.base_prefix, 'bin', f'python{sys.version_info[0]}'))
     world = {'HOME': str(tmp_path), 'PATH': '/usr/bin:/bin'}
@@ -52,4 +53,4 @@ def test_a_wheel_is_found_after_pip_install_user(tmp_path):
         return done.stdout.strip()
 
     share = make_wheel(Path(run(ask)))
-    assert run(find, source) == str(share)
+    assert run(find, *sources) == str(share)
