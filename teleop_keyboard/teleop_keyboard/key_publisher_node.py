@@ -38,6 +38,7 @@ SERVICE_PERIOD = 0.25
 SUBSCRIBER_TIMEOUT = 5.0
 # How long the last messages may take to leave the process [s].
 LAST_WORDS_TIMEOUT = 0.1
+LAST_KEYS_TIMEOUT = 2.0
 
 
 class KeyPublisherNode(Node):
@@ -76,9 +77,9 @@ class KeyPublisherNode(Node):
 
         self.receivers.append(save)
 
-    def close(self) -> None:
-        """Give the last keys the time to leave the process."""
-        self._publisher.wait_for_all_acked(Duration(seconds=LAST_WORDS_TIMEOUT))
+    def close(self, patience: float = LAST_WORDS_TIMEOUT) -> None:
+        """Give the last keys so much time [s] to leave the process."""
+        self._publisher.wait_for_all_acked(Duration(seconds=patience))
 
 
 def wait_for_subscriber(has_subscriber: Callable[[], bool], stop: StopSignals) -> None:
@@ -134,7 +135,8 @@ def main(args: Sequence[str] | None = None) -> int:
             return 2
         finally:
             if node is not None:
-                node.close()
+                # A pipe has ended with keys that nobody has yet; a signal wants an end at once.
+                node.close(LAST_WORDS_TIMEOUT if stop.requested else LAST_KEYS_TIMEOUT)
                 node.destroy_node()
             rclpy.try_shutdown()
     return last_status(stop)

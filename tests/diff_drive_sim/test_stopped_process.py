@@ -56,6 +56,13 @@ class Drive:
         self.simulation.run(stop=lambda: self.world.time >= end, poll=self._poll)
         return self.speeds
 
+    def reach(self, speed):
+        """Simulate until the wheels have a speed [m/s]; a busy machine needs more than once."""
+        for _ in range(10):
+            if self.run(2.0)[-1][1] == pytest.approx(speed, rel=0.1):
+                return
+        pytest.fail(f'{self.speeds[-1][1]} m/s, wanted {speed}')
+
     def _poll(self, timeout):
         self._pump.handle(timeout)
         if self.is_sending and time.monotonic() >= self._next_command:
@@ -76,8 +83,7 @@ def test_a_drive_that_was_stopped_stands_when_it_goes_on(
 ):
     drive = Drive(spawn, spin_until)
     drive.is_sending = True
-    drive.run(2.0)
-    assert drive.speeds[-1][1] == pytest.approx(SPEED, rel=0.1)
+    drive.reach(SPEED)
     controller.send_signal(signal.SIGSTOP)
     if still_sent:
         drive.run(still_sent)  # nobody takes these
@@ -91,5 +97,4 @@ def test_a_drive_that_was_stopped_stands_when_it_goes_on(
     assert max(late) < 0.005
     # It was not stopped for good.
     drive.is_sending = True
-    drive.run(1.5)
-    assert drive.speeds[-1][1] == pytest.approx(SPEED, rel=0.1)
+    drive.reach(SPEED)

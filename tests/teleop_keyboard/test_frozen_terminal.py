@@ -114,7 +114,7 @@ def test_the_shell_s_own_opening_of_the_terminal_stays_as_it_was(pty_process, li
 def test_the_log_of_ros_does_not_wait_for_the_terminal_either(pty_process, listener):
     program = (
         'import rclpy, sys\n'
-        'from robot_description import streams\n'
+        'from wasd_core import streams\n'
         'streams.prepare_streams(); streams.never_wait()\n'
         'rclpy.init()\n'
         'node = rclpy.create_node("talks")\n'
