@@ -17,7 +17,6 @@ from wasd_core.places import parse_with_places
 from wasd_core.places import Place
 from wasd_core.places import place_of
 from wasd_core.safe_reading import check_xml
-from wasd_core.safe_reading import MOST_ELEMENTS
 from wasd_core.safe_reading import read_file
 from wasd_core.safe_yaml import read_yaml
 import xacro
@@ -30,6 +29,7 @@ from robot_description.reach import Reach
 DEEPEST_MACRO = 150
 # All attributes and texts of a robot together [characters].
 MOST_TEXT = 10_000_000
+MOST_ELEMENTS = 20_000  # of an expansion; more would take seconds
 FRAMES = 6000
 
 

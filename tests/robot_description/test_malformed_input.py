@@ -56,7 +56,7 @@ TEXTS = {
     ),
     'macro bomb': (
         robot(f'<xacro:macro name="m0"><link name="l"/></xacro:macro>{MACRO_BOMB}<xacro:m8/>'),
-        'grows to more than 30000 elements',
+        'grows to more than 20000 elements',
     ),
     'property bomb': (
         robot(f'<xacro:property name="p0" value="haha"/>{PROPERTY_BOMB}<link name="${{p9}}"/>'),
