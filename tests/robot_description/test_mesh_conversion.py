@@ -142,3 +142,22 @@ def test_a_process_killed_while_it_writes_leaves_no_broken_mesh(tmp_path, cache)
     (cache / 'half.part').write_bytes(b'PK')
     for _ in range(2):
         assert len(load_mesh(path).faces) == 20 * 4**5
+
+
+def test_a_thinned_surface_keeps_its_shape_and_has_no_gaps(tmp_path, cache):
+    import trimesh
+
+    thin = load_mesh(big_mesh(tmp_path), most_faces=2000)
+    assert 1900 <= len(thin.faces) <= 2000
+    surface = trimesh.Trimesh(*thin, process=False)
+    assert surface.is_watertight
+    np.testing.assert_allclose(np.linalg.norm(thin.vertices, axis=1), 1.0, atol=5e-3)
+    assert surface.volume == pytest.approx(4.0 / 3.0 * np.pi, rel=0.01)
+
+
+def test_a_thinned_surface_and_the_whole_one_are_both_cached(tmp_path, cache):
+    path = big_mesh(tmp_path)
+    counts = [len(load_mesh(path, most).faces) for most in (None, 2000, None, 2000)]
+    assert counts[0] == counts[2] == 20480
+    assert counts[1] == counts[3] < 2001
+    assert len(list(cache.iterdir())) == 2
