@@ -136,7 +136,7 @@ class _Page(plugin.ViewerPlugin):
 
 
 def _page_model(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a copy to be shown without multi-sampling, a third of a picture's time in software."""
+    """Return a copy that is shown without multi-sampling: a third of the time in software."""
     shown = copy.copy(model)
     shown.vis.quality.offsamples = 0
     return shown

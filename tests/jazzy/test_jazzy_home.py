@@ -19,7 +19,8 @@ SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scrip
 EXECUTABLES = {name: target.partition('.')[0] for name, target in SCRIPTS.items()}
 SOURCED = '. ~/ros2_ws/install/setup.bash; '
 MODULES = (
-    'PIL collada daqp fast_simplification mcap mujoco numba numpy pinocchio rich trimesh xacro yaml yourdfpy rclpy'
+    'PIL collada daqp fast_simplification mcap mujoco numba numpy pinocchio rich trimesh xacro '
+    'yaml yourdfpy rclpy'
 )
 IMPORT = f"""
 import importlib
