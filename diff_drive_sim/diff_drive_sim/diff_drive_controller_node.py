@@ -173,7 +173,7 @@ class DiffDriveControllerNode(Node):
     def destroy_node(self) -> None:
         """Release the node, and the second participant of cmd_vel."""
         self.cmd_vel.close()
-        super().destroy_node()
+        Node.destroy_node(self)
 
     def _stand_alone(self) -> None:
         """Step on joint_states, or in mode fake on a timer of the node's clock."""

@@ -59,7 +59,7 @@ def is_own(request: Request, port: int) -> bool:
     return not origins or [text.lower() for text in origins] == [f'http://{hosts[0].lower()}']
 
 
-class PageConnection(ServerConnection):
+class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no types
     """
     One connection of a browser: it is closed when no request comes.
 

@@ -78,10 +78,9 @@ class SensorPublisher:
         found = read_sensor_tags(loaded.robot)
         for note in found.notes:
             node.get_logger().warning(visible(note))
-        lidars, cameras = (
-            [dataclasses.replace(tag, frame=world.prefix + tag.frame) for tag in tags]
-            for tags in (found.lidars, found.cameras)
-        )
+        prefix = world.prefix
+        lidars = [dataclasses.replace(tag, frame=prefix + tag.frame) for tag in found.lidars]
+        cameras = [dataclasses.replace(tag, frame=prefix + tag.frame) for tag in found.cameras]
         robot, snapshot = loaded.robot, Snapshot(world)
         scale = settings.camera_scale
         self._cameras = [Camera(tag, world, robot, snapshot, scale) for tag in cameras]

@@ -23,13 +23,13 @@ from wasd_core.node import declare_parameters
 from wasd_core.node import has_listener
 from wasd_core.node import MessagePump
 from wasd_core.node import run_node
-from wasd_core.node import StopSignals
 from wasd_core.parameters import Parameters
 from wasd_core.qos import RELIABLE
 from wasd_core.qos import SENSOR_DATA
 from wasd_core.robot_messages import from_joint_commands
 from wasd_core.robot_messages import to_imu
 from wasd_core.robot_messages import to_joint_state
+from wasd_core.stop_signals import StopSignals
 from wasd_core.visible import visible
 
 from mujoco_sim.answer_hold import AnswerHold

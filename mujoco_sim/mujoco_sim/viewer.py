@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The browser viewer: MuJoCo Studio's page, for this machine only, with keys to drive."""
 
+from collections.abc import Callable
 import copy
+import functools
 import logging
 import socket
 import threading
 import time
-from typing import Any, NamedTuple
+from typing import Any, cast, NamedTuple, TypeVar
 
 import mujoco
 from mujoco.studio import endpoints
@@ -31,6 +33,13 @@ from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0
 
+Method = TypeVar('Method', bound=Callable[..., Any])
+
+
+def handler(method: Method, priority: int = messages.Priority.USER) -> Method:
+    """Have a method called with the messages that its parameter is of, in order of priority."""
+    return cast(Method, messages.handler(method, priority=priority))
+
 
 class CameraView(NamedTuple):
     """A camera that follows a body: distance [m], angles [degrees] as MuJoCo has them."""
@@ -40,7 +49,7 @@ class CameraView(NamedTuple):
     elevation: float
 
 
-class _LocalWebViewer(web_viewer.WebViewer):
+class _LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has no types
     """Studio's viewer, which would listen on all interfaces, made to listen on one."""
 
     # The base class sets '::' before it binds; a constant in its place keeps the page private.
@@ -54,20 +63,20 @@ class _LocalWebViewer(web_viewer.WebViewer):
     ) -> None:
         use_page_server(page.input)
         super().__init__(config, endpoint, plugins=[page])
-        self._headless_ui = PacedUi(self._headless_ui, page.input)
+        self._headless_ui: Any = PacedUi(self._headless_ui, page.input)
 
     @property
     def is_drawing(self) -> bool:
         """Whether panels are drawn in this frame; the scene is sent in any."""
         return isinstance(self._headless_ui, PacedUi) and self._headless_ui.is_drawing
 
-    @messages.handler(priority=messages.Priority.INTERNAL)
+    @functools.partial(handler, priority=messages.Priority.INTERNAL)
     def _on_post_model(self, event: messages.PostModelEvent) -> None:
         """Serve the new model without the base class's line on stdout."""
         self._update_model()
 
 
-class _Page(plugin.ViewerPlugin):
+class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
     """What the page adds to the scene: the camera, panels of text, keys."""
 
     def __init__(self, camera: CameraView, body: int, panel: Panel) -> None:
@@ -82,7 +91,7 @@ class _Page(plugin.ViewerPlugin):
         self._detail_set = time.monotonic()
         self._panels = Panels({'status': self._draw_status, 'keys': self._draw_help})
 
-    @messages.handler
+    @handler
     def on_init(self, event: plugin.ViewerInitEvent) -> None:
         """Remember the port that was found."""
         self.port = event.viewer._http_port
@@ -94,7 +103,7 @@ class _Page(plugin.ViewerPlugin):
         """Whether a browser would get an answer: the server's thread begins a little later."""
         return bool(self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN))
 
-    @messages.handler(priority=messages.Priority.INTERNAL - 1)
+    @functools.partial(handler, priority=messages.Priority.INTERNAL - 1)
     def on_model(self, event: messages.PostModelEvent) -> None:
         """Follow the robot, from where it is seen well."""
         camera = self.viewer.camera
@@ -104,7 +113,7 @@ class _Page(plugin.ViewerPlugin):
         camera.azimuth = self._camera.azimuth
         camera.elevation = self._camera.elevation
 
-    @messages.handler
+    @handler
     def on_gui(self, event: messages.BuildGuiEvent) -> None:
         """Draw the panels; keys belong to a field of text while there is one."""
         self._set_detail()

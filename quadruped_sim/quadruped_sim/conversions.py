@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The leg controller's states as messages, and readings from messages."""
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
@@ -44,9 +44,9 @@ def to_transform(state: Odometry, stamp: Time, frames: Frames) -> TransformStamp
     return message
 
 
-def _set_xyz(target: object, values: Sequence[float]) -> None:
-    target.x, target.y, target.z = map(float, values)  # type: ignore[attr-defined]
+def _set_xyz(target: Any, values: Iterable[float]) -> None:
+    target.x, target.y, target.z = map(float, values)
 
 
-def _set_wxyz(target: object, values: Sequence[float]) -> None:
-    target.w, target.x, target.y, target.z = map(float, values)  # type: ignore[attr-defined]
+def _set_wxyz(target: Any, values: Iterable[float]) -> None:
+    target.w, target.x, target.y, target.z = map(float, values)

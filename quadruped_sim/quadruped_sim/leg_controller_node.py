@@ -148,9 +148,10 @@ class LegControllerNode(Node):
         if self.controller.state != self._published_state:
             self._published_state = self.controller.state
             self._state.publish(String(data=self._published_state))
-            if self.controller.event is not None and self._published_state == 'passive':
-                controller = self.controller
-                self._say(controller.words.to_event(controller.event, controller.is_fallen))
+            event = self.controller.event
+            if event is not None and self._published_state == 'passive':
+                words = self.controller.words
+                self._say(words.to_event(event, self.controller.is_fallen))
 
     def odometry(self) -> Odometry | None:
         """Return odom as `publish_odometry` would publish it; None before there is any."""

@@ -6,6 +6,7 @@ import contextlib
 import math
 import sys
 import time
+from typing import Any
 
 import rclpy
 from wasd_core.errors import UserError
@@ -65,7 +66,7 @@ class Teleop:
         self._hints = KeyHints(self.twist.logic, HELP_KEY)
         self._notice = Notice()
         self._monitor = RobotMonitorNode()
-        self._nodes = (self.keys, self.twist, self._monitor)
+        self._nodes: tuple[Any, ...] = (self.keys, self.twist, self._monitor)
         for node in self._nodes:
             self._executor.add_node(node)
         if reader.terminal is not None:

@@ -31,20 +31,22 @@ class PublisherTap:
         self._hear = hear
         self._topics: dict[Publisher, tuple[str, str]] = {}
         self._first: dict[str, Inlet[Any]] = {}
-        self._publish = Publisher.publish
-        self._count = Publisher.get_subscription_count
+        publishers: Any = Publisher
+        self._publish = publishers.publish
+        self._count = publishers.get_subscription_count
         # rclpy has no hook for this; its publishers are plain Python.
-        Publisher.publish = lambda publisher, message: self._on_publish(publisher, message)
-        Publisher.get_subscription_count = lambda publisher: self._count(publisher) + 1
+        publishers.publish = lambda publisher, message: self._on_publish(publisher, message)
+        publishers.get_subscription_count = lambda publisher: self._count(publisher) + 1
         Inlet.witnesses.append(self._on_inlet)
 
     def remove(self) -> None:
         """Let messages pass unheard again."""
-        Publisher.publish = self._publish
-        Publisher.get_subscription_count = self._count
+        publishers: Any = Publisher
+        publishers.publish = self._publish
+        publishers.get_subscription_count = self._count
         Inlet.witnesses.remove(self._on_inlet)
 
-    def _on_publish(self, publisher: Publisher, message: Any) -> None:
+    def _on_publish(self, publisher: Any, message: Any) -> None:
         self._publish(publisher, message)
         if publisher not in self._topics:
             self._topics[publisher] = publisher.topic_name, type_name(publisher.msg_type)

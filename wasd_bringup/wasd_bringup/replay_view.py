@@ -7,8 +7,8 @@ import time
 from mujoco_sim.kinematic import pose_base
 from mujoco_sim.kinematic import pose_joints
 from mujoco_sim.kinematic import update_bodies
+from mujoco_sim.page_panels import Panel
 from mujoco_sim.viewer import CameraView
-from mujoco_sim.viewer import Panel
 from mujoco_sim.viewer import WebView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry

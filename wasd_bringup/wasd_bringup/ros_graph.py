@@ -17,8 +17,8 @@ from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from wasd_core.node import init_ros
 from wasd_core.node import MessagePump
-from wasd_core.node import StopSignals
 from wasd_core.ros_domains import running
+from wasd_core.stop_signals import StopSignals
 from wasd_core.suggestions import suggest
 
 from wasd_bringup.errors import NotFound

@@ -4,12 +4,13 @@
 import math
 import sys
 import time
-from typing import Any, Protocol
+from typing import Any, cast, Protocol
 
 from mujoco_sim.page_keys import LOST
-from mujoco_sim.viewer import Panel
+from mujoco_sim.page_panels import Panel
 from mujoco_sim.viewer import WebView
 from mujoco_sim.world import World
+from rclpy.clock import ROSClock
 from rclpy.node import Node
 from rclpy.time_source import TimeSource
 from rosgraph_msgs.msg import Clock
@@ -106,7 +107,7 @@ class Session:
         self._time_source.ros_time_is_active = True
         for node in self._nodes:
             self._pump.add_node(node)
-            self._time_source.attach_clock(node.get_clock())
+            self._time_source.attach_clock(cast(ROSClock, node.get_clock()))
         self._key_player = Player(options.keys or ())
         self._commands = Player(options.commands or ())
         self._schedule()

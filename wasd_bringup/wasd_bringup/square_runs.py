@@ -129,8 +129,9 @@ class _Square:
 
     def __init__(self, session: Session, test: SquareTest, number: int) -> None:
         self._session = session
-        self._stack = session.stack
-        self.geometry = session.stack.geometry
+        stack: Any = session.stack  # of a robot with wheels
+        self._stack = stack
+        self.geometry = stack.geometry
         self.is_done = False
         self._turn = 1 if number % 2 == 0 else -1
         self._rows: list[tuple[float, ...]] = []

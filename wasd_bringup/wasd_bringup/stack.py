@@ -27,7 +27,10 @@ class Stack(Protocol):
     nodes: list[Node]
     ticks: TickStatistics
     notice: Notice  # what is said to the driver; the session lets its time pass
-    stop_key: str  # it ends every motion that keys have set going
+
+    @property
+    def stop_key(self) -> str:
+        """The key that ends every motion that keys have set going."""
 
     @property
     def period(self) -> float:

@@ -57,9 +57,9 @@ class Inlet(Generic[Message]):
         self._callback = callback
         self._is_stale = is_stale
         self._pending: deque[tuple[float, bytes]] = deque(maxlen=EVENTS_DEPTH)
-        self._subscription: Any = node.create_subscription(
-            message_type, topic, self._on_message, qos
-        )
+        # rclpy passes a message's origin to a callback of two parameters; its types do not say so.
+        on_message: Any = self._on_message
+        self._subscription: Any = node.create_subscription(message_type, topic, on_message, qos)
         # On wall time, as the middleware is. It moves nothing: lock-step stays lock-step.
         self._looked_at = time.monotonic()
         self._timer: Any = node.create_timer(
@@ -74,7 +74,8 @@ class Inlet(Generic[Message]):
     @property
     def qos_profile(self) -> QoSProfile:
         """The quality of service asked for."""
-        return self._subscription.qos_profile
+        qos: QoSProfile = self._subscription.qos_profile
+        return qos
 
     def put(self, message: Message) -> None:
         """Hand over a message that this process is publishing, too."""

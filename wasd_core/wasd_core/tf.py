@@ -51,5 +51,5 @@ class TfBroadcaster:
 
     def send(self, transforms: Iterable[TransformStamped]) -> None:
         """Publish the transforms in one message; a generator is not run where nobody listens."""
-        if self.available:
+        if self._type is not None and self.available:
             self._publisher.publish(self._type(transforms=list(transforms)))
