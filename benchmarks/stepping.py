@@ -8,7 +8,7 @@ from wasd_bringup.cli import make_parser
 from wasd_bringup.options import read_options
 from wasd_bringup.session import Session
 from wasd_core.node import init_ros
-from wasd_core.node import StopSignals
+from wasd_core.signals import StopSignals
 
 PARAMETERS = ('--ros-args', '-p', 'leg_controller:step_in_place:=true')
 

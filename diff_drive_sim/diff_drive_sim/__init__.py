@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Differential drive controller: limits, wheel commands, odometry."""
 
-from wasd_core.quiet_start import quiet_start
+from wasd_core import quiet_start
 
 quiet_start(__name__, 'diff_drive_controller')

@@ -4,7 +4,7 @@
 import math
 from typing import NamedTuple, Protocol
 
-from wasd_core.watchdog import Watchdog
+from wasd_core.timing import Watchdog
 
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.odometry import OdometryState

@@ -11,8 +11,8 @@ from rclpy.clock import Clock
 from rclpy.clock import ClockType
 from rclpy.context import Context
 from rclpy.node import Node
-from wasd_core.loopback import Inlet
-from wasd_core.qos import RELIABLE
+from wasd_core.topics import LoopbackSubscription
+from wasd_core.topics import RELIABLE
 
 TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
 # How often publishers of the other type are looked for, and their messages taken [s, wall time].
@@ -26,7 +26,7 @@ class VelocityInput:
 
     A DDS participant knows one type per topic. With `stamped` `auto` this one listens for Twist;
     once somebody publishes TwistStamped, a second participant listens for that. `put` hands over
-    a message of this process, and `is_stale` judges those of others, as an Inlet's.
+    a message of this process, and `is_stale` judges those of others, as a LoopbackSubscription's.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class VelocityInput:
             TwistStamped: on_stamped,
         }
         self._type = TwistStamped if stamped == 'true' else Twist
-        self._inlet: Inlet[Any] = Inlet(
+        self._subscription: LoopbackSubscription[Any] = LoopbackSubscription(
             node, self._type, 'cmd_vel', self._handlers[self._type], RELIABLE, is_stale
         )
         self._topic = node.resolve_topic_name('cmd_vel')
@@ -56,7 +56,7 @@ class VelocityInput:
     def put(self, message: Any) -> None:
         """Hand over a message that this process publishes, too."""
         if isinstance(message, self._type):
-            self._inlet.put(message)
+            self._subscription.put(message)
         else:
             self._handlers[type(message)](message)
 
@@ -79,7 +79,7 @@ class VelocityInput:
         assert self._other is not None
         for message, sent in self._other.take():
             if not self._is_stale(sent):
-                self._inlet.witness(message)
+                self._subscription.notify(message)
                 self._handlers[type(message)](message)
 
 

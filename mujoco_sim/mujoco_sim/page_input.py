@@ -6,7 +6,7 @@ from collections.abc import Callable
 import threading
 import time
 
-from wasd_core.watchdog import Watchdog
+from wasd_core.timing import Watchdog
 
 from mujoco_sim.page_keys import PageKeys
 

@@ -11,11 +11,11 @@ from robot_description.description import Description
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan
-from wasd_core.conversions import to_stamp
-from wasd_core.node import has_listener
-from wasd_core.node import has_subscriber
-from wasd_core.qos import RELIABLE
-from wasd_core.visible import visible
+from wasd_core.messages import to_stamp
+from wasd_core.streams import visible
+from wasd_core.topics import has_listener
+from wasd_core.topics import has_subscriber
+from wasd_core.topics import RELIABLE
 
 from mujoco_sim.camera import Camera
 from mujoco_sim.errors import SimulationError

@@ -10,13 +10,13 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from robot_description.urdf import Robot
 from sensor_msgs.msg import JointState
-from wasd_core.conversions import to_seconds
-from wasd_core.conversions import to_stamp
-from wasd_core.node import has_listener
-from wasd_core.node import has_subscriber
-from wasd_core.qos import RELIABLE
-from wasd_core.qos import SENSOR_DATA
+from wasd_core.messages import to_seconds
+from wasd_core.messages import to_stamp
 from wasd_core.robot_io import BaseState
+from wasd_core.topics import has_listener
+from wasd_core.topics import has_subscriber
+from wasd_core.topics import RELIABLE
+from wasd_core.topics import SENSOR_DATA
 
 from mujoco_sim.conversions import to_ground_truth
 from mujoco_sim.conversions import to_odometry_error

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from robot_description.similarity import GO2
 from robot_description.similarity import Scale
-from wasd_core.watchdog import Watchdog
+from wasd_core.timing import Watchdog
 
 from quadruped_sim.parameters import CommandParameters
 

@@ -15,29 +15,29 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
-from wasd_core.absence import AbsenceWatch
-from wasd_core.beat import Beat
-from wasd_core.conversions import to_seconds
-from wasd_core.loopback import Inlet
-from wasd_core.node import declare_parameters
+from wasd_core.messages import to_base_state
+from wasd_core.messages import to_joint_commands
+from wasd_core.messages import to_reading
+from wasd_core.messages import to_seconds
 from wasd_core.node import run_node
-from wasd_core.notice import Notice
 from wasd_core.parameter_file import NodeKind
 from wasd_core.parameter_file import read_parameters
-from wasd_core.publisher_watch import PublisherWatch
-from wasd_core.qos import EVENTS
-from wasd_core.qos import LATCHED
-from wasd_core.qos import RELIABLE
-from wasd_core.qos import SENSOR_DATA
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
-from wasd_core.robot_messages import to_base_state
-from wasd_core.robot_messages import to_joint_commands
-from wasd_core.robot_messages import to_reading
-from wasd_core.stop_signals import stop_requested
-from wasd_core.tf import TfBroadcaster
-from wasd_core.visible import visible
+from wasd_core.ros_parameters import declare_parameters
+from wasd_core.signals import stop_requested
+from wasd_core.streams import visible
+from wasd_core.timing import Beat
+from wasd_core.timing import Notice
+from wasd_core.topics import AbsenceWatch
+from wasd_core.topics import EVENTS
+from wasd_core.topics import LATCHED
+from wasd_core.topics import LoopbackSubscription
+from wasd_core.topics import PublisherWatch
+from wasd_core.topics import RELIABLE
+from wasd_core.topics import SENSOR_DATA
+from wasd_core.topics import TfBroadcaster
 
 from quadruped_sim.compilation import compile_once
 from quadruped_sim.conversions import Frames
@@ -106,10 +106,10 @@ class LegControllerNode(Node):
         self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
         root = description.robot.base
         self._frames = Frames(self.settings.odom_frame, self.settings.base_frame or root)
-        self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
+        self.keys = LoopbackSubscription(self, String, 'keys', self._on_key, EVENTS)
         self._is_alone = not lock_step
         self._absence = AbsenceWatch(self, self._on_return)
-        self.cmd_vel = Inlet(
+        self.cmd_vel = LoopbackSubscription(
             self, Twist, 'cmd_vel', self._on_twist, is_stale=self._absence.is_stale
         )
         self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)

@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 
-from wasd_core.executable import Executable
+from wasd_core.command_line import Executable
 
 STATE_PUBLISHER = Executable(
     name='state_publisher',

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from xml.dom import minidom
 
 from wasd_core.errors import DescriptionError
-from wasd_core.places import LocatedError
-from wasd_core.places import Place
+from wasd_core.safe_files import LocatedError
+from wasd_core.safe_files import Place
 
 from robot_description.reach import Reach
 from robot_description.xacro_session import XacroSession

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 from wasd_core.streams import unguarded
-from wasd_core.visible import visible
+from wasd_core.streams import visible
 
 from robot_description.description import Description
 from robot_description.mesh_report import MeshRecord

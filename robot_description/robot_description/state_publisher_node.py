@@ -9,16 +9,16 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from wasd_core.beat import Beat
-from wasd_core.conversions import to_seconds
-from wasd_core.conversions import to_transform
-from wasd_core.node import declare_parameters
+from wasd_core.messages import to_seconds
+from wasd_core.messages import to_transform
 from wasd_core.node import run_node
-from wasd_core.qos import LATCHED
-from wasd_core.qos import SENSOR_DATA
+from wasd_core.ros_parameters import declare_parameters
 from wasd_core.rotations import Pose
-from wasd_core.tf import TfBroadcaster
-from wasd_core.visible import visible
+from wasd_core.streams import visible
+from wasd_core.timing import Beat
+from wasd_core.topics import LATCHED
+from wasd_core.topics import SENSOR_DATA
+from wasd_core.topics import TfBroadcaster
 
 from robot_description.description import Description
 from robot_description.description import read_description

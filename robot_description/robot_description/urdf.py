@@ -14,7 +14,7 @@ from wasd_core.rotations import axis_angle
 from wasd_core.rotations import IDENTITY
 from wasd_core.rotations import Origin
 from wasd_core.rotations import Pose
-from wasd_core.safe_reading import check_xml
+from wasd_core.safe_files import check_xml
 
 from robot_description.urdf_numbers import parse_numbers
 from robot_description.urdf_numbers import read_numbers

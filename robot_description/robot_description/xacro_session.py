@@ -13,12 +13,12 @@ from typing import Any
 from xml.dom import minidom
 
 from wasd_core.errors import DescriptionError
-from wasd_core.places import parse_with_places
-from wasd_core.places import Place
-from wasd_core.places import place_of
-from wasd_core.safe_reading import check_xml
-from wasd_core.safe_reading import read_file
-from wasd_core.safe_yaml import read_yaml
+from wasd_core.safe_files import check_xml
+from wasd_core.safe_files import parse_with_places
+from wasd_core.safe_files import Place
+from wasd_core.safe_files import place_of
+from wasd_core.safe_files import read_file
+from wasd_core.safe_files import read_yaml
 import xacro
 from xacro import substitution_args
 

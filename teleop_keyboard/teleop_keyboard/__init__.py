@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keyboard teleoperation: keys, keys to twist, presets, mux."""
 
-from wasd_core.quiet_start import quiet_start
+from wasd_core import quiet_start
 
 quiet_start(__name__, 'key_publisher', 'keys_to_twist', 'teleop', 'twist_mux')

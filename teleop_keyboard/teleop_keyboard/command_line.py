@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import sys
 from typing import NamedTuple
 
-from wasd_core.executable import Executable
+from wasd_core.command_line import Executable
 from wasd_core.output_file import OutputFile
 
 

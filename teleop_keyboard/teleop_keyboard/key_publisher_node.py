@@ -12,15 +12,15 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 from wasd_core.errors import UserError
-from wasd_core.node import declare_parameters
+from wasd_core.node import explain_ros_errors
 from wasd_core.node import init_ros
-from wasd_core.qos import EVENTS
-from wasd_core.ros_errors import explained
-from wasd_core.stop_signals import last_status
-from wasd_core.stop_signals import StopSignals
+from wasd_core.ros_parameters import declare_parameters
+from wasd_core.signals import last_status
+from wasd_core.signals import StopSignals
 from wasd_core.streams import never_wait
 from wasd_core.streams import prepare_streams
 from wasd_core.streams import print_error
+from wasd_core.topics import EVENTS
 
 from teleop_keyboard.command_line import read_options
 from teleop_keyboard.executables import KEY_PUBLISHER
@@ -123,7 +123,7 @@ def main(args: Sequence[str] | None = None) -> int:
             stop.last_words.append(reader.terminal.restore)
         try:
             init_ros(options.ros, joins=True)
-            with explained():
+            with explain_ros_errors():
                 node = KeyPublisherNode()
             if writer is not None:
                 node.save_to(writer)

@@ -5,7 +5,7 @@ import time
 from typing import Any
 
 from std_msgs.msg import String
-from wasd_core.qos import LATCHED
+from wasd_core.topics import LATCHED
 
 from teleop_keyboard.waiting_keys import WaitingKeys
 

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from wasd_core.parameters import InvalidParameter
-from wasd_core.safe_yaml import read_text
+from wasd_core.safe_files import read_text
 
 from teleop_keyboard.layouts import on_layout
 

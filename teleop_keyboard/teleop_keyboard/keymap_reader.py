@@ -12,7 +12,7 @@ import math
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
-from wasd_core.safe_yaml import compose_yaml
+from wasd_core.safe_files import compose_yaml
 import yaml
 
 from teleop_keyboard.key_names import canonical_key

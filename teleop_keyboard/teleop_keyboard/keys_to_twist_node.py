@@ -8,11 +8,11 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
-from wasd_core.loopback import Inlet
-from wasd_core.node import declare_parameters
 from wasd_core.node import run_node
-from wasd_core.publisher_watch import PublisherWatch
-from wasd_core.qos import EVENTS
+from wasd_core.ros_parameters import declare_parameters
+from wasd_core.topics import EVENTS
+from wasd_core.topics import LoopbackSubscription
+from wasd_core.topics import PublisherWatch
 
 from teleop_keyboard.conversions import to_twist
 from teleop_keyboard.executables import KEYS_TO_TWIST
@@ -63,7 +63,7 @@ class KeysToTwistNode(Node):
         self._lock_step = lock_step
         self._last_time = self.get_clock().now()
         self._timer = None if lock_step else self._make_timer()
-        self.keys = Inlet(self, String, 'keys', self._on_key, EVENTS)
+        self.keys = LoopbackSubscription(self, String, 'keys', self._on_key, EVENTS)
         if not lock_step:
             self._keyboard = PublisherWatch(self, 'keys', self._on_lost_keyboard)
 

@@ -4,8 +4,8 @@
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from std_msgs.msg import String
-from wasd_core.qos import LATCHED
-from wasd_core.qos import LATEST
+from wasd_core.topics import LATCHED
+from wasd_core.topics import LATEST
 
 from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.ramp import Velocity

@@ -7,7 +7,7 @@ from typing import TextIO
 
 from wasd_core.streams import offer
 from wasd_core.streams import PATIENCE
-from wasd_core.visible import visible
+from wasd_core.streams import visible
 
 from teleop_keyboard.dashboard import ASCII
 from teleop_keyboard.dashboard import FULL

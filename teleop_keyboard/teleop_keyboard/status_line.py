@@ -8,7 +8,7 @@ from typing import TextIO
 
 from wasd_core.streams import offer
 from wasd_core.streams import PATIENCE
-from wasd_core.visible import visible
+from wasd_core.streams import visible
 
 from teleop_keyboard.terminal import may_draw_on
 from teleop_keyboard.terminal import understands_escapes

@@ -3,7 +3,7 @@
 
 from typing import NamedTuple
 
-from wasd_core.notice import brief
+from wasd_core.timing import brief
 
 GAP = '  '
 

@@ -10,15 +10,15 @@ from typing import Any
 
 import rclpy
 from wasd_core.errors import UserError
+from wasd_core.node import explain_ros_errors
 from wasd_core.node import init_ros
 from wasd_core.node import MessagePump
-from wasd_core.notice import Notice
-from wasd_core.ros_errors import explained
-from wasd_core.stop_signals import last_status
-from wasd_core.stop_signals import StopSignals
+from wasd_core.signals import last_status
+from wasd_core.signals import StopSignals
 from wasd_core.streams import never_wait
 from wasd_core.streams import prepare_streams
 from wasd_core.streams import print_error
+from wasd_core.timing import Notice
 
 from teleop_keyboard.command_line import read_options
 from teleop_keyboard.dashboard import dashboard
@@ -164,7 +164,7 @@ def main(args: Sequence[str] | None = None) -> int:
             stop.last_words.append(reader.terminal.restore)
         try:
             init_ros(options.ros, joins=True)
-            with explained():
+            with explain_ros_errors():
                 teleop = Teleop(reader)
             if writer is not None:
                 teleop.keys.save_to(writer)

@@ -19,12 +19,12 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
-from wasd_core.absence import AbsenceWatch
-from wasd_core.node import declare_parameters
 from wasd_core.node import run_node
 from wasd_core.parameters import InvalidParameter
-from wasd_core.qos import LATCHED
-from wasd_core.qos import RELIABLE
+from wasd_core.ros_parameters import declare_parameters
+from wasd_core.topics import AbsenceWatch
+from wasd_core.topics import LATCHED
+from wasd_core.topics import RELIABLE
 
 from teleop_keyboard.conversions import is_finite
 from teleop_keyboard.conversions import to_marker

@@ -13,7 +13,7 @@ from rclpy.clock import ClockType
 from rclpy.duration import Duration
 from rclpy.node import Node
 from wasd_core.parameters import InvalidParameter
-from wasd_core.qos import RELIABLE
+from wasd_core.topics import RELIABLE
 
 # How often the subscribers' types are looked at [s of wall time].
 LOOK_PERIOD = 0.25

@@ -9,8 +9,8 @@ import sys
 import tomllib
 
 import pytest
-from wasd_core.executable import Executable
-from wasd_core.executable import split_ros_words
+from wasd_core.command_line import Executable
+from wasd_core.command_line import split_ros_words
 from wasd_core.parameters import known_parameters
 
 ROOT = Path(__file__).resolve().parents[2]

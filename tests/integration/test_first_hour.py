@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from teleop_keyboard.key_script import parse_key_script
-from wasd_core.notice import brief
+from wasd_core.timing import brief
 
 CLOCK = re.compile(r'  \d+\.\d s (x\d+\.\d\d|paused)(  |$)')
 CURE = 'press 2 to stand, then 4 to trot'

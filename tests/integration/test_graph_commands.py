@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from rclpy.qos import qos_profile_sensor_data
 from std_msgs.msg import String
-from wasd_core.ros_domains import claim
+from wasd_core.network import claim
 import yaml
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')

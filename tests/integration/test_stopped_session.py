@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 import pytest
-from wasd_core.stop_signals import DEADLY
+from wasd_core.signals import DEADLY
 
 WASD = ('-m', 'wasd_bringup.cli')
 # The same command, stuck in its start, or in the midst of the run at the key X.

@@ -8,9 +8,9 @@ import pytest
 from trajectory_msgs.msg import JointTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wasd_core.errors import InvalidMessage
+from wasd_core.messages import from_joint_commands
+from wasd_core.messages import to_joint_commands
 from wasd_core.robot_io import JointCommand
-from wasd_core.robot_messages import from_joint_commands
-from wasd_core.robot_messages import to_joint_commands
 
 LIMIT = 2.0
 NAMES = ('left_wheel_joint', 'right_wheel_joint')

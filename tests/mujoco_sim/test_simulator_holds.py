@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.messages import to_joint_commands
 from wasd_core.robot_io import JointCommand
-from wasd_core.robot_messages import to_joint_commands
 
 STATE_STEPS = 20  # physics steps between two states at the usual 50 Hz
 

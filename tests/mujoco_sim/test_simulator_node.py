@@ -13,8 +13,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.messages import to_joint_commands
 from wasd_core.robot_io import JointCommand
-from wasd_core.robot_messages import to_joint_commands
 
 WHEELS = ('left_wheel_joint', 'right_wheel_joint')
 

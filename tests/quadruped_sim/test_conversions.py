@@ -16,13 +16,13 @@ from quadruped_sim.joint_map import to_sensors
 from quadruped_sim.records import LegCommand
 from quadruped_sim.records import Odometry
 from sensor_msgs.msg import JointState
+from wasd_core.messages import to_base_state
+from wasd_core.messages import to_imu
+from wasd_core.messages import to_reading
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
-from wasd_core.robot_messages import to_base_state
-from wasd_core.robot_messages import to_imu
-from wasd_core.robot_messages import to_reading
 
 
 @pytest.fixture

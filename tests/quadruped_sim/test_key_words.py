@@ -14,7 +14,7 @@ from quadruped_sim.state_machine import TRANSITIONS
 from quadruped_sim.sticks import STICK_KEYS
 from teleop_keyboard.status_text import Status
 from teleop_keyboard.status_text import status_line
-from wasd_core.notice import brief
+from wasd_core.timing import brief
 
 WORDS = KeyWords(reset_key='BACKSPACE', help_key='?')
 DRIVE_KEYS = (*STICK_KEYS, ' ', 'SPACE', *ARROWS)

@@ -261,6 +261,6 @@ def test_an_unreadable_file_says_so(tmp_path, monkeypatch, capsys):
     def refuse(*_):
         raise PermissionError(13, 'Permission denied')
 
-    monkeypatch.setattr('wasd_core.safe_reading.os.open', refuse)
+    monkeypatch.setattr('wasd_core.safe_files.os.open', refuse)
     assert main(['info', str(path)]) == 2
     assert capsys.readouterr().err == f'error: {path}: Permission denied\n'

@@ -4,7 +4,7 @@ import math
 from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
-from wasd_core.conversions import to_transform
+from wasd_core.messages import to_transform
 from wasd_core.rotations import axis_angle
 from wasd_core.rotations import Pose
 from wasd_core.rotations import rpy_matrix

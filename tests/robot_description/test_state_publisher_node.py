@@ -17,7 +17,7 @@ from robot_description.state_publisher_node import main
 from robot_description.state_publisher_node import StatePublisherNode
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from wasd_core.tf import TfBroadcaster
+from wasd_core.topics import TfBroadcaster
 
 WHEEL = 'left_wheel_joint'
 
@@ -120,7 +120,7 @@ def test_an_unknown_joint_is_reported_once_and_the_others_move(sent, spawn, capf
 
 def test_without_tf2_msgs_it_says_so_once_and_goes_on(spawn, capfd, monkeypatch):
     monkeypatch.setattr(TfBroadcaster, '_reported', False)
-    monkeypatch.setattr('wasd_core.tf.tf_message_type', lambda: None)
+    monkeypatch.setattr('wasd_core.topics.tf_message_type', lambda: None)
     node = spawn(StatePublisherNode(lock_step=True))
     node.publish((WHEEL,), np.zeros(1), Time())
     assert capfd.readouterr().err.count('tf2_msgs is not installed: /tf is not published') == 1
@@ -128,7 +128,7 @@ def test_without_tf2_msgs_it_says_so_once_and_goes_on(spawn, capfd, monkeypatch)
 
 def test_in_a_sourced_ros_the_hint_is_the_package_of_apt(spawn, capfd, monkeypatch):
     monkeypatch.setattr(TfBroadcaster, '_reported', False)
-    monkeypatch.setattr('wasd_core.tf.tf_message_type', lambda: None)
+    monkeypatch.setattr('wasd_core.topics.tf_message_type', lambda: None)
     monkeypatch.setenv('ROS_DISTRO', 'jazzy')
     spawn(StatePublisherNode(lock_step=True))
     said = capfd.readouterr().err

@@ -8,8 +8,8 @@ import pytest
 from rclpy.node import Node
 from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
-from wasd_core.loopback import Inlet
-from wasd_core.qos import EVENTS
+from wasd_core.topics import EVENTS
+from wasd_core.topics import LoopbackSubscription
 
 BURST = 2000
 
@@ -37,14 +37,16 @@ def test_a_burst_that_is_handed_over_is_not_heard_twice(spawn, spin_until):
     publisher = spawn(KeyPublisherNode())
     heard = []
     robot = spawn(Node('robot'))
-    inlet = Inlet(robot, String, 'keys', lambda m: heard.append(m.data), EVENTS)
-    publisher.receivers.append(inlet.put)
+    subscription = LoopbackSubscription(
+        robot, String, 'keys', lambda m: heard.append(m.data), EVENTS
+    )
+    publisher.receivers.append(subscription.put)
     spin_until(spawn.pump, lambda: publisher.has_subscriber)
     typed = keys_of(BURST)
     for key in typed:
         publisher.publish_key(key)
     assert heard == typed
-    spin_until(spawn.pump, lambda: not inlet._pending, 30.0)
+    spin_until(spawn.pump, lambda: not subscription._pending, 30.0)
     assert heard == typed
 
 

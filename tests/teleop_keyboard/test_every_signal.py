@@ -8,7 +8,7 @@ import time
 import pytest
 from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.ramp import STANDSTILL
-from wasd_core.stop_signals import DEADLY
+from wasd_core.signals import DEADLY
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,7 @@ from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.layouts import LAYOUTS
 from teleop_keyboard.status_text import Status
 from teleop_keyboard.status_text import status_line
-from wasd_core.notice import brief
+from wasd_core.timing import brief
 
 KEYS = (*map(chr, range(32, 127)), *sorted(NAMED_KEYS), 'CTRL+ALT+SHIFT+DOWN')
 WHEELS = ('x', 'yaw')

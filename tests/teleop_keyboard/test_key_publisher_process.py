@@ -10,7 +10,7 @@ import time
 import pytest
 from std_msgs.msg import String
 from teleop_keyboard.key_script import parse_key_script
-from wasd_core.qos import LATCHED
+from wasd_core.topics import LATCHED
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,8 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_bringup.publisher_tap import PublisherTap
-from wasd_core.loopback import Inlet
-from wasd_core.node import has_listener
+from wasd_core.topics import has_listener
+from wasd_core.topics import LoopbackSubscription
 
 
 @pytest.fixture
@@ -44,9 +44,9 @@ def test_it_counts_as_a_listener_until_it_is_removed(spawn: Any) -> None:
     assert not has_listener(publisher)
 
 
-def test_what_two_inlets_take_from_outside_is_heard_once(heard: Any, spawn: Any) -> None:
+def test_what_two_subscriptions_take_from_outside_is_heard_once(heard: Any, spawn: Any) -> None:
     node = spawn(Node('robot'))
-    inlets = [Inlet(node, String, 'keys', lambda _: None) for _ in range(2)]
-    for inlet in inlets:
-        inlet.witness(String(data='w'))
+    subscriptions = [LoopbackSubscription(node, String, 'keys', lambda _: None) for _ in range(2)]
+    for subscription in subscriptions:
+        subscription.notify(String(data='w'))
     assert heard == [('/keys', 'std_msgs/msg/String', 'w')]

@@ -3,7 +3,7 @@
 
 import numpy as np
 import pytest
-from wasd_core.beat import Beat
+from wasd_core.timing import Beat
 
 TIMES = [round(0.002 * i, 9) for i in range(2000)]
 

@@ -5,10 +5,10 @@ import time
 from geometry_msgs.msg import Twist
 import pytest
 from rclpy.node import Node
-from wasd_core.loopback import Inlet
-from wasd_core.qos import EVENTS
+from wasd_core.topics import EVENTS
+from wasd_core.topics import LoopbackSubscription
 
-from wasd_core import loopback as inlet_module
+from wasd_core import topics as topics_module
 
 
 def twist(speed):
@@ -18,18 +18,18 @@ def twist(speed):
 
 
 class Receiver(Node):
-    """A node that publishes for everybody and hands the same messages to its own inlet."""
+    """A node that publishes for everybody and hands the same messages to its own subscription."""
 
     def __init__(self):
         super().__init__('receiver')
         self.received = []
         self.publisher = self.create_publisher(Twist, 'cmd_vel', 100)
-        self.inlet = Inlet(
+        self.subscription = LoopbackSubscription(
             self, Twist, 'cmd_vel', lambda m: self.received.append(m.linear.x), EVENTS
         )
 
     def send(self, speed):
-        self.inlet.put(twist(speed))
+        self.subscription.put(twist(speed))
         self.publisher.publish(twist(speed))
 
 
@@ -48,7 +48,7 @@ def outside(spawn, receiver, spin_until):
 
 
 def test_a_message_put_in_arrives_at_once(receiver):
-    receiver.inlet.put(twist(0.5))
+    receiver.subscription.put(twist(0.5))
     assert receiver.received == [0.5]
 
 
@@ -61,8 +61,8 @@ def test_witnesses_are_told_of_what_came_from_outside_only(
     receiver, outside, spawn, spin_until, monkeypatch
 ):
     told = []
-    witness = lambda inlet, message: told.append((inlet.topic, message.linear.x))  # noqa: E731
-    monkeypatch.setattr(Inlet, 'witnesses', [witness])
+    observer = lambda taken, message: told.append((taken.topic, message.linear.x))  # noqa: E731
+    monkeypatch.setattr(LoopbackSubscription, 'observers', [observer])
     receiver.send(0.4)
     outside.publish(twist(0.7))
     spin_until(spawn.pump, lambda: receiver.received == [0.4, 0.7])
@@ -91,7 +91,7 @@ def test_equal_messages_put_in_twice_are_two(receiver, outside, spawn, spin_unti
 
 def test_after_the_echo_an_equal_message_from_outside_counts(receiver, outside, spawn, spin_until):
     receiver.send(0.5)
-    spin_until(spawn.pump, lambda: not receiver.inlet._pending)
+    spin_until(spawn.pump, lambda: not receiver.subscription._pending)
     assert receiver.received == [0.5]
     outside.publish(twist(0.5))
     spin_until(spawn.pump, lambda: receiver.received == [0.5, 0.5])
@@ -111,14 +111,14 @@ def test_the_echo_of_what_is_no_number_is_dropped(receiver, outside, spawn, spin
 @pytest.fixture
 def impatient(monkeypatch, spawn):
     """Return a receiver that waits for echoes for 0.1 s only."""
-    monkeypatch.setattr(inlet_module, 'ECHO_LIFETIME', 0.1)
+    monkeypatch.setattr(topics_module, 'ECHO_LIFETIME', 0.1)
     return spawn(Receiver())
 
 
 def test_an_echo_that_never_came_is_not_waited_for(impatient, spawn, spin_until):
-    impatient.inlet.put(twist(0.5))  # not published, so no echo
+    impatient.subscription.put(twist(0.5))  # not published, so no echo
     started = time.monotonic()
-    spin_until(spawn.pump, lambda: not impatient.inlet._pending)
+    spin_until(spawn.pump, lambda: not impatient.subscription._pending)
     assert time.monotonic() - started >= 0.07
     impatient.publisher.publish(twist(0.5))  # as good as from outside
     spin_until(spawn.pump, lambda: impatient.received == [0.5, 0.5])
@@ -128,7 +128,7 @@ def test_echoes_that_wait_for_a_busy_process_are_dropped(impatient, spawn, spin_
     for _ in range(3):
         impatient.send(0.5)
         time.sleep(0.15)  # nobody spins meanwhile
-    spin_until(spawn.pump, lambda: not impatient.inlet._pending)
+    spin_until(spawn.pump, lambda: not impatient.subscription._pending)
     for _ in range(5):
         spawn.pump.handle(0.02)
     assert impatient.received == [0.5, 0.5, 0.5]
@@ -139,16 +139,16 @@ def test_an_echo_that_is_handled_after_the_look_for_overdue_ones_is_dropped(
 ):
     spin_until(spawn.pump, lambda: impatient.publisher.get_subscription_count() == 1)
     impatient.send(0.5)
-    impatient.inlet._forget()
+    impatient.subscription._forget()
     time.sleep(0.15)  # now the echo is overdue, and the timer of the next look comes before it
-    spin_until(spawn.pump, lambda: not impatient.inlet._pending)
+    spin_until(spawn.pump, lambda: not impatient.subscription._pending)
     for _ in range(5):
         spawn.pump.handle(0.02)
     assert impatient.received == [0.5]
 
 
 def test_a_lost_echo_does_not_hold_up_the_next(receiver, outside, spawn, spin_until):
-    receiver.inlet.put(twist(0.1))  # lost: only the next one comes back
+    receiver.subscription.put(twist(0.1))  # lost: only the next one comes back
     receiver.send(0.2)
-    spin_until(spawn.pump, lambda: not receiver.inlet._pending)
+    spin_until(spawn.pump, lambda: not receiver.subscription._pending)
     assert receiver.received == [0.1, 0.2]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from wasd_core.notice import brief
-from wasd_core.notice import Notice
+from wasd_core.timing import brief
+from wasd_core.timing import Notice
 
 
 def test_a_text_stands_for_three_seconds_however_they_pass():

@@ -6,17 +6,17 @@ import subprocess
 import sys
 
 import pytest
-from wasd_core.ros_domains import claim
-from wasd_core.ros_domains import claim_domain
-from wasd_core.ros_domains import join_domain
-from wasd_core.ros_domains import namespaces_of
-from wasd_core.ros_domains import running
+from wasd_core.network import claim
+from wasd_core.network import claim_domain
+from wasd_core.network import join_domain
+from wasd_core.network import namespaces_of
+from wasd_core.network import running
 
 # Ahead of what ROS has, so that nothing real is in the way.
 FIRST = 10_000
 HOLDER = """
 import sys, time
-from wasd_core.ros_domains import claim
+from wasd_core.network import claim
 held = claim(int(sys.argv[1]), ['/'])
 print(held is not None, flush=True)
 time.sleep(60)
@@ -27,7 +27,7 @@ time.sleep(60)
 def domains(monkeypatch):
     """Have domains that no other run on this machine is in; return them."""
     numbers = range(FIRST + os.getpid() * 10, FIRST + os.getpid() * 10 + 3)
-    monkeypatch.setattr('wasd_core.ros_domains.DOMAINS', numbers)
+    monkeypatch.setattr('wasd_core.network.DOMAINS', numbers)
     return numbers
 
 

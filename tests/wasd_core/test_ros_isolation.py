@@ -5,10 +5,10 @@ from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 import pytest
-from wasd_core.ros_isolation import keep_to_this_machine
-from wasd_core.ros_isolation import PROFILE
-from wasd_core.ros_isolation import PROFILES_FILE
-from wasd_core.ros_isolation import RANGE
+from wasd_core.network import keep_to_this_machine
+from wasd_core.network import PROFILE
+from wasd_core.network import PROFILES_FILE
+from wasd_core.network import RANGE
 
 FAST = 'rmw_fastrtps_cpp'
 

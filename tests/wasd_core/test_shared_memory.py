@@ -11,8 +11,8 @@ import sys
 import time
 
 import pytest
-from wasd_core.shared_memory import FOLDER
-from wasd_core.shared_memory import remove_segments_of_the_dead
+from wasd_core.network import remove_segments_of_the_dead
+from wasd_core.network import SHARED_MEMORY
 
 DEAD, LIVING = '0123456789abcdef', 'fedcba9876543210'
 
@@ -63,7 +63,7 @@ def segments_of(pid: int) -> set[str]:
     return set(re.findall(r'/dev/shm/(fastrtps_[0-9a-f]{16})\b', maps))
 
 
-@pytest.mark.skipif(not FOLDER.is_dir(), reason='no /dev/shm')
+@pytest.mark.skipif(not SHARED_MEMORY.is_dir(), reason='no /dev/shm')
 def test_what_a_killed_node_leaves_goes_when_it_is_dead_but_not_before(isolated_ros: int) -> None:
     words = [sys.executable, '-m', 'teleop_keyboard.twist_mux_node']
     process = subprocess.Popen(words, stdin=subprocess.DEVNULL)
@@ -74,12 +74,14 @@ def test_what_a_killed_node_leaves_goes_when_it_is_dead_but_not_before(isolated_
             assert process.poll() is None
             time.sleep(0.1)
         for name in mine:
-            os.utime(FOLDER / f'{name}_el', (0.0, 0.0))
+            os.utime(SHARED_MEMORY / f'{name}_el', (0.0, 0.0))
         assert not mine & set(remove_segments_of_the_dead())
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()
-    assert all((FOLDER / name).exists() for name in mine)
+    assert all((SHARED_MEMORY / name).exists() for name in mine)
     # Another start may have been quicker.
     remove_segments_of_the_dead()
-    assert not any((FOLDER / f'{name}{end}').exists() for name in mine for end in ('', '_el'))
+    assert not any(
+        (SHARED_MEMORY / f'{name}{end}').exists() for name in mine for end in ('', '_el')
+    )

@@ -2,8 +2,8 @@
 import unicodedata
 
 import pytest
-from wasd_core.visible import visible
-from wasd_core.visible import visible_lines
+from wasd_core.streams import visible
+from wasd_core.streams import visible_lines
 
 
 @pytest.mark.parametrize(

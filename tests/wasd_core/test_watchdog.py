@@ -4,7 +4,7 @@
 import math
 
 import pytest
-from wasd_core.watchdog import Watchdog
+from wasd_core.timing import Watchdog
 
 
 def test_a_source_that_was_never_heard_is_dead_whatever_the_time_out():

@@ -17,7 +17,7 @@ from diff_drive_sim.umbmark import Wheels
 from robot_description.description import load_robot
 from wasd_core.output_file import check_apart
 from wasd_core.output_file import OutputFile
-from wasd_core.stop_signals import StopSignals
+from wasd_core.signals import StopSignals
 from wasd_core.streams import offer
 import yaml
 

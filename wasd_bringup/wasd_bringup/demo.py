@@ -19,7 +19,7 @@ from robot_description.renderer_choice import NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
 from wasd_core.node import init_ros
 from wasd_core.output_file import OutputFile
-from wasd_core.stop_signals import StopSignals
+from wasd_core.signals import StopSignals
 
 from wasd_bringup.discovery_range import keep_alone
 from wasd_bringup.errors import UsageError

@@ -3,8 +3,8 @@
 
 import os
 
-from wasd_core.ros_isolation import RANGE
-from wasd_core.ros_isolation import SAYS_WHO
+from wasd_core.network import RANGE
+from wasd_core.network import SAYS_WHO
 
 # Values of --discovery; rcl knows them in capitals.
 RANGES = ('off', 'localhost', 'subnet')

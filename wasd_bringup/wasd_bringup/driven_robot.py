@@ -22,9 +22,9 @@ from robot_description.description import Description
 from robot_description.description import load_robot
 from robot_description.state_publisher_node import StatePublisherNode
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
-from wasd_core.conversions import to_transform
+from wasd_core.messages import to_transform
 from wasd_core.rotations import Pose
-from wasd_core.tf import TfBroadcaster
+from wasd_core.topics import TfBroadcaster
 
 from wasd_bringup.drive_mode import is_fake
 from wasd_bringup.options import RunOptions

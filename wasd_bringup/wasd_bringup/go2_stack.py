@@ -31,7 +31,7 @@ from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.layouts import on_layout
 from teleop_keyboard.layouts import on_qwerty
 from teleop_keyboard.status_text import Status
-from wasd_core.qos import RELIABLE
+from wasd_core.topics import RELIABLE
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample

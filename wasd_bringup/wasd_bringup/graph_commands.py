@@ -12,10 +12,10 @@ from typing import Any
 from rclpy.parameter import Parameter
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
-from wasd_core.safe_yaml import load_yaml
-from wasd_core.stop_signals import last_status
+from wasd_core.errors import suggest
+from wasd_core.safe_files import load_yaml
+from wasd_core.signals import last_status
 from wasd_core.streams import print_error
-from wasd_core.suggestions import suggest
 import yaml
 
 from wasd_bringup.errors import NotFound

@@ -27,9 +27,9 @@ from teleop_keyboard.key_hints import KeyHints
 from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.status_text import Status
-from wasd_core.notice import Notice
-from wasd_core.qos import RELIABLE
 from wasd_core.robot_io import JointCommand
+from wasd_core.timing import Notice
+from wasd_core.topics import RELIABLE
 
 from wasd_bringup.drive_mode import drive_mode
 from wasd_bringup.errors import UsageError

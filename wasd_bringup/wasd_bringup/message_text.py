@@ -8,7 +8,7 @@ import sys
 from typing import Any
 
 import numpy as np
-from wasd_core.suggestions import suggest
+from wasd_core.errors import suggest
 import yaml
 
 from wasd_bringup.errors import UsageError

@@ -7,7 +7,7 @@ from typing import Any
 
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
-from wasd_core.loopback import Inlet
+from wasd_core.topics import LoopbackSubscription
 
 from wasd_bringup.cdr_padding import clear_padding
 
@@ -24,27 +24,27 @@ class PublisherTap:
     A subscription would hear messages later, in an order of its own, and lose some at full speed;
     here they come in the order and at the simulated instant of their publishing. It counts as a
     listener: what is made only for listeners is made. A message that another process sent to one
-    of our inlets is heard once, when the inlet takes it.
+    of our subscriptions is heard once, when the subscription takes it.
     """
 
     def __init__(self, hear: Hear) -> None:
         self._hear = hear
         self._topics: dict[Publisher, tuple[str, str]] = {}
-        self._first: dict[str, Inlet[Any]] = {}
+        self._first: dict[str, LoopbackSubscription[Any]] = {}
         publishers: Any = Publisher
         self._publish = publishers.publish
         self._count = publishers.get_subscription_count
         # rclpy has no hook for this; its publishers are plain Python.
         publishers.publish = lambda publisher, message: self._on_publish(publisher, message)
         publishers.get_subscription_count = lambda publisher: self._count(publisher) + 1
-        Inlet.witnesses.append(self._on_inlet)
+        LoopbackSubscription.observers.append(self._on_loopback)
 
     def remove(self) -> None:
         """Let messages pass unheard again."""
         publishers: Any = Publisher
         publishers.publish = self._publish
         publishers.get_subscription_count = self._count
-        Inlet.witnesses.remove(self._on_inlet)
+        LoopbackSubscription.observers.remove(self._on_loopback)
 
     def _on_publish(self, publisher: Any, message: Any) -> None:
         self._publish(publisher, message)
@@ -56,11 +56,13 @@ class PublisherTap:
                 message = to_bytes(message)
             self._hear(topic, kind, publisher.qos_profile, message)
 
-    def _on_inlet(self, inlet: 'Inlet[Any]', message: Any) -> None:
-        topic = inlet.topic
+    def _on_loopback(self, subscription: 'LoopbackSubscription[Any]', message: Any) -> None:
+        topic = subscription.topic
         # Several nodes may take the same topic; one of them tells.
-        if self._first.setdefault(topic, inlet) is inlet:
-            self._hear(topic, type_name(type(message)), inlet.qos_profile, to_bytes(message))
+        if self._first.setdefault(topic, subscription) is subscription:
+            self._hear(
+                topic, type_name(type(message)), subscription.qos_profile, to_bytes(message)
+            )
 
 
 def to_bytes(message: Any) -> bytes:

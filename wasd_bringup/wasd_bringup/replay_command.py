@@ -11,7 +11,7 @@ import rclpy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_core.node import init_ros
-from wasd_core.stop_signals import StopSignals
+from wasd_core.signals import StopSignals
 
 from wasd_bringup.bag_reader import BagReader
 from wasd_bringup.discovery_range import keep_alone

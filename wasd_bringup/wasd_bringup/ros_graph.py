@@ -15,11 +15,11 @@ from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 from rclpy.validate_full_topic_name import validate_full_topic_name
+from wasd_core.errors import suggest
+from wasd_core.network import running
 from wasd_core.node import init_ros
 from wasd_core.node import MessagePump
-from wasd_core.ros_domains import running
-from wasd_core.stop_signals import StopSignals
-from wasd_core.suggestions import suggest
+from wasd_core.signals import StopSignals
 
 from wasd_bringup.errors import NotFound
 from wasd_bringup.errors import UsageError

@@ -16,8 +16,8 @@ from teleop_keyboard.terminal import NoTerminal
 from wasd_core.errors import attempt_all
 from wasd_core.errors import Stopped
 from wasd_core.node import init_ros
-from wasd_core.stop_signals import last_status
-from wasd_core.stop_signals import StopSignals
+from wasd_core.signals import last_status
+from wasd_core.signals import StopSignals
 from wasd_core.streams import never_wait
 
 from wasd_bringup.bag_recorder import BagRecorder

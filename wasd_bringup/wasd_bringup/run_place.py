@@ -6,9 +6,9 @@ import contextlib
 import os
 import sys
 
-from wasd_core.ros_domains import claim_domain
-from wasd_core.ros_domains import namespaces_of
-from wasd_core.ros_isolation import RANGE
+from wasd_core.network import claim_domain
+from wasd_core.network import namespaces_of
+from wasd_core.network import RANGE
 
 from wasd_bringup.options import RunOptions
 

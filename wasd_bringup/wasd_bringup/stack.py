@@ -12,7 +12,7 @@ from rclpy.node import Node
 from robot_description.description import Description
 from std_msgs.msg import String
 from teleop_keyboard.status_text import Status
-from wasd_core.notice import Notice
+from wasd_core.timing import Notice
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample

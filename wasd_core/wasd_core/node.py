@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every node of this project needs: parameters from their definition, a clean way out."""
+"""What runs a node as a process: ROS is started, messages are handled, the way out is clean."""
 
-import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+import contextlib
 import os
 import sys
-from typing import Any, TypeVar
+from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy._rclpy_pybind11 import UnknownROSArgsError
 from rclpy.executors import ConditionReachedException
 from rclpy.executors import Executor
 from rclpy.executors import ShutdownException
@@ -16,101 +17,47 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.executors import TimeoutException
 import rclpy.logging
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from wasd_core.descriptors import to_descriptor
+from wasd_core.command_line import Executable
 from wasd_core.errors import Stopped
 from wasd_core.errors import UserError
-from wasd_core.executable import Executable
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import Known
-from wasd_core.parameters import known_parameters
-from wasd_core.parameters import Parameters
-from wasd_core.ros_domains import join_domain
-from wasd_core.ros_errors import explained
-from wasd_core.ros_isolation import is_sourced
-from wasd_core.ros_isolation import keep_to_this_machine
-from wasd_core.shared_memory import remove_segments_of_the_dead
-from wasd_core.stop_signals import last_status
-from wasd_core.stop_signals import StopSignals
+from wasd_core.network import is_sourced
+from wasd_core.network import join_domain
+from wasd_core.network import keep_to_this_machine
+from wasd_core.network import remove_segments_of_the_dead
+from wasd_core.signals import last_status
+from wasd_core.signals import StopSignals
 from wasd_core.streams import never_wait
 from wasd_core.streams import prepare_streams
 from wasd_core.streams import print_error
-
-ParametersType = TypeVar('ParametersType', bound=Parameters)
 
 # How long one wait for messages may last [s]: bounds the time a stop signal goes unnoticed.
 SPIN_PERIOD = 0.05
 
 
-def declare_parameters(
-    node: Node,
-    definition: type[ParametersType],
-    on_change: Callable[[ParametersType], None] | None = None,
-    defaults: ParametersType | None = None,
-) -> ParametersType:
+@contextlib.contextmanager
+def explain_ros_errors() -> Iterator[None]:
     """
-    Declare a parameter set on a node and return its values; `defaults` replaces the definition's.
-
-    With `on_change`, parameters that are not read-only can be set at run time: a legal change
-    calls it with the new set, an illegal one is rejected with the reason. An integer is taken
-    where a float is meant: people write `speed:=2`.
+    Context in which ROS is initialised and nodes are made.
 
     Raises:
-        InvalidParameter: when an override given at start is illegal.
+        UserError: rcl's reason, e.g. an argument that is none, or a topic of two types.
     """
-    values: dict[str, Any] = {}
-    before = definition() if defaults is None else defaults
-    known = known_parameters(definition)
-    _refuse_unknown(node, definition, known)
-    for name, (field, _) in known.items():
-        default = before.value(name)
-        given = node._parameter_overrides.get(name)
-        if given is not None and {type(field.default), type(given.value)} <= {int, float}:
-            definition.checked(name, given.value)  # ROS would say less of a range
-        try:
-            declared = node.declare_parameter(name, _to_ros(default), to_descriptor(field))
-        except rclpy.exceptions.ParameterException as error:
-            raise InvalidParameter(f'{name}: {error}') from None
-        values[name] = _from_ros(declared.value)
-    current = before.changed(values)
-
-    def set_parameters(changes: 'Sequence[Parameter]') -> SetParametersResult:
-        nonlocal current
-        wanted = {
-            change.name: _from_ros(change.value) for change in changes if change.name in known
-        }
-        if not wanted:
-            return SetParametersResult(successful=True)
-        try:
-            changed = current.changed(wanted)
-            if on_change is not None:
-                on_change(changed)
-        except (InvalidParameter, TypeError) as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        current = changed
-        return SetParametersResult(successful=True)
-
-    node.add_on_set_parameters_callback(set_parameters)
-    return current
+    try:
+        yield
+    except UnknownROSArgsError as error:
+        raise UserError(f'unknown ROS arguments: {error}') from None
+    except RCLError as error:
+        raise UserError(f'ROS: {_first_words(str(error))}') from None
 
 
-def _refuse_unknown(node: Node, definition: type[Parameters], known: Mapping[str, Known]) -> None:
-    """Refuse `group.x` where the group has no x; other names may be meant for others."""
-    groups = {place.group for place in known.values()} - {''}
-    for name in node._parameter_overrides:
-        if '.' in name and name.partition('.')[0] in groups and name not in known:
-            definition.from_mapping({name: None})
-
-
-def _to_ros(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
-
-
-def _from_ros(value: Any) -> Any:
-    """Return a list of any of ROS's kinds as a tuple."""
-    return tuple(value) if isinstance(value, (list, array.array)) else value
+def _first_words(error: str) -> str:
+    """Return rcl's error without where in its sources it arose."""
+    said = error.removeprefix('failed to initialize rcl: ').partition(', at ')[0]
+    what, _, why = said.partition('. Error: ')
+    # What its lexer expected is a number.
+    return what if not why or 'lexeme' in why else f'{what}: {why}'
 
 
 def init_ros(
@@ -136,7 +83,7 @@ def init_ros(
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
     try:
-        with explained():
+        with explain_ros_errors():
             rclpy.init(
                 args=_without_log_file(sys.argv if args is None else args, is_local),
                 signal_handler_options=SignalHandlerOptions.NO,
@@ -192,7 +139,7 @@ def run_node(
             if program is not None:
                 program.read(sys.argv[1:] if args is None else args)
             init_ros(args, joins=joins)
-            with explained():
+            with explain_ros_errors():
                 node = make_node()
             stop.last_words.append(node.close)
             run(node, stop)
@@ -235,24 +182,6 @@ class MessagePump(SingleThreadedExecutor):
             if error is not None:
                 raise error
             timeout = 0.0
-
-
-def has_listener(publisher: Any) -> bool:
-    """
-    Whether a message would reach anybody; making and publishing one costs 50 us and more.
-
-    For topics without latching, whose messages nobody gets who comes later.
-    """
-    return bool(publisher.get_subscription_count())
-
-
-def has_subscriber(node: Node, publisher: Any) -> bool:
-    """
-    Whether somebody has subscribed; other than for `has_listener`, a recording does not count.
-
-    For what is too large to be made just because everything is recorded.
-    """
-    return has_listener(publisher) and node.count_subscribers(publisher.topic_name) > 0
 
 
 def spin(executor: Executor, stop: Callable[[], bool]) -> None:

@@ -12,9 +12,9 @@ import yaml
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import known_parameters
 from wasd_core.parameters import Parameters
-from wasd_core.safe_yaml import compose_yaml
-from wasd_core.safe_yaml import construct
-from wasd_core.safe_yaml import read_text
+from wasd_core.safe_files import compose_yaml
+from wasd_core.safe_files import construct
+from wasd_core.safe_files import read_text
 
 # ROS's own; it may stand in every file.
 USE_SIM_TIME = 'use_sim_time'

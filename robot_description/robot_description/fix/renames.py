@@ -6,7 +6,7 @@ import re
 from typing import NamedTuple
 
 from wasd_core.errors import DescriptionError
-from wasd_core.places import Place
+from wasd_core.safe_files import Place
 
 from robot_description.fix.workspace import Edit
 from robot_description.fix.workspace import Workspace

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from wasd_core.errors import DescriptionError
-from wasd_core.places import Place
+from wasd_core.safe_files import Place
 
 from robot_description.expand import run_session
 from robot_description.lint import Finding

@@ -3,7 +3,7 @@
 
 from typing import NamedTuple
 
-from wasd_core.places import Place
+from wasd_core.safe_files import Place
 
 from robot_description.lint.rules import Rule
 from robot_description.lint.rules import RULES

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from wasd_core.places import Place
-from wasd_core.places import place_of
 from wasd_core.rotations import IDENTITY
 from wasd_core.rotations import Pose
 from wasd_core.rotations import rpy_matrix
+from wasd_core.safe_files import Place
+from wasd_core.safe_files import place_of
 
 from robot_description.expand import Expansion
 

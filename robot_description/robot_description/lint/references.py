@@ -3,7 +3,7 @@
 
 from collections.abc import Iterator
 
-from wasd_core.places import Place
+from wasd_core.safe_files import Place
 
 from robot_description.joint_names import meant
 from robot_description.joint_names import sides

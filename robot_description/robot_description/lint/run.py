@@ -6,8 +6,8 @@ from itertools import islice
 from pathlib import Path
 
 from wasd_core.errors import DescriptionError
-from wasd_core.places import LocatedError
-from wasd_core.places import Place
+from wasd_core.safe_files import LocatedError
+from wasd_core.safe_files import Place
 
 from robot_description.expand import run_session
 from robot_description.lint import bodies

@@ -4,7 +4,7 @@
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from wasd_core.places import Place
+from wasd_core.safe_files import Place
 
 from robot_description.lint.finding import Finding
 from robot_description.lint.finding import finding

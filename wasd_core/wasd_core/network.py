@@ -1,19 +1,67 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Which runs there are on this machine, and in which ROS domain each is.
+Who talks to whom over ROS on this machine, and what Fast DDS leaves behind on it.
 
-A run takes its place by binding sockets with names (abstract unix sockets): the kernel gives a
-name once, to one process, and takes it back when that ends, however it ends. Such names hold for
-the same network namespace as 127.0.0.1 does, for all users.
+ROS keeps to this machine unless the user says otherwise. Each run takes a domain of its own by
+binding sockets with names (abstract unix sockets): the kernel gives a name once, to one process,
+and takes it back when that ends, however it ends. Such names hold for the same network namespace
+as 127.0.0.1 does, for all users.
+
+A killed process leaves half a megabyte in shared memory each time. A participant holds a lock on
+`fastrtps_ID_el` as long as it lives, and the system releases it however the process ends. Fast
+DDS itself never looks again: `fastdds shm clean` does, by hand. Ports (`fastrtps_portN`) are left
+alone: who comes next takes them over, so they do not add up.
 """
 
 from collections.abc import MutableMapping, Sequence
+import contextlib
+import fcntl
 import hashlib
 import os
 from pathlib import Path
 import re
 import socket
+import time
 from typing import NamedTuple, Self
+
+# Fast DDS with every socket on 127.0.0.1. ROS' own LOCALHOST only stops the search: its sockets
+# are open to any host that names this one.
+PROFILE = Path(__file__).with_name('profiles') / 'this_machine.xml'
+RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+PROFILES_FILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
+# Whoever has set one of these has said who may talk to whom.
+SAYS_WHO = (RANGE, 'ROS_LOCALHOST_ONLY')
+# With these others are asked for by name: what they say must get through.
+SAYS_HOW = (PROFILES_FILE, 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
+# Fast DDS reads a file of this name in the current folder.
+USERS_PROFILES = 'DEFAULT_FASTRTPS_PROFILES.xml'
+
+
+def is_sourced(environment: MutableMapping[str, str]) -> bool:
+    """Return whether a ROS has been sourced, whose customs then hold for single nodes."""
+    return bool(environment.get('ROS_DISTRO'))
+
+
+def keep_to_this_machine(
+    environment: MutableMapping[str, str], middleware: str, folder: Path = Path()
+) -> None:
+    """
+    Change an environment so that ROS in it talks to this machine only.
+
+    What the user has set stays as it is. `middleware` is the RMW's name: only Fast DDS can be
+    bound to the machine from here; any other is told not to look further (LOCALHOST). `folder`
+    is the current one.
+    """
+    if any(environment.get(name) for name in SAYS_WHO):
+        return
+    has_own = any(environment.get(name) for name in SAYS_HOW) or (folder / USERS_PROFILES).exists()
+    if has_own or not middleware.startswith('rmw_fastrtps'):
+        environment[RANGE] = 'LOCALHOST'
+        return
+    # All is in the profile; LOCALHOST would add a transport that listens everywhere.
+    environment[RANGE] = 'SYSTEM_DEFAULT'
+    environment[PROFILES_FILE] = str(PROFILE)
+
 
 # Higher ones have ports among those that any program may be given.
 DOMAINS = range(102)
@@ -183,3 +231,40 @@ def _short(namespace: str) -> str:
     if len(namespace) <= SHOWN_LENGTH:
         return namespace
     return hashlib.sha256(namespace.encode()).hexdigest()[:SHOWN_LENGTH]
+
+
+SHARED_MEMORY = Path('/dev/shm')
+SEGMENT_LOCK = re.compile(r'fastrtps_[0-9a-f]{16}_el')
+# One as young as this may belong to a participant that is about to lock it [s].
+YOUNG_SEGMENT = 60.0
+
+
+def remove_segments_of_the_dead(
+    folder: Path = SHARED_MEMORY, young: float = YOUNG_SEGMENT
+) -> list[str]:
+    """
+    Remove segments of this user whose owner lives no more; return their names.
+
+    Those younger than `young` [s] stay. Whatever cannot be looked at or removed stays, too.
+    """
+    try:
+        names = [entry.name for entry in os.scandir(folder) if SEGMENT_LOCK.fullmatch(entry.name)]
+    except OSError:
+        return []
+    return [name.removesuffix('_el') for name in names if _remove_if_dead(folder / name, young)]
+
+
+def _remove_if_dead(lock: Path, young: float) -> bool:
+    """Remove a segment and its lock while we hold the lock: then nobody else does."""
+    try:
+        with open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), 'rb') as file:
+            status = os.fstat(file.fileno())
+            if status.st_uid != os.geteuid() or time.time() - status.st_mtime < young:
+                return False
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            with contextlib.suppress(FileNotFoundError):
+                lock.with_name(lock.name.removesuffix('_el')).unlink()
+            lock.unlink()
+    except OSError:
+        return False
+    return True

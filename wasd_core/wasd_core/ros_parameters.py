@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameter definitions as ROS has them: declared on a node, described for ROS' tools."""
+
+import array
+from collections.abc import Callable, Mapping, Sequence
+import dataclasses
+import math
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange
+from rcl_interfaces.msg import IntegerRange
+from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import SetParametersResult
+import rclpy
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from wasd_core.parameters import describe_range
+from wasd_core.parameters import InvalidParameter
+from wasd_core.parameters import Known
+from wasd_core.parameters import known_parameters
+from wasd_core.parameters import Parameters
+
+
+def to_descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
+    """
+    Return the descriptor of a `parameter` field.
+
+    ROS' ranges have two ends that belong to them: an excluded end of a float is the next number
+    inside, an open one infinity. They have no NaN: where that is legal, and for integers with an
+    open end, the range is said in words alone, and our own check refuses what is outside.
+    """
+    meta = field.metadata
+    is_float, is_integer = isinstance(field.default, float), type(field.default) is int
+    description, constraints = meta['doc'], ', '.join(meta['choices'])
+    if is_float or is_integer:
+        constraints = describe_range(meta)
+        description += f' (float, {constraints})' if is_float else f' ({constraints})'
+    descriptor = ParameterDescriptor(
+        description=description,
+        read_only=meta['read_only'],
+        # So that ROS lets integers through to our own check, which knows what they mean.
+        # An empty list has no type yet.
+        dynamic_typing=is_float or isinstance(field.default, tuple),
+        additional_constraints=constraints,
+    )
+    ends = meta['minimum'], meta['maximum']
+    if is_float and not meta['nan']:
+        low, high = _float_ends(meta)
+        if math.isfinite(low) or math.isfinite(high):
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    elif is_integer and None not in ends:
+        descriptor.integer_range = [IntegerRange(from_value=ends[0], to_value=ends[1], step=1)]
+    return descriptor
+
+
+def _float_ends(meta: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the smallest and the largest legal number."""
+    low = high = None
+    if meta['above'] is not None:
+        low = math.nextafter(meta['above'], math.inf)
+    if meta['below'] is not None:
+        high = math.nextafter(meta['below'], -math.inf)
+    low = meta['minimum'] if low is None else low
+    high = meta['maximum'] if high is None else high
+    return (
+        -math.inf if low is None else float(low),
+        math.inf if high is None else float(high),
+    )
+
+
+ParametersType = TypeVar('ParametersType', bound=Parameters)
+
+
+def declare_parameters(
+    node: Node,
+    definition: type[ParametersType],
+    on_change: Callable[[ParametersType], None] | None = None,
+    defaults: ParametersType | None = None,
+) -> ParametersType:
+    """
+    Declare a parameter set on a node and return its values; `defaults` replaces the definition's.
+
+    With `on_change`, parameters that are not read-only can be set at run time: a legal change
+    calls it with the new set, an illegal one is rejected with the reason. An integer is taken
+    where a float is meant: people write `speed:=2`.
+
+    Raises:
+        InvalidParameter: when an override given at start is illegal.
+    """
+    values: dict[str, Any] = {}
+    before = definition() if defaults is None else defaults
+    known = known_parameters(definition)
+    _refuse_unknown(node, definition, known)
+    for name, (field, _) in known.items():
+        default = before.value(name)
+        given = node._parameter_overrides.get(name)
+        if given is not None and {type(field.default), type(given.value)} <= {int, float}:
+            definition.checked(name, given.value)  # ROS would say less of a range
+        try:
+            declared = node.declare_parameter(name, _to_ros(default), to_descriptor(field))
+        except rclpy.exceptions.ParameterException as error:
+            raise InvalidParameter(f'{name}: {error}') from None
+        values[name] = _from_ros(declared.value)
+    current = before.changed(values)
+
+    def set_parameters(changes: 'Sequence[Parameter]') -> SetParametersResult:
+        nonlocal current
+        wanted = {
+            change.name: _from_ros(change.value) for change in changes if change.name in known
+        }
+        if not wanted:
+            return SetParametersResult(successful=True)
+        try:
+            changed = current.changed(wanted)
+            if on_change is not None:
+                on_change(changed)
+        except (InvalidParameter, TypeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        current = changed
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(set_parameters)
+    return current
+
+
+def _refuse_unknown(node: Node, definition: type[Parameters], known: Mapping[str, Known]) -> None:
+    """Refuse `group.x` where the group has no x; other names may be meant for others."""
+    groups = {place.group for place in known.values()} - {''}
+    for name in node._parameter_overrides:
+        if '.' in name and name.partition('.')[0] in groups and name not in known:
+            definition.from_mapping({name: None})
+
+
+def _to_ros(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _from_ros(value: Any) -> Any:
+    """Return a list of any of ROS's kinds as a tuple."""
+    return tuple(value) if isinstance(value, (list, array.array)) else value

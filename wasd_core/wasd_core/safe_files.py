@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that strangers wrote: of a bounded size, XML whose elements know their line, YAML."""
+
+import os
+from pathlib import Path
+import stat
+from typing import Any, NamedTuple
+from xml.dom import expatbuilder
+from xml.dom import minidom
+from xml.dom import Node
+import xml.parsers.expat
+
+import yaml
+
+from wasd_core.errors import DescriptionError
+
+KEY = 'place'
+
+
+class Place(NamedTuple):
+    """A line of a file, counted from 1, and the column where an element begins, from 0."""
+
+    file: Path
+    line: int
+    column: int = 0
+
+    def __str__(self) -> str:
+        """Return it as compilers print it."""
+        return f'{self.file}:{self.line}'
+
+
+class LocatedError(DescriptionError):
+    """Something is wrong at a line of a file; `via` is the line from which xacro came there."""
+
+    def __init__(self, place: Place, reason: str, via: Place | None = None) -> None:
+        super().__init__(f'{place}: {reason}' + (f' (reached from {via})' if via else ''))
+        self.place = place
+        self.reason = reason
+
+
+class _Builder(expatbuilder.ExpatBuilderNS):
+    """Builds a document whose elements remember their line, and whose copies do, too."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self._file = file
+
+    def start_element_handler(self, name: str, attributes: list[str]) -> None:
+        super().start_element_handler(name, attributes)
+        parser = self.getParser()
+        place = Place(self._file, parser.CurrentLineNumber, parser.CurrentColumnNumber)
+        self.curNode.setUserData(KEY, place, _COPY_PLACE)
+
+
+class _CopyPlace:
+    """Told by minidom when an element is copied, as a macro's are."""
+
+    def handle(self, operation: int, key: str, place: Place, source: Node, copy: Any) -> None:
+        if copy is not None:
+            copy.setUserData(key, place, self)
+
+
+_COPY_PLACE = _CopyPlace()
+
+
+def parse_with_places(data: bytes, file: Path) -> minidom.Document:
+    """Return a document of well-formed XML, see `place_of`."""
+    return _Builder(file).parseString(data)
+
+
+def place_of(node: Any) -> Place | None:
+    """Return where an element stood in its file, or the nearest one around it that knows."""
+    while node is not None:
+        place = node.getUserData(KEY) if isinstance(node, minidom.Element) else None
+        if isinstance(place, Place):
+            return place
+        node = node.parentNode
+    return None
+
+
+# The largest of example-robot-data have 0.2 MB and 4 000 elements.
+LARGEST_FILE = 4_000_000
+MOST_ELEMENTS = 30_000
+# Python's own recursion limit lets no more levels through xacro.
+DEEPEST_XML = 60
+NO_NAMESPACE = xml.parsers.expat.errors.XML_ERROR_UNBOUND_PREFIX
+
+
+def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
+    """
+    Return a file's bytes; never waits for a pipe or a device.
+
+    Raises:
+        DescriptionError: it cannot be read, is no ordinary file, or has more than `largest` bytes.
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        with open(handle, 'rb') as file:
+            status = os.fstat(handle)
+            is_file = stat.S_ISREG(status.st_mode)
+            data = file.read(largest + 1) if is_file else b''
+    except FileNotFoundError:
+        raise DescriptionError(f'{path}: no such file') from None
+    except IsADirectoryError:
+        raise DescriptionError(f'{path}: is a folder, wanted a file') from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        reason = getattr(error, 'strerror', None) or str(error)
+        raise DescriptionError(f'{path}: {reason}') from None
+    if not is_file:
+        raise DescriptionError(f'{path}: is a device or pipe, wanted a file')
+    if len(data) > largest:
+        size = max(status.st_size, len(data))
+        raise DescriptionError(
+            f'{path}: {size / 1e6:.1f} MB is too much, at most {largest / 1e6:.1f} MB are read'
+        )
+    return data
+
+
+def check_xml(data: bytes | str, file: Path | None = None) -> None:
+    """
+    Accept XML that is well-formed, not too deep or long, and defines no entities.
+
+    Raises:
+        DescriptionError: what is wrong, and the line; a LocatedError when it came from a file.
+    """
+    parser = xml.parsers.expat.ParserCreate(namespace_separator=' ')
+    depth = count = 0
+
+    def fail(reason: str) -> None:
+        raise _error(file, parser.CurrentLineNumber, reason)
+
+    def enter(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, count
+        depth, count = depth + 1, count + 1
+        if depth > DEEPEST_XML:
+            fail(f'elements nested more than {DEEPEST_XML} deep')
+        if count > MOST_ELEMENTS:
+            fail(f'more than {MOST_ELEMENTS} elements')
+
+    def leave(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def refuse_entity(name: str, *rest: Any) -> None:
+        fail(f'defines the entity {name!r}: entities are not read')
+
+    parser.StartElementHandler = enter
+    parser.EndElementHandler = leave
+    parser.EntityDeclHandler = refuse_entity
+    try:
+        parser.Parse(data, True)
+    except xml.parsers.expat.ExpatError as error:
+        reason = xml.parsers.expat.ErrorString(error.code)
+        if error.code == xml.parsers.expat.errors.codes[NO_NAMESPACE]:
+            reason += ' (<robot> needs xmlns:xacro="http://www.ros.org/wiki/xacro")'
+        column = error.offset + 1
+        text = f'not well-formed XML: {reason}, column {column}'
+        raise _error(file, error.lineno, text) from None
+    except DescriptionError:
+        raise
+    except (LookupError, ValueError) as error:  # an encoding that is not known, or not kept to
+        raise _error(file, 1, f'not well-formed XML: {error}') from None
+
+
+def _error(file: Path | None, line: int, reason: str) -> DescriptionError:
+    if file is None:
+        return DescriptionError(f'{reason} (line {line})')
+    return LocatedError(Place(file, line), reason)
+
+
+# YAML is read by Python, 0.1 MB in about a second.
+LARGEST_YAML = 100_000
+MOST_VALUES = 10_000
+# Values within values; the deepest parameter file known has six levels.
+DEEPEST_YAML = 50
+
+
+class BoundedLoader(yaml.SafeLoader):
+    """Composes what is not too deep for those who walk through it."""
+
+    _depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> yaml.Node | None:
+        """Compose a node and all within it."""
+        self._depth += 1
+        if self._depth > DEEPEST_YAML:
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            problem = f'nested more than {DEEPEST_YAML} deep'
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
+        node: yaml.Node | None = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+
+def read_text(path: Path, encoding: str = 'utf-8') -> str:
+    """
+    Return the text of a file, of an endless one a beginning that `compose_yaml` finds too long.
+
+    Raises:
+        OSError, UnicodeDecodeError: it cannot be read, or is no text.
+    """
+    with path.open('rb') as file:
+        return file.read(4 * LARGEST_YAML + 4).decode(encoding)
+
+
+def compose_yaml(text: str, expands: bool = True) -> yaml.Node | None:
+    """
+    Return the root of a YAML text, or None if there is nothing in it.
+
+    A reader that never follows an alias into what it stands in says `expands` False.
+
+    Raises:
+        yaml.YAMLError: it is not YAML, too long or deep, or its aliases make it large or endless.
+    """
+    if len(text) > LARGEST_YAML:
+        raise yaml.MarkedYAMLError(problem=f'more than {1e-6 * LARGEST_YAML:g} MB')
+    root: yaml.Node | None = yaml.compose(text, Loader=BoundedLoader)
+    if expands and root is not None and _count_values(root, {}) > MOST_VALUES:
+        problem = f'more than {MOST_VALUES} values, its aliases written out'
+        raise yaml.MarkedYAMLError(problem=problem)
+    return root
+
+
+def load_yaml(text: str) -> Any:
+    """
+    Return the values of a YAML text: plain dictionaries, lists, texts, numbers.
+
+    Raises:
+        yaml.YAMLError: as `compose_yaml`, or a value that is none, such as a 13th month.
+    """
+    root = compose_yaml(text)
+    return None if root is None else construct(root)
+
+
+def construct(node: yaml.Node) -> Any:
+    """
+    Return the value of a node.
+
+    Raises:
+        yaml.YAMLError: it stands for none.
+    """
+    try:
+        value = yaml.SafeLoader('').construct_object(node, deep=True)
+        for part in value if isinstance(value, list) else [value]:
+            if isinstance(part, int):
+                float(part)  # a longer one is no number to anybody
+        return value
+    except (ValueError, OverflowError) as error:
+        raise yaml.MarkedYAMLError(problem=str(error), problem_mark=node.start_mark) from None
+
+
+def read_yaml(path: Path) -> str:
+    """
+    Return the text of a YAML file.
+
+    Raises:
+        DescriptionError: it cannot be read, is not YAML, or its aliases make it large or endless.
+    """
+    data = read_file(path, LARGEST_YAML)
+    try:
+        text = data.decode()
+        load_yaml(text)
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise DescriptionError(f'{path}: not YAML: {" ".join(str(error).split())}') from None
+    return text
+
+
+def _count_values(node: yaml.Node, known: dict[int, float]) -> float:
+    """Return how many values a node has; those of an alias count each time, itself without end."""
+    if id(node) not in known:
+        known[id(node)] = float('inf')  # until it is counted: within itself it has no end
+        parts = node.value if isinstance(node, yaml.CollectionNode) else []
+        children = [p for part in parts for p in (part if isinstance(part, tuple) else (part,))]
+        known[id(node)] = 1.0 + sum(_count_values(child, known) for child in children)
+    return known[id(node)]

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What counts time and reads no clock: watchdog, notice, beat, absence."""
+
+import math
+
+
+class Watchdog:
+    """
+    Knows how long ago a source was last heard, and whether it still counts.
+
+    It reads no clock: `step` is told what has really passed [s], however much that is, so a
+    stopped process that goes on, a slow topic or a coarse period cannot stretch the time-out.
+    A source that was never heard is dead. A time-out of 0 or less never ends what was heard.
+    """
+
+    def __init__(self, timeout: float) -> None:
+        """Take the time-out [s]; it may be changed while the source is alive."""
+        self.timeout = timeout
+        self.age = math.inf
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the source was heard, and not longer ago than the time-out."""
+        return math.isfinite(self.age) and not self.age > self.timeout > 0.0
+
+    def hear(self, age: float = 0.0) -> None:
+        """Note a sign of life that is `age` [s] old."""
+        self.age = age
+
+    def step(self, dt: float) -> None:
+        """Let `dt` [s] pass; a time that runs backwards does not make the source younger."""
+        self.age += max(dt, 0.0)
+
+    def reset(self) -> None:
+        """Be as if the source had never been heard."""
+        self.age = math.inf
+
+
+# How long a text stands [s].
+READING_TIME = 3.0
+
+
+class Notice:
+    """
+    The last thing said to a driver, until it is old.
+
+    It reads no clock: `step` is told what has passed [s]. A text begins with what is to be done;
+    what explains it stands in parentheses at the end, and is left out first (`brief`).
+    """
+
+    def __init__(self, seconds: float = READING_TIME) -> None:
+        self._text = ''
+        self._fresh = Watchdog(seconds)
+
+    @property
+    def text(self) -> str:
+        """What is to be read now; '' when there is nothing, or nothing any more."""
+        return self._text if self._fresh.is_alive else ''
+
+    def say(self, text: str | None) -> bool:
+        """Show a text from now on, or none; return whether it is one that was not being shown."""
+        is_new = bool(text) and text != self.text
+        self._text = text or ''
+        self._fresh.hear()
+        return is_new
+
+    def step(self, dt: float) -> None:
+        """Let `dt` [s] pass."""
+        self._fresh.step(dt)
+
+
+def brief(text: str) -> str:
+    """Return a text without the explanation in parentheses at its end."""
+    return text[: text.rindex(' (')] if text.endswith(')') and ' (' in text else text
+
+
+# Sums of periods miss the instant that they mean by some rounding [s].
+ROUNDING = 1e-6
+
+
+class Beat:
+    """
+    Picks the first instant of each period, counted from time 0, not from the first call.
+
+    Nodes that see the same times pick the same ones, so what they publish has one stamp.
+    """
+
+    def __init__(self) -> None:
+        self._number: int | None = None
+
+    def is_due(self, now: float, rate: float) -> bool:
+        """Whether to publish at a time [s], `rate` times a second; also after a jump back."""
+        number = math.floor((now + ROUNDING) * rate)
+        before, self._number = self._number, number
+        return number != before
+
+
+# A process that does nothing for so long was stopped or starved [s of wall time] ...
+SHORTEST_ABSENCE = 0.5
+# ... and so long after it messages from before may still come, sent again by the middleware [s].
+AFTERMATH = 10.0
+
+
+class Absence:
+    """
+    Knows when this process last stood still, and whether a message was sent before it went on.
+
+    A Twist has no stamp: out of a queue that waited for a stopped process it looks like new. The
+    middleware tells when it was sent, by the clock of its sender. How far that clock is off is
+    the least difference between sending and receiving seen so far. It reads no clock.
+    """
+
+    def __init__(self) -> None:
+        self._lived_at = math.inf
+        self._returned_at = -math.inf
+        self._offset = math.inf
+
+    def beat(self, now: float) -> float:
+        """Note a sign of our own life at a time [s]; return how long we were absent [s], or 0."""
+        gap, self._lived_at = now - self._lived_at, now
+        if gap < SHORTEST_ABSENCE:
+            return 0.0
+        self._returned_at = now
+        return gap
+
+    def is_stale(self, sent: float, now: float) -> bool:
+        """Whether a message that is received now was sent before our last return [s]."""
+        known = self._offset if self._offset < math.inf else 0.0
+        self._offset = min(self._offset, now - sent)
+        since = now - self._returned_at
+        return since < AFTERMATH and sent + min(known, self._offset) < self._returned_at

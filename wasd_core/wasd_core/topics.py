@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the two ends of a topic have here beyond rclpy's: quality of service, who listens or has gone.
+
+Publishers offer the most, subscribers ask for the least. So every ROS tool gets every topic
+whatever it asks for, and a sensor's consumer never waits for a lost message. That is REP 2003 for
+sensors (source: system default, which is reliable; consumer: sensor data, best effort) and the
+habit of robot_state_publisher, tf2 and rclcpp for the others.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+import importlib
+import os
+import time
+from typing import Any, ClassVar, Generic, TypeVar
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+
+from wasd_core.network import is_sourced
+from wasd_core.timing import Absence
+
+# Publishers of sensors, states, odometry, /clock; both ends of commands. Reliable, 10 deep.
+RELIABLE = QoSProfile(depth=10)
+
+# Keys: a burst, a paste or a script from a pipe, must not lose one.
+EVENTS_DEPTH = 10_000
+EVENTS = QoSProfile(depth=EVENTS_DEPTH)
+
+# Subscribers to sensors, states, streamed joint commands: best effort, 5 deep (REP 2003).
+SENSOR_DATA = qos_profile_sensor_data
+
+# Subscribers that show the newest and nothing else.
+LATEST = QoSProfile(depth=1, reliability=qos_profile_sensor_data.reliability)
+
+# robot_description, state, selected: who comes late gets the last one. As robot_state_publisher.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+# As tf2: /tf has many senders and must not lose one; /tf_static is kept for who comes late.
+TF = QoSProfile(depth=100)
+TF_STATIC = LATCHED
+
+
+def has_listener(publisher: Any) -> bool:
+    """
+    Whether a message would reach anybody; making and publishing one costs 50 us and more.
+
+    For topics without latching, whose messages nobody gets who comes later.
+    """
+    return bool(publisher.get_subscription_count())
+
+
+def has_subscriber(node: Node, publisher: Any) -> bool:
+    """
+    Whether somebody has subscribed; other than for `has_listener`, a recording does not count.
+
+    For what is too large to be made just because everything is recorded.
+    """
+    return has_listener(publisher) and node.count_subscribers(publisher.topic_name) > 0
+
+
+def tf_message_type() -> type[Any] | None:
+    """Return tf2_msgs/TFMessage, or None where tf2_msgs is not installed (the wheels lack it)."""
+    try:
+        return importlib.import_module('tf2_msgs.msg').TFMessage  # type: ignore[no-any-return]
+    except ImportError:
+        return None
+
+
+class TfBroadcaster:
+    """Sends transforms on `/tf`, or latched on `/tf_static`; says once if it cannot."""
+
+    _reported = False
+
+    def __init__(self, node: Node, static: bool = False) -> None:
+        self._type = tf_message_type()
+        self._static = static
+        if self._type is None:
+            if not TfBroadcaster._reported:
+                TfBroadcaster._reported = True
+                cure = 'python -m robot_description.build_tf2_msgs makes it'
+                if is_sourced(os.environ):
+                    cure = f'sudo apt install ros-{os.environ["ROS_DISTRO"]}-tf2-msgs'
+                node.get_logger().info(f'tf2_msgs is not installed: /tf is not published ({cure})')
+            return
+        if static:
+            self._publisher = node.create_publisher(self._type, '/tf_static', TF_STATIC)
+        else:
+            self._publisher = node.create_publisher(self._type, '/tf', TF)
+
+    @property
+    def available(self) -> bool:
+        """Whether transforms reach anybody, now or later; otherwise they need not be made."""
+        return self._type is not None and (self._static or has_listener(self._publisher))
+
+    def send(self, transforms: Iterable[TransformStamped]) -> None:
+        """Publish the transforms in one message; a generator is not run where nobody listens."""
+        if self._type is not None and self.available:
+            self._publisher.publish(self._type(transforms=list(transforms)))
+
+
+# How often the publishers are counted [s of wall time: simulated time may stand still].
+LOOK_PERIOD = 0.1
+
+
+class PublisherWatch:
+    """
+    Calls `on_lost` when a topic that had publishers has none any more.
+
+    What a key has set going may last longer than the key: a latched velocity, a stick. It must
+    not last longer than the keyboard. DDS notices a publisher that ends at once, one whose process
+    was killed when its lease runs out (20 s).
+    """
+
+    def __init__(self, node: Node, topic: str, on_lost: Callable[[], None]) -> None:
+        self._node = node
+        self._topic = topic
+        self._on_lost = on_lost
+        self._had_any = False
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(LOOK_PERIOD, self._look, clock=clock)
+
+    def _look(self) -> None:
+        has_any = self._node.count_publishers(self._topic) > 0
+        if self._had_any and not has_any:
+            self._on_lost()
+        self._had_any = has_any
+
+
+# How often a node shows that it lives [s of wall time].
+BEAT_PERIOD = 0.1
+
+
+class AbsenceWatch:
+    """An Absence on wall time for a node; `on_return` is told how long the node was away [s]."""
+
+    def __init__(self, node: Node, on_return: Callable[[float], None] = lambda gap: None) -> None:
+        self._absence = Absence()
+        self._on_return = on_return
+        # Nobody sets this clock: a jump would look like an absence.
+        self._ahead = time.time() - time.monotonic()
+        wall = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(BEAT_PERIOD, self.beat, clock=wall)
+
+    def beat(self) -> None:
+        """Show that the process lives; to be called wherever it may come back to life."""
+        gap = self._absence.beat(time.monotonic())
+        if gap > 0.0:
+            self._on_return(gap)
+
+    def is_stale(self, sent: int) -> bool:
+        """Whether a message sent at a system time [ns] is from before the last return."""
+        self.beat()
+        return self._absence.is_stale(1e-9 * sent - self._ahead, time.monotonic())
+
+
+Message = TypeVar('Message')
+
+# How long the middleware may take to bring back what this process published itself [s]. Under
+# load, at --speed 0, a second of messages waits in its queues.
+ECHO_LIFETIME = 10.0
+
+
+class LoopbackSubscription(Generic[Message]):
+    """
+    A topic whose messages come from other processes and, handed over directly, from this one.
+
+    Nodes that run in lock-step hand each message to the receiver in the same simulated instant, so
+    that runs repeat; the same message is also published for everybody else, and the middleware
+    brings it back to our own subscription. `put` is the hand-over and remembers the message;
+    its echo is then dropped.
+
+    Echo and message are matched by their bytes, which are equal also where NaN is in them, and in
+    the order in which they were put. An equal message from outside that overtakes an echo is
+    dropped in its place, and the echo delivered: the receiver sees the same. An echo that gets
+    lost is waited for up to ECHO_LIFETIME, or until a later one comes; so long, one equal message
+    from outside may be taken for it. While nobody spins the node that time stands still: echoes
+    are waiting, too.
+
+    `is_stale` is asked about each message from another process, with the system time [ns] at
+    which it was sent; what it calls stale is dropped.
+    """
+
+    # Told of every message that came from another process, and of the subscription that took it.
+    observers: ClassVar[list[Callable[['LoopbackSubscription[Any]', Any], None]]] = []
+
+    def __init__(
+        self,
+        node: Node,
+        message_type: type[Message],
+        topic: str,
+        callback: Callable[[Message], None],
+        qos: QoSProfile = RELIABLE,
+        is_stale: Callable[[int], bool] = lambda sent: False,
+    ) -> None:
+        self._callback = callback
+        self._is_stale = is_stale
+        self._pending: deque[tuple[float, bytes]] = deque(maxlen=EVENTS_DEPTH)
+        # rclpy passes a message's origin to a callback of two parameters; its types do not say so.
+        on_message: Any = self._on_message
+        self._subscription: Any = node.create_subscription(message_type, topic, on_message, qos)
+        # On wall time, as the middleware is. It moves nothing: lock-step stays lock-step.
+        self._looked_at = time.monotonic()
+        self._timer: Any = node.create_timer(
+            0.25 * ECHO_LIFETIME, self._forget, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
+
+    @property
+    def topic(self) -> str:
+        """The topic's full name."""
+        return str(self._subscription.topic_name)
+
+    @property
+    def qos_profile(self) -> QoSProfile:
+        """The quality of service asked for."""
+        qos: QoSProfile = self._subscription.qos_profile
+        return qos
+
+    def put(self, message: Message) -> None:
+        """Hand over a message that this process is publishing, too."""
+        self._pending.append((time.monotonic(), serialize_message(message)))
+        self._callback(message)
+
+    def notify(self, message: Any) -> None:
+        """Tell the observers of a message that came from another process."""
+        for tell in self.observers:
+            tell(self, message)
+
+    def _on_message(self, message: Message, info: dict[str, int]) -> None:
+        if not self._is_echo(message) and not self._is_stale(info['source_timestamp']):
+            self.notify(message)
+            self._callback(message)
+
+    def _is_echo(self, message: Message) -> bool:
+        if not self._pending:
+            return False
+        received = serialize_message(message)
+        for index, (_, sent) in enumerate(self._pending):
+            if sent == received:
+                # Echoes keep their order: whatever was sent before this one will not come back.
+                for _ in range(index + 1):
+                    self._pending.popleft()
+                return True
+        return False
+
+    def _forget(self) -> None:
+        """Give up echoes that were overdue at the last look already, and have not come since."""
+        # Timers come before messages: an echo that is overdue now may be the next to be handled.
+        oldest = self._looked_at - 0.5 * ECHO_LIFETIME
+        while self._pending and self._pending[0][0] < oldest:
+            self._pending.popleft()
+        self._looked_at = time.monotonic()
