@@ -1,36 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo's model and state, stepped for all the robots in it."""
+"""MuJoCo's model and state, stepped for all the robots in it, and what acts on each of them."""
 
-from typing import Protocol
+from collections import deque
+import math
 
 import mujoco
+import numpy as np
+from wasd_core.robot_io import JointCommand
 
 from mujoco_sim.errors import SimulationError
+from mujoco_sim.robot_setup import RobotSetup
 
-
-class Inhabitant(Protocol):
-    """A robot, as far as stepping has to know it."""
-
-    is_kinematic: bool
-
-    @property
-    def limits_change(self) -> bool:
-        """Whether `before_step` and `after_step` are to be called at every single step."""
-
-    def begin(self) -> None:
-        """Begin anew; the state is that of the model at rest."""
-
-    def begin_stretch(self) -> int | None:
-        """Put in force what is due now; return the tick at which something changes next."""
-
-    def before_step(self) -> None:
-        """Set what depends on the state."""
-
-    def after_step(self) -> None:
-        """Note what only shows at single steps."""
-
-    def end_stretch(self) -> None:
-        """Drop what has ended."""
+# Damping of motors that brake without having been commanded any [N m s/rad]: a Go2 sinks down.
+BRAKE_DAMPING = 3.0
+# ... but at most this share of what stops a joint within one physics step: motor torques are
+# integrated explicitly, which diverges beyond 2 and rings beyond 1.
+STABLE_SHARE = 0.5
+# Full torque up to this share of the no-load speed, then falling linearly to none.
+FULL_TORQUE_SHARE = 0.6
 
 
 class Physics:
@@ -42,7 +29,7 @@ class Physics:
 
     def __init__(self, spec: mujoco.MjSpec) -> None:
         """
-        Compile the specification; whoever lives in it adds itself to `robots`.
+        Compile the specification; whoever moves a robot in it adds it to `robots`.
 
         Raises:
             SimulationError: what the compiler says, in one line.
@@ -54,36 +41,267 @@ class Physics:
         self.data = mujoco.MjData(self.model)
         self.time_step = float(self.model.opt.timestep)
         self.tick = 0
-        self.robots: list[Inhabitant] = []
+        self.resets = 0
+        # None of them knows us: without a circle, a model is freed with the last who uses it.
+        self.robots: list[Actuation] = []
 
     def reset(self) -> None:
         """Put everything back to where it began, at rest; time goes on."""
+        self.resets += 1
         mujoco.mj_resetData(self.model, self.data)
         for robot in self.robots:
-            robot.begin()
+            robot.reset()
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, count: int) -> None:
         """Advance by `count` physics steps."""
         last = self.tick + count
         while self.tick < last:
-            changes = [robot.begin_stretch() for robot in self.robots]
+            changes = [robot.take_due(self.tick) for robot in self.robots]
             until = min(last, *(tick for tick in changes if tick is not None), last)
             self._advance(until - self.tick)
             for robot in self.robots:
-                robot.end_stretch()
+                robot.drop_ended(self.tick)
 
     def _advance(self, count: int) -> None:
         self.tick += count
         if all(robot.is_kinematic for robot in self.robots):
             return
-        fickle = [robot for robot in self.robots if robot.limits_change]
-        if not fickle:
+        limited = [robot for robot in self.robots if robot.has_curve]
+        if not limited:
             mujoco.mj_step(self.model, self.data, count)
             return
         for _ in range(count):
-            for robot in fickle:
-                robot.before_step()
+            for robot in limited:
+                robot.limit_torques()
             mujoco.mj_step(self.model, self.data)
-            for robot in fickle:
-                robot.after_step()
+            for robot in limited:
+                robot.note_efforts()
+
+
+class RobotParts:
+    """
+    Names without, and numbers with the robot's prefix in the model.
+
+    `joint_names` and `motor_names` give the order of all else: `position` and `velocity` (n,) are
+    the joints' addresses in qpos and qvel, `motors` is the slice of the actuators, `motor_joint`
+    (m,) tells the joint of each motor. `pose` and `twist` are the slices of the root's free joint,
+    None where it is held in place; `prefix` is what the names have in the model.
+    """
+
+    def __init__(self, model: mujoco.MjModel, prefix: str, root: str) -> None:
+        self._model = model
+        self.prefix = prefix
+        self.root = int(model.body(prefix + root).id)
+        self.pose: slice | None = None
+        self.twist: slice | None = None
+        free = mujoco.mjtJoint.mjJNT_FREE
+        joints = [model.joint(i) for i in range(model.njnt)]
+        for joint in joints:
+            if joint.bodyid[0] == self.root and joint.type[0] == free:
+                at, moving = int(joint.qposadr[0]), int(joint.dofadr[0])
+                self.pose, self.twist = slice(at, at + 7), slice(moving, moving + 6)
+        own = [
+            joint for joint in joints if joint.type[0] != free and joint.name.startswith(prefix)
+        ]
+        self.joint_names = tuple(self._own_name(joint.name) for joint in own)
+        self.position = np.array([joint.qposadr[0] for joint in own], dtype=int)
+        self.velocity = np.array([joint.dofadr[0] for joint in own], dtype=int)
+        self.motors = self._find_motors()
+        names = [model.actuator(i).name for i in range(model.nu)]
+        self.motor_names = tuple(map(self._own_name, names[self.motors]))
+        self.motor_joint = np.array(
+            [self.joint_names.index(name) for name in self.motor_names], dtype=int
+        )
+        self.link_of_geom = [
+            self._own_name(model.geom(i).name).partition('/')[0] for i in range(model.ngeom)
+        ]
+
+    def body(self, link: str) -> int:
+        """Return the number of the body that is a link; -1 where it is welded into another."""
+        kind = mujoco.mjtObj.mjOBJ_BODY
+        return int(mujoco.mj_name2id(self._model, kind, self.prefix + link))
+
+    def _find_motors(self) -> slice:
+        names = [self._model.actuator(i).name for i in range(self._model.nu)]
+        own = [index for index, name in enumerate(names) if name.startswith(self.prefix)]
+        # Those of one robot follow each other, as its specification was attached in one piece.
+        return slice(own[0], own[-1] + 1) if own else slice(0, 0)
+
+    def _own_name(self, name: str) -> str:
+        """Return a name of the model without the prefix; '' where it is another robot's."""
+        return name.removeprefix(self.prefix) if name.startswith(self.prefix) else ''
+
+
+class TorqueSpeedCurve:
+    """
+    Limits of motors with a torque limit and a no-load speed.
+
+    A motor that drives gives its full torque up to FULL_TORQUE_SHARE of its no-load speed and
+    none at it; one that brakes gives its full torque at any speed.
+    """
+
+    def __init__(self, torque: np.ndarray, speed: np.ndarray) -> None:
+        """Take torque limits [N m] and no-load speeds [rad/s], both of shape (n,) and > 0."""
+        self._torque = torque
+        self._speed = speed
+        self._slope = 1.0 / (1.0 - FULL_TORQUE_SHARE)
+
+    def limits(self, velocity: np.ndarray) -> np.ndarray:
+        """Return the least and the largest torque [N m] at joint velocities [rad/s], (n, 2)."""
+        share = np.clip((1.0 - np.abs(velocity) / self._speed) * self._slope, 0.0, 1.0)
+        driving = self._torque * share
+        lower = np.where(velocity < 0.0, -driving, -self._torque)
+        upper = np.where(velocity > 0.0, driving, self._torque)
+        return np.stack((lower, upper), axis=1)
+
+
+class Actuation:
+    """
+    What acts on one robot in a model: its start, the command and the pushes in force.
+
+    It is told the tick; a command takes effect after the setup's delay.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, parts: RobotParts, setup: RobotSetup
+    ) -> None:
+        self._model, self._data = model, data
+        self._parts, self._setup = parts, setup
+        self._motors = parts.motors
+        self._motor_velocity = parts.velocity[parts.motor_joint]
+        self.rejected_commands = 0
+        self.is_kinematic = False
+        self._time_step = float(model.opt.timestep)
+        self._delay = round(setup.command_delay / self._time_step)
+        self._curve = self._torque_speed_curve()
+        self._peak_effort = np.zeros(len(parts.motor_names))
+        # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
+        stopping = 1.0 / (model.dof_invweight0[self._motor_velocity] * self._time_step)
+        self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
+
+    def reset(self) -> None:
+        """Begin anew at the start of the setup, with limp motors; the state is that of rest."""
+        put_at_start(self._model, self._data, self._parts, self._setup)
+        self._pushes: list[tuple[int, np.ndarray]] = []
+        self._pending: deque[tuple[int, np.ndarray]] = deque()
+        self._put_in_force(np.zeros((5, len(self._parts.motor_names))))
+
+    def take_due(self, tick: int) -> int | None:
+        """Put in force the commands that are due; return when one or a push changes next."""
+        while self._pending and self._pending[0][0] <= tick:
+            self._put_in_force(self._pending.popleft()[1])
+        ends = [end for end, _ in self._pushes]
+        if self._pending:
+            ends.append(self._pending[0][0])
+        return min(ends, default=None)
+
+    def drop_ended(self, tick: int) -> None:
+        """Drop the pushes that are over."""
+        if self._pushes:
+            self._pushes = [push for push in self._pushes if push[0] > tick]
+            self._sum_pushes()
+
+    @property
+    def has_curve(self) -> bool:
+        """Whether the motors' limits depend on their speed: each step is then taken by itself."""
+        return self._curve is not None
+
+    def limit_torques(self) -> None:
+        """Limit the motors as their speeds allow."""
+        if self._curve is not None:
+            velocity = self._data.qvel[self._motor_velocity]
+            self._model.actuator_forcerange[self._motors] = self._curve.limits(velocity)
+
+    def note_efforts(self) -> None:
+        """Note the largest efforts."""
+        effort = np.abs(self._data.actuator_force[self._motors])
+        np.maximum(self._peak_effort, effort, out=self._peak_effort)
+
+    def take_peak_effort(self) -> np.ndarray:
+        """Return the largest effort of each motor since the last call [N m], shape (m,)."""
+        self.note_efforts()
+        peak, self._peak_effort = self._peak_effort, np.zeros_like(self._peak_effort)
+        return peak
+
+    def apply(self, command: JointCommand, tick: int) -> bool:
+        """Put a command in force once it is due; return if it was taken, see `World.apply`."""
+        try:
+            stacked = np.array(command, dtype=float)
+        except ValueError:  # parts of different lengths
+            stacked = np.empty(0)
+        if stacked.shape != (5, len(self._parts.motor_names)) or not np.isfinite(stacked).all():
+            self.rejected_commands += 1
+            self.brake()
+            return False
+        if self._delay == 0:
+            self._put_in_force(stacked)
+        else:
+            self._pending.append((tick + self._delay, stacked))
+        return True
+
+    def brake(self) -> None:
+        """Let the motors only resist motion; see `World.brake`."""
+        self._pending.clear()
+        kept = -self._model.actuator_biasprm[self._motors, 2]
+        damping = np.where(kept > 0.0, kept, self._brake_damping)
+        self._model.actuator_biasprm[self._motors, 2] = -damping
+        self._model.actuator_biasprm[self._motors, 1] = 0.0
+        self._data.ctrl[self._motors] = 0.0
+
+    def push(self, force: np.ndarray, duration: float, tick: int) -> None:
+        """Add a force [N] at the root's centre of mass to those in force, for so long [s]."""
+        self._pushes.append((tick + max(1, round(duration / self._time_step)), force))
+        self._sum_pushes()
+
+    def _sum_pushes(self) -> None:
+        total = sum((force for _, force in self._pushes), start=np.zeros(3))
+        self._data.xfrc_applied[self._parts.root, :3] = total
+
+    def _put_in_force(self, command: np.ndarray) -> None:
+        position, velocity, effort, kp, kd = command
+        self._model.actuator_biasprm[self._motors, 1] = -kp
+        self._model.actuator_biasprm[self._motors, 2] = -kd
+        self._data.ctrl[self._motors] = effort + kp * position + kd * velocity
+
+    def _torque_speed_curve(self) -> TorqueSpeedCurve | None:
+        limits, names = self._setup.speed_limits, self._parts.motor_names
+        if not all(limits.get(name, 0.0) > 0.0 for name in names):
+            return None
+        torque = self._model.actuator_forcerange[self._motors, 1].copy()
+        return TorqueSpeedCurve(torque, np.array([limits[name] for name in names]))
+
+
+def put_at_start(
+    model: mujoco.MjModel, data: mujoco.MjData, parts: RobotParts, setup: RobotSetup
+) -> None:
+    """Put a robot where its setup says; a floating one relative to where it is now in x and y."""
+    for name, position in setup.joint_positions.items():
+        data.joint(parts.prefix + name).qpos[0] = position
+    if parts.pose is None:
+        return
+    place = data.qpos[parts.pose][:3]
+    place[:2] += setup.place
+    place[2] = setup.height
+    if setup.sink < math.inf:
+        place[2] += max(0.0, -setup.sink - lowest_point(model, data, parts.root))
+
+
+def lowest_point(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> float:
+    """
+    Return the height of the lowest point of what collides on a robot [m]; inf if nothing does.
+
+    `root` is its first body, `data` holds its pose. Boxes around shapes stand for the shapes,
+    so that it may be a little lower than they are; spheres are taken as they are.
+    """
+    mujoco.mj_kinematics(model, data)
+    geoms = np.flatnonzero(
+        (model.body_rootid[model.geom_bodyid] == root)
+        & ((model.geom_contype != 0) | (model.geom_conaffinity != 0))
+    )
+    up = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]
+    centre, half = model.geom_aabb[geoms, :3], model.geom_aabb[geoms, 3:]
+    reach = (np.abs(up) * half).sum(axis=1) - (up * centre).sum(axis=1)
+    is_round = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE
+    reach = np.where(is_round, model.geom_rbound[geoms], reach)
+    return float((data.geom_xpos[geoms, 2] - reach).min(initial=math.inf))

@@ -155,6 +155,11 @@ class SimulatorNode(Node):
         self._world.brake()
         self._sensors.close()
 
+    def destroy_node(self) -> None:
+        """Leave ROS, and let go of the world: ROS' own circles keep a node for a while."""
+        super().destroy_node()
+        del self._world, self.simulation, self.truth, self._sensors
+
     def _build_world(self, robot: Description) -> World:
         setup = usual_setup(robot, self.settings.sensor_noise)
         try:

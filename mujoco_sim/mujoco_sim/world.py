@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The physics: a robot in a MuJoCo model that is stepped, read and commanded."""
 
-from collections import deque
 from collections.abc import Sequence
 
 import mujoco
@@ -12,19 +11,13 @@ from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 
-from mujoco_sim.motors import TorqueSpeedCurve
+from mujoco_sim.physics import Actuation
 from mujoco_sim.physics import Physics
-from mujoco_sim.robot_parts import RobotParts
+from mujoco_sim.physics import RobotParts
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.sensors import NoisySensors
-from mujoco_sim.start_pose import put_at_start
 
 FALL_TILT = np.deg2rad(60.0)
-# Damping of motors that brake without having been commanded any [N m s/rad]: a Go2 sinks down.
-BRAKE_DAMPING = 3.0
-# ... but at most this share of what stops a joint within one physics step: motor torques are
-# integrated explicitly, which diverges beyond 2 and rings beyond 1.
-STABLE_SHARE = 0.5
 
 
 class World:
@@ -59,22 +52,16 @@ class World:
         self.parts = RobotParts(self.model, prefix, root)
         self.root = self.parts.root
         self.joint_names, self.motor_names = self.parts.joint_names, self.parts.motor_names
-        self._motors = self.parts.motors
-        self._motor_velocity = self.parts.velocity[self.parts.motor_joint]
         self.seed = seed
         self.setup = setup or RobotSetup()
-        self.rejected_commands = 0
-        self.is_kinematic = False  # then it moves by `kinematic.place` only
         self.time_step = self.physics.time_step
         gyro = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SENSOR, f'{prefix}gyro')
         self.has_imu = gyro >= 0
-        self._command_delay = round(self.setup.command_delay / self.time_step)
-        self._curve = self._torque_speed_curve()
-        self._peak_effort = np.zeros(len(self.motor_names))
-        # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
-        stopping = 1.0 / (self.model.dof_invweight0[self._motor_velocity] * self.time_step)
-        self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
-        self.physics.robots.append(self)
+        self._sensors: NoisySensors | None = None
+        # How often was reset, and the tick, when the sensors were read last.
+        self._read_at = (-1, -1)
+        self._actuation = Actuation(self.model, self.data, self.parts, self.setup)
+        self.physics.robots.append(self._actuation)
         if self.physics is not spec:
             self.reset()
 
@@ -96,46 +83,19 @@ class World:
         """Advance by `count` physics steps; commands and pushes begin and end within them."""
         self.physics.step(count)
 
-    def begin(self) -> None:
-        """Begin anew, at the start that the setup says."""
-        put_at_start(self.model, self.data, self.parts, self.setup)
-        noise = self.setup.noise
-        self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
-        self._reading: tuple[int, Reading] | None = None
-        self._pushes: list[tuple[int, np.ndarray]] = []
-        self._pending: deque[tuple[int, np.ndarray]] = deque()
-        self._put_in_force(np.zeros((5, len(self.motor_names))))
+    @property
+    def is_kinematic(self) -> bool:
+        """Whether it moves by `kinematic.place` only."""
+        return self._actuation.is_kinematic
 
-    def begin_stretch(self) -> int | None:
-        """Put in force the commands that are due; return when one or a push changes next."""
-        while self._pending and self._pending[0][0] <= self.tick:
-            self._put_in_force(self._pending.popleft()[1])
-        ends = [end for end, _ in self._pushes]
-        if self._pending:
-            ends.append(self._pending[0][0])
-        return min(ends, default=None)
-
-    def end_stretch(self) -> None:
-        """Drop the pushes that are over."""
-        if self._pushes:
-            self._pushes = [push for push in self._pushes if push[0] > self.tick]
-            self._sum_pushes()
+    @is_kinematic.setter
+    def is_kinematic(self, is_kinematic: bool) -> None:
+        self._actuation.is_kinematic = is_kinematic
 
     @property
-    def limits_change(self) -> bool:
-        """Whether the motors' limits depend on their speed."""
-        return self._curve is not None
-
-    def before_step(self) -> None:
-        """Limit the motors as their speeds allow."""
-        if self._curve is not None:
-            velocity = self.data.qvel[self._motor_velocity]
-            self.model.actuator_forcerange[self._motors] = self._curve.limits(velocity)
-
-    def after_step(self) -> None:
-        """Note the largest efforts."""
-        effort = np.abs(self.data.actuator_force[self._motors])
-        np.maximum(self._peak_effort, effort, out=self._peak_effort)
+    def rejected_commands(self) -> int:
+        """How many commands were refused."""
+        return self._actuation.rejected_commands
 
     def body(self, link: str) -> int:
         """Return the number of the body that is a link; -1 where it is welded into another."""
@@ -143,16 +103,20 @@ class World:
 
     def read(self) -> Reading:
         """Return what the sensors measure now; asked twice in one instant, they say the same."""
-        if self._reading is None or self._reading[0] != self.tick:
+        now = (self.physics.resets, self.tick)
+        if now[0] != self._read_at[0]:
+            noise = self.setup.noise
+            self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
+        if now != self._read_at:
             true = Reading(self.joints(), self._true_imu() if self.has_imu else None)
-            reading = true if self._sensors is None else self._sensors.measure(true)
-            self._reading = (self.tick, reading)
-        return self._reading[1]
+            self._reading = true if self._sensors is None else self._sensors.measure(true)
+            self._read_at = now
+        return self._reading
 
     def joints(self) -> JointStates:
         """Return the joints without noise; the efforts are those in the last physics step."""
         effort = np.zeros(len(self.joint_names))
-        effort[self.parts.motor_joint] = self.data.actuator_force[self._motors]
+        effort[self.parts.motor_joint] = self.data.actuator_force[self.parts.motors]
         return JointStates(
             self.data.qpos[self.parts.position],
             self.data.qvel[self.parts.velocity],
@@ -161,11 +125,7 @@ class World:
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""
-        peak: np.ndarray = np.maximum(
-            self._peak_effort, np.abs(self.data.actuator_force[self._motors])
-        )
-        self._peak_effort = np.zeros(len(self.motor_names))
-        return peak
+        return self._actuation.take_peak_effort()
 
     def base(self) -> BaseState:
         """Return the root frame as it is, without noise."""
@@ -186,20 +146,7 @@ class World:
 
         A command that is not finite or of the wrong length is refused and the motors brake.
         """
-        try:
-            stacked = np.array(command, dtype=float)
-        except ValueError:  # parts of different lengths
-            stacked = np.empty(0)
-        if stacked.shape != (5, len(self.motor_names)) or not np.isfinite(stacked).all():
-            self.rejected_commands += 1
-            self.brake()
-            return False
-        due = self.tick + self._command_delay
-        if due == self.tick:
-            self._put_in_force(stacked)
-        else:
-            self._pending.append((due, stacked))
-        return True
+        return self._actuation.apply(command, self.tick)
 
     def brake(self) -> None:
         """
@@ -207,12 +154,7 @@ class World:
 
         A motor keeps the damping it was commanded; one without gets BRAKE_DAMPING, or less.
         """
-        self._pending.clear()
-        kept = -self.model.actuator_biasprm[self._motors, 2]
-        damping = np.where(kept > 0.0, kept, self._brake_damping)
-        self.model.actuator_biasprm[self._motors, 2] = -damping
-        self.model.actuator_biasprm[self._motors, 1] = 0.0
-        self.data.ctrl[self._motors] = 0.0
+        self._actuation.brake()
 
     def push(self, force: Sequence[float], duration: float) -> bool:
         """
@@ -223,8 +165,7 @@ class World:
         vector = np.array(force, dtype=float)
         if vector.shape != (3,) or not np.isfinite([*vector, duration]).all():
             return False
-        self._pushes.append((self.tick + max(1, round(duration / self.time_step)), vector))
-        self._sum_pushes()
+        self._actuation.push(vector, duration, self.tick)
         return True
 
     def contact_forces(self, links: Sequence[str]) -> np.ndarray:
@@ -242,23 +183,6 @@ class World:
                 for link in touching:
                     forces[link] += float(wrench[0])
         return np.array([forces[link] for link in links])
-
-    def _sum_pushes(self) -> None:
-        total = sum((force for _, force in self._pushes), start=np.zeros(3))
-        self.data.xfrc_applied[self.root, :3] = total
-
-    def _put_in_force(self, command: np.ndarray) -> None:
-        position, velocity, effort, kp, kd = command
-        self.model.actuator_biasprm[self._motors, 1] = -kp
-        self.model.actuator_biasprm[self._motors, 2] = -kd
-        self.data.ctrl[self._motors] = effort + kp * position + kd * velocity
-
-    def _torque_speed_curve(self) -> TorqueSpeedCurve | None:
-        limits = self.setup.speed_limits
-        if not all(limits.get(name, 0.0) > 0.0 for name in self.motor_names):
-            return None
-        torque = self.model.actuator_forcerange[self._motors, 1].copy()
-        return TorqueSpeedCurve(torque, np.array([limits[name] for name in self.motor_names]))
 
     def _true_imu(self) -> ImuReading:
         gyro = self.data.sensor(f'{self.prefix}gyro')

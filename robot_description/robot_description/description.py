@@ -61,7 +61,8 @@ class Description:
             NotAQuadruped: what was found instead.
         """
         if isinstance(self._quadruped, NotAQuadruped):
-            raise self._quadruped.with_traceback(None)
+            # A new one: what is raised holds on to its callers, and this is kept.
+            raise NotAQuadruped(str(self._quadruped))
         return self._quadruped
 
     @cached_property
@@ -69,7 +70,7 @@ class Description:
         try:
             return find_quadruped(self.robot)
         except NotAQuadruped as error:
-            return error
+            return error.with_traceback(None)
 
     @property
     def kind(self) -> str:

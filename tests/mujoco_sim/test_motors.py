@@ -2,8 +2,8 @@
 """Motors give what their torque-speed curve allows, in the simulation, too."""
 
 from mujoco_sim.loading import build_world
-from mujoco_sim.motors import FULL_TORQUE_SHARE
-from mujoco_sim.motors import TorqueSpeedCurve
+from mujoco_sim.physics import FULL_TORQUE_SHARE
+from mujoco_sim.physics import TorqueSpeedCurve
 from mujoco_sim.robot_setup import RobotSetup
 import numpy as np
 import pytest

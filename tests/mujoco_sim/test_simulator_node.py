@@ -1,4 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
+import gc
+import weakref
+
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -281,3 +284,18 @@ def test_the_first_diagnostics_call_nothing_slow(peer, simulator, spawn, spin_un
         each_second=lambda: simulator.publish_diagnostics('running'),
     )
     assert peer.diagnostics[0].status[0].level == DiagnosticStatus.OK
+
+
+def test_a_simulator_that_was_destroyed_leaves_no_world_to_the_garbage_collector(ros):
+    node = SimulatorNode()
+    world, itself = weakref.ref(node._world), weakref.ref(node)
+    gc.collect()
+    gc.disable()
+    try:
+        node.close()
+        node.destroy_node()
+        assert world() is None
+        del node
+        assert itself() is None
+    finally:
+        gc.enable()

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
+import gc
 import math
+import weakref
 
 import mujoco
 from mujoco_sim.errors import SimulationError
+from mujoco_sim.loading import build_shared_world
 from mujoco_sim.loading import build_world
+from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import World
 import numpy as np
 import pytest
@@ -212,3 +216,16 @@ def test_a_model_that_does_not_compile_is_one_line():
     with pytest.raises(SimulationError, match='^MuJoCo: ') as caught:
         World(spec, 'ball')
     assert '\n' not in str(caught.value)
+
+
+def test_a_model_is_freed_with_the_last_world_in_it_without_the_garbage_collector(loaded):
+    worlds = build_shared_world([('a_', loaded, RobotSetup()), ('b_', loaded, RobotSetup())])
+    data = weakref.ref(worlds[0].data)
+    gc.disable()
+    try:
+        del worlds[0]
+        assert data() is not None
+        del worlds[0]
+        assert data() is None
+    finally:
+        gc.enable()

@@ -5,7 +5,9 @@ import array
 from collections.abc import Callable, Mapping, Sequence
 import dataclasses
 import math
+from types import MethodType
 from typing import Any, TypeVar
+from weakref import WeakMethod
 
 from rcl_interfaces.msg import FloatingPointRange
 from rcl_interfaces.msg import IntegerRange
@@ -103,6 +105,8 @@ def declare_parameters(
             raise InvalidParameter(f'{name}: {error}') from None
         values[name] = _from_ros(declared.value)
     current = before.changed(values)
+    # A node that its own callback holds would stay, with all it has, until garbage is collected.
+    listener = WeakMethod(on_change) if isinstance(on_change, MethodType) else lambda: on_change
 
     def set_parameters(changes: 'Sequence[Parameter]') -> SetParametersResult:
         nonlocal current
@@ -113,8 +117,9 @@ def declare_parameters(
             return SetParametersResult(successful=True)
         try:
             changed = current.changed(wanted)
-            if on_change is not None:
-                on_change(changed)
+            tell = listener()
+            if tell is not None:
+                tell(changed)
         except (InvalidParameter, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         current = changed
