@@ -23,10 +23,14 @@ WIDTH = 120
 
 def print_info(info: Description) -> None:
     """Print the robot's tree, its joints and its meshes."""
-    file = unguarded(sys.stdout)
-    console = Console(file=file, highlight=False)
-    if not console.is_terminal:
-        console = Console(file=file, highlight=False, width=WIDTH)
+    with unguarded(sys.stdout) as file:
+        console = Console(file=file, highlight=False)
+        if not console.is_terminal:
+            console = Console(file=file, highlight=False, width=WIDTH)
+        _print_info(console, info)
+
+
+def _print_info(console: Console, info: Description) -> None:
     robot = info.robot
     root = _shown(robot.root)
     base = f'hangs on {root}' if robot.is_fixed else f'floats, root {root}'

@@ -22,6 +22,15 @@ def info(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.parametrize('robot', ['go2', 'mbot'])
+def test_the_command_says_after_its_tables_that_libraries_agree(robot):
+    words = [sys.executable, '-m', 'robot_description.describe_command', 'info', robot, '--check']
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, '')
+    last = [line.partition(':')[0] for line in done.stdout.splitlines()[-3:]]
+    assert last == ['MuJoCo', 'Pinocchio', 'yourdfpy']
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'kind'),

@@ -7,6 +7,8 @@ characters made visible, and an output that fails is one line. `never_wait` come
 drives a robot: from there on a reader who does not read costs text, not time.
 """
 
+from collections.abc import Iterator
+import contextlib
 import errno
 import io
 import os
@@ -205,16 +207,22 @@ def offer(stream: TextIO, text: str, patience: float = 0.0) -> bool:
     return True
 
 
-def unguarded(stream: TextIO) -> TextIO:
-    """Return the same output for a library that colours text which was made visible before."""
+@contextlib.contextmanager
+def unguarded(stream: TextIO) -> Iterator[TextIO]:
+    """Give the same output to a library that colours text which was made visible before."""
     if not isinstance(stream, Words):
-        return stream
-    return io.TextIOWrapper(
+        yield stream
+        return
+    plain = io.TextIOWrapper(
         stream.outlet,  # type: ignore[type-var]
         stream.encoding,
         stream.errors,
         write_through=True,
     )
+    try:
+        yield plain
+    finally:
+        plain.detach()  # it would close what it shares
 
 
 def print_error(error: object) -> None:
