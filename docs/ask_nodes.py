@@ -15,7 +15,7 @@ from rclpy.qos import ReliabilityPolicy
 from robot_description.state_publisher_node import StatePublisherNode
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
-from teleop_keyboard.robot_monitor_node import RobotMonitorNode
+from teleop_keyboard.teleop_node import RobotMonitorNode
 from teleop_keyboard.twist_mux_node import TwistMuxNode
 
 # What rclpy gives every node.

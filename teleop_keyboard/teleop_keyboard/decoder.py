@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes of a terminal to names of keys."""
+"""Bytes of a terminal to names of keys, or to single characters."""
 
+import codecs
 from typing import NamedTuple
 
 from teleop_keyboard.key_names import RELEASE
@@ -321,3 +322,27 @@ def _modified(key: str | None, modifiers: int) -> str | None:
         return None
     bits = modifiers - 1
     return with_modifiers(key, ctrl=bool(bits & 4), alt=bool(bits & 2), shift=bool(bits & 1))
+
+
+class CharacterDecoder:
+    """Turns bytes into characters, control characters included: what the tutorials publish."""
+
+    pending = False
+    down: tuple[str, ...] = ()
+    speaks_kitty = False
+    dropped = 0
+
+    def __init__(self) -> None:
+        self._decoder = codecs.getincrementaldecoder('utf-8')('replace')
+
+    def feed(self, data: bytes) -> list[str]:
+        """Return the characters completed by `data`."""
+        return list(self._decoder.decode(data))
+
+    def flush(self) -> list[str]:
+        """Return nothing: no character waits for its end in vain."""
+        return []
+
+    def forget_down(self) -> list[str]:
+        """Return nothing: releases are not told."""
+        return []

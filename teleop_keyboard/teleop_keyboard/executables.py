@@ -13,7 +13,7 @@ KEY_PUBLISHER = Executable(
     name='key_publisher',
     module='teleop_keyboard.key_publisher_node',
     about='Publishes each key of the terminal, or of a pipe, on the topic keys.',
-    parameters=('teleop_keyboard.teleop_parameters:KeyParameters',),
+    parameters=('teleop_keyboard.parameters:KeyParameters',),
     example='key_publisher --save-keys drive.keys',
     takes_keys=True,
 )
@@ -21,7 +21,7 @@ KEYS_TO_TWIST = Executable(
     name='keys_to_twist',
     module='teleop_keyboard.keys_to_twist_node',
     about='Turns keys into velocities on cmd_vel, by a preset and its ramps.',
-    parameters=('teleop_keyboard.teleop_parameters:TeleopParameters',),
+    parameters=('teleop_keyboard.parameters:TeleopParameters',),
     notes=TWIST_NOTES,
     example='keys_to_twist --ros-args -p preset:=wasd -p speed:=0.3',
 )
@@ -29,7 +29,7 @@ TELEOP = Executable(
     name='teleop',
     module='teleop_keyboard.teleop_node',
     about='Drives with the keyboard: keys and cmd_vel of one terminal, and a dashboard.',
-    parameters=('teleop_keyboard.teleop_parameters:TeleopParameters',),
+    parameters=('teleop_keyboard.parameters:TeleopParameters',),
     notes=(*TWIST_NOTES, '', 'keys: wasd keys, wasd keys NAME; `?` shows them while it runs'),
     example='teleop --ros-args -p preset:=wasd -r cmd_vel:=key_vel',
     takes_keys=True,
@@ -38,7 +38,7 @@ TWIST_MUX = Executable(
     name='twist_mux',
     module='teleop_keyboard.twist_mux_node',
     about='Lets one of several velocity sources drive, by priority, time-out and locks.',
-    parameters=('teleop_keyboard.teleop_parameters:MuxParameters',),
+    parameters=('teleop_keyboard.parameters:MuxParameters',),
     notes=(
         '  topics.NAME.topic, .timeout [s], .priority; locks.NAME.topic, .timeout, .priority',
         '    The tables of sources and locks; see docs/parameters.md for those that are there',

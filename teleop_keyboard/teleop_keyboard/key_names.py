@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How keys are called in messages, keymaps and key scripts.
+How keys are called in messages, keymaps and key scripts, and on keyboards of other layouts.
 
 A printable character is called by itself (`w`, `é`, and a blank for the space bar). Other keys
 have names in capitals (`UP`, `F5`, `ESC`). Modifiers stand in front, in the order CTRL, ALT,
@@ -10,6 +10,7 @@ A name stands for a press. Where a terminal tells more, `HELD+w` says that w is 
 that its end will be told, and `RELEASE+w` is that end; who cares for presses only skips both.
 """
 
+from collections.abc import Mapping
 import difflib
 import signal
 
@@ -94,3 +95,36 @@ def _split(text: str) -> tuple[list[str], str]:
         modifiers.append(head)
         text = rest
     return modifiers, text
+
+
+LAYOUTS = ('qwerty', 'azerty', 'dvorak')
+
+# The same places, row by row, and again with Shift; digits and others are where qwerty has them.
+_PLACES = {
+    'qwerty': ("qwertyuiop[]asdfghjkl;'zxcvbnm,./-=", 'QWERTYUIOP{}ASDFGHJKL:"ZXCVBNM<>?_+'),
+    # Without the keys of its digits' row, which Shift makes digits.
+    'azerty': ('azertyuiop^$qsdfghjklmùwxcvbn,;:!)=', 'AZERTYUIOP¨£QSDFGHJKLM%WXCVBN?./§°+'),
+    'dvorak': ("',.pyfgcrl/=aoeuidhtns-;qjkxbmwvz[]", '"<>PYFGCRL?+AOEUIDHTNS_:QJKXBMWVZ{}'),
+}
+
+
+def places(layout: str) -> Mapping[str, str]:
+    """Return what the keys of qwerty are called on a layout, without and with Shift."""
+    return dict(zip(''.join(_PLACES['qwerty']), ''.join(_PLACES[layout]), strict=True))
+
+
+def on_layout(key: str, layout: str) -> str:
+    """Return the name that a key of qwerty has on a layout; modifiers stay."""
+    return _renamed(key, places(layout))
+
+
+def on_qwerty(key: str, layout: str) -> str:
+    """Return what the key that a layout calls `key` is called on qwerty; modifiers stay."""
+    return _renamed(key, {name: place for place, name in places(layout).items()})
+
+
+def _renamed(key: str, names: Mapping[str, str]) -> str:
+    head, plus, base = key.rpartition('+')
+    if plus and base and all(word in MODIFIERS for word in head.split('+')):
+        return f'{head}+{names.get(base, base)}'
+    return names.get(key, key)

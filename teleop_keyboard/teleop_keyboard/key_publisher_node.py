@@ -5,15 +5,18 @@ from collections.abc import Callable, Sequence
 import contextlib
 import sys
 import time
+from typing import Any, NamedTuple
 
 import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
+from wasd_core.command_line import Executable
 from wasd_core.errors import UserError
 from wasd_core.node import explain_ros_errors
 from wasd_core.node import init_ros
+from wasd_core.output_file import OutputFile
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.signals import last_status
 from wasd_core.signals import StopSignals
@@ -21,14 +24,93 @@ from wasd_core.streams import never_wait
 from wasd_core.streams import prepare_streams
 from wasd_core.streams import print_error
 from wasd_core.topics import EVENTS
+from wasd_core.topics import LATCHED
 
-from teleop_keyboard.command_line import read_options
 from teleop_keyboard.executables import KEY_PUBLISHER
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
+from teleop_keyboard.key_reader import WaitingKeys
 from teleop_keyboard.key_script import KeyScriptWriter
-from teleop_keyboard.key_service import KeyService
-from teleop_keyboard.teleop_parameters import KeyParameters
+from teleop_keyboard.parameters import KeyParameters
+
+
+class KeyOptions(NamedTuple):
+    """Where the keys are saved, if anywhere, and what is left for ROS."""
+
+    save_keys: OutputFile | None
+    ros: list[str]
+
+
+def read_options(program: Executable, words: Sequence[str] | None = None) -> KeyOptions:
+    """
+    Return the options given to a program; those of this process when there are no `words`.
+
+    Raises:
+        UserError: an option that neither we nor ROS know, or a file that cannot be written.
+    """
+    given = program.read(sys.argv[1:] if words is None else words)
+    save_keys = None if given.save_keys is None else OutputFile(given.save_keys, '--save-keys')
+    return KeyOptions(save_keys, given.ros)
+
+
+class KeyService:
+    """
+    Publishes the keys of a KeyPublisherNode once somebody listens to them.
+
+    With a `help` it says that, the robot's state, and which keys wait.
+    """
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+        self._waiting = WaitingKeys()
+        self._stepped_at = time.monotonic()
+        self._is_talking = bool(node.help)
+        if self._is_talking:
+            print(node.help, flush=True)
+            _subscribe_to_state(node)
+
+    def press(self, key: str) -> None:
+        """Publish a key, or keep it while nobody listens."""
+        self.step()
+        if self._node.has_subscriber:
+            self._node.publish_key(key)
+            return
+        if not self._waiting:
+            self._say(f'nobody listens to the keys yet: {key} waits')
+        self._waiting.put(key)
+
+    def step(self) -> None:
+        """Publish what has waited, if somebody listens now; to be called all the time."""
+        now = time.monotonic()
+        late = self._waiting.step(now - self._stepped_at)
+        self._stepped_at = now
+        if late:
+            self._say(f'nobody listens to the keys: {" ".join(late)} dropped')
+        if self._waiting and self._node.has_subscriber:
+            for key in self._waiting.take():
+                self._node.publish_key(key)
+
+    def _say(self, text: str) -> None:
+        if self._is_talking:
+            print(text, flush=True)
+
+
+def _subscribe_to_state(node: Any) -> None:
+    shown = ''
+
+    def show(message: String) -> None:
+        nonlocal shown
+        if message.data != shown:
+            shown = message.data
+            print(f'state: {_one_line(shown)}', flush=True)
+
+    node.create_subscription(String, 'state', show, LATCHED)
+
+
+def _one_line(text: str) -> str:
+    """Return a text of others without what a terminal would obey."""
+    return ''.join(c if c.isprintable() else '?' for c in text)
+
 
 # How long one wait for keys lasts [s]; keys end it at once, signals are seen after it.
 POLL_PERIOD = 0.05

@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each key means: keymaps and the presets they are read from."""
+"""What each key means: keymaps, and the words for them."""
 
 from collections.abc import Mapping
-import dataclasses
 from dataclasses import dataclass
-import difflib
-from importlib import resources
-from pathlib import Path
-from types import MappingProxyType
+import itertools
+import math
 from typing import NamedTuple
 
 from wasd_core.parameters import InvalidParameter
-from wasd_core.safe_files import read_text
-
-from teleop_keyboard.layouts import on_layout
 
 MODES = ('hold', 'latch', 'step')
 OTHER_KEYS = ('stop', 'ignore')
@@ -93,67 +87,72 @@ class Keymap:
         return *self.motion, *self.speed_keys, *sorted(self.stop_keys)
 
 
-def preset_names() -> tuple[str, ...]:
-    """Return the names of the built-in presets."""
-    entries = resources.files('teleop_keyboard').joinpath('presets').iterdir()
-    return tuple(
-        sorted(Path(entry.name).stem for entry in entries if entry.name.endswith('.yaml'))
-    )
+# Lines fit an 80-column window.
+LINE_WIDTH = 78
 
 
-def load_preset(name_or_path: str, layout: str = 'qwerty') -> Keymap:
-    """
-    Return a built-in preset by name, or the keymap in a YAML file by path.
-
-    Keymaps name the keys of a qwerty keyboard; on another `layout` the same places are meant.
-
-    Raises:
-        KeymapError: when there is no such preset or file, or when it is not valid.
-    """
-    keymap = _load(name_or_path)
-    return keymap if layout == 'qwerty' else _moved(keymap, layout)
+def direction_words(direction: Direction) -> str:
+    """Return where a motion key drives."""
+    parts = [
+        ('forward', 'back')[direction.x < 0] if direction.x else '',
+        ('left', 'right')[direction.y < 0] if direction.y else '',
+        ('up', 'down')[direction.z < 0] if direction.z else '',
+        ('turn left', 'turn right')[direction.yaw < 0] if direction.yaw else '',
+    ]
+    return ' + '.join(part for part in parts if part) or 'stand'
 
 
-def _moved(keymap: Keymap, layout: str) -> Keymap:
-    """Return the keymap with its keys at the same places of another keyboard."""
-    # Here, because it needs the classes above.
-    from teleop_keyboard.keymap_text import help_table
-
-    names = {key: on_layout(key, layout) for key in keymap.keys}
-    if len(set(names.values())) < len(names):
-        twice = [key for key, name in names.items() if list(names.values()).count(name) > 1]
-        raise KeymapError(f'{keymap.name}: {" and ".join(twice)} are one key on {layout}')
-    moved = dataclasses.replace(
-        keymap,
-        motion=MappingProxyType({names[key]: way for key, way in keymap.motion.items()}),
-        speed_keys=MappingProxyType({names[key]: f for key, f in keymap.speed_keys.items()}),
-        stop_keys=frozenset(names[key] for key in keymap.stop_keys),
-    )
-    title = *keymap.help_lines[:1], f'keyboard {layout}'
-    return dataclasses.replace(moved, help_lines=(', '.join(title), *help_table(moved)))
+def factor_words(factor: SpeedFactor) -> str:
+    """Return what a speed key does."""
+    if factor.linear == factor.angular != 1.0:
+        return f'both {100.0 * (factor.linear - 1.0):+.0f} %'
+    parts = [
+        f'{name} {100.0 * (value - 1.0):+.0f} %'
+        for name, value in zip(('speed', 'turn'), factor, strict=True)
+        if value != 1.0
+    ]
+    return ', '.join(parts) or 'nothing'
 
 
-def _load(name_or_path: str) -> Keymap:
-    # Here, because the reader builds the classes above.
-    from teleop_keyboard.keymap_reader import read_keymap
+def key_words(key: str) -> str:
+    """Return how a key is called in a text."""
+    return 'SPACE' if key == ' ' else key
 
-    names = preset_names()
-    if name_or_path in names:
-        file = resources.files('teleop_keyboard').joinpath('presets', f'{name_or_path}.yaml')
-        return read_keymap(file.read_text(encoding='utf-8'), f'{name_or_path}.yaml', name_or_path)
-    path = Path(name_or_path).expanduser()
-    if '/' not in name_or_path and path.suffix not in ('.yaml', '.yml'):
-        near = difflib.get_close_matches(name_or_path, names, n=1)
-        hint = f', did you mean {near[0]}?' if near else ''
-        known = ', '.join(names)
-        raise KeymapError(
-            f'unknown preset {name_or_path!r}{hint} (known: {known}, or the path of a .yaml file)'
-        )
-    try:
-        text = read_text(path)
-    except OSError as error:
-        raise KeymapError(f'{name_or_path}: cannot read the keymap: {error.strerror}') from None
-    except UnicodeDecodeError as error:
-        line = error.object.count(b'\n', 0, error.start) + 1
-        raise KeymapError(f'{name_or_path}:{line}: not UTF-8 text') from None
-    return read_keymap(text, name_or_path, path.stem)
+
+def table_lines(keymap: Keymap) -> list[str]:
+    """Return one line for each meaning, with the keys that have it."""
+    return [f'  {keys:12} {meaning}'[:LINE_WIDTH] for keys, meaning in _rows(keymap)]
+
+
+def help_table(keymap: Keymap) -> list[str]:
+    """Return the same in as many columns as fit: a help that leaves room for a dashboard."""
+    cells = [f'{keys:3} {meaning}'[:LINE_WIDTH] for keys, meaning in _rows(keymap)]
+    for count in (3, 2, 1):
+        height = math.ceil(len(cells) / count)
+        columns = [cells[start : start + height] for start in range(0, len(cells), height)]
+        widths = [max(map(len, column)) + 2 for column in columns]
+        if sum(widths) - 2 <= LINE_WIDTH:
+            break
+    rows = itertools.zip_longest(*columns, fillvalue='')
+    return [''.join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def _rows(keymap: Keymap) -> list[tuple[str, str]]:
+    """Return the keys of each meaning and the meaning, in the order of the keymap."""
+    rows = [
+        *_grouped({key: direction_words(way) for key, way in keymap.motion.items()}),
+        *_grouped({key: factor_words(way) for key, way in keymap.speed_keys.items()}),
+    ]
+    if keymap.stop_keys:
+        rows.append((sorted(keymap.stop_keys), 'stop at once'))
+    if keymap.other_keys == 'stop':
+        rows.append((['any other'], 'stop on the ramp'))
+    return [(' '.join(map(key_words, keys)), meaning) for keys, meaning in rows]
+
+
+def _grouped(meanings: Mapping[str, str]) -> list[tuple[list[str], str]]:
+    """Return the keys of each meaning, in the order of the keymap."""
+    groups: dict[str, list[str]] = {}
+    for key, meaning in meanings.items():
+        groups.setdefault(meaning, []).append(key)
+    return [(keys, meaning) for meaning, keys in groups.items()]

@@ -5,21 +5,21 @@ import math
 
 from wasd_core.parameters import InvalidParameter
 
+from teleop_keyboard.hold import Motion
+from teleop_keyboard.hold import NOWHERE
 from teleop_keyboard.key_names import HELD
 from teleop_keyboard.key_names import split_event
 from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import Limits
-from teleop_keyboard.motion import Motion
-from teleop_keyboard.motion import NOWHERE
+from teleop_keyboard.parameters import AS_PRESET
+from teleop_keyboard.parameters import SPEED_NAMES
+from teleop_keyboard.parameters import TeleopParameters
+from teleop_keyboard.parameters import TURN_NAMES
 from teleop_keyboard.ramp import Pace
 from teleop_keyboard.ramp import ramped_twist
 from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.ramp import Velocity
-from teleop_keyboard.teleop_parameters import AS_PRESET
-from teleop_keyboard.teleop_parameters import SPEED_NAMES
-from teleop_keyboard.teleop_parameters import TeleopParameters
-from teleop_keyboard.teleop_parameters import TURN_NAMES
 
 # A longer pause than this was no driving time: the process slept, or the clock jumped [s].
 LONGEST_STEP = 0.2

@@ -14,15 +14,15 @@ from wasd_core.topics import EVENTS
 from wasd_core.topics import LoopbackSubscription
 from wasd_core.topics import PublisherWatch
 
-from teleop_keyboard.conversions import to_twist
 from teleop_keyboard.executables import KEYS_TO_TWIST
-from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.ramp import Velocity
-from teleop_keyboard.teleop_parameters import TeleopParameters
-from teleop_keyboard.twist_output import declare_stamped
-from teleop_keyboard.twist_output import TwistOutput
+from teleop_keyboard.twist_messages import declare_stamped
+from teleop_keyboard.twist_messages import to_twist
+from teleop_keyboard.twist_messages import TwistOutput
 
 # The zero that ends it all is sent this often, and may take this long to leave [s].
 LAST_ZEROS = 3

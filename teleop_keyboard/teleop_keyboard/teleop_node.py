@@ -8,7 +8,10 @@ import sys
 import time
 from typing import Any
 
+from nav_msgs.msg import Odometry
 import rclpy
+from rclpy.node import Node
+from std_msgs.msg import String
 from wasd_core.errors import UserError
 from wasd_core.node import explain_ros_errors
 from wasd_core.node import init_ros
@@ -19,26 +22,60 @@ from wasd_core.streams import never_wait
 from wasd_core.streams import prepare_streams
 from wasd_core.streams import print_error
 from wasd_core.timing import Notice
+from wasd_core.topics import LATCHED
+from wasd_core.topics import LATEST
 
-from teleop_keyboard.command_line import read_options
+from teleop_keyboard.dashboard import asks_for_help
 from teleop_keyboard.dashboard import dashboard
+from teleop_keyboard.dashboard import HELP_KEY
+from teleop_keyboard.dashboard import is_press
+from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings
 from teleop_keyboard.executables import TELEOP
-from teleop_keyboard.key_hints import asks_for_help
-from teleop_keyboard.key_hints import HELP_KEY
-from teleop_keyboard.key_hints import is_press
-from teleop_keyboard.key_hints import KeyHints
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from teleop_keyboard.key_publisher_node import read_options
 from teleop_keyboard.key_publisher_node import wait_for_subscriber
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.key_script import KeyScriptWriter
-from teleop_keyboard.keymap_text import table_lines
+from teleop_keyboard.keymap import table_lines
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
-from teleop_keyboard.robot_monitor_node import RobotMonitorNode
+from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.screen import Screen
 from teleop_keyboard.terminal import tolerate_any_text
+from teleop_keyboard.twist_messages import from_twist
+
+# Odometry older than this is none [s].
+ODOMETRY_LIFETIME = 1.0
+
+
+class RobotMonitorNode(Node):
+    """Listens to `odom` and `state`; both may be silent."""
+
+    def __init__(self) -> None:
+        super().__init__('robot_monitor')
+        self._velocity: Velocity | None = None
+        self._heard_at = self.get_clock().now()
+        self.state: str | None = None
+        self._inputs = [
+            self.create_subscription(Odometry, 'odom', self._on_odometry, LATEST),
+            self.create_subscription(String, 'state', self._on_state, LATCHED),
+        ]
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """The robot's velocity by its odometry, None when there is none of late."""
+        age = 1e-9 * (self.get_clock().now() - self._heard_at).nanoseconds
+        return self._velocity if age < ODOMETRY_LIFETIME else None
+
+    def _on_odometry(self, message: Odometry) -> None:
+        self._velocity = from_twist(message.twist.twist)
+        self._heard_at = self.get_clock().now()
+
+    def _on_state(self, message: String) -> None:
+        self.state = message.data
+
 
 # How long one wait for keys lasts [s]: bounds how late a timer of the nodes fires ...
 POLL_PERIOD = 0.01

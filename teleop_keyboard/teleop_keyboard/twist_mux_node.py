@@ -26,18 +26,18 @@ from wasd_core.topics import AbsenceWatch
 from wasd_core.topics import LATCHED
 from wasd_core.topics import RELIABLE
 
-from teleop_keyboard.conversions import is_finite
-from teleop_keyboard.conversions import to_marker
 from teleop_keyboard.executables import TWIST_MUX
 from teleop_keyboard.mux import DEFAULT_LOCKS
 from teleop_keyboard.mux import DEFAULT_SOURCES
 from teleop_keyboard.mux import Mux
 from teleop_keyboard.mux import MuxInput
-from teleop_keyboard.teleop_parameters import MuxParameters
-from teleop_keyboard.twist_output import declare_stamped
-from teleop_keyboard.twist_output import LOOK_PERIOD
-from teleop_keyboard.twist_output import TwistOutput
-from teleop_keyboard.twist_output import type_of
+from teleop_keyboard.parameters import MuxParameters
+from teleop_keyboard.twist_messages import declare_stamped
+from teleop_keyboard.twist_messages import is_finite
+from teleop_keyboard.twist_messages import LOOK_PERIOD
+from teleop_keyboard.twist_messages import to_marker
+from teleop_keyboard.twist_messages import TwistOutput
+from teleop_keyboard.twist_messages import type_of
 
 # How often losses are looked for [s]: so late a zero comes after a time-out.
 STEP_PERIOD = 0.02

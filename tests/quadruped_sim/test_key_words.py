@@ -12,8 +12,8 @@ from quadruped_sim.state_machine import StateMachine
 from quadruped_sim.state_machine import StateName
 from quadruped_sim.state_machine import TRANSITIONS
 from quadruped_sim.sticks import STICK_KEYS
-from teleop_keyboard.status_text import Status
-from teleop_keyboard.status_text import status_line
+from teleop_keyboard.dashboard import Status
+from teleop_keyboard.dashboard import status_line
 from wasd_core.timing import brief
 
 WORDS = KeyWords(reset_key='BACKSPACE', help_key='?')

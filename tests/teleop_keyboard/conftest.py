@@ -18,7 +18,7 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
-from teleop_keyboard.conversions import from_twist
+from teleop_keyboard.twist_messages import from_twist
 
 # Makes the pseudo-terminal on standard input the controlling terminal, as a shell's terminal is:
 # then Ctrl-C, typed, is a signal.

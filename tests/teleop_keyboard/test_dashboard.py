@@ -4,15 +4,15 @@ import io
 import pytest
 from teleop_keyboard.dashboard import bar
 from teleop_keyboard.dashboard import dashboard
+from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Line
 from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings
-from teleop_keyboard.key_hints import KeyHints
-from teleop_keyboard.keymap import load_preset
-from teleop_keyboard.keymap import preset_names
-from teleop_keyboard.keymap_text import table_lines
+from teleop_keyboard.key_names import LAYOUTS
+from teleop_keyboard.keymap import table_lines
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keymap_file import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.layouts import LAYOUTS
 from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.screen import CLOSE
 from teleop_keyboard.screen import OPEN

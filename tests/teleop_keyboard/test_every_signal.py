@@ -6,8 +6,8 @@ import signal
 import time
 
 import pytest
-from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.ramp import STANDSTILL
+from teleop_keyboard.twist_messages import from_twist
 from wasd_core.signals import DEADLY
 
 pytestmark = pytest.mark.slow

@@ -7,8 +7,8 @@ import termios
 import time
 
 import pytest
-from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.ramp import STANDSTILL
+from teleop_keyboard.twist_messages import from_twist
 
 pytestmark = pytest.mark.slow
 

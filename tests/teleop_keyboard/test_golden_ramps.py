@@ -5,9 +5,9 @@ import math
 import random
 
 import pytest
-from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.teleop_parameters import TeleopParameters
+from teleop_keyboard.parameters import TeleopParameters
 
 
 class SeedRamps:

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from teleop_keyboard.key_hints import driving_keys
-from teleop_keyboard.key_hints import is_press
-from teleop_keyboard.key_hints import KeyHints
+from teleop_keyboard.dashboard import driving_keys
+from teleop_keyboard.dashboard import is_press
+from teleop_keyboard.dashboard import KeyHints
+from teleop_keyboard.dashboard import Status
+from teleop_keyboard.dashboard import status_line
+from teleop_keyboard.key_names import LAYOUTS
 from teleop_keyboard.key_names import NAMED_KEYS
-from teleop_keyboard.keymap import load_preset
-from teleop_keyboard.keymap import preset_names
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keymap_file import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.layouts import LAYOUTS
-from teleop_keyboard.status_text import Status
-from teleop_keyboard.status_text import status_line
 from wasd_core.timing import brief
 
 KEYS = (*map(chr, range(32, 127)), *sorted(NAMED_KEYS), 'CTRL+ALT+SHIFT+DOWN')

@@ -4,11 +4,11 @@ import math
 import pytest
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap import IDLE_POLICIES
-from teleop_keyboard.keymap import load_preset
-from teleop_keyboard.keymap import preset_names
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keymap_file import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.teleop_parameters import TeleopParameters
 from wasd_core.parameters import InvalidParameter
 
 STEP = 0.002

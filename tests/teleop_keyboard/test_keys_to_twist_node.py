@@ -10,10 +10,10 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
-from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.ramp import STANDSTILL
+from teleop_keyboard.twist_messages import from_twist
 from wasd_core.parameters import InvalidParameter
 
 

@@ -9,7 +9,7 @@ import time
 import pytest
 from teleop_keyboard.decoder import KeyDecoder
 from teleop_keyboard.key_reader import KeyReader
-from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.terminal import ASK_KITTY
 from teleop_keyboard.terminal import KITTY_OFF

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
+from teleop_keyboard.key_names import LAYOUTS
+from teleop_keyboard.key_names import on_layout
+from teleop_keyboard.key_names import on_qwerty
+from teleop_keyboard.key_names import places
 from teleop_keyboard.keymap import KeymapError
-from teleop_keyboard.keymap import load_preset
-from teleop_keyboard.keymap import preset_names
-from teleop_keyboard.keymap_reader import read_keymap
-from teleop_keyboard.keymap_text import describe_keymap
-from teleop_keyboard.keymap_text import list_presets
-from teleop_keyboard.layouts import LAYOUTS
-from teleop_keyboard.layouts import on_layout
-from teleop_keyboard.layouts import on_qwerty
-from teleop_keyboard.layouts import places
+from teleop_keyboard.keymap_file import describe_keymap
+from teleop_keyboard.keymap_file import list_presets
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keymap_file import preset_names
+from teleop_keyboard.keymap_file import read_keymap
 from wasd_bringup.cli import main
 
 

@@ -5,11 +5,11 @@ import signal
 import time
 
 import pytest
-from teleop_keyboard.conversions import from_twist
-from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.teleop_parameters import TeleopParameters
+from teleop_keyboard.twist_messages import from_twist
 
 STEP = 0.01
 KEYS = ('-m', 'teleop_keyboard.key_publisher_node')

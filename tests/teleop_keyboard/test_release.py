@@ -9,12 +9,12 @@ with a preset's ramp it is the start of the ramp that comes then.
 import time
 
 import pytest
-from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.key_script import parse_key_script
-from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.teleop_parameters import TeleopParameters
+from teleop_keyboard.twist_messages import from_twist
 
 # The step and the period of the messages of a node of its own [s].
 STEP = 0.02

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import io
 
-from teleop_keyboard.status_line import StatusLine
+from teleop_keyboard.screen import StatusLine
 
 
 class Screen(io.StringIO):

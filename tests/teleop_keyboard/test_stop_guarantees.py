@@ -8,8 +8,8 @@ import time
 
 from nav_msgs.msg import Odometry
 import pytest
-from teleop_keyboard.conversions import from_twist
 from teleop_keyboard.ramp import STANDSTILL
+from teleop_keyboard.twist_messages import from_twist
 
 pytestmark = pytest.mark.slow
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import time
 
 import pytest
-from teleop_keyboard.conversions import from_twist
+from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.teleop_parameters import TeleopParameters
+from teleop_keyboard.twist_messages import from_twist
 
 PATH = Path(__file__).parents[2] / 'wasd_bringup' / 'launch' / 'teleop.launch.py'
 
@@ -83,7 +83,7 @@ def test_it_imports_nothing_that_the_stand_in_would_hide():
         'launch.substitutions',
         'launch_ros.actions',
         'launch_ros.parameter_descriptions',
-        'teleop_keyboard.teleop_parameters',
+        'teleop_keyboard.parameters',
     }
 
 

@@ -13,9 +13,9 @@ from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import ListParameters
 from rcl_interfaces.srv import SetParameters
-from teleop_keyboard.conversions import from_twist
+from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.teleop_parameters import TeleopParameters
+from teleop_keyboard.twist_messages import from_twist
 
 pytestmark = pytest.mark.slow
 

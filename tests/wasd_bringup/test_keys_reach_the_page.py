@@ -6,9 +6,9 @@ import pytest
 from quadruped_sim.state_machine import STATE_KEYS
 from quadruped_sim.sticks import STICK_KEYS
 from quadruped_sim.sticks import ZERO_KEYS
-from teleop_keyboard.key_hints import HELP_KEYS
-from teleop_keyboard.keymap import load_preset
-from teleop_keyboard.keymap import preset_names
+from teleop_keyboard.dashboard import HELP_KEYS
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keymap_file import preset_names
 from wasd_bringup.key_switch import SWITCH_KEY
 from wasd_bringup.run_keys import RESET_KEY
 

@@ -11,8 +11,8 @@ from mujoco_sim.parameters import SimulatorParameters
 import pytest
 from quadruped_sim.node_parameters import LegNodeParameters
 from robot_description.state_publisher_node import StatePublisherParameters
-from teleop_keyboard.teleop_parameters import KeyParameters
-from teleop_keyboard.teleop_parameters import TeleopParameters
+from teleop_keyboard.parameters import KeyParameters
+from teleop_keyboard.parameters import TeleopParameters
 from wasd_bringup.unitree_keys import unitree_help
 import yaml
 

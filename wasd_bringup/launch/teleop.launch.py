@@ -16,7 +16,7 @@ from launch.actions import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from teleop_keyboard.teleop_parameters import TeleopParameters
+from teleop_keyboard.parameters import TeleopParameters
 
 TOPICS = ('cmd_vel', 'keys', 'odom', 'state')
 

@@ -25,7 +25,7 @@ from quadruped_sim.records import Odometry
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.state_machine import STATE_KEYS
 from robot_description.description import load_robot
-from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseState

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import sys
 from typing import Any
 
-from teleop_keyboard.keymap_text import describe_keymap
-from teleop_keyboard.keymap_text import list_presets
-from teleop_keyboard.layouts import LAYOUTS
+from teleop_keyboard.key_names import LAYOUTS
+from teleop_keyboard.keymap_file import describe_keymap
+from teleop_keyboard.keymap_file import list_presets
 from teleop_keyboard.terminal import tolerate_any_text
 from wasd_core.command_line import OneLineParser
 from wasd_core.errors import Stopped

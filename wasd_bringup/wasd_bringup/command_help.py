@@ -3,7 +3,7 @@
 
 from importlib import metadata
 
-from teleop_keyboard.keymap import load_preset
+from teleop_keyboard.keymap_file import load_preset
 
 from wasd_bringup.key_switch import SWITCH_LINE
 from wasd_bringup.options import PRESETS

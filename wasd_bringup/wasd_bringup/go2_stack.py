@@ -22,15 +22,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from std_msgs.msg import String
-from teleop_keyboard.key_hints import driving_keys
-from teleop_keyboard.key_hints import HELP_KEY
-from teleop_keyboard.key_hints import is_press
-from teleop_keyboard.key_hints import KeyHints
+from teleop_keyboard.dashboard import driving_keys
+from teleop_keyboard.dashboard import HELP_KEY
+from teleop_keyboard.dashboard import is_press
+from teleop_keyboard.dashboard import KeyHints
+from teleop_keyboard.dashboard import Status
+from teleop_keyboard.key_names import on_layout
+from teleop_keyboard.key_names import on_qwerty
 from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
-from teleop_keyboard.layouts import on_layout
-from teleop_keyboard.layouts import on_qwerty
-from teleop_keyboard.status_text import Status
 from wasd_core.topics import RELIABLE
 
 from wasd_bringup.options import RunOptions

@@ -4,7 +4,7 @@
 import argparse
 
 from mujoco_sim.world_names import WORLD_NAMES
-from teleop_keyboard.layouts import LAYOUTS
+from teleop_keyboard.key_names import LAYOUTS
 
 from wasd_bringup.discovery_range import RANGES
 from wasd_bringup.options import PRESETS

@@ -14,12 +14,12 @@ from rclpy.clock import ROSClock
 from rclpy.node import Node
 from rclpy.time_source import TimeSource
 from rosgraph_msgs.msg import Clock
-from teleop_keyboard.key_hints import HELP_KEYS
+from teleop_keyboard.dashboard import HELP_KEYS
+from teleop_keyboard.dashboard import Status
+from teleop_keyboard.dashboard import status_line
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
-from teleop_keyboard.status_line import StatusLine
-from teleop_keyboard.status_text import Status
-from teleop_keyboard.status_text import status_line
+from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
 from wasd_core.node import MessagePump
 

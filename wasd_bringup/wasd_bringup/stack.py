@@ -11,7 +11,7 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from robot_description.description import Description
 from std_msgs.msg import String
-from teleop_keyboard.status_text import Status
+from teleop_keyboard.dashboard import Status
 from wasd_core.timing import Notice
 
 from wasd_bringup.options import RunOptions

@@ -2,7 +2,7 @@
 """The Go2's own keyboard, unitree_guide's: states and sticks, on any layout."""
 
 from quadruped_sim.sticks import STICK_KEYS
-from teleop_keyboard.layouts import on_layout
+from teleop_keyboard.key_names import on_layout
 
 UNITREE_PRESET = 'unitree'
 HELP = (

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
+from teleop_keyboard.key_names import LAYOUTS
 from teleop_keyboard.keymap import IDLE_POLICIES
 from teleop_keyboard.keymap import MODES
-from teleop_keyboard.layouts import LAYOUTS
 
 # A preset's value is in force where a number is 0 or a word is this.
 AS_PRESET = 'preset'

@@ -1,30 +1,133 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-YAML text to a validated keymap.
+Keymaps from YAML: the built-in presets and files of users, on any keyboard.
 
-It works on YAML nodes and not on loaded values: nodes know their lines, and a key such as `1` or
-`~` stays the character that it is.
+The reader works on YAML nodes and not on loaded values: nodes know their lines, and a key such as
+`1` or `~` stays the character that it is.
 """
 
 from collections.abc import Callable
+import dataclasses
 import difflib
+from importlib import resources
 import math
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
 from wasd_core.safe_files import compose_yaml
+from wasd_core.safe_files import read_text
 import yaml
 
 from teleop_keyboard.key_names import canonical_key
+from teleop_keyboard.key_names import on_layout
 from teleop_keyboard.key_names import SIGNAL_KEYS
 from teleop_keyboard.keymap import Direction
+from teleop_keyboard.keymap import help_table
 from teleop_keyboard.keymap import IDLE_POLICIES
 from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import KeymapError
 from teleop_keyboard.keymap import Limits
+from teleop_keyboard.keymap import LINE_WIDTH
 from teleop_keyboard.keymap import MODES
 from teleop_keyboard.keymap import OTHER_KEYS
 from teleop_keyboard.keymap import SpeedFactor
+from teleop_keyboard.keymap import table_lines
+
+
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the built-in presets."""
+    entries = resources.files('teleop_keyboard').joinpath('presets').iterdir()
+    return tuple(
+        sorted(Path(entry.name).stem for entry in entries if entry.name.endswith('.yaml'))
+    )
+
+
+def load_preset(name_or_path: str, layout: str = 'qwerty') -> Keymap:
+    """
+    Return a built-in preset by name, or the keymap in a YAML file by path.
+
+    Keymaps name the keys of a qwerty keyboard; on another `layout` the same places are meant.
+
+    Raises:
+        KeymapError: when there is no such preset or file, or when it is not valid.
+    """
+    keymap = _load(name_or_path)
+    return keymap if layout == 'qwerty' else _moved(keymap, layout)
+
+
+def _moved(keymap: Keymap, layout: str) -> Keymap:
+    """Return the keymap with its keys at the same places of another keyboard."""
+    names = {key: on_layout(key, layout) for key in keymap.keys}
+    if len(set(names.values())) < len(names):
+        twice = [key for key, name in names.items() if list(names.values()).count(name) > 1]
+        raise KeymapError(f'{keymap.name}: {" and ".join(twice)} are one key on {layout}')
+    moved = dataclasses.replace(
+        keymap,
+        motion=MappingProxyType({names[key]: way for key, way in keymap.motion.items()}),
+        speed_keys=MappingProxyType({names[key]: f for key, f in keymap.speed_keys.items()}),
+        stop_keys=frozenset(names[key] for key in keymap.stop_keys),
+    )
+    title = *keymap.help_lines[:1], f'keyboard {layout}'
+    return dataclasses.replace(moved, help_lines=(', '.join(title), *help_table(moved)))
+
+
+def _load(name_or_path: str) -> Keymap:
+    names = preset_names()
+    if name_or_path in names:
+        file = resources.files('teleop_keyboard').joinpath('presets', f'{name_or_path}.yaml')
+        return read_keymap(file.read_text(encoding='utf-8'), f'{name_or_path}.yaml', name_or_path)
+    path = Path(name_or_path).expanduser()
+    if '/' not in name_or_path and path.suffix not in ('.yaml', '.yml'):
+        near = difflib.get_close_matches(name_or_path, names, n=1)
+        hint = f', did you mean {near[0]}?' if near else ''
+        known = ', '.join(names)
+        raise KeymapError(
+            f'unknown preset {name_or_path!r}{hint} (known: {known}, or the path of a .yaml file)'
+        )
+    try:
+        text = read_text(path)
+    except OSError as error:
+        raise KeymapError(f'{name_or_path}: cannot read the keymap: {error.strerror}') from None
+    except UnicodeDecodeError as error:
+        line = error.object.count(b'\n', 0, error.start) + 1
+        raise KeymapError(f'{name_or_path}:{line}: not UTF-8 text') from None
+    return read_keymap(text, name_or_path, path.stem)
+
+
+def describe_keymap(name: str, layout: str) -> list[str]:
+    """
+    Return everything about a keymap that a driver wants to know.
+
+    Raises:
+        KeymapError: there is no such keymap, or it is not valid.
+    """
+    keymap = load_preset(name, layout)
+    lines = [
+        f'preset {keymap.name}, keyboard {layout}',
+        f'  mode {keymap.mode}, idle {keymap.idle}, {keymap.rate:g} Hz',
+        f'  speed {keymap.speed:g} m/s ({_range(keymap.speed_limits)}), '
+        f'ramp {keymap.linear_accel:g} m/s^2',
+        f'  turn {keymap.turn:g} rad/s ({_range(keymap.turn_limits)}), '
+        f'ramp {keymap.angular_accel:g} rad/s^2',
+    ]
+    return [*lines, '', *table_lines(keymap)]
+
+
+def _range(limits: Limits) -> str:
+    return f'{limits.low:g} .. {limits.high:g}'
+
+
+def list_presets() -> list[str]:
+    """Return a line for each built-in preset: name, how keys count, speeds."""
+    lines = []
+    for name in preset_names():
+        keymap = load_preset(name)
+        title = keymap.help_lines[0] if keymap.help_lines else ''
+        speeds = f'{keymap.speed:g} m/s, {keymap.turn:g} rad/s'
+        lines.append(f'{name:14} {keymap.mode:6} {speeds:22} {title}'[:LINE_WIDTH])
+    return lines
+
 
 Value = TypeVar('Value')
 
