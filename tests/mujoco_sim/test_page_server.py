@@ -155,6 +155,7 @@ def test_a_client_that_does_not_finish_its_request_is_let_go(port, monkeypatch):
                 assert client.recv(1) == b''
 
 
+@pytest.mark.slow
 def test_nobody_takes_the_robot_from_a_driver_who_is_there(view, port):
     with PagePuppet(view.url) as page:
         time.sleep(0.5)
@@ -167,6 +168,7 @@ def test_nobody_takes_the_robot_from_a_driver_who_is_there(view, port):
         assert 'i' in view.pressed_keys()
 
 
+@pytest.mark.slow
 def test_a_page_that_has_fallen_silent_keeps_nobody_out(view, port):
     with PagePuppet(view.url, session='orphan') as orphan:
         time.sleep(0.5)
@@ -182,6 +184,7 @@ def test_a_page_that_has_fallen_silent_keeps_nobody_out(view, port):
     assert 'i' in view.pressed_keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('rate', [2.0, 4.0, 20.0])
 def test_a_browser_is_sent_no_more_panels_than_it_draws(view, rate):
     with PagePuppet(view.url, rate) as page:
@@ -191,6 +194,7 @@ def test_a_browser_is_sent_no_more_panels_than_it_draws(view, rate):
         assert 0 < page.frames - frames <= page.pictures - pictures + 2
 
 
+@pytest.mark.slow
 def test_what_the_panels_of_a_slow_page_say_is_never_older_than_two_pictures(view):
     with PagePuppet(view.url, rate=2.0) as page:
         time.sleep(7.0)
@@ -201,6 +205,7 @@ def test_what_the_panels_of_a_slow_page_say_is_never_older_than_two_pictures(vie
     assert {after - before for before, after in itertools.pairwise(shown)} == {1}
 
 
+@pytest.mark.slow
 def test_a_silent_browser_is_sent_no_panels(view):
     with PagePuppet(view.url) as page:
         time.sleep(0.5)

@@ -58,6 +58,7 @@ def test_a_number_that_no_key_has_is_no_error(data):
     assert decoder.feed(b'i') == ['i']
 
 
+@pytest.mark.slow
 def test_a_million_random_bytes_give_the_same_keys_however_they_are_cut():
     rng = random.Random(1)
     data = rng.randbytes(MANY)
@@ -66,6 +67,7 @@ def test_a_million_random_bytes_give_the_same_keys_however_they_are_cut():
     assert decode(data, cuts_of(data, rng, 5)) == whole
 
 
+@pytest.mark.slow
 def test_a_million_bytes_of_sequences_give_the_same_keys_however_they_are_cut():
     rng = random.Random(2)
     pieces, size = [], 0
