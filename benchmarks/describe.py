@@ -11,7 +11,7 @@ from typing import Any
 
 from mujoco_sim.loading import build_world
 from robot_description.description import load_robot
-from robot_description.kinematic_check import check_kinematics
+from robot_description.info import check_kinematics
 from robot_description.packages import share_directory
 from table import at_most
 from table import Row

@@ -14,9 +14,9 @@ from experiment import Experiment
 from experiment import Verdict
 import numpy as np
 from robot_description.description import read_description
+from robot_description.morphology.quadruped import Scale
+from robot_description.morphology.quadruped import scale_of
 from robot_description.packages import share_directory
-from robot_description.similarity import Scale
-from robot_description.similarity import scale_of
 from table import format_count
 from table import Row
 from trials import Run

@@ -15,7 +15,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import load_robot
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory

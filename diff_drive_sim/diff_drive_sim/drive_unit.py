@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One robot's drive put together: geometry, motor, controller, wheel loops or arithmetic."""
 
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 
 from diff_drive_sim.controller import Controller
 from diff_drive_sim.controller import DiffDriveController

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from dataclasses import replace
 import math
 
-from robot_description.drive_wheels import drive_wheels
-from robot_description.drive_wheels import TOLERANCE
-from robot_description.urdf import Robot
+from robot_description.morphology.wheels import drive_wheels
+from robot_description.morphology.wheels import TOLERANCE
+from robot_description.robot import Robot
 
 from diff_drive_sim.errors import DiffDriveError
 from diff_drive_sim.wheel_parameters import WheelParameters

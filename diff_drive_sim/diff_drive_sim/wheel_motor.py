@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 import math
 
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 
 from diff_drive_sim.geometry import DiffDriveGeometry
 

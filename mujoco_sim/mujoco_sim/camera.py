@@ -5,7 +5,7 @@ from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 
 from mujoco_sim.mount import find_mount
 from mujoco_sim.mount import Snapshot

@@ -4,7 +4,7 @@
 import mujoco
 import numpy as np
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 
 from mujoco_sim.mount import find_mount
 from mujoco_sim.mount import Snapshot

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import mujoco
 from robot_description.description import Description
+from robot_description.morphology.quadruped import find_imu
 from robot_description.mujoco.builder import add_imu
 from robot_description.mujoco.builder import to_mujoco
-from robot_description.quadruped import find_imu
 from wasd_core.errors import DescriptionError
 
 from mujoco_sim.physics import Physics

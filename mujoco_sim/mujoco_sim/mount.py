@@ -4,7 +4,7 @@
 from typing import NamedTuple
 
 import mujoco
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 from wasd_core.rotations import Pose
 
 from mujoco_sim.world import World

@@ -7,8 +7,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from robot_description.renderer_choice import find_renderer
-from robot_description.renderer_choice import NO_RENDERER
+from robot_description.mujoco import find_renderer
+from robot_description.mujoco import NO_RENDERER
 from wasd_core.rotations import Pose
 
 from mujoco_sim.errors import SimulationError

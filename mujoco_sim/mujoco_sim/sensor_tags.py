@@ -10,7 +10,7 @@ from typing import NamedTuple
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 from wasd_core.rotations import Pose
 from wasd_core.rotations import rpy_matrix
 

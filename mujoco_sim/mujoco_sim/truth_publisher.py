@@ -8,7 +8,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 from sensor_msgs.msg import JointState
 from wasd_core.messages import to_seconds
 from wasd_core.messages import to_stamp

@@ -4,12 +4,12 @@
 import math
 
 from robot_description.description import Description
-from robot_description.drive_wheels import lowest_point
-from robot_description.leg import NotAQuadruped
-from robot_description.quadruped import Quadruped
-from robot_description.similarity import REFLECTED_INERTIA
-from robot_description.similarity import scale_of
-from robot_description.similarity import similar_pose
+from robot_description.morphology.leg import NotAQuadruped
+from robot_description.morphology.quadruped import Quadruped
+from robot_description.morphology.quadruped import REFLECTED_INERTIA
+from robot_description.morphology.quadruped import scale_of
+from robot_description.morphology.quadruped import similar_pose
+from robot_description.morphology.wheels import lowest_point
 
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import SensorNoise

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 
 from mujoco_sim.mount import Snapshot
 from mujoco_sim.world import World

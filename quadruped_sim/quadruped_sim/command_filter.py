@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from robot_description.similarity import GO2
-from robot_description.similarity import Scale
+from robot_description.morphology.quadruped import GO2
+from robot_description.morphology.quadruped import Scale
 from wasd_core.timing import Watchdog
 
 from quadruped_sim.parameters import CommandParameters

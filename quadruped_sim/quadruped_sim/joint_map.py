@@ -4,7 +4,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from robot_description.quadruped import Quadruped
+from robot_description.morphology.quadruped import Quadruped
 from wasd_core.robot_io import BaseState as TrueBase
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading

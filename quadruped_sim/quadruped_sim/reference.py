@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from robot_description.similarity import Scale
+from robot_description.morphology.quadruped import Scale
 
 from quadruped_sim.ground import Ground
 from quadruped_sim.parameters import ReferenceParameters

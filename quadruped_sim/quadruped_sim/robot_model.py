@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pinocchio as pin
 from robot_description.description import Description
+from robot_description.morphology.quadruped import imu_position
+from robot_description.morphology.quadruped import Quadruped
+from robot_description.morphology.quadruped import REFLECTED_INERTIA
+from robot_description.morphology.quadruped import scale_of
+from robot_description.morphology.quadruped import similar_pose
 from robot_description.pinocchio_model import to_pinocchio
-from robot_description.quadruped import imu_position
-from robot_description.quadruped import Quadruped
-from robot_description.similarity import REFLECTED_INERTIA
-from robot_description.similarity import scale_of
-from robot_description.similarity import similar_pose
 from wasd_core.errors import DescriptionError
 
 from quadruped_sim.exceptions import RobotModelError

@@ -14,7 +14,7 @@ from dataclasses import replace
 import math
 from typing import Any, TypeVar
 
-from robot_description.similarity import Scale
+from robot_description.morphology.quadruped import Scale
 from wasd_core.parameters import Parameters
 
 from quadruped_sim.convex_mpc import GRAVITY

@@ -127,7 +127,7 @@ def _folder(text: str) -> Path:
 
 
 def _expand(options: argparse.Namespace) -> int:
-    from robot_description.expand import expand_document
+    from robot_description.xacro.expand import expand_document
 
     expansion = expand_document(options.path, options.arguments, options.package_path)
     for place, text in expansion.warnings:
@@ -143,7 +143,7 @@ def _expand(options: argparse.Namespace) -> int:
 
 def _lint(options: argparse.Namespace) -> int:
     from robot_description.lint import lint
-    from robot_description.lint import Severity
+    from robot_description.lint.rules import Severity
 
     found = lint(options.path, options.arguments, options.package_path, options.expect)
     if options.json:
@@ -156,8 +156,8 @@ def _lint(options: argparse.Namespace) -> int:
 
 def _fix(options: argparse.Namespace) -> int:
     from robot_description.fix import mend
-    from robot_description.fix.output import write_mended
-    from robot_description.fix.renames import read_renames
+    from robot_description.fix import write_mended
+    from robot_description.fix.edits import read_renames
 
     renames = read_renames(options.rename)
     fixes = mend(options.path, options.arguments, options.package_path, renames, options.only)
@@ -173,7 +173,7 @@ def _fix(options: argparse.Namespace) -> int:
 
 def _info(options: argparse.Namespace) -> int:
     if options.picture is not None:
-        from robot_description.renderer_choice import choose_renderer
+        from robot_description.mujoco import choose_renderer
 
         choose_renderer()  # before mujoco is imported
     from robot_description.description import read_description
@@ -183,20 +183,20 @@ def _info(options: argparse.Namespace) -> int:
     record = info_record(info)
     weighed = info.with_stand_in_masses()  # MuJoCo takes none without; where links are is the same
     if options.check:
-        from robot_description.kinematic_check import check_kinematics
+        from robot_description.info import check_kinematics
 
         deviations = check_kinematics(weighed)
         record['kinematics'] = [deviation._asdict() for deviation in deviations]
     if options.json:
         print(json.dumps(record, indent=2))
     else:
-        from robot_description.info_text import print_info
+        from robot_description.info import print_info
 
         print_info(info)
         for library, distance, link in deviations if options.check else ():
             print(f'{library}: links within {distance:.1e} m of the description (worst: {link})')
     if options.picture is not None:
-        from robot_description.picture import draw
+        from robot_description.mujoco.picture import draw
 
         draw(weighed.robot, info.meshes.files.get, options.picture)
     return 0
@@ -234,7 +234,7 @@ def read_command_line(words: Sequence[str]) -> argparse.Namespace:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; return the exit status: 0, 1 with findings, 2 for a mistake."""
-    from robot_description.robots import description_path
+    from robot_description.packages import description_path
 
     prepare_streams()
     signal.signal(signal.SIGINT, signal.default_int_handler)

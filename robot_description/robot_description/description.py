@@ -12,18 +12,18 @@ import xml.etree.ElementTree as ElementTree
 
 from wasd_core.errors import DescriptionError
 
-from robot_description.drive_wheels import drive_wheels
-from robot_description.drive_wheels import equipped
-from robot_description.expand import expand_document
-from robot_description.inertia import impossible_inertias
-from robot_description.leg import NotAQuadruped
-from robot_description.mesh_report import MeshReport
-from robot_description.mesh_resolver import resolve_meshes
-from robot_description.quadruped import find_quadruped
-from robot_description.quadruped import Quadruped
-from robot_description.robots import description_path
+from robot_description.meshes.resolver import MeshReport
+from robot_description.meshes.resolver import resolve_meshes
+from robot_description.morphology.leg import NotAQuadruped
+from robot_description.morphology.quadruped import find_quadruped
+from robot_description.morphology.quadruped import Quadruped
+from robot_description.morphology.wheels import drive_wheels
+from robot_description.morphology.wheels import equipped
+from robot_description.packages import description_path
+from robot_description.robot import impossible_inertias
+from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
-from robot_description.urdf import Robot
+from robot_description.xacro.expand import expand_document
 
 # Without a handler Python writes warnings to standard error, a line each.
 LOGGER = logging.getLogger(__name__)

@@ -2,14 +2,30 @@
 """The state publisher as a program: --help and wrong words are answered before it loads."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from wasd_core.command_line import Executable
+from wasd_core.parameters import parameter
+from wasd_core.parameters import Parameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatePublisherParameters(Parameters):
+    """What the state publisher publishes."""
+
+    description: str = parameter(
+        'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
+    )
+    publish_frequency: float = parameter(
+        50.0, doc='Rate of /tf, at most that of joint_states', unit='Hz', above=0.0
+    )
+
 
 STATE_PUBLISHER = Executable(
     name='state_publisher',
     module='robot_description.state_publisher_node',
     about="Publishes robot_description, and from joint_states where the robot's links are: /tf.",
-    parameters=('robot_description.node_parameters:StatePublisherParameters',),
+    parameters=('robot_description.executables:StatePublisherParameters',),
     example='state_publisher --ros-args -p description:=mbot -p use_sim_time:=true',
 )
 

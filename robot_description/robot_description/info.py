@@ -1,11 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a description says, as JSON has it: its tree, masses, joints, limits and meshes."""
+"""What `describe info` tells: tree, masses, joints, meshes, and whether libraries agree."""
 
+from collections.abc import Callable, Iterable, Mapping
+import io
+import logging
 import math
-from typing import Any
+import sys
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.tree import Tree
+from wasd_core.streams import unguarded
+from wasd_core.streams import visible
 
 from robot_description.description import Description
-from robot_description.urdf import Joint
+from robot_description.meshes.resolver import MeshRecord
+from robot_description.robot import Joint
+from robot_description.robot import Robot
+from robot_description.urdf import parse_urdf
+
+# Where no terminal says how wide it is.
+WIDTH = 120
+Positions = Mapping[str, float]
+Places = dict[str, np.ndarray]
+LinkPlaces = Callable[[Positions], Places]
+# Joints without limits are tried so far to both sides [rad], sliding ones so far [m].
+FULL_TURN = math.pi
+SLIDE = 0.5
 
 
 def info_record(description: Description) -> dict[str, Any]:
@@ -47,3 +71,176 @@ def _joint_record(joint: Joint) -> dict[str, Any]:
         'velocity': joint.velocity,
         'mimics': joint.mimics or None,
     }
+
+
+def print_info(info: Description) -> None:
+    """Print the robot's tree, its joints and its meshes."""
+    with unguarded(sys.stdout) as file:
+        console = Console(file=file, highlight=False)
+        if not console.is_terminal:
+            console = Console(file=file, highlight=False, width=WIDTH)
+        _print_info(console, info)
+
+
+def _print_info(console: Console, info: Description) -> None:
+    robot = info.robot
+    root = _shown(robot.root)
+    base = f'hangs on {root}' if robot.is_fixed else f'floats, root {root}'
+    movable = len(robot.movable_joints)
+    console.print(
+        f'[bold]{_shown(robot.name)}[/]  {info.kind}, {robot.mass:.3f} kg, {base}; '
+        f'{len(robot.links)} links, {len(robot.joints)} joints, {movable} of them movable'
+    )
+    console.print(_tree(robot))
+    if movable:
+        console.print(_joints(robot.movable_joints))
+    if info.meshes.records:
+        console.print(_meshes(info.meshes.records))
+    for line in (*info.warnings, *info.repairs):
+        console.print(_shown(line), soft_wrap=True)
+
+
+def _shown(text: str) -> str:
+    """Return a text of the description as the console shows it."""
+    return escape(visible(text))
+
+
+def _tree(robot: Robot) -> Tree:
+    branches = {robot.root: Tree(_link(robot, robot.root))}
+    for link in robot.links_from_root[1:]:
+        parent = branches[robot.parent_joints[link].parent]
+        branches[link] = parent.add(_link(robot, link))
+    return branches[robot.root]
+
+
+def _link(robot: Robot, name: str) -> str:
+    mass = robot.links[name].mass
+    text = _shown(name) + (f'  {mass:.4g} kg' if mass > 0.0 else '')
+    joint = robot.parent_joints.get(name)
+    return f'{text}  [dim]{joint.kind} {_shown(joint.name)}[/]' if joint is not None else text
+
+
+def _joints(joints: Iterable[Joint]) -> Table:
+    table = Table('joint', 'type', 'from', 'to', 'effort', 'velocity', box=None)
+    for column in table.columns[2:]:
+        column.justify = 'right'
+    for joint in joints:
+        unit, force = ('m', 'N') if joint.kind == 'prismatic' else ('rad', 'N m')
+        kind = f'{joint.kind}, mimics {joint.mimics}' if joint.mimics else joint.kind
+        table.add_row(
+            _shown(joint.name),
+            _shown(kind),
+            _limit(joint.lower, unit),
+            _limit(joint.upper, unit),
+            f'{joint.effort:g} {force}',
+            f'{joint.velocity:g} {unit}/s',
+        )
+    return table
+
+
+def _limit(value: float, unit: str) -> str:
+    return f'{value:.4g} {unit}' if math.isfinite(value) else '-'
+
+
+def _meshes(records: Iterable[MeshRecord]) -> Table:
+    """Return each mesh once, with how often it is used."""
+    uses: dict[tuple[str, str], list[MeshRecord]] = {}
+    for record in records:
+        uses.setdefault((record.url, record.use), []).append(record)
+    table = Table('mesh', 'use', 'links', 'found', box=None)
+    table.columns[0].overflow = table.columns[3].overflow = 'fold'
+    for (url, use), same in uses.items():
+        table.add_row(_shown(url), use, str(len(same)), same[0].kind)
+    return table
+
+
+class Deviation(NamedTuple):
+    """How far a library's links are at most from where the URDF's own arithmetic has them [m]."""
+
+    library: str
+    distance: float
+    link: str
+
+
+def check_kinematics(
+    description: Description, poses: int = 5, seed: int = 0
+) -> tuple[Deviation, ...]:
+    """
+    Compare the places of all links in random poses within the joint limits.
+
+    Mimicking joints are moved like others, each by itself.
+
+    Raises:
+        DescriptionError: a library cannot read the robot.
+    """
+    from robot_description.pinocchio_model import bare_urdf
+
+    random = np.random.default_rng(seed)
+    robot, text = description.robot, bare_urdf(description.urdf)
+    libraries = {
+        'MuJoCo': _in_mujoco(text),
+        'Pinocchio': _in_pinocchio(description),
+        'yourdfpy': _in_yourdfpy(text),
+    }
+    worst = {name: Deviation(name, 0.0, robot.root) for name in libraries}
+    for _ in range(poses):
+        positions = {joint.name: _any_position(joint, random) for joint in robot.movable_joints}
+        expected = robot.link_poses(positions)
+        for name, places_of in libraries.items():
+            for link, place in places_of(positions).items():
+                distance = float(np.linalg.norm(place - expected[link].position))
+                if distance > worst[name].distance:
+                    worst[name] = Deviation(name, distance, link)
+    return tuple(worst.values())
+
+
+def _any_position(joint: Joint, random: np.random.Generator) -> float:
+    reach = SLIDE if joint.kind == 'prismatic' else FULL_TURN
+    return float(random.uniform(max(joint.lower, -reach), min(joint.upper, reach)))
+
+
+def _in_mujoco(urdf: str) -> LinkPlaces:
+    import mujoco
+
+    from robot_description.mujoco.builder import compile_model
+    from robot_description.mujoco.builder import to_mujoco
+
+    spec = to_mujoco(parse_urdf(urdf))
+    spec.compiler.fusestatic = False  # every link stays a body
+    model = compile_model(spec)
+    bodies = [model.body(index).name for index in range(1, model.nbody)]
+
+    def places(positions: Positions) -> Places:
+        data = mujoco.MjData(model)
+        for name, position in positions.items():
+            data.joint(name).qpos[0] = position
+        mujoco.mj_kinematics(model, data)
+        return {name: data.body(name).xpos.copy() for name in bodies}
+
+    return places
+
+
+def _in_pinocchio(description: Description) -> LinkPlaces:
+    from robot_description import pinocchio_model
+
+    model = pinocchio_model.to_pinocchio(description)
+
+    def places(positions: Positions) -> Places:
+        return pinocchio_model.link_positions(
+            model, pinocchio_model.configuration(model, positions)
+        )
+
+    return places
+
+
+def _in_yourdfpy(urdf: str) -> LinkPlaces:
+    import yourdfpy
+
+    logging.getLogger('yourdfpy.urdf').setLevel(logging.ERROR)
+    model = yourdfpy.URDF.load(io.BytesIO(urdf.encode()), load_meshes=False)
+
+    def places(positions: Positions) -> Places:
+        model.update_cfg(dict(positions))
+        return {name: model.get_transform(name)[:3, 3] for name in model.link_map}
+
+    return places

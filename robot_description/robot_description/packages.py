@@ -1,20 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where packages keep their shared files: the one place that knows which home we are in."""
+"""Where packages keep their files, the robots among them, and what a description may read."""
 
 from collections.abc import Iterator, Sequence
 from functools import cache
 import importlib.util
 import os
 from pathlib import Path
+import re
 import sys
+import tempfile
 
+from wasd_core.errors import DescriptionError
 from wasd_core.errors import PackageNotFound
 
-from robot_description.package_tree import manifest_name
-from robot_description.package_tree import own_folder
-from robot_description.package_tree import packages_below
-from robot_description.package_tree import workspaces
-
+MANIFEST = 'package.xml'
+# Folders that hold a robot's description beside its meshes, where there is no package.xml.
+DESCRIPTION_FOLDERS = {'urdf', 'urdfs', 'xacro', 'robot', 'robots', 'model', 'models', 'sdf'}
+# No package hides in these, or it is a copy.
+SKIPPED = {'build', 'install', 'log', 'node_modules', '__pycache__'}
+IGNORE_MARKERS = {'COLCON_IGNORE', 'AMENT_IGNORE', 'CATKIN_IGNORE', 'pyvenv.cfg'}
+# How far up a package or workspace is looked for, how many folders are looked through.
+LEVELS = 6
+MOST_FOLDERS = 20_000
 # Packages of this project: their shared files lie inside the import package, in every home.
 OWN_PACKAGES = (
     'diff_drive_sim',
@@ -25,6 +32,106 @@ OWN_PACKAGES = (
     'wasd_bringup',
 )
 EXAMPLE_ROBOT_DATA = 'example-robot-data'
+DESCRIPTIONS = {
+    'go2': 'urdf/go2/go2.urdf.xacro',
+    'mbot': 'urdf/mbot/mbot.urdf.xacro',
+    'mbot_bare': 'urdf/mbot/mbot_bare.urdf.xacro',
+    'mbot_kinect': 'urdf/mbot/mbot_kinect.urdf.xacro',
+}
+
+
+def manifest_name(folder: Path) -> str | None:
+    """Return the name that a folder's package.xml gives; None when it is no package."""
+    found = re.search(r'<name>\s*([^<\s]+)\s*</name>', _manifest(folder))
+    return found[1] if found else None
+
+
+def dependencies(folder: Path) -> set[str]:
+    """Return the packages that a folder's package.xml depends on, in any way."""
+    return set(re.findall(r'<\w*depend\b[^>]*>\s*([^<\s]+)\s*<', _manifest(folder)))
+
+
+def own_package(description: Path) -> Path | None:
+    """Return the package that a description file lies in: the nearest folder with a manifest."""
+    for folder in _above(description):
+        if (folder / MANIFEST).is_file():
+            return folder
+    return None
+
+
+def own_folder(description: Path) -> Path:
+    """
+    Return the folder whose files a description may use as its own.
+
+    It is its package; without one the folder it lies in, or the one above when that is called
+    `urdf` or the like.
+    """
+    package = own_package(description)
+    if package is not None:
+        return package
+    folder = description.absolute().parent
+    return folder.parent if folder.name.lower() in DESCRIPTION_FOLDERS else folder
+
+
+def workspaces(description: Path) -> list[Path]:
+    """
+    Return the folders in which a description's neighbours lie, the closest first.
+
+    They are what holds its package, and the clones and `src` folders around it.
+    """
+    package = own_package(description)
+    # In a folder that is everybody's lie strangers, and very many of them.
+    around = [package.parent] if package is not None else []
+    around = [folder for folder in around if folder not in _everybodys()]
+    for folder in _above(description):
+        if folder.name == 'src' or (folder / '.git').exists():
+            around.append(folder)
+    return list(dict.fromkeys(around))
+
+
+def packages_below(folder: Path) -> dict[str, list[Path]]:
+    """Return the packages in a folder, itself included, by name; links are not followed."""
+    packages: dict[str, list[Path]] = {}
+    for place in _folders_below(folder):
+        name = manifest_name(place)
+        if name is not None:
+            packages.setdefault(name, []).append(place)
+    return packages
+
+
+def _folders_below(folder: Path) -> Iterator[Path]:
+    for count, (place, folders, files) in enumerate(os.walk(folder)):
+        if count > MOST_FOLDERS:
+            return
+        is_package = MANIFEST in files
+        if is_package or IGNORE_MARKERS & set(files):
+            folders.clear()  # packages do not nest
+        folders[:] = sorted(
+            name for name in folders if name not in SKIPPED and not name.startswith('.')
+        )
+        if is_package:
+            yield Path(place)
+
+
+def _above(description: Path) -> Iterator[Path]:
+    """Yield the folders above a file, up to where everybody's things lie."""
+    for folder in list(Path(os.path.normpath(description.absolute())).parents)[:LEVELS]:
+        if folder in _everybodys():
+            return
+        yield folder
+
+
+def _everybodys() -> set[Path]:
+    """Return the folders in which everybody's things lie."""
+    return {Path('/'), Path.home(), Path(tempfile.gettempdir())}
+
+
+def _manifest(folder: Path) -> str:
+    try:
+        with open(folder / MANIFEST, encoding='utf-8', errors='replace') as file:
+            return re.sub(r'<!--.*?-->', '', file.read(100_000), flags=re.DOTALL)
+    except OSError:
+        return ''
 
 
 class PackageFinder:
@@ -146,3 +253,73 @@ def _ament_prefixes() -> list[Path]:
 def _ros_package_path() -> list[Path]:
     listed = os.environ.get('ROS_PACKAGE_PATH', '').split(os.pathsep)
     return [Path(entry) for entry in listed if entry and Path(entry).is_dir()]
+
+
+def description_path(name_or_path: str) -> Path:
+    """
+    Return the description of a built-in robot, or the path itself when something is there.
+
+    Raises:
+        DescriptionError: when it is neither; lists the names.
+    """
+    if name_or_path in DESCRIPTIONS:
+        return share_directory('robot_description') / DESCRIPTIONS[name_or_path]
+    path = Path(name_or_path)
+    if os.path.lexists(path):
+        return path
+    raise DescriptionError(
+        f'{name_or_path}: no such file, and no robot of that name; '
+        f'robots: {", ".join(sorted(DESCRIPTIONS))}'
+    )
+
+
+class Reach:
+    """
+    The folders that a description may read from.
+
+    These are its own (see `own_folder`), those in `search`, installed packages, and packages
+    found by name. Where a path leads counts, with `..` and symbolic links followed.
+    """
+
+    def __init__(self, description: Path, search: Sequence[Path] = ()) -> None:
+        self._finder = PackageFinder(search, description)
+        self._folders = {own_folder(description), *installed_folders(), *search}
+        # A link to a description (colcon's symlink install) leads to its package as well.
+        self._folders.add(own_folder(_resolved(description)))
+
+    def package(self, name: str) -> Path:
+        """
+        Return the folder of a package, which may be read from then on.
+
+        Raises:
+            PackageNotFound: says where was looked.
+        """
+        folder = self._finder.find(name)
+        manifest = _resolved(folder / MANIFEST)
+        self._folders.add(folder)
+        if manifest.name == MANIFEST:
+            self._folders.add(manifest.parent)
+        return folder
+
+    def check(self, path: Path) -> Path:
+        """
+        Return the path if it may be read.
+
+        Raises:
+            DescriptionError: it leads out of every folder.
+        """
+        target = _resolved(path)
+        if any(target.is_relative_to(folder.resolve()) for folder in self._folders):
+            return path
+        raise DescriptionError(
+            f'{path}: refused: it lies outside of the description, the packages found and '
+            '--package-path'
+        )
+
+
+def _resolved(path: Path) -> Path:
+    """Return where a path leads."""
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError, ValueError):  # a circle of links, a NUL
+        raise DescriptionError(f'{path}: leads nowhere (a circle of links?)') from None

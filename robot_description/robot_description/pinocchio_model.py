@@ -9,10 +9,10 @@ import pinocchio as pin
 from wasd_core.errors import DescriptionError
 
 from robot_description.description import Description
+from robot_description.robot import MOVABLE
+from robot_description.robot import ROOT_JOINT
+from robot_description.robot import WORLD_LINK
 from robot_description.urdf import INERTIA_COMPONENTS
-from robot_description.urdf import MOVABLE
-from robot_description.urdf import ROOT_JOINT
-from robot_description.urdf import WORLD_LINK
 
 # All that kinematics and dynamics need.
 KEPT = {

@@ -23,11 +23,11 @@ from wasd_core.topics import TfBroadcaster
 from robot_description.description import Description
 from robot_description.description import read_description
 from robot_description.executables import STATE_PUBLISHER
+from robot_description.executables import StatePublisherParameters
 from robot_description.joint_names import unknown_joint_warning
-from robot_description.node_parameters import StatePublisherParameters
-from robot_description.published_urdf import published_urdf
-from robot_description.robots import description_path
-from robot_description.urdf import Joint
+from robot_description.meshes.files import published_urdf
+from robot_description.packages import description_path
+from robot_description.robot import Joint
 
 
 class StatePublisherNode(Node):

@@ -1,193 +1,149 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A URDF as data: links, joints and where they are; geometry and masses have their home here."""
+"""Reads URDF text to a robot; what is wrong with it is said in one line."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import replace
 import math
 from typing import TypeVar
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from wasd_core.errors import DescriptionError
-from wasd_core.rotations import axis_angle
-from wasd_core.rotations import IDENTITY
 from wasd_core.rotations import Origin
-from wasd_core.rotations import Pose
+from wasd_core.rotations import rpy_matrix
 from wasd_core.safe_files import check_xml
 
-from robot_description.urdf_numbers import parse_numbers
-from robot_description.urdf_numbers import read_numbers
-from robot_description.urdf_shapes import Colour
-from robot_description.urdf_shapes import read_colours
-from robot_description.urdf_shapes import read_origin
-from robot_description.urdf_shapes import read_shape
-from robot_description.urdf_shapes import Shape
-from robot_description.urdf_shapes import shape_tags
+from robot_description.robot import Colour
+from robot_description.robot import GREY
+from robot_description.robot import Joint
+from robot_description.robot import JOINT_KINDS
+from robot_description.robot import Link
+from robot_description.robot import MOVABLE
+from robot_description.robot import Robot
+from robot_description.robot import Shape
 
-MOVABLE = ('revolute', 'continuous', 'prismatic')
-JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
+# Attributes that give a primitive's size, in URDF's order, and how many numbers they are.
+SIZES = {
+    'box': (('size',), 3),
+    'cylinder': (('radius', 'length'), 2),
+    'sphere': (('radius',), 1),
+    'mesh': ((), 0),
+}
 # The upper triangle of an inertia, row by row.
 INERTIA_COMPONENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
-# A root link of this name is no part of the robot: what hangs on it does not float.
-WORLD_LINK = 'world'
-# The joint by which a robot floats, where a library wants a name for it.
-ROOT_JOINT = 'root'
 # More names than these are not listed in an error.
 MOST_NAMES = 8
 # Gazebo has spelt it both ways.
 SELF_COLLIDE = ('self_collide', 'selfCollide')
 FALSE = ('0', 'false')
-
-
-@dataclass(frozen=True)
-class Link:
-    """
-    A link: its mass [kg], what collides and what is drawn.
-
-    `inertia` (3, 3) [kg m^2] is about its centre of mass, in the axes of its inertial frame, whose
-    pose in the link is `inertial`. Mass and inertia are 0 without an inertial. `shapes` are in the
-    order of the file.
-    """
-
-    name: str
-    mass: float
-    inertia: np.ndarray
-    inertial: Origin
-    shapes: tuple[Shape, ...]
-
-    @cached_property
-    def collisions(self) -> tuple[Shape, ...]:
-        """What collides."""
-        return tuple(shape for shape in self.shapes if shape.collides)
-
-    @cached_property
-    def visuals(self) -> tuple[Shape, ...]:
-        """What is drawn."""
-        return tuple(shape for shape in self.shapes if not shape.collides)
-
-
-@dataclass(frozen=True)
-class Joint:
-    """
-    A joint: `pose` is the joint frame in the parent link at position 0.
-
-    Positions are in [rad] or [m], effort in [N m] or [N], velocity in [rad/s] or [m/s]; without
-    limits `lower` and `upper` are infinite. Viscous `damping` is in [N m s/rad] or [N s/m], dry
-    `friction` in [N m] or [N]. `mimics` names the joint that it follows, if any, at
-    `multiplier * position + offset`.
-    """
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    pose: Origin
-    axis: np.ndarray
-    effort: float
-    velocity: float
-    lower: float
-    upper: float
-    damping: float
-    friction: float
-    mimics: str
-    multiplier: float
-    offset: float
-
-    @property
-    def is_movable(self) -> bool:
-        """Whether it has one degree of freedom."""
-        return self.kind in MOVABLE
-
-    def transform(self, position: float) -> Pose:
-        """Return the child's pose in the parent at a joint position [rad] or [m]."""
-        if self.kind in ('revolute', 'continuous'):
-            return self.pose @ Pose(np.zeros(3), axis_angle(self.axis, position))
-        if self.kind == 'prismatic':
-            return self.pose @ Pose(self.axis * position, np.eye(3))
-        return self.pose
-
-
 Named = TypeVar('Named', Link, Joint)
 
 
-@dataclass(frozen=True)
-class Robot:
+def read_numbers(
+    tag: ElementTree.Element | None, attribute: str, default: str, where: str
+) -> np.ndarray:
     """
-    A kinematic tree.
+    Return an attribute's numbers, as many as its default has.
 
-    `friction` and `self_collide` map a link to what its gazebo tag says, where it does; `gazebo`
-    are these tags, for what a simulator looks for in them.
+    Raises:
+        DescriptionError: see `parse_numbers`.
     """
+    text = tag.get(attribute, default) if tag is not None else default
+    return parse_numbers(text, len(default.split()), f'{where}: {attribute}')
 
-    name: str
-    root: str
-    links: dict[str, Link]
-    joints: dict[str, Joint]
-    friction: dict[str, float]
-    self_collide: dict[str, bool]
-    gazebo: tuple[ElementTree.Element, ...]
 
-    @property
-    def mass(self) -> float:
-        """Sum of the link masses [kg]."""
-        return sum(link.mass for link in self.links.values())
+def parse_numbers(text: str, count: int, where: str) -> np.ndarray:
+    """
+    Return `count` finite numbers.
 
-    @property
-    def is_fixed(self) -> bool:
-        """Whether the robot hangs on a link called `world`."""
-        return self.root == WORLD_LINK
+    Raises:
+        DescriptionError: says where they were wanted, and what was there.
+    """
+    try:
+        numbers = np.array([float(number) for number in text.split()])
+    except ValueError:
+        numbers = np.array([math.nan])
+    if len(numbers) != count or not np.isfinite(numbers).all():
+        wanted = 'a number' if count == 1 else f'{count} numbers'
+        raise DescriptionError(f'{where} needs {wanted}, got {text!r}')
+    return numbers
 
-    @property
-    def base(self) -> str:
-        """The link that carries the others: the root, or what hangs on the world first."""
-        if not self.is_fixed:
-            return self.root
-        return next((j.child for j in self.joints.values() if j.parent == self.root), self.root)
 
-    @property
-    def movable_joints(self) -> tuple[Joint, ...]:
-        """Joints with a degree of freedom, in the order of the file."""
-        return tuple(joint for joint in self.joints.values() if joint.is_movable)
+def shape_tags(link: ElementTree.Element) -> list[ElementTree.Element]:
+    """Return the `visual` and `collision` tags of a link that have a geometry of URDF's."""
+    return [
+        tag
+        for tag in link
+        if tag.tag in ('visual', 'collision')
+        and any(tag.find(f'geometry/{kind}') is not None for kind in SIZES)
+    ]
 
-    @cached_property
-    def parent_joints(self) -> dict[str, Joint]:
-        """The joint that holds each link but the root."""
-        return {joint.child: joint for joint in self.joints.values()}
 
-    @cached_property
-    def links_from_root(self) -> tuple[str, ...]:
-        """The links, each after its parent, brothers in the order of the file."""
-        children: dict[str, list[str]] = {link: [] for link in self.links}
-        for joint in self.joints.values():
-            children[joint.parent].append(joint.child)
-        order = []
-        waiting = [self.root]
-        while waiting:
-            order.append(link := waiting.pop())
-            waiting += reversed(children[link])
-        return tuple(order)
+def read_shape(tag: ElementTree.Element, colours: Mapping[str, Colour], where: str) -> Shape:
+    """
+    Return the shape of a tag that `shape_tags` gave; `colours` are those of `read_colours`.
 
-    @cached_property
-    def carriers(self) -> dict[str, str]:
-        """For each link the one that moves with it and has a joint of its own, or is the root."""
-        carriers: dict[str, str] = {}
-        for link in self.links_from_root:
-            joint = self.parent_joints.get(link)
-            welded = joint is not None and joint.kind == 'fixed'
-            carriers[link] = carriers[joint.parent] if joint is not None and welded else link
-        return carriers
+    Raises:
+        DescriptionError: a size or scale that is none.
+    """
+    kind, geometry = next(
+        (kind, found) for kind in SIZES if (found := tag.find(f'geometry/{kind}')) is not None
+    )
+    attributes, count = SIZES[kind]
+    text = ' '.join(geometry.get(attribute, '') for attribute in attributes)
+    size = tuple(parse_numbers(text, count, f'{where}: {kind}').tolist())
+    shape = Shape(
+        kind, size, read_origin(tag, where), tag.tag == 'collision', _shape_colour(tag, colours)
+    )
+    if kind != 'mesh':
+        return shape
+    scale = geometry.get('scale', '1')
+    count = 1 if len(scale.split()) == 1 else 3
+    x, y, z = np.broadcast_to(parse_numbers(scale, count, f'{where}: scale'), 3).tolist()
+    return replace(shape, url=geometry.get('filename', ''), scale=(x, y, z))
 
-    def pose_of(self, link: str) -> Pose:
-        """Return a link's pose in the root with every joint at 0."""
-        chain = []
-        while link != self.root:
-            chain.append(self.parent_joints[link])
-            link = chain[-1].parent
-        pose = IDENTITY
-        for joint in reversed(chain):
-            pose = pose @ joint.pose
-        return pose
+
+def read_colours(tree: ElementTree.Element) -> dict[str, Colour]:
+    """Return the colours by the names of the materials that define them, in a link or beside."""
+    return {
+        material.get('name', ''): _read_colour(colour)
+        for element in tree
+        if element.tag in ('link', 'material')  # a gazebo tag's material is another thing
+        for material in element.iter('material')
+        if (colour := material.find('color')) is not None
+    }
+
+
+def _shape_colour(shape: ElementTree.Element, colours: Mapping[str, Colour]) -> Colour:
+    """Return the first colour of a shape, of several; a texture alone counts as grey."""
+    for material in shape.findall('material'):
+        colour = material.find('color')
+        if colour is not None:
+            return _read_colour(colour)
+        if material.get('name', '') in colours:
+            return colours[material.get('name', '')]
+    return GREY
+
+
+def _read_colour(tag: ElementTree.Element) -> Colour:
+    try:
+        numbers = tuple(float(number) for number in tag.get('rgba', '').split())
+    except ValueError:
+        return GREY
+    return numbers if len(numbers) == 4 and all(0.0 <= n <= 1.0 for n in numbers) else GREY
+
+
+def read_origin(tag: ElementTree.Element | None, where: str) -> Origin:
+    """
+    Return the pose in the `origin` of a tag, if there is one.
+
+    Raises:
+        DescriptionError: it has other than three numbers each.
+    """
+    origin = tag.find('origin') if tag is not None else None
+    roll, pitch, yaw = read_numbers(origin, 'rpy', '0 0 0', where).tolist()
+    position = read_numbers(origin, 'xyz', '0 0 0', where)
+    return Origin(position, rpy_matrix(roll, pitch, yaw), (roll, pitch, yaw))
 
 
 def parse_urdf(text: str) -> Robot:

@@ -4,7 +4,7 @@
 from diff_drive_sim.geometry import DiffDriveGeometry
 import pytest
 from robot_description.description import load_robot
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 
 
 @pytest.fixture(scope='session')

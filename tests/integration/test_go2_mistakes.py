@@ -34,8 +34,8 @@ MISTAKES = [
 @pytest.fixture
 def files(tmp_path: Path) -> None:
     """Write files that are wrong, each in its way."""
-    from robot_description.expand import expand
-    from robot_description.robots import description_path
+    from robot_description.packages import description_path
+    from robot_description.xacro.expand import expand
 
     urdf = expand(description_path('go2'))
     held = urdf.replace('name="RR_hip_joint" type="revolute"', 'name="RR_hip_joint" type="fixed"')

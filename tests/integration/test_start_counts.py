@@ -12,7 +12,9 @@ import pytest
 COUNT = """
 import collections, json
 import pinocchio
-from robot_description import expand, quadruped, urdf
+from robot_description import urdf
+from robot_description.morphology import quadruped
+from robot_description.xacro import expand
 
 counts = collections.Counter()
 

@@ -24,8 +24,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
 from robot_description.description import read_description
-from robot_description.published_urdf import published_urdf
-from robot_description.robots import description_path
+from robot_description.meshes.files import published_urdf
+from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String

@@ -30,8 +30,8 @@ import numpy; print('version', numpy.__version__)
 """
 PUBLISHED = """
 from robot_description.description import read_description
-from robot_description.published_urdf import opened_by_rviz, published_urdf
-from robot_description.robots import description_path
+from robot_description.meshes.files import opened_by_rviz, published_urdf
+from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
 read = read_description(description_path('go2'))
 shapes = [s for l in parse_urdf(published_urdf(read.urdf, read.meshes.files)).links.values()

@@ -14,8 +14,8 @@ from mujoco_sim.world import World
 import numpy as np
 import pytest
 from robot_description.description import load_robot
+from robot_description.mujoco import find_renderer
 from robot_description.mujoco.builder import to_mujoco
-from robot_description.renderer_choice import find_renderer
 
 WALL = 2.0  # from the origin to the wall [m]
 PILLAR = (1.2, 0.3)

@@ -9,8 +9,8 @@ import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
+from robot_description.mujoco import find_renderer
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.renderer_choice import find_renderer
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan

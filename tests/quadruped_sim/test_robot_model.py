@@ -10,7 +10,7 @@ from quadruped_sim.legs import LEGS
 from quadruped_sim.records import LegCommand
 from quadruped_sim.robot_model import RobotModel
 from robot_description.description import parse_description
-from robot_description.similarity import GO2
+from robot_description.morphology.quadruped import GO2
 
 LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
 

@@ -10,8 +10,8 @@ from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.scaling import NOT_SCALED
 from quadruped_sim.scaling import scaled
 from quadruped_sim.scaling import WEIGHT_UNITS
-from robot_description.similarity import GO2
-from robot_description.similarity import Scale
+from robot_description.morphology.quadruped import GO2
+from robot_description.morphology.quadruped import Scale
 
 PARAMETERS = LegControllerParameters()
 

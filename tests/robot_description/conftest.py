@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from robot_description.mesh_report import MeshReport
-from robot_description.mesh_resolver import resolve_meshes
+from robot_description.meshes.resolver import MeshReport
+from robot_description.meshes.resolver import resolve_meshes
 from robot_description.urdf import parse_urdf
 
 

@@ -9,10 +9,10 @@ from mujoco_sim.loading import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
-from robot_description.inertia import impossible_inertias
-from robot_description.inertia import possible_inertia
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import share_directory
+from robot_description.robot import impossible_inertias
+from robot_description.robot import possible_inertia
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 

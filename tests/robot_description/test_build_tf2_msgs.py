@@ -12,7 +12,6 @@ import sysconfig
 import pytest
 
 from robot_description import build_tf2_msgs
-from robot_description import code_of_tf2_msgs
 
 # What `ros2 topic info -v /tf` shows on any ROS 2: the name of the type's exact layout.
 TYPE_HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
@@ -37,7 +36,7 @@ class Prefix:
             made.mkdir()
         for kind in ('packages', 'rosidl_interfaces'):
             (folder / 'share/ament_index/resource_index' / kind).mkdir(parents=True)
-        monkeypatch.setattr(build_tf2_msgs, 'PREFIX', folder)
+        monkeypatch.setattr(build_tf2_msgs, 'TARGET', folder)
         monkeypatch.setattr(build_tf2_msgs, 'SITE_PACKAGES', self.site)
         # What this Python has is not what the new environment has.
         monkeypatch.setattr(build_tf2_msgs, 'is_importable', lambda: False)
@@ -94,7 +93,7 @@ def test_an_interrupted_install_leaves_nothing_that_can_be_imported(
     prefix, monkeypatch, tmp_path_factory
 ):
     made = tmp_path_factory.mktemp('made')
-    code_of_tf2_msgs.generate(made)
+    build_tf2_msgs.generate(made)
     (made / 'lib').mkdir()
 
     def interrupted(*_: object, **__: object) -> None:
@@ -129,7 +128,7 @@ def test_a_tf2_msgs_of_somebody_else_is_left_alone(prefix, monkeypatch, capfd):
 @pytest.mark.parametrize('header', [HEADER, Path('/no such/Python.h')])
 def test_without_a_compiler_one_line_says_what_to_install(prefix, monkeypatch, capfd, header):
     monkeypatch.setenv('PATH', '')
-    monkeypatch.setattr(code_of_tf2_msgs, 'HEADER', header)
+    monkeypatch.setattr(build_tf2_msgs, 'HEADER', header)
     assert build_tf2_msgs.main() == 2
     said = capfd.readouterr().err
     assert said.startswith('error: no tf2_msgs, so no /tf: no C++ compiler')

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import pytest
 from robot_description.description import load_robot
-from robot_description.drive_wheels import drive_wheels
-from robot_description.drive_wheels import equipped
-from robot_description.drive_wheels import GRAVITY
-from robot_description.drive_wheels import lowest_point
-from robot_description.expand import expand
-from robot_description.robots import description_path
+from robot_description.morphology.wheels import drive_wheels
+from robot_description.morphology.wheels import equipped
+from robot_description.morphology.wheels import GRAVITY
+from robot_description.morphology.wheels import lowest_point
+from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
+from robot_description.xacro.expand import expand
 
 
 def parsed(name):

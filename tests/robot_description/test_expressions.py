@@ -2,8 +2,8 @@
 import math
 
 import pytest
-from robot_description.expand import expand
-from robot_description.expressions import Evaluator
+from robot_description.xacro.expand import expand
+from robot_description.xacro.expressions import Evaluator
 from wasd_core.errors import DescriptionError
 import xacro
 

@@ -5,11 +5,11 @@ import shutil
 import pytest
 from robot_description.describe_command import main
 from robot_description.describe_command import MENDABLE
-from robot_description.expand import expand
+from robot_description.fix import FIXES
 from robot_description.fix import mend
-from robot_description.fix.run import FIXES
 from robot_description.lint import lint
 from robot_description.urdf import parse_urdf
+from robot_description.xacro.expand import expand
 from wasd_core.errors import DescriptionError
 
 FIXTURES = Path(__file__).parent / 'fixtures'

@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_description.expand import expand
 from robot_description.mujoco.builder import REFLECTED_INERTIA
 from robot_description.mujoco.builder import to_mujoco
+from robot_description.packages import description_path
 from robot_description.packages import share_directory
-from robot_description.robots import description_path
 from robot_description.urdf import parse_urdf
+from robot_description.xacro.expand import expand
 
 LEGS = ('FL', 'FR', 'RL', 'RR')
 PARTS = ('hip', 'thigh', 'calf')

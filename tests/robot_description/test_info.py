@@ -11,8 +11,8 @@ from PIL import Image
 import pytest
 from robot_description.describe_command import main
 from robot_description.description import parse_description
+from robot_description.mujoco import find_renderer
 from robot_description.packages import share_directory
-from robot_description.renderer_choice import find_renderer
 
 ROBOTS = share_directory('example-robot-data') / 'robots'
 

@@ -11,14 +11,13 @@ import pytest
 from robot_description.description import load_robot
 from robot_description.description import parse_description
 from robot_description.description import read_description
-from robot_description.forward_kinematics import link_poses
-from robot_description.kinematic_check import check_kinematics
+from robot_description.info import check_kinematics
 from robot_description.mujoco.builder import to_mujoco
+from robot_description.packages import description_path
 from robot_description.packages import share_directory
 from robot_description.pinocchio_model import configuration
 from robot_description.pinocchio_model import link_positions
 from robot_description.pinocchio_model import to_pinocchio
-from robot_description.robots import description_path
 from wasd_core.errors import DescriptionError
 
 ROBOTS = share_directory('example-robot-data') / 'robots'
@@ -61,7 +60,7 @@ def test_a_configuration_goes_by_name_whatever_the_order(go2):
     q = configuration(model, dict(reversed(positions.items())))
     for name, position in positions.items():
         assert q[model.joints[model.getJointId(name)].idx_q] == position
-    places, poses = link_positions(model, q), link_poses(robot, positions)
+    places, poses = link_positions(model, q), robot.link_poses(positions)
     for foot in FEET:
         np.testing.assert_allclose(places[foot], poses[foot].position, atol=1e-12)
 

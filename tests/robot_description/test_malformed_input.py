@@ -135,7 +135,7 @@ import json, pathlib, resource, sys, time
 resource.setrlimit(resource.RLIMIT_AS, (500_000_000, 500_000_000))
 resource.setrlimit(resource.RLIMIT_CPU, (100, 100))
 from wasd_core.errors import DescriptionError
-from robot_description.expand import expand
+from robot_description.xacro.expand import expand
 from robot_description.urdf import parse_urdf
 for line in sys.stdin:
     started = time.process_time()

@@ -5,9 +5,9 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from robot_description.expand import expand
-from robot_description.robots import description_path
+from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
+from robot_description.xacro.expand import expand
 from wasd_core.rotations import rpy_matrix
 
 WHEEL_RADIUS = 0.06

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_description.meshes import load_mesh
+from robot_description.meshes.load import load_mesh
 
 # One triangle, in no symmetric place.
 POINTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 3.0]])

@@ -5,9 +5,9 @@ import json
 import os
 
 import pytest
-from robot_description.mesh_report import MeshRecord
-from robot_description.mesh_report import MeshReport
-from robot_description.mesh_resolver import resolve_meshes
+from robot_description.meshes.resolver import MeshRecord
+from robot_description.meshes.resolver import MeshReport
+from robot_description.meshes.resolver import resolve_meshes
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 

@@ -8,14 +8,13 @@ from mujoco_sim.loading import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
-from robot_description.expand import expand
-from robot_description.meshes import load_mesh
+from robot_description.meshes.load import load
+from robot_description.meshes.load import load_mesh
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.robots import description_path
+from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
-
-from robot_description import meshes
+from robot_description.xacro.expand import expand
 
 URL = 'package://example-robot-data/robots/go2_description/visuals/{}.dae'
 TETRAHEDRON = 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n'
@@ -71,7 +70,7 @@ def test_the_go2s_trunk_has_the_size_of_a_go2():
 def test_a_mesh_is_decoded_once(tetrahedron, cache, monkeypatch):
     first = load_mesh(tetrahedron)
     assert len(list(cache.iterdir())) == 1
-    monkeypatch.setattr(meshes, '_read_mesh', lambda path: pytest.fail('decoded again'))
+    monkeypatch.setattr(load, '_read_mesh', lambda path: pytest.fail('decoded again'))
     for one, other in zip(first, load_mesh(tetrahedron), strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -2,14 +2,14 @@
 import mujoco
 import numpy as np
 import pytest
-from robot_description.expand import expand
 from robot_description.mujoco.builder import compile_model
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.mujoco.geoms import COLLISION_GROUP
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.robots import description_path
+from robot_description.packages import description_path
+from robot_description.robot import ROOT_JOINT
 from robot_description.urdf import parse_urdf
-from robot_description.urdf import ROOT_JOINT
+from robot_description.xacro.expand import expand
 from wasd_core.errors import DescriptionError
 
 INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'

@@ -8,14 +8,14 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from robot_description.expand import expand
-from robot_description.leg import NotAQuadruped
-from robot_description.quadruped import find_imu
-from robot_description.quadruped import find_quadruped
-from robot_description.quadruped import imu_position
-from robot_description.quadruped import Quadruped
-from robot_description.robots import description_path
+from robot_description.morphology.leg import NotAQuadruped
+from robot_description.morphology.quadruped import find_imu
+from robot_description.morphology.quadruped import find_quadruped
+from robot_description.morphology.quadruped import imu_position
+from robot_description.morphology.quadruped import Quadruped
+from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
+from robot_description.xacro.expand import expand
 
 HIPS = {'FL': (0.2, 0.05), 'FR': (0.2, -0.05), 'RL': (-0.2, 0.05), 'RR': (-0.2, -0.05)}
 

@@ -3,7 +3,7 @@ import ctypes.util
 import os
 
 import pytest
-from robot_description.renderer_choice import choose_renderer
+from robot_description.mujoco import choose_renderer
 
 
 @pytest.fixture(autouse=True)

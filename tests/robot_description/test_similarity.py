@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from robot_description.expand import expand
-from robot_description.quadruped import find_quadruped
-from robot_description.quadruped import Quadruped
-from robot_description.robots import description_path
-from robot_description.similarity import GO2
-from robot_description.similarity import Scale
-from robot_description.similarity import scale_of
-from robot_description.similarity import similar_pose
-from robot_description.similarity import STOP_MARGIN
+from robot_description.morphology.quadruped import find_quadruped
+from robot_description.morphology.quadruped import GO2
+from robot_description.morphology.quadruped import Quadruped
+from robot_description.morphology.quadruped import Scale
+from robot_description.morphology.quadruped import scale_of
+from robot_description.morphology.quadruped import similar_pose
+from robot_description.morphology.quadruped import STOP_MARGIN
+from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
+from robot_description.xacro.expand import expand
 
 
 @pytest.fixture(scope='module')

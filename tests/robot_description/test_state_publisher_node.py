@@ -9,12 +9,12 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
 from robot_description.description import read_description
-from robot_description.expand import expand
-from robot_description.published_urdf import opened_by_rviz
-from robot_description.robots import description_path
-from robot_description.robots import DESCRIPTIONS
+from robot_description.meshes.files import opened_by_rviz
+from robot_description.packages import description_path
+from robot_description.packages import DESCRIPTIONS
 from robot_description.state_publisher_node import main
 from robot_description.state_publisher_node import StatePublisherNode
+from robot_description.xacro.expand import expand
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from wasd_core.topics import TfBroadcaster

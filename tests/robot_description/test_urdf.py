@@ -3,8 +3,8 @@ import math
 
 import numpy as np
 import pytest
+from robot_description.robot import GREY
 from robot_description.urdf import parse_urdf
-from robot_description.urdf_shapes import GREY
 from wasd_core.errors import DescriptionError
 from wasd_core.rotations import axis_angle
 from wasd_core.rotations import IDENTITY

@@ -15,7 +15,7 @@ The simulated robots in a script of your own: no ROS, no threads, no clock but t
 
 import sys
 
-from robot_description.renderer_choice import choose_renderer
+from robot_description.mujoco import choose_renderer
 
 # MuJoCo chooses what it draws with when it is imported for the first time.
 if 'mujoco' not in sys.modules:

@@ -142,7 +142,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.command == 'keys':
             return print_keys(arguments)
         if arguments.command == 'demo':
-            from robot_description.renderer_choice import choose_renderer
+            from robot_description.mujoco import choose_renderer
 
             choose_renderer()  # before mujoco is imported
             from wasd_bringup.demo import demo_command

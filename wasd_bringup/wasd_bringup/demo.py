@@ -14,8 +14,8 @@ from mujoco_sim.pictures import Trace
 from mujoco_sim.pictures import Viewpoint
 import numpy as np
 import rclpy
-from robot_description.renderer_choice import choose_renderer
-from robot_description.renderer_choice import NO_RENDERER
+from robot_description.mujoco import choose_renderer
+from robot_description.mujoco import NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
 from wasd_core.node import init_ros
 from wasd_core.output_file import OutputFile

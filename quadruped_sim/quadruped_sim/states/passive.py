@@ -2,7 +2,7 @@
 """Motors only damp: the robot sinks to the ground."""
 
 import numpy as np
-from robot_description.similarity import Scale
+from robot_description.morphology.quadruped import Scale
 
 from quadruped_sim.records import LegCommand
 from quadruped_sim.robot_state import RobotState

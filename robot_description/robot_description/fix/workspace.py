@@ -9,19 +9,18 @@ from typing import NamedTuple
 from wasd_core.errors import DescriptionError
 from wasd_core.safe_files import Place
 
-from robot_description.expand import run_session
-from robot_description.lint import Finding
+from robot_description.lint import lint_session
 from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
-from robot_description.lint.run import lint_session
-from robot_description.mesh_report import MeshReport
-from robot_description.mesh_resolver import resolve_meshes
-from robot_description.package_tree import own_folder
-from robot_description.reach import Reach
-from robot_description.source_xml import parse_source
-from robot_description.source_xml import SourceTag
+from robot_description.lint.model import parse_source
+from robot_description.lint.model import SourceTag
+from robot_description.lint.rules import Finding
+from robot_description.meshes.resolver import MeshReport
+from robot_description.meshes.resolver import resolve_meshes
+from robot_description.packages import own_folder
+from robot_description.packages import Reach
 from robot_description.urdf import parse_urdf
-from robot_description.xacro_session import XacroSession
+from robot_description.xacro.expand import XacroSession
 
 
 class Edit(NamedTuple):
@@ -61,7 +60,7 @@ class Workspace:
         """
         session = self._session()
         try:
-            return make_model(run_session(session), self.path, self._search)
+            return make_model(session.expand(), self.path, self._search)
         finally:
             self._remember(session)
 
@@ -74,7 +73,7 @@ class Workspace:
         """
         session = self._session()
         try:
-            return resolve_meshes(parse_urdf(run_session(session).urdf), self.path, self._search)
+            return resolve_meshes(parse_urdf(session.expand().urdf), self.path, self._search)
         finally:
             self._remember(session)
 

@@ -1,7 +1,142 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is wrong with a description: `lint` tells it by rules, with file, line and cure."""
+"""Says what is wrong with a description, where, and how to cure it."""
 
-from robot_description.lint.finding import Finding as Finding
-from robot_description.lint.rules import RULES as RULES
-from robot_description.lint.rules import Severity as Severity
-from robot_description.lint.run import lint as lint
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+
+from wasd_core.errors import DescriptionError
+from wasd_core.safe_files import LocatedError
+from wasd_core.safe_files import Place
+
+from robot_description.lint import geometry
+from robot_description.lint import structure
+from robot_description.lint.model import make_model
+from robot_description.lint.model import Model
+from robot_description.lint.model import unprefixed_calls
+from robot_description.lint.rules import Finding
+from robot_description.lint.rules import finding
+from robot_description.meshes.files import better_url
+from robot_description.meshes.resolver import MeshRecord
+from robot_description.meshes.resolver import resolve_meshes
+from robot_description.packages import Reach
+from robot_description.robot import Robot
+from robot_description.urdf import parse_urdf
+from robot_description.xacro.expand import XacroSession
+
+CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
+    structure.check_names,
+    structure.check_links_exist,
+    structure.check_one_tree,
+    structure.check_joints,
+    structure.check_joint_references,
+    structure.check_arbotix_names,
+    structure.check_gazebo_references,
+    structure.check_materials,
+    structure.check_robot_name,
+    structure.check_tags,
+    structure.check_attributes,
+    structure.check_numbers,
+    geometry.check_inertials,
+    geometry.check_masses,
+    geometry.check_inertias,
+    geometry.check_sides,
+    geometry.check_wheels,
+    geometry.check_footprint,
+)
+# What a check finds again and again is told so often; the file has other problems then.
+MOST_FINDINGS = 200
+
+
+def lint(
+    path: Path,
+    arguments: Mapping[str, str] | None = None,
+    search: Sequence[Path] = (),
+    expected_joints: Sequence[str] = (),
+) -> list[Finding]:
+    """
+    Return what is wrong with a xacro or URDF file, in the order of files and lines.
+
+    `expected_joints` are names that a controller will look for.
+
+    Raises:
+        DescriptionError: the file itself cannot be opened.
+    """
+    session = XacroSession(path, arguments or {}, Reach(path, search))
+    return lint_session(session, search, expected_joints)
+
+
+def lint_session(
+    session: XacroSession, search: Sequence[Path] = (), expected_joints: Sequence[str] = ()
+) -> list[Finding]:
+    """
+    Run a session and return what is wrong with what it reads and makes.
+
+    Raises:
+        DescriptionError: the file itself cannot be opened.
+    """
+    found = []
+    try:
+        expansion = session.expand()
+    except LocatedError as error:
+        found.append(finding('not-readable', error.place, error.reason))
+    else:
+        start = Place(session.path, 1)
+        found += [finding('xacro-warning', p or start, text) for p, text in expansion.warnings]
+        model = make_model(expansion, session.path, search, expected_joints)
+        for check in CHECKS:
+            found += islice(check(model), MOST_FINDINGS)
+        found += _meshes(model, expansion.urdf)
+    calls = list(check_macro_calls(session.sources))
+    told = {call.place for call in calls}
+    found = [one for one in found if one.rule.code != 'unknown-tag' or one.place not in told]
+    return _in_order(found + calls)
+
+
+def _meshes(model: Model, urdf: str) -> list[Finding]:
+    try:
+        robot = parse_urdf(urdf)
+    except DescriptionError:  # which other checks have told about, with lines
+        return []
+    return list(check_meshes(model, robot))
+
+
+def _in_order(found: list[Finding]) -> list[Finding]:
+    """Sort by file and line; say what a macro repeats at the same line and words once."""
+    unique = {(one.rule.code, one.place, one.message): one for one in found}
+    return sorted(unique.values(), key=lambda one: (one.place, one.rule.code))
+
+
+def check_meshes(model: Model, robot: Robot) -> Iterator[Finding]:
+    """Every mesh is where its path says."""
+    try:
+        report = resolve_meshes(robot, model.path, model.search)
+    except DescriptionError as error:
+        yield finding('not-readable', model.robot.place, str(error))
+        return
+    for record in report.repairs:
+        place = _place(model, record)
+        if record.file is None:
+            yield finding('missing-mesh', place, record.line())
+        elif 'foreign-package' in record.kind.split('+'):
+            yield finding('foreign-mesh', place, f'{record.url!r} is the mesh of another robot')
+        else:
+            cure = f'write {better_url(record.file)}'
+            yield finding('wrong-mesh-path', place, record.line(), cure)
+
+
+def _place(model: Model, record: MeshRecord) -> Place:
+    """Return where a link names the mesh; other links may name it, too."""
+    link = model.links.get(record.link, model.robot)
+    for tag in (*link.walk(), *model.robot.walk()):
+        if tag.tag == 'mesh' and tag.attributes.get('filename') == record.url:
+            return tag.place
+    return link.place
+
+
+def check_macro_calls(sources: Mapping[Path, bytes]) -> Iterator[Finding]:
+    """Macros are called with their prefix, also from within macros and in included files."""
+    for path, tag in unprefixed_calls(sources):
+        text = f'<{tag.name}> calls a macro without xacro:, so it does nothing'
+        cure = f'write <xacro:{tag.name}>; describe fix does it'
+        yield finding('unprefixed-macro', Place(path, tag.line, tag.column), text, cure)

@@ -4,6 +4,8 @@
 from enum import StrEnum
 from typing import NamedTuple
 
+from wasd_core.safe_files import Place
+
 
 class Severity(StrEnum):
     """How bad a finding is."""
@@ -24,221 +26,104 @@ class Rule(NamedTuple):
 
 ERROR, WARNING, INFO = Severity.ERROR, Severity.WARNING, Severity.INFO
 
+# fmt: off
 RULES = {
     rule.code: rule
     for rule in (
-        Rule(
-            'not-readable',
-            ERROR,
-            'the file is not XML, does not expand, or may not be read',
-            'mend what the message says',
-        ),
-        Rule(
-            'xacro-warning',
-            WARNING,
-            'xacro expands the file, but is not happy with it',
-            'mend what the message says',
-        ),
-        Rule(
-            'unprefixed-macro',
-            ERROR,
-            'a macro is called without `xacro:`, so xacro copies the tag instead',
-            'write `<xacro:NAME>`; `describe fix` does it, also in included files',
-        ),
-        Rule(
-            'no-links',
-            ERROR,
-            'the robot has no links; MuJoCo loads it as an empty world without a word',
-            'call the macro that makes the links',
-        ),
+        Rule('not-readable', ERROR, 'the file is not XML, does not expand, or may not be read',
+             'mend what the message says'),
+        Rule('xacro-warning', WARNING, 'xacro expands the file, but is not happy with it',
+             'mend what the message says'),
+        Rule('unprefixed-macro', ERROR,
+             'a macro is called without `xacro:`, so xacro copies the tag instead',
+             'write `<xacro:NAME>`; `describe fix` does it, also in included files'),
+        Rule('no-links', ERROR,
+             'the robot has no links; MuJoCo loads it as an empty world without a word',
+             'call the macro that makes the links'),
         Rule('missing-name', ERROR, 'a robot, link or joint has no name', 'give it a name'),
-        Rule(
-            'duplicate-name',
-            ERROR,
-            'two links or two joints have the same name',
-            'rename one, or include the file once',
-        ),
-        Rule(
-            'unknown-link',
-            ERROR,
-            'a joint names a parent or child link that is not there',
-            'define the link, or correct the name',
-        ),
-        Rule(
-            'two-parents',
-            ERROR,
-            'a link is the child of two joints',
-            'remove one of the joints',
-        ),
-        Rule(
-            'several-roots',
-            ERROR,
-            'the links are not one tree',
-            'connect each of the named links by a joint',
-        ),
-        Rule(
-            'orphan-link',
-            ERROR,
-            'no joint mentions this link',
-            'connect it by a joint, or remove it',
-        ),
+        Rule('duplicate-name', ERROR, 'two links or two joints have the same name',
+             'rename one, or include the file once'),
+        Rule('unknown-link', ERROR, 'a joint names a parent or child link that is not there',
+             'define the link, or correct the name'),
+        Rule('two-parents', ERROR, 'a link is the child of two joints',
+             'remove one of the joints'),
+        Rule('several-roots', ERROR, 'the links are not one tree',
+             'connect each of the named links by a joint'),
+        Rule('orphan-link', ERROR, 'no joint mentions this link',
+             'connect it by a joint, or remove it'),
         Rule('cycle', ERROR, 'joints run in a circle', 'remove one of its joints'),
-        Rule(
-            'bad-joint',
-            ERROR,
-            'a joint has no type that URDF knows, no parent or child, or an axis of zero',
-            'complete the joint',
-        ),
-        Rule(
-            'bad-number',
-            ERROR,
-            'a number is missing, not a number, not finite, or a size is not positive',
-            'write a number',
-        ),
-        Rule(
-            'missing-limit',
-            ERROR,
-            'a revolute or prismatic joint has no limit, or one without effort or velocity',
-            'add `<limit lower upper effort velocity>`',
-        ),
+        Rule('bad-joint', ERROR,
+             'a joint has no type that URDF knows, no parent or child, or an axis of zero',
+             'complete the joint'),
+        Rule('bad-number', ERROR,
+             'a number is missing, not a number, not finite, or a size is not positive',
+             'write a number'),
+        Rule('missing-limit', ERROR,
+             'a revolute or prismatic joint has no limit, or one without effort or velocity',
+             'add `<limit lower upper effort velocity>`'),
         Rule('reversed-limit', ERROR, 'lower is above upper', 'exchange the two'),
-        Rule(
-            'unknown-joint',
-            ERROR,
-            'a joint is named that is not there: by a transmission, a mimic, a plugin, or what a '
-            'controller expects (`--expect`)',
-            'rename one of the two: `describe fix --rename OLD:=NEW`',
-        ),
-        Rule(
-            'arbotix-joint-name',
-            INFO,
-            'wheel joints are called as arbotix calls them',
-            '`describe fix --rename base_l_wheel_joint:=left_wheel_joint`',
-        ),
-        Rule(
-            'unknown-reference',
-            WARNING,
-            'a `<gazebo reference>` names nothing in this robot, and has no effect',
-            'correct the name, or remove the tag',
-        ),
-        Rule(
-            'unknown-material',
-            WARNING,
-            'a material is used that nobody defines',
-            'define it once under `<robot>`, with a colour',
-        ),
-        Rule(
-            'repeated-material',
-            ERROR,
-            'a visual has several materials; MuJoCo refuses the file',
-            'keep the first; `describe fix` does it',
-        ),
-        Rule(
-            'illegal-child',
-            WARNING,
-            'a tag of URDF stands where URDF does not look, and has no effect',
-            'move it to where it belongs, or remove it',
-        ),
-        Rule(
-            'unknown-tag',
-            WARNING,
-            'a tag that URDF does not know, and no usual tool either',
-            'correct its name, or remove it',
-        ),
+        Rule('unknown-joint', ERROR,
+             'a joint is named that is not there: by a transmission, a mimic, a plugin, or '
+             'what a controller expects (`--expect`)',
+             'rename one of the two: `describe fix --rename OLD:=NEW`'),
+        Rule('arbotix-joint-name', INFO, 'wheel joints are called as arbotix calls them',
+             '`describe fix --rename base_l_wheel_joint:=left_wheel_joint`'),
+        Rule('unknown-reference', WARNING,
+             'a `<gazebo reference>` names nothing in this robot, and has no effect',
+             'correct the name, or remove the tag'),
+        Rule('unknown-material', WARNING, 'a material is used that nobody defines',
+             'define it once under `<robot>`, with a colour'),
+        Rule('repeated-material', ERROR, 'a visual has several materials; MuJoCo refuses the file',
+             'keep the first; `describe fix` does it'),
+        Rule('illegal-child', WARNING,
+             'a tag of URDF stands where URDF does not look, and has no effect',
+             'move it to where it belongs, or remove it'),
+        Rule('unknown-tag', WARNING, 'a tag that URDF does not know, and no usual tool either',
+             'correct its name, or remove it'),
         Rule('unknown-attribute', INFO, 'an attribute that URDF does not know', 'remove it'),
-        Rule(
-            'robot-name',
-            WARNING,
-            'the robot is called neither as its file nor as its package: copied from another?',
-            'give the robot its own name',
-        ),
-        Rule(
-            'missing-mesh',
-            ERROR,
-            'a mesh file is not there, and no other can stand for it',
-            'correct the path, or add the folder by --package-path',
-        ),
-        Rule(
-            'wrong-mesh-path',
-            WARNING,
-            'a mesh is not where the path says, but was found; other programs will not find it',
-            'write the path that was found; `describe fix` does it',
-        ),
-        Rule(
-            'foreign-mesh',
-            WARNING,
-            'a mesh belongs to another robot, in a package that package.xml does not name',
-            'use the own mesh, or declare the dependency',
-        ),
-        Rule(
-            'no-inertials',
-            WARNING,
-            'no link has a mass: good for looking at, not for simulating',
-            'add `<inertial>` to the links',
-        ),
-        Rule(
-            'no-inertial',
-            WARNING,
-            'a link that moves has no mass; MuJoCo refuses it',
-            'add `<inertial>` with mass and inertia',
-        ),
+        Rule('robot-name', WARNING,
+             'the robot is called neither as its file nor as its package: copied from another?',
+             'give the robot its own name'),
+        Rule('missing-mesh', ERROR, 'a mesh file is not there, and no other can stand for it',
+             'correct the path, or add the folder by --package-path'),
+        Rule('wrong-mesh-path', WARNING,
+             'a mesh is not where the path says, but was found; other programs will not find it',
+             'write the path that was found; `describe fix` does it'),
+        Rule('foreign-mesh', WARNING,
+             'a mesh belongs to another robot, in a package that package.xml does not name',
+             'use the own mesh, or declare the dependency'),
+        Rule('no-inertials', WARNING,
+             'no link has a mass: good for looking at, not for simulating',
+             'add `<inertial>` to the links'),
+        Rule('no-inertial', WARNING, 'a link that moves has no mass; MuJoCo refuses it',
+             'add `<inertial>` with mass and inertia'),
         Rule('bad-mass', ERROR, 'a mass is negative, or zero on a link that moves', 'weigh it'),
-        Rule(
-            'absurd-mass',
-            WARNING,
-            'a link is denser than any metal',
-            'check units: kilograms and metres',
-        ),
-        Rule(
-            'bad-inertia',
-            ERROR,
-            'an inertia that no body can have: not positive definite',
-            'compute it from mass and shape',
-        ),
-        Rule(
-            'inertia-triangle',
-            ERROR,
-            'an inertia that no body can have: one moment is larger than the two others together',
-            'compute it from mass and shape',
-        ),
-        Rule(
-            'inertia-scale',
-            WARNING,
-            'an inertia is more than 10 times off that of the shape with this mass',
-            'compute it from mass and shape; check units',
-        ),
-        Rule(
-            'inertia-axis',
-            WARNING,
-            'a cylinder lies on one axis, its inertia on another',
-            'turn the inertial, too: `<origin rpy>` as the shape has',
-        ),
-        Rule(
-            'swapped-sides',
-            WARNING,
-            'left is on the right (x forward, y left: REP 103); the robot turns the wrong way',
-            'exchange the signs of y; `describe fix` does it',
-        ),
-        Rule(
-            'swapped-ends',
-            WARNING,
-            'front is at the back (x forward: REP 103)',
-            'exchange the signs of x; `describe fix` does it',
-        ),
-        Rule(
-            'different-wheels',
-            WARNING,
-            'left and right wheel differ in radius, or in how far they are from the middle',
-            'make them equal, or calibrate the odometry',
-        ),
-        Rule(
-            'missing-footprint',
-            WARNING,
-            'a wheeled robot has no base_footprint, which odometry refers to',
-            'put one on the ground; `describe fix` does it',
-        ),
+        Rule('absurd-mass', WARNING, 'a link is denser than any metal',
+             'check units: kilograms and metres'),
+        Rule('bad-inertia', ERROR, 'an inertia that no body can have: not positive definite',
+             'compute it from mass and shape'),
+        Rule('inertia-triangle', ERROR,
+             'an inertia that no body can have: one moment is larger than the two others together',
+             'compute it from mass and shape'),
+        Rule('inertia-scale', WARNING,
+             'an inertia is more than 10 times off that of the shape with this mass',
+             'compute it from mass and shape; check units'),
+        Rule('inertia-axis', WARNING, 'a cylinder lies on one axis, its inertia on another',
+             'turn the inertial, too: `<origin rpy>` as the shape has'),
+        Rule('swapped-sides', WARNING,
+             'left is on the right (x forward, y left: REP 103); the robot turns the wrong way',
+             'exchange the signs of y; `describe fix` does it'),
+        Rule('swapped-ends', WARNING, 'front is at the back (x forward: REP 103)',
+             'exchange the signs of x; `describe fix` does it'),
+        Rule('different-wheels', WARNING,
+             'left and right wheel differ in radius, or in how far they are from the middle',
+             'make them equal, or calibrate the odometry'),
+        Rule('missing-footprint', WARNING,
+             'a wheeled robot has no base_footprint, which odometry refers to',
+             'put one on the ground; `describe fix` does it'),
     )
 }
+# fmt: on
 
 
 def rules_table() -> str:
@@ -247,3 +132,39 @@ def rules_table() -> str:
     rules = sorted(RULES.values(), key=lambda rule: order.index(rule.severity))
     rows = [f'| `{r.code}` | {r.severity} | {r.meaning} | {r.cure} |' for r in rules]
     return '\n'.join(['| code | severity | what it means | cure |', '|---|---|---|---|', *rows])
+
+
+class Finding(NamedTuple):
+    """A rule that a description breaks, the line, and in particular what and how to cure it."""
+
+    rule: Rule
+    place: Place
+    message: str
+    cure: str
+
+    @property
+    def is_error(self) -> bool:
+        """Whether it is an error."""
+        return self.rule.severity is Severity.ERROR
+
+    def line(self) -> str:
+        """Return it in one line, as compilers print it."""
+        rule = self.rule
+        return f'{self.place}: {rule.severity}: {self.message} [{rule.code}]; cure: {self.cure}'
+
+    def record(self) -> dict[str, object]:
+        """Return it as JSON has it."""
+        return {
+            'code': self.rule.code,
+            'severity': str(self.rule.severity),
+            'file': str(self.place.file),
+            'line': self.place.line,
+            'message': self.message,
+            'cure': self.cure,
+        }
+
+
+def finding(code: str, place: Place, message: str, cure: str | None = None) -> Finding:
+    """Return a finding of a rule; `cure` is the rule's unless something better is known."""
+    rule = RULES[code]
+    return Finding(rule, place, ' '.join(message.split()), cure or rule.cure)

@@ -1,21 +1,182 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of the tree: names, parents and children, roots, circles."""
+"""Checks of what is written: tags, attributes, numbers, names, and the tree they make."""
 
 from collections import Counter
 from collections.abc import Iterator
+import math
+
+from wasd_core.safe_files import Place
 
 from robot_description.joint_names import meant
-from robot_description.lint.finding import Finding
-from robot_description.lint.finding import finding
+from robot_description.joint_names import sides
+from robot_description.joint_names import words
 from robot_description.lint.model import Element
 from robot_description.lint.model import end
 from robot_description.lint.model import Model
 from robot_description.lint.model import MOVABLE
+from robot_description.lint.rules import Finding
+from robot_description.lint.rules import finding
 
+# Tag: what it may hold, and its attributes. After the URDF specification of urdfdom 4.
+SHAPES = ('box', 'cylinder', 'sphere', 'mesh', 'capsule')
+CHILDREN: dict[str, tuple[str, ...]] = {
+    'robot': ('link', 'joint', 'material', 'transmission', 'gazebo', 'ros2_control', 'sensor'),
+    'link': ('inertial', 'visual', 'collision'),
+    'joint': (
+        *('origin', 'parent', 'child', 'axis', 'limit', 'dynamics', 'mimic', 'calibration'),
+        'safety_controller',
+    ),
+    'inertial': ('origin', 'mass', 'inertia'),
+    'visual': ('origin', 'geometry', 'material'),
+    'collision': ('origin', 'geometry', 'material'),  # many have one; it is shown by some tools
+    'geometry': SHAPES,
+    'material': ('color', 'texture'),
+}
+ATTRIBUTES: dict[str, tuple[str, ...]] = {
+    'robot': ('name', 'version'),
+    'link': ('name', 'type'),
+    'joint': ('name', 'type'),
+    'inertial': (),
+    'visual': ('name',),
+    'collision': ('name',),
+    'geometry': (),
+    'material': ('name',),
+    'origin': ('xyz', 'rpy', 'quat_xyzw'),
+    'parent': ('link',),
+    'child': ('link',),
+    'axis': ('xyz',),
+    'limit': ('lower', 'upper', 'effort', 'velocity', 'acceleration', 'deceleration', 'jerk'),
+    'dynamics': ('damping', 'friction'),
+    'mimic': ('joint', 'multiplier', 'offset'),
+    'calibration': ('rising', 'falling', 'reference_position'),
+    'safety_controller': ('soft_lower_limit', 'soft_upper_limit', 'k_position', 'k_velocity'),
+    'mass': ('value',),
+    'inertia': ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'),
+    'box': ('size',),
+    'cylinder': ('radius', 'length'),
+    'capsule': ('radius', 'length'),
+    'sphere': ('radius',),
+    'mesh': ('filename', 'scale'),
+    'color': ('rgba',),
+    'texture': ('filename',),
+}
+# Extensions that a tool reads: MuJoCo, Bullet, Drake's loop joints, MoveIt, Isaac.
+EXTENSIONS = {
+    *('mujoco', 'contact', 'verbose', 'self_collision_checking', 'collision_checking', 'group'),
+    *(
+        'hardwareInterface',
+        'loop',
+        'loop_joint',
+        'plugin',
+        'property',
+        'audio_source',
+        'compliance',
+    ),
+    *('isaac_sim_config', 'sdf', 'frame', 'disable_collisions', 'version', 'camera', 'user_data'),
+}
+# Tag and attribute: how many numbers; `+` for sizes, which are above zero.
+NUMBERS: dict[tuple[str, str], str] = {
+    ('origin', 'xyz'): '3',
+    ('origin', 'rpy'): '3',
+    ('axis', 'xyz'): '3',
+    ('mass', 'value'): '1',
+    ('limit', 'lower'): '1',
+    ('limit', 'upper'): '1',
+    ('limit', 'effort'): '1',
+    ('limit', 'velocity'): '1',
+    ('dynamics', 'damping'): '1',
+    ('dynamics', 'friction'): '1',
+    ('mimic', 'multiplier'): '1',
+    ('mimic', 'offset'): '1',
+    ('box', 'size'): '3+',
+    ('cylinder', 'radius'): '1+',
+    ('cylinder', 'length'): '1+',
+    ('capsule', 'radius'): '1+',
+    ('capsule', 'length'): '1+',
+    ('sphere', 'radius'): '1+',
+    ('color', 'rgba'): '4',
+    **{('inertia', name): '1' for name in ATTRIBUTES['inertia']},
+}
+# Attributes without which the tag says nothing.
+REQUIRED = {'mass', 'inertia', 'box', 'cylinder', 'sphere', 'capsule', 'color'}
 ENDS = ('parent', 'child')
 JOINT_TYPES = (*MOVABLE, 'fixed')
 # More than this many names make no message clearer.
 MOST_NAMES = 5
+# Tags of Gazebo's drive plugins that hold the name of a joint.
+JOINT_TAGS = {'leftJoint', 'rightJoint', 'left_joint', 'right_joint', 'jointName', 'joint_name'}
+
+
+def check_tags(model: Model) -> Iterator[Finding]:
+    """Tags stand where URDF reads them; extensions are left alone."""
+    for element in _urdf_elements(model.robot):
+        wanted = CHILDREN.get(element.tag, ())
+        for child in element.children:
+            if child.tag in wanted or ':' in child.tag or child.tag in EXTENSIONS:
+                continue
+            where = f'<{child.tag}> under <{element.tag}>' + _named(element)
+            if child.tag in ATTRIBUTES:
+                homes = ', '.join(
+                    f'<{tag}>' for tag, tags in CHILDREN.items() if child.tag in tags
+                )
+                yield finding('illegal-child', child.place, f'{where}; it belongs under {homes}')
+            elif child.tag != 'gazebo':
+                yield finding('unknown-tag', child.place, f'{where} is no tag of URDF')
+
+
+def _named(element: Element) -> str:
+    return f' {element.name!r}' if element.name else ''
+
+
+def check_attributes(model: Model) -> Iterator[Finding]:
+    """Attributes are those that URDF knows; each unknown one is told once."""
+    seen: set[tuple[str, str]] = set()
+    for element in _urdf_elements(model.robot):
+        for name in element.attributes:
+            known = ATTRIBUTES[element.tag]
+            if name in known or ':' in name or name == 'xmlns' or (element.tag, name) in seen:
+                continue
+            seen.add((element.tag, name))
+            text = f'attribute {name!r} of <{element.tag}> is none of URDF'
+            yield finding('unknown-attribute', element.place, text)
+
+
+def check_numbers(model: Model) -> Iterator[Finding]:
+    """Numbers are numbers, as many as wanted, and sizes are positive."""
+    for element in _urdf_elements(model.robot):
+        for (tag, attribute), wanted in NUMBERS.items():
+            if tag != element.tag:
+                continue
+            text = element.attributes.get(attribute)
+            if text is None:
+                if tag in REQUIRED:
+                    yield finding('bad-number', element.place, f'<{tag}> has no {attribute}')
+            elif (reason := _wrong(text, wanted)) is not None:
+                message = f'<{tag} {attribute}="{text[:60]}">: {reason}'
+                yield finding('bad-number', element.place, message)
+
+
+def _wrong(text: str, wanted: str) -> str | None:
+    count = int(wanted[0])
+    try:
+        numbers = [float(number) for number in text.split()]
+    except ValueError:
+        return 'is not a number' if count == 1 else f'is not {count} numbers'
+    if len(numbers) != count:
+        return f'has {len(numbers)} numbers, wanted {count}'
+    if not all(map(math.isfinite, numbers)):
+        return 'is not finite'
+    if wanted.endswith('+') and min(numbers) <= 0.0:
+        return 'is not above zero'
+    return None
+
+
+def _urdf_elements(element: Element) -> Iterator[Element]:
+    """Yield the robot's elements that URDF itself describes."""
+    yield element
+    for child in element.children:
+        if child.tag in CHILDREN.get(element.tag, ()) and child.tag in ATTRIBUTES:
+            yield from _urdf_elements(child)
 
 
 def check_names(model: Model) -> Iterator[Finding]:
@@ -130,3 +291,96 @@ def _check_limit(joint: Element, kind: str) -> Iterator[Finding]:
     if lower > upper and kind != 'continuous':
         text = f'joint {joint.name!r} goes from {lower:g} down to {upper:g}'
         yield finding('reversed-limit', limit.place, text)
+
+
+def check_joint_references(model: Model) -> Iterator[Finding]:
+    """Joints that are referred to exist."""
+    seen: set[tuple[str, str]] = set()
+    for name, place, who in _referred_joints(model):
+        if name in model.joints or (name, who) in seen or not name:
+            continue
+        seen.add((name, who))
+        probably = meant(name, model.joints)
+        text = f'{who} names joint {name!r}, which is not there'
+        if probably:
+            cure = f'describe fix --rename {probably}:={name}'
+            yield finding('unknown-joint', place, f'{text}; {probably!r} is', cure)
+        else:
+            yield finding('unknown-joint', place, text)
+
+
+def _referred_joints(model: Model) -> Iterator[tuple[str, Place, str]]:
+    for name in model.expected_joints:
+        yield name, model.robot.place, 'a controller'
+    for joint in model.robot.all('joint'):
+        mimic = joint.find('mimic')
+        if mimic is not None:
+            who = f'the mimic of {joint.name!r}'
+            yield mimic.attributes.get('joint', ''), mimic.place, who
+    for transmission in model.robot.all('transmission'):
+        for joint in transmission.all('joint'):
+            yield joint.name, joint.place, f'transmission {transmission.name!r}'
+    for control in model.robot.all('ros2_control'):
+        for joint in control.all('joint'):
+            yield joint.name, joint.place, f'ros2_control {control.name!r}'
+    for gazebo in model.robot.all('gazebo'):
+        for plugin in gazebo.all('plugin'):
+            for tag in plugin.walk():
+                if tag.tag in JOINT_TAGS:
+                    yield tag.text, tag.place, f'plugin {plugin.name!r}'
+
+
+def check_arbotix_names(model: Model) -> Iterator[Finding]:
+    """Wheel joints have the names that everybody but arbotix uses."""
+    for name, joint in model.joints.items():
+        if name in ('base_l_wheel_joint', 'base_r_wheel_joint'):
+            (side,) = sides(name)
+            new = f'{side}_wheel_joint'
+            cure = f'describe fix --rename {name}:={new}'
+            text = f'joint {name!r} is what arbotix calls {new!r}'
+            yield finding('arbotix-joint-name', joint.place, text, cure)
+
+
+def check_gazebo_references(model: Model) -> Iterator[Finding]:
+    """What a gazebo tag refers to exists."""
+    for gazebo in model.robot.all('gazebo'):
+        name = gazebo.attributes.get('reference')
+        if name and name not in model.links and name not in model.joints:
+            probably = meant(name, {**model.links, **model.joints})
+            hint = f'; {probably!r} is' if probably else ''
+            text = f'<gazebo> refers to {name!r}, which is neither link nor joint{hint}'
+            yield finding('unknown-reference', gazebo.place, text)
+
+
+def check_materials(model: Model) -> Iterator[Finding]:
+    """Each visual has one material, which somebody defines."""
+    visuals = [visual for link in model.robot.all('link') for visual in link.all('visual')]
+    defined = {material.name for material in model.robot.all('material')}
+    defined |= {m.name for visual in visuals for m in visual.all('material') if m.children}
+    unknown: dict[str, Element] = {}
+    for visual in visuals:
+        materials = visual.all('material')
+        if len(materials) > 1:
+            names = ', '.join(material.name for material in materials)
+            text = f'{len(materials)} materials in one visual: {names}'
+            yield finding('repeated-material', materials[1].place, text)
+        for material in materials[:1]:
+            if material.name not in defined and not material.children:
+                unknown.setdefault(material.name, material)
+    for name, material in unknown.items():
+        yield finding('unknown-material', material.place, f'material {name!r} is not defined')
+
+
+def check_robot_name(model: Model) -> Iterator[Finding]:
+    """The robot is called as its file, its folder, or its package."""
+    name = model.robot.name
+    around = [model.path.name, *(folder.name for folder in model.path.absolute().parents)][:4]
+    told = {word for text in around for word in words(text)}
+    is_near = any(_plain(name) in _plain(text) for text in around)
+    if name and not is_near and not set(words(name)) & told:
+        text = f'the robot of {model.path.name} is called {name!r}'
+        yield finding('robot-name', model.robot.place, text)
+
+
+def _plain(name: str) -> str:
+    return ''.join(character for character in name.lower() if character.isalnum())

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run of xacro, with our own rules for what it finds, reads, evaluates and says."""
+"""Xacro to URDF with our own `$(find)`, so that it works with and without a ROS installation."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 import contextlib
 import glob
 import io
@@ -9,11 +9,12 @@ import os
 from pathlib import Path
 import sys
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 from xml.dom import minidom
 
 from wasd_core.errors import DescriptionError
 from wasd_core.safe_files import check_xml
+from wasd_core.safe_files import LocatedError
 from wasd_core.safe_files import parse_with_places
 from wasd_core.safe_files import Place
 from wasd_core.safe_files import place_of
@@ -22,15 +23,29 @@ from wasd_core.safe_files import read_yaml
 import xacro
 from xacro import substitution_args
 
-from robot_description.expressions import Evaluator
-from robot_description.reach import Reach
+from robot_description.packages import Reach
+from robot_description.xacro.expressions import Evaluator
 
+LONGEST_REASON = 300
 # Macros that unroll a loop call themselves; more often than this none has been seen to.
 DEEPEST_MACRO = 150
 # All attributes and texts of a robot together [characters].
 MOST_TEXT = 10_000_000
 MOST_ELEMENTS = 20_000  # of an expansion; more would take seconds
 FRAMES = 6000
+
+
+class Expansion(NamedTuple):
+    """An expanded file: its elements know their places; `warnings` are xacro's, `files` read."""
+
+    document: minidom.Document
+    warnings: tuple[tuple[Place | None, str], ...]
+    files: tuple[Path, ...]
+
+    @property
+    def urdf(self) -> str:
+        """The URDF text."""
+        return str(self.document.toprettyxml(indent='  '))
 
 
 class _Arguments(dict[str, str]):
@@ -83,13 +98,21 @@ class XacroSession:
         self._handle_macro_call = xacro.handle_macro_call
         self._check_attributes = xacro.check_attrs
 
-    def run(self) -> minidom.Document:
+    def expand(self) -> Expansion:
         """
-        Return the expanded document, whose elements know their places.
+        Return what the file expands to.
 
         Raises:
-            Exception: whatever xacro raises; `failed_at` says where.
+            DescriptionError: see `expand`.
         """
+        try:
+            document = self._run()
+        except Exception as error:  # xacro raises a dozen unrelated types
+            raise self._located(error) from None
+        return Expansion(document, tuple(self.warnings), tuple(self.sources))
+
+    def _run(self) -> minidom.Document:
+        """Return the expanded document, whose elements know their places."""
         with self._rules():
             document: minidom.Document = xacro.process_file(
                 str(self.path), mappings=self._arguments
@@ -103,13 +126,24 @@ class XacroSession:
             self.warnings.append((None, f'no argument {name!r} here; it has: {known}'))
         return document
 
+    def _located(self, error: Exception) -> DescriptionError:
+        """Return the error with the place where xacro was."""
+        place = self._failed_at
+        if place is None and isinstance(error, DescriptionError):  # the file itself
+            return error
+        if isinstance(error, LocatedError):  # in a file that was to be included there
+            return LocatedError(error.place, error.reason, place)
+        place = place or Place(self.path, 1)
+        via = self._called_from if place.file != self.path else None
+        return LocatedError(place, _reason(error), via)
+
     @property
-    def failed_at(self) -> Place | None:
+    def _failed_at(self) -> Place | None:
         """Where xacro was."""
         return place_of(self._detail or (self._stack[-1] if self._stack else None))
 
     @property
-    def called_from(self) -> Place | None:
+    def _called_from(self) -> Place | None:
         """Where in the given file it had come from."""
         places = (place_of(node) for node in reversed(self._stack))
         return next((place for place in places if place and place.file == self.path), None)
@@ -225,7 +259,33 @@ class XacroSession:
         return value
 
     def _warn(self, text: str) -> None:
-        self.warnings.append((self.failed_at, ' '.join(text.split())))
+        self.warnings.append((self._failed_at, ' '.join(text.split())))
+
+
+def expand(
+    path: Path, arguments: Mapping[str, str] | None = None, search: Sequence[Path] = ()
+) -> str:
+    """
+    Return the URDF text of a xacro or URDF file.
+
+    `arguments` are xacro args; `search` are folders in which `$(find)` looks first.
+
+    Raises:
+        DescriptionError: one line with the file and, where there is one, the line.
+    """
+    return expand_document(path, arguments, search).urdf
+
+
+def expand_document(
+    path: Path, arguments: Mapping[str, str] | None = None, search: Sequence[Path] = ()
+) -> Expansion:
+    """
+    Return what a xacro or URDF file expands to, as elements that know their places.
+
+    Raises:
+        DescriptionError: see `expand`.
+    """
+    return XacroSession(path, arguments or {}, Reach(path, search)).expand()
 
 
 @contextlib.contextmanager
@@ -239,3 +299,25 @@ def _replaced(names: dict[str, Any], values: Mapping[str, Any]) -> Iterator[None
         for name in values:
             del names[name]
         names.update(before)
+
+
+def _reason(error: BaseException) -> str:
+    """Return what went wrong in one line, without the layers that xacro wraps around it."""
+    suffix = ''
+    while (cause := getattr(error, 'exc', None)) is not None:
+        message = str(error.args[0] or '') if error.args else ''
+        if (
+            message
+            and not message.startswith('<class')
+            and not isinstance(cause, DescriptionError)
+        ):
+            break
+        suffix = suffix or str(getattr(error, 'suffix', None) or '')
+        error = cause
+    if isinstance(error, RecursionError):
+        return 'nested too deep'
+    if isinstance(error, MemoryError):
+        return 'needs too much memory'
+    text = ' '.join(f'{error} {suffix}'.replace('(<expression>, line 1)', '').split())
+    text = text or type(error).__name__
+    return text if len(text) <= LONGEST_REASON else f'{text[:LONGEST_REASON]} ...'

@@ -10,13 +10,13 @@ from PIL import Image
 from wasd_core.errors import DescriptionError
 from wasd_core.output_file import OutputFile
 
+from robot_description.mujoco import find_renderer
+from robot_description.mujoco import NO_RENDERER
 from robot_description.mujoco.builder import compile_model
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.mujoco.geoms import FindMesh
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.renderer_choice import find_renderer
-from robot_description.renderer_choice import NO_RENDERER
-from robot_description.urdf import Robot
+from robot_description.robot import Robot
 
 SIZE = (1280, 960)
 # How much of the ball around the robot has to be in view, and from where [degrees].

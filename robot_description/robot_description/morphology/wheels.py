@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot_description.urdf import Joint
-from robot_description.urdf import Robot
-from robot_description.urdf_shapes import Shape
+from robot_description.robot import Joint
+from robot_description.robot import Robot
+from robot_description.robot import Shape
 
 # How exactly an axis has to point along y: exporters write 1.57 for a right angle.
 ALONG = 1.0 - 1e-6

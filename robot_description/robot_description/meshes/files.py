@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names of mesh files: what a URL means, which file was meant, where RViz finds it."""
+
+from collections.abc import Collection, Iterable, Mapping
+import difflib
+import filecmp
+import os
+from pathlib import Path
+from pathlib import PurePosixPath
+import re
+from typing import NamedTuple
+from urllib.parse import unquote
+import xml.etree.ElementTree as ElementTree
+from xml.sax.saxutils import quoteattr
+
+from robot_description.joint_names import SIDES
+from robot_description.joint_names import words
+from robot_description.packages import manifest_name
+from robot_description.packages import own_package
+
+# Formats that can be read, the ones that say most about a mesh with least trouble first.
+EXTENSIONS = ('.obj', '.stl', '.dae', '.glb', '.gltf', '.ply')
+MOST_FILES = 50_000
+# Words for the part that carries the legs or wheels; robots are rebuilt, references stay.
+ALIASES = {'trunk': 'base', 'body': 'base', 'base_link': 'base', 'base': 'base'}
+# Words beside SIDES that tell parts of one robot apart however alike their names are.
+MARKS = {'upper', 'lower', 'mirror', 'inner', 'outer', 'top', 'bottom', 'bl', 'br', 'lr', 'l', 'r'}
+# difflib's ratio; thigh and thigh1 have 0.91, calf and calf_mirror 0.53, thigh and shank 0.2.
+LEAST_LIKENESS = 0.75
+# A mesh with the URL in it; comments and what is no mesh stay as they are.
+MESH = re.compile(r"""<!--.*?-->|(<mesh\b[^<>]*?\bfilename\s*=\s*)("[^"]*"|'[^']*')""", re.DOTALL)
+PACKAGE = 'package://'
+
+
+class MeshUrl(NamedTuple):
+    """
+    A URL taken apart.
+
+    `package` is its package, None for a plain path; `path` is relative to the package, absolute,
+    or relative to the description; `kinds` are the repairs that reading it took.
+    """
+
+    package: str | None
+    path: PurePosixPath
+    kinds: tuple[str, ...] = ()
+
+
+def read_url(url: str) -> list[MeshUrl]:
+    """
+    Return what a URL may mean, the likelier reading first; nothing when it is no local file.
+
+    A percent escape is tried as it stands, then decoded.
+    """
+    plain = _read(url.strip())
+    if plain is None or plain.path == PurePosixPath('.'):
+        return []
+    decoded = unquote(str(plain.path))
+    if decoded == str(plain.path) or '\0' in decoded:
+        return [plain]
+    escaped = plain._replace(path=PurePosixPath(decoded), kinds=(*plain.kinds, 'percent-escape'))
+    return [plain, escaped]
+
+
+def _read(url: str) -> MeshUrl | None:
+    if left := re.fullmatch(r'\$\(find\s+([^\s)]+)\s*\)/*(.*)', url.removeprefix('file://')):
+        return MeshUrl(left[1], PurePosixPath(left[2]), ('find-left',))
+    scheme, colon, rest = url.partition('://')
+    if not colon:
+        return MeshUrl(None, PurePosixPath(url))
+    if scheme.lower() == 'file':
+        return MeshUrl(None, PurePosixPath(rest))
+    if scheme.lower() in ('package', 'model'):
+        package, _, path = rest.lstrip('/').partition('/')
+        return MeshUrl(unquote(package), PurePosixPath(path))
+    return None
+
+
+def mesh_files(folder: Path) -> list[Path]:
+    """Return the mesh files below a folder, sorted; links to folders are not followed."""
+    found: list[Path] = []
+    count = 0
+    for place, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith('.')]
+        count += len(files)
+        found += [path for name in files if _is_mesh(path := Path(place, name))]
+        if count > MOST_FILES:
+            break
+    return sorted(found)
+
+
+def in_any_case(folder: Path, relative: PurePosixPath) -> Path | None:
+    """Return the only file at a relative path when upper and lower case do not count."""
+    places = [folder]
+    for part in relative.parts:
+        places = [
+            child
+            for place in places
+            for child in _children(place)
+            if child.name.lower() == part.lower()
+        ]
+    return only([place for place in places if place.is_file()])
+
+
+def with_other_extension(path: Path) -> Path | None:
+    """Return the file of the same stem beside `path` in the format that is liked best."""
+    beside = [
+        child
+        for child in _children(path.parent)
+        if child.stem.lower() == path.stem.lower() and _is_mesh(child)
+    ]
+    return best_format(beside)
+
+
+def best_format(paths: Iterable[Path]) -> Path | None:
+    """Return the only file in the format that is liked best; None when there are several."""
+    paths = list(paths)
+    for extension in EXTENSIONS:
+        of_format = [path for path in paths if path.suffix.lower() == extension]
+        if of_format:
+            return only(of_format)
+    return None
+
+
+def only(paths: list[Path]) -> Path | None:
+    """Return the only file; copies of one file, as Unitree's clone has them, count as one."""
+    if not paths or any(not _is_same(paths[0], other) for other in paths[1:]):
+        return None
+    return paths[0]
+
+
+def closest(paths: Iterable[Path], wanted: PurePosixPath) -> list[Path]:
+    """Return the files whose path ends most like the wanted one, folder by folder."""
+    ends = {path: _common_end(path.parts[:-1], wanted.parts[:-1]) for path in paths}
+    best = max(ends.values(), default=0)
+    return [path for path, length in ends.items() if length == best]
+
+
+def _is_mesh(path: Path) -> bool:
+    """Whether a path is a file, not a link to nowhere, and its name ends as a mesh's does."""
+    return path.name.lower().endswith(EXTENSIONS) and path.is_file()
+
+
+def _common_end(one: tuple[str, ...], other: tuple[str, ...]) -> int:
+    count = 0
+    for a, b in zip(reversed(one), reversed(other), strict=False):
+        if a.lower() != b.lower():
+            break
+        count += 1
+    return count
+
+
+def _children(folder: Path) -> list[Path]:
+    try:
+        return sorted(folder.iterdir())
+    except OSError:
+        return []
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    try:
+        return filecmp.cmp(one, other, shallow=False)
+    except OSError:
+        return False
+
+
+def near_name(missing: str, unused: Collection[Path], carries: bool) -> tuple[Path, ...]:
+    """
+    Return the files among `unused` that a missing stem may mean: one is an answer.
+
+    `carries` says that the link is the root or welded to it; then aliases of it count first.
+    """
+    if carries:
+        wanted = _without_alias(missing)
+        aliases = [path for path in unused if _without_alias(path.stem) == wanted]
+        if aliases:
+            return tuple(aliases)
+    return tuple(path for path in unused if _likeness(missing, path.stem) >= LEAST_LIKENESS)
+
+
+def _without_alias(stem: str) -> str:
+    parts = re.split(r'[_\-. ]+', re.sub(r'base[_\- ]link', 'base', stem.lower()))
+    return '_'.join(ALIASES.get(word, word) for word in parts)
+
+
+def _likeness(one: str, other: str) -> float:
+    """Return how alike two names are, 0 to 1; 0 when they differ in a side or a number."""
+    if _marks(one) != _marks(other):
+        return 0.0
+    return difflib.SequenceMatcher(None, one.lower(), other.lower()).ratio()
+
+
+def _marks(stem: str) -> list[str]:
+    return sorted(word for word in words(stem) if word in SIDES.keys() | MARKS or word.isdigit())
+
+
+def published_urdf(urdf: str, files: Mapping[str, Path]) -> str:
+    """
+    Return the URDF with file:// for each mesh that a listener would not find by its URL.
+
+    `files` are those that were found, by URL. A `package://` of the ament index stays if the file
+    is there, as do file:// and the rest of the web; a mesh that was not found stays, too.
+    """
+
+    def replaced(match: 're.Match[str]') -> str:
+        if match[1] is None:
+            return match[0]
+        url = ElementTree.fromstring(f'<mesh url={match[2]}/>').get('url', '')
+        file = files.get(url)
+        if file is None or opened_by_rviz(url) is not None:
+            return match[0]
+        return match[1] + quoteattr(file.absolute().as_uri())
+
+    return MESH.sub(replaced, urdf)
+
+
+def opened_by_rviz(url: str) -> Path | None:
+    """
+    Return the file that RViz would open for a URL; None when there is none.
+
+    Its rule: `package://` goes through the ament index of AMENT_PREFIX_PATH, `file://` is an
+    absolute path, a relative name means nothing.
+    """
+    file = None
+    if url.startswith(PACKAGE):
+        package, _, path = url.removeprefix(PACKAGE).partition('/')
+        share = _share(package)
+        file = share / path if share is not None else None
+    elif url.startswith('file:///'):
+        file = Path(unquote(url.removeprefix('file://')))
+    return file if file is not None and file.is_file() else None
+
+
+def _share(package: str) -> Path | None:
+    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
+        if prefix and Path(prefix, 'share/ament_index/resource_index/packages', package).is_file():
+            return Path(prefix, 'share', package)
+    return None
+
+
+def better_url(file: Path) -> str:
+    """Return how a file is named in a description: by its package, if it has one."""
+    package = own_package(file)
+    name = manifest_name(package) if package else None
+    return f'package://{name}/{file.relative_to(package)}' if package and name else str(file)

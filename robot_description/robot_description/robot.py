@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot as data: links, joints, shapes and where they are; geometry and masses live here."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+from wasd_core.rotations import axis_angle
+from wasd_core.rotations import IDENTITY
+from wasd_core.rotations import Origin
+from wasd_core.rotations import Pose
+
+Colour = tuple[float, ...]
+# Of what has no colour, or one that is none.
+GREY = (0.7, 0.7, 0.7, 1.0)
+MOVABLE = ('revolute', 'continuous', 'prismatic')
+JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
+# A root link of this name is no part of the robot: what hangs on it does not float.
+WORLD_LINK = 'world'
+# The joint by which a robot floats, where a library wants a name for it.
+ROOT_JOINT = 'root'
+# A second moment below this share of their sum counts as impossible: MuJoCo refuses it.
+SMALLEST_SHARE = 1e-9
+# What it is raised to, and the radius of gyration [m] of a mass without any extent.
+RAISED_SHARE = 1e-6
+SMALLEST_RADIUS = 1e-4
+# A negative moment of this share of their sum is more than rounding.
+WORTH_SAYING = 1e-3
+# Nothing to MuJoCo, whose limit is lower by two digits [kg m^2].
+SMALLEST_MOMENT = 1e-12
+
+
+@dataclass(frozen=True)
+class Shape:
+    """
+    What is drawn or what collides: kind, size in URDF's order [m], pose in its link.
+
+    A mesh has no size but a URL and a scale along x, y and z. What is drawn has a colour: red,
+    green, blue, opacity, each from 0 to 1.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    pose: Origin
+    collides: bool
+    rgba: Colour = GREY
+    url: str = ''
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Link:
+    """
+    A link: its mass [kg], what collides and what is drawn.
+
+    `inertia` (3, 3) [kg m^2] is about its centre of mass, in the axes of its inertial frame, whose
+    pose in the link is `inertial`. Mass and inertia are 0 without an inertial. `shapes` are in the
+    order of the file.
+    """
+
+    name: str
+    mass: float
+    inertia: np.ndarray
+    inertial: Origin
+    shapes: tuple[Shape, ...]
+
+    @cached_property
+    def collisions(self) -> tuple[Shape, ...]:
+        """What collides."""
+        return tuple(shape for shape in self.shapes if shape.collides)
+
+    @cached_property
+    def visuals(self) -> tuple[Shape, ...]:
+        """What is drawn."""
+        return tuple(shape for shape in self.shapes if not shape.collides)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """
+    A joint: `pose` is the joint frame in the parent link at position 0.
+
+    Positions are in [rad] or [m], effort in [N m] or [N], velocity in [rad/s] or [m/s]; without
+    limits `lower` and `upper` are infinite. Viscous `damping` is in [N m s/rad] or [N s/m], dry
+    `friction` in [N m] or [N]. `mimics` names the joint that it follows, if any, at
+    `multiplier * position + offset`.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    pose: Origin
+    axis: np.ndarray
+    effort: float
+    velocity: float
+    lower: float
+    upper: float
+    damping: float
+    friction: float
+    mimics: str
+    multiplier: float
+    offset: float
+
+    @property
+    def is_movable(self) -> bool:
+        """Whether it has one degree of freedom."""
+        return self.kind in MOVABLE
+
+    def transform(self, position: float) -> Pose:
+        """Return the child's pose in the parent at a joint position [rad] or [m]."""
+        if self.kind in ('revolute', 'continuous'):
+            return self.pose @ Pose(np.zeros(3), axis_angle(self.axis, position))
+        if self.kind == 'prismatic':
+            return self.pose @ Pose(self.axis * position, np.eye(3))
+        return self.pose
+
+
+@dataclass(frozen=True)
+class Robot:
+    """
+    A kinematic tree.
+
+    `friction` and `self_collide` map a link to what its gazebo tag says, where it does; `gazebo`
+    are these tags, for what a simulator looks for in them.
+    """
+
+    name: str
+    root: str
+    links: dict[str, Link]
+    joints: dict[str, Joint]
+    friction: dict[str, float]
+    self_collide: dict[str, bool]
+    gazebo: tuple[ElementTree.Element, ...]
+
+    @property
+    def mass(self) -> float:
+        """Sum of the link masses [kg]."""
+        return sum(link.mass for link in self.links.values())
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether the robot hangs on a link called `world`."""
+        return self.root == WORLD_LINK
+
+    @property
+    def base(self) -> str:
+        """The link that carries the others: the root, or what hangs on the world first."""
+        if not self.is_fixed:
+            return self.root
+        return next((j.child for j in self.joints.values() if j.parent == self.root), self.root)
+
+    @property
+    def movable_joints(self) -> tuple[Joint, ...]:
+        """Joints with a degree of freedom, in the order of the file."""
+        return tuple(joint for joint in self.joints.values() if joint.is_movable)
+
+    @cached_property
+    def parent_joints(self) -> dict[str, Joint]:
+        """The joint that holds each link but the root."""
+        return {joint.child: joint for joint in self.joints.values()}
+
+    @cached_property
+    def links_from_root(self) -> tuple[str, ...]:
+        """The links, each after its parent, brothers in the order of the file."""
+        children: dict[str, list[str]] = {link: [] for link in self.links}
+        for joint in self.joints.values():
+            children[joint.parent].append(joint.child)
+        order = []
+        waiting = [self.root]
+        while waiting:
+            order.append(link := waiting.pop())
+            waiting += reversed(children[link])
+        return tuple(order)
+
+    @cached_property
+    def carriers(self) -> dict[str, str]:
+        """For each link the one that moves with it and has a joint of its own, or is the root."""
+        carriers: dict[str, str] = {}
+        for link in self.links_from_root:
+            joint = self.parent_joints.get(link)
+            welded = joint is not None and joint.kind == 'fixed'
+            carriers[link] = carriers[joint.parent] if joint is not None and welded else link
+        return carriers
+
+    def link_poses(self, positions: Mapping[str, float]) -> dict[str, Pose]:
+        """Return the pose of every link in the root, with joints at positions [rad] or [m]."""
+        poses = {self.root: IDENTITY}
+        for link in self.links_from_root[1:]:
+            joint = self.parent_joints[link]
+            poses[link] = poses[joint.parent] @ joint.transform(positions.get(joint.name, 0.0))
+        return poses
+
+    def pose_of(self, link: str) -> Pose:
+        """Return a link's pose in the root with every joint at 0."""
+        chain = []
+        while link != self.root:
+            chain.append(self.parent_joints[link])
+            link = chain[-1].parent
+        pose = IDENTITY
+        for joint in reversed(chain):
+            pose = pose @ joint.pose
+        return pose
+
+
+def _second_moments(inertia: np.ndarray) -> np.ndarray:
+    moments: np.ndarray = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    return moments
+
+
+def _smallest_share(inertia: np.ndarray) -> float:
+    """Return the smallest second moment as a share of their sum; 0 for none."""
+    values = np.linalg.eigvalsh(_second_moments(inertia))
+    total = float(np.abs(values).sum())
+    return float(values[0]) / total if total > SMALLEST_MOMENT else 0.0
+
+
+def possible_inertia(inertia: np.ndarray, mass: float) -> np.ndarray | None:
+    """
+    Return the inertia (3, 3) [kg m^2] nearest to an impossible one; None when it is possible.
+
+    A body's second moments of mass S = tr(I)/2 1 - I cannot be negative along any direction,
+    which says at once that principal inertias are positive and obey the triangle inequality.
+    Negative ones are raised to next to nothing [Wensing2018, eq. 9].
+    """
+    values, directions = np.linalg.eigh(_second_moments(inertia))
+    total = float(np.abs(values).sum())
+    if values[0] > max(SMALLEST_SHARE * total, 0.1 * SMALLEST_MOMENT):
+        return None
+    floor = max(RAISED_SHARE * total, mass * SMALLEST_RADIUS**2, SMALLEST_MOMENT)
+    raised = directions @ np.diag(np.maximum(values, floor)) @ directions.T
+    mended: np.ndarray = np.trace(raised) * np.eye(3) - raised
+    return mended
+
+
+def impossible_inertias(robot: Robot) -> tuple[str, ...]:
+    """
+    Return a line for each link whose inertia no body can have.
+
+    Points, rods and plates, which have none in some direction, and rounding are not worth a line.
+    """
+    return tuple(
+        f'inertia of link {link.name!r}: impossible: using the nearest that a body can have '
+        f'(principal {", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(link.inertia))})'
+        for link in robot.links.values()
+        if link.mass > 0.0 and _smallest_share(link.inertia) < -WORTH_SAYING
+    )
