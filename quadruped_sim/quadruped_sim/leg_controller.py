@@ -40,7 +40,7 @@ class LegController:
     Walks a quadruped: one `step` per tick, 500 times a second.
 
     A `model` serves one controller at a time. `params` are as for the Go2; they are scaled to the
-    robot. Joints are leg angles, see `robot_description.quadruped`.
+    robot. Joints are leg angles, see `robot_description.morphology`.
     `estimator` is 'kalman' (IMU and joints only) or 'truth' (`Sensors.truth`, which must be set).
     Never raises for bad data: it falls back to damping and says so in `event`.
     """

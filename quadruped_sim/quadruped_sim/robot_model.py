@@ -64,7 +64,7 @@ class RobotModel:
     """
     Mass, inertia, leg geometry and dynamics of a quadruped, in leg angles leg by leg.
 
-    Leg angles are those of `robot_description.quadruped`: zero when a leg hangs straight down.
+    Leg angles are those of `robot_description.morphology`: zero when a leg hangs straight down.
     Keeps Pinocchio's model and data and the way from leg angles to its joint positions. `scale`
     compares the robot with the Go2; the rotors' inertia reflected through the gears, which a
     URDF leaves out, is taken to grow as it does. `friction` is the feet's, infinite if not given.
