@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node that publishes keys, and the executable `key_publisher`."""
 
-from collections.abc import Callable, Sequence
+import argparse
+from collections.abc import Callable, Iterator, Sequence
 import contextlib
+import functools
 import sys
 import time
-from typing import Any, NamedTuple
 
 import rclpy
 from rclpy.duration import Duration
@@ -13,16 +14,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 from wasd_core.command_line import Executable
-from wasd_core.errors import UserError
-from wasd_core.node import explain_ros_errors
 from wasd_core.node import init_ros
+from wasd_core.node import open_node
+from wasd_core.node import run_program
 from wasd_core.output_file import OutputFile
 from wasd_core.ros_parameters import declare_parameters
-from wasd_core.signals import last_status
 from wasd_core.signals import StopSignals
-from wasd_core.streams import never_wait
-from wasd_core.streams import prepare_streams
-from wasd_core.streams import print_error
+from wasd_core.streams import visible
 from wasd_core.topics import EVENTS
 from wasd_core.topics import LATCHED
 
@@ -32,85 +30,6 @@ from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.key_reader import WaitingKeys
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.parameters import KeyParameters
-
-
-class KeyOptions(NamedTuple):
-    """Where the keys are saved, if anywhere, and what is left for ROS."""
-
-    save_keys: OutputFile | None
-    ros: list[str]
-
-
-def read_options(program: Executable, words: Sequence[str] | None = None) -> KeyOptions:
-    """
-    Return the options given to a program; those of this process when there are no `words`.
-
-    Raises:
-        UserError: an option that neither we nor ROS know, or a file that cannot be written.
-    """
-    given = program.read(sys.argv[1:] if words is None else words)
-    save_keys = None if given.save_keys is None else OutputFile(given.save_keys, '--save-keys')
-    return KeyOptions(save_keys, given.ros)
-
-
-class KeyService:
-    """
-    Publishes the keys of a KeyPublisherNode once somebody listens to them.
-
-    With a `help` it says that, the robot's state, and which keys wait.
-    """
-
-    def __init__(self, node: Any) -> None:
-        self._node = node
-        self._waiting = WaitingKeys()
-        self._stepped_at = time.monotonic()
-        self._is_talking = bool(node.help)
-        if self._is_talking:
-            print(node.help, flush=True)
-            _subscribe_to_state(node)
-
-    def press(self, key: str) -> None:
-        """Publish a key, or keep it while nobody listens."""
-        self.step()
-        if self._node.has_subscriber:
-            self._node.publish_key(key)
-            return
-        if not self._waiting:
-            self._say(f'nobody listens to the keys yet: {key} waits')
-        self._waiting.put(key)
-
-    def step(self) -> None:
-        """Publish what has waited, if somebody listens now; to be called all the time."""
-        now = time.monotonic()
-        late = self._waiting.step(now - self._stepped_at)
-        self._stepped_at = now
-        if late:
-            self._say(f'nobody listens to the keys: {" ".join(late)} dropped')
-        if self._waiting and self._node.has_subscriber:
-            for key in self._waiting.take():
-                self._node.publish_key(key)
-
-    def _say(self, text: str) -> None:
-        if self._is_talking:
-            print(text, flush=True)
-
-
-def _subscribe_to_state(node: Any) -> None:
-    shown = ''
-
-    def show(message: String) -> None:
-        nonlocal shown
-        if message.data != shown:
-            shown = message.data
-            print(f'state: {_one_line(shown)}', flush=True)
-
-    node.create_subscription(String, 'state', show, LATCHED)
-
-
-def _one_line(text: str) -> str:
-    """Return a text of others without what a terminal would obey."""
-    return ''.join(c if c.isprintable() else '?' for c in text)
-
 
 # How long one wait for keys lasts [s]; keys end it at once, signals are seen after it.
 POLL_PERIOD = 0.05
@@ -164,6 +83,93 @@ class KeyPublisherNode(Node):
         self._publisher.wait_for_all_acked(Duration(seconds=patience))
 
 
+class KeyService:
+    """
+    Publishes the keys of a KeyPublisherNode once somebody listens to them.
+
+    With a `help` it says that, the robot's state, and which keys wait.
+    """
+
+    def __init__(self, node: KeyPublisherNode) -> None:
+        self._node = node
+        self._waiting = WaitingKeys()
+        self._stepped_at = time.monotonic()
+        self._is_talking = bool(node.help)
+        if self._is_talking:
+            print(node.help, flush=True)
+            _subscribe_to_state(node)
+
+    def press(self, key: str) -> None:
+        """Publish a key, or keep it while nobody listens."""
+        self.step()
+        if self._node.has_subscriber:
+            self._node.publish_key(key)
+            return
+        if not self._waiting:
+            self._say(f'nobody listens to the keys yet: {key} waits')
+        self._waiting.put(key)
+
+    def step(self) -> None:
+        """Publish what has waited, if somebody listens now; to be called all the time."""
+        now = time.monotonic()
+        late = self._waiting.step(now - self._stepped_at)
+        self._stepped_at = now
+        if late:
+            self._say(f'nobody listens to the keys: {" ".join(late)} dropped')
+        if self._waiting and self._node.has_subscriber:
+            for key in self._waiting.take():
+                self._node.publish_key(key)
+
+    def _say(self, text: str) -> None:
+        if self._is_talking:
+            print(text, flush=True)
+
+
+def _subscribe_to_state(node: Node) -> None:
+    shown = ''
+
+    def show(message: String) -> None:
+        nonlocal shown
+        if message.data != shown:
+            shown = message.data
+            print(f'state: {visible(shown)}', flush=True)
+
+    node.create_subscription(String, 'state', show, LATCHED)
+
+
+def read_options(program: Executable, words: Sequence[str] | None = None) -> argparse.Namespace:
+    """
+    Return a program's options, of this process when there are no `words`; `ros` is left for ROS.
+
+    Raises:
+        UserError: an option that neither we nor ROS know, or a file that cannot be written.
+    """
+    given = program.read(sys.argv[1:] if words is None else words)
+    if given.save_keys is not None:
+        given.save_keys = OutputFile(given.save_keys, '--save-keys')
+    return given
+
+
+@contextlib.contextmanager
+def open_keyboard(
+    program: Executable, words: Sequence[str] | None, stop: StopSignals
+) -> Iterator[tuple[KeyReader, KeyScriptWriter | None]]:
+    """
+    Context with the keys of a program's user, and where they are to be saved; ROS is started.
+
+    Raises:
+        UserError: there is nowhere to read keys from, or an option is wrong.
+    """
+    options = read_options(program, words)
+    reader = open_key_reader()
+    saved = KeyScriptWriter(options.save_keys) if options.save_keys else contextlib.nullcontext()
+    with saved as writer, reader:
+        if reader.terminal is not None:
+            stop.last_words.append(reader.terminal.restore)
+        init_ros(options.ros, joins=True)
+        yield reader, writer
+
+
 def wait_for_subscriber(has_subscriber: Callable[[], bool], stop: StopSignals) -> None:
     """Wait until somebody listens, so that keys from a pipe are not lost before; not for ever."""
     deadline = time.monotonic() + SUBSCRIBER_TIMEOUT
@@ -186,42 +192,26 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
         if time.monotonic() >= next_service:
             executor.spin_once(timeout_sec=0.0)
             next_service = time.monotonic() + SERVICE_PERIOD
+    if not stop.requested:
+        # A pipe has ended with keys that nobody has yet; a signal wants an end at once.
+        node.close(LAST_KEYS_TIMEOUT)
+
+
+def _publish(args: Sequence[str] | None, stop: StopSignals) -> None:
+    with (
+        open_keyboard(KEY_PUBLISHER, args, stop) as (reader, writer),
+        open_node(KeyPublisherNode, stop) as node,
+    ):
+        if writer is not None:
+            node.save_to(writer)
+        if node.raw:
+            reader.set_raw()
+        publish_keys(node, reader, stop)
 
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `key_publisher`; return the exit status."""
-    prepare_streams()
-    never_wait()
-    try:
-        options = read_options(KEY_PUBLISHER, args)
-        reader = open_key_reader()
-        writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
-    except UserError as error:
-        print_error(error)
-        return 2
-    with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
-        node = None
-        if reader.terminal is not None:
-            stop.last_words.append(reader.terminal.restore)
-        try:
-            init_ros(options.ros, joins=True)
-            with explain_ros_errors():
-                node = KeyPublisherNode()
-            if writer is not None:
-                node.save_to(writer)
-            if node.raw:
-                reader.set_raw()
-            publish_keys(node, reader, stop)
-        except UserError as error:
-            print_error(error)
-            return 2
-        finally:
-            if node is not None:
-                # A pipe has ended with keys that nobody has yet; a signal wants an end at once.
-                node.close(LAST_WORDS_TIMEOUT if stop.requested else LAST_KEYS_TIMEOUT)
-                node.destroy_node()
-            rclpy.try_shutdown()
-    return last_status(stop)
+    return run_program(functools.partial(_publish, args))
 
 
 if __name__ == '__main__':

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 import contextlib
+import functools
 import math
 import sys
 import time
@@ -12,15 +13,10 @@ from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
-from wasd_core.errors import UserError
 from wasd_core.node import explain_ros_errors
-from wasd_core.node import init_ros
 from wasd_core.node import MessagePump
-from wasd_core.signals import last_status
+from wasd_core.node import run_program
 from wasd_core.signals import StopSignals
-from wasd_core.streams import never_wait
-from wasd_core.streams import prepare_streams
-from wasd_core.streams import print_error
 from wasd_core.timing import Notice
 from wasd_core.topics import LATCHED
 from wasd_core.topics import LATEST
@@ -34,11 +30,9 @@ from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings
 from teleop_keyboard.executables import TELEOP
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
-from teleop_keyboard.key_publisher_node import read_options
+from teleop_keyboard.key_publisher_node import open_keyboard
 from teleop_keyboard.key_publisher_node import wait_for_subscriber
 from teleop_keyboard.key_reader import KeyReader
-from teleop_keyboard.key_reader import open_key_reader
-from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.keymap import table_lines
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.ramp import Velocity
@@ -182,44 +176,23 @@ def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop, stop: StopSignal
         print('\n'.join(teleop.twist.logic.keymap.help_lines), end='\n\n', flush=True)
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run `teleop`; return the exit status."""
-    prepare_streams()
-    never_wait()
-    try:
-        options = read_options(TELEOP, args)
-        reader = open_key_reader()
-        writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
-    except UserError as error:
-        print_error(error)
-        return 2
-    tolerate_any_text()
-    screen = Screen(sys.stdout)
-    with StopSignals() as stop, writer or contextlib.nullcontext(), reader:
-        teleop = None
-        if reader.terminal is not None:
-            stop.last_words.append(reader.terminal.restore)
-        try:
-            init_ros(options.ros, joins=True)
-            with explain_ros_errors():
-                teleop = Teleop(reader)
+def _teleoperate(args: Sequence[str] | None, stop: StopSignals) -> None:
+    with open_keyboard(TELEOP, args, stop) as (reader, writer):
+        tolerate_any_text()
+        screen = Screen(sys.stdout)
+        with explain_ros_errors():
+            teleop = Teleop(reader)
+        # First the terminal is given back: what is said from then on must be seen.
+        with contextlib.closing(teleop), contextlib.closing(screen):
             if writer is not None:
                 teleop.keys.save_to(writer)
             _prepare(reader, screen, teleop, stop)
             teleop.run(stop, screen)
-        except UserError as error:
-            print_error(error)
-            return 2
-        except KeyboardInterrupt:
-            # Ctrl-C again, because leaving took too long: nothing to explain.
-            pass
-        finally:
-            # First the terminal: what is said from here on must be seen.
-            screen.close()
-            if teleop is not None:
-                teleop.close()
-            rclpy.try_shutdown()
-    return last_status(stop)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `teleop`; return the exit status."""
+    return run_program(functools.partial(_teleoperate, args))
 
 
 if __name__ == '__main__':

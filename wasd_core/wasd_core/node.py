@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 import contextlib
 import os
 import sys
-from typing import Any
+from typing import Any, TypeVar
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
@@ -31,6 +31,9 @@ from wasd_core.signals import StopSignals
 from wasd_core.streams import never_wait
 from wasd_core.streams import prepare_streams
 from wasd_core.streams import print_error
+
+# A node with a `close`.
+NodeType = TypeVar('NodeType', bound=Any)
 
 # How long one wait for messages may last [s]: bounds the time a stop signal goes unnoticed.
 SPIN_PERIOD = 0.05
@@ -116,44 +119,69 @@ def spin_alone(node: Node, stop: StopSignals) -> None:
         executor.shutdown(timeout_sec=0.0)
 
 
-def run_node(
-    make_node: Callable[[], Any],
-    args: Sequence[str] | None = None,
-    run: Callable[[Any, StopSignals], None] = spin_alone,
-    joins: bool = False,
-    program: Executable | None = None,
-) -> int:
+def run_program(work: Callable[[StopSignals], None]) -> int:
     """
-    Run one node as a process until a signal or a shutdown; return the exit status.
+    Do a program's work until a signal or a shutdown; return the exit status.
 
-    The node's `close` publishes what must be the last word, the zero command, on every way out.
-    What is wrong with the arguments or parameters ends with one line on stderr and status 2.
-    A node that `joins` is for the run that is there; see `init_ros`. What is not ROS's among the
-    arguments is the `program`'s: its --help, or wrong.
+    What the user can mend, in arguments, parameters or files, ends with one line on stderr and
+    status 2.
     """
     prepare_streams()
     never_wait()
     with StopSignals() as stop:
-        node = None
         try:
-            if program is not None:
-                program.read(sys.argv[1:] if args is None else args)
-            init_ros(args, joins=joins)
-            with explain_ros_errors():
-                node = make_node()
-            stop.last_words.append(node.close)
-            run(node, stop)
-        except Stopped:
-            pass
+            work(stop)
         except UserError as error:
             print_error(error)
             return 2
+        except (Stopped, KeyboardInterrupt):
+            # The latter is Ctrl-C again, because leaving took too long: nothing to explain.
+            pass
         finally:
-            if node is not None:
-                node.close()
-                node.destroy_node()
             rclpy.try_shutdown()
     return last_status(stop)
+
+
+@contextlib.contextmanager
+def open_node(make_node: Callable[[], NodeType], stop: StopSignals) -> Iterator[NodeType]:
+    """
+    Context with a node whose `close` publishes the last word, the zero command, on every way out.
+
+    Raises:
+        UserError: what ROS has against the node.
+    """
+    with explain_ros_errors():
+        node = make_node()
+    stop.last_words.append(node.close)
+    try:
+        yield node
+    finally:
+        node.close()
+        node.destroy_node()
+
+
+def run_node(
+    make_node: Callable[[], NodeType],
+    args: Sequence[str] | None = None,
+    run: Callable[[NodeType, StopSignals], None] = spin_alone,
+    joins: bool = False,
+    program: Executable | None = None,
+) -> int:
+    """
+    Run one node as a program; see `run_program` and `open_node`.
+
+    A node that `joins` is for the run that is there; see `init_ros`. What is not ROS's among the
+    arguments is the `program`'s: its --help, or wrong.
+    """
+
+    def work(stop: StopSignals) -> None:
+        if program is not None:
+            program.read(sys.argv[1:] if args is None else args)
+        init_ros(args, joins=joins)
+        with open_node(make_node, stop) as node:
+            run(node, stop)
+
+    return run_program(work)
 
 
 class MessagePump(SingleThreadedExecutor):
