@@ -18,7 +18,7 @@ from environment import alone
 from mbot_accuracy import run_quietly
 from mbot_accuracy import WASD
 from table import Row
-from wasd_bringup.bag_reader import BagReader
+from wasd_bringup.recording.reader import BagReader
 
 DURATION = 60.0
 # After a turn of this long [s] the other robot is driven.

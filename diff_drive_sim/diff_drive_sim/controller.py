@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Velocity commands to wheel speeds: time-out, limits, kinematics, odometry."""
+"""Velocity commands to wheel speeds: age, time-out, limits, kinematics, odometry."""
 
 import math
 from typing import NamedTuple, Protocol
@@ -7,12 +7,43 @@ from typing import NamedTuple, Protocol
 from wasd_core.timing import Watchdog
 
 from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.limits import PlanarRamp
+from diff_drive_sim.odometry import Growth
 from diff_drive_sim.odometry import OdometryState
+from diff_drive_sim.odometry import PlanarCovariance
 from diff_drive_sim.odometry import WheelOdometry
 from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.planar_ramp import PlanarRamp
-from diff_drive_sim.pose_covariance import Growth
-from diff_drive_sim.pose_covariance import PlanarCovariance
+
+# A clock that is ahead by less than this [s] is no news.
+AHEAD = 0.1
+
+
+class StampVerdict(NamedTuple):
+    """The age of a command [s], None for one to be dropped, and what is odd about it."""
+
+    age: float | None
+    note: str = ''
+
+
+def judge_stamp(stamp: float, now: float, timeout: float) -> StampVerdict:
+    """
+    Judge a stamp [s] at a time [s].
+
+    A stamp of zero is none: the command is of now. One older than the time-out is dropped, and
+    where there is a time-out a younger one has used up some of it. One from the future is of now,
+    too: a sender whose clock is ahead must not outlive the time-out.
+    """
+    if stamp == 0.0:
+        return StampVerdict(0.0, 'has no stamp: taken as of now')
+    age = now - stamp
+    if age < 0.0:
+        note = f'is stamped {-age:.3f} s ahead of this clock: taken as of now'
+        return StampVerdict(0.0, note if -age > AHEAD else '')
+    if age > timeout > 0.0:
+        note = f'is {age:.3f} s old, more than cmd_vel_timeout {timeout:g} s: dropped'
+        return StampVerdict(None, note)
+    return StampVerdict(age)
+
 
 # A ramp goes on for no longer than this after a gap [s]: the robot eases in, not jumps. Nothing
 # else is cut short: a command has the age that it has.

@@ -2,9 +2,10 @@
 """The diff-drive controller on ROS: cmd_vel in, odom and joint commands out."""
 
 import dataclasses
+import difflib
 import sys
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -22,6 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_joint_commands
 from wasd_core.messages import to_seconds
 from wasd_core.node import run_node
+from wasd_core.parameters import outward_name
 from wasd_core.robot_io import JointCommand
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
@@ -32,19 +34,74 @@ from wasd_core.topics import RELIABLE
 from wasd_core.topics import SENSOR_DATA
 from wasd_core.topics import TfBroadcaster
 
-from diff_drive_sim.command_stamp import judge_stamp
-from diff_drive_sim.conversions import from_pose
-from diff_drive_sim.conversions import to_diagnostics
-from diff_drive_sim.conversions import to_odometry
-from diff_drive_sim.conversions import to_transform
-from diff_drive_sim.conversions import to_twist_stamped
-from diff_drive_sim.conversions import to_wheel_states
-from diff_drive_sim.drive_unit import DriveUnit
-from diff_drive_sim.errors import DiffDriveError
+from diff_drive_sim.controller import judge_stamp
+from diff_drive_sim.controller_file import ALIASES
+from diff_drive_sim.controller_file import read_controller_file
+from diff_drive_sim.controller_file import translate
+from diff_drive_sim.controller_file import UNUSED
+from diff_drive_sim.drive import DriveUnit
 from diff_drive_sim.executables import DIFF_DRIVE_CONTROLLER
-from diff_drive_sim.node_parameters import read_given
+from diff_drive_sim.geometry import DiffDriveError
+from diff_drive_sim.messages import from_pose
+from diff_drive_sim.messages import to_diagnostics
+from diff_drive_sim.messages import to_odometry
+from diff_drive_sim.messages import to_transform
+from diff_drive_sim.messages import to_twist_stamped
+from diff_drive_sim.messages import to_wheel_states
+from diff_drive_sim.messages import VelocityInput
 from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.velocity_input import VelocityInput
+
+
+class GivenParameters(NamedTuple):
+    """Defaults with a file's values in them, and the controller's name."""
+
+    defaults: DiffDriveParameters
+    name: str
+
+
+def read_given(node: Node) -> GivenParameters:
+    """
+    Read the file that the parameter `controller` names; give overrides their names here.
+
+    What ROS was given comes before the file. What means nothing here is said once.
+
+    Raises:
+        InvalidParameter: what is wrong with the file, with its line.
+    """
+    overrides = node._parameter_overrides
+    if 'mode' in overrides and overrides['mode'].value == '':
+        del overrides['mode']  # how a launch file says nothing
+    unused = {name for name in overrides if name in UNUSED - {'use_sim_time', 'type'}}
+    for name, given in list(overrides.items()):
+        outward, value = translate(name, given.value)
+        if (outward, value) != (name, given.value):
+            overrides[outward] = Parameter(outward, value=value)
+        elif not _is_known(node, name):
+            near = difflib.get_close_matches(name, [*_known_names(), *ALIASES], n=1)
+            hint = f', did you mean {near[0]!r}?' if near else ''
+            node.get_logger().warning(f'unknown parameter {name!r}{hint}: ignored')
+    path = overrides['controller'].value if 'controller' in overrides else ''
+    if not isinstance(path, str) or not path:
+        _say_unused(node, unused)
+        return GivenParameters(DiffDriveParameters(), '')
+    file = read_controller_file(path)
+    _say_unused(node, unused | set(file.unused))
+    return GivenParameters(DiffDriveParameters.from_mapping(file.values), file.name)
+
+
+def _known_names() -> set[str]:
+    return {outward_name(field) for field in dataclasses.fields(DiffDriveParameters)}
+
+
+def _is_known(node: Node, name: str) -> bool:
+    declared = name in _known_names() or node.has_parameter(name)
+    return declared or name in UNUSED or name.startswith('qos_overrides.')
+
+
+def _say_unused(node: Node, names: set[str]) -> None:
+    if names:
+        node.get_logger().info(f'parameters without a meaning here: {", ".join(sorted(names))}')
+
 
 ARBOTIX_JOINTS = ('base_l_wheel_joint', 'base_r_wheel_joint')
 JUMPED = 'the wheel angles have jumped (was the robot reset?): odometry goes on from where it was'

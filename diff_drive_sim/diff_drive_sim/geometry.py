@@ -3,15 +3,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from dataclasses import replace
 import math
 
 from robot_description.morphology.wheels import drive_wheels
 from robot_description.morphology.wheels import TOLERANCE
 from robot_description.robot import Robot
+from wasd_core.errors import UserError
 
-from diff_drive_sim.errors import DiffDriveError
-from diff_drive_sim.wheel_parameters import WheelParameters
+
+class DiffDriveError(UserError):
+    """The diff-drive controller cannot do what was asked; the text is one line."""
 
 
 @dataclass(frozen=True)
@@ -58,37 +59,6 @@ class DiffDriveGeometry:
         left_path = self.left_direction * left * self.left_radius
         right_path = self.right_direction * right * self.right_radius
         return 0.5 * (left_path + right_path), (right_path - left_path) / self.wheel_separation
-
-
-def configured(
-    geometry: DiffDriveGeometry, parameters: WheelParameters
-) -> tuple[DiffDriveGeometry, tuple[str, ...]]:
-    """Return the geometry that the parameters ask for, and in words what is odd."""
-    notes = []
-    left, right = geometry.left_joint, geometry.right_joint
-    if 'right' in left.lower() and 'left' in right.lower():
-        notes.append(f'{left} is on the left and {right} on the right: their names are swapped')
-    changes = {}
-    multiplier = parameters.wheel_separation_multiplier
-    for name in ('wheel_separation', 'wheel_radius'):
-        described, wanted = getattr(geometry, name), getattr(parameters, name)
-        if wanted == 0.0:
-            continue
-        changes[name] = wanted
-        # A separation that has been calibrated is not odd.
-        is_calibrated = name == 'wheel_separation' and multiplier != 1.0
-        if not is_calibrated and not math.isclose(wanted, described, rel_tol=1e-6):
-            notes.append(
-                f'{name} is {wanted:g} m, but {described:g} m in the description: using '
-                f'{wanted:g} (ratio {wanted / described:.3f})'
-            )
-    return replace(
-        geometry,
-        wheel_radius=changes.get('wheel_radius', geometry.wheel_radius),
-        wheel_separation=multiplier * changes.get('wheel_separation', geometry.wheel_separation),
-        left_multiplier=parameters.left_wheel_radius_multiplier,
-        right_multiplier=parameters.right_wheel_radius_multiplier,
-    ), tuple(notes)
 
 
 def find_wheels(robot: Robot, names: Sequence[str] = ()) -> DiffDriveGeometry:

@@ -1,13 +1,308 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the diff-drive controller."""
+"""How fast the robot may go and how fast that may change; names of ros2_controllers."""
 
 from dataclasses import dataclass
+from typing import Any
 
+from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import parameter
+from wasd_core.parameters import Parameters
 
-from diff_drive_sim.limit_parameters import LimitParameters
-from diff_drive_sim.odometry_parameters import OdometryParameters
-from diff_drive_sim.wheel_parameters import WheelParameters
+from diff_drive_sim.limits import AxisLimits
+
+
+def _upper(
+    axis: str, what: str, unit: str, doc: str, default: float, nan: str = 'no limit'
+) -> Any:
+    name = f'{axis}.{what}'
+    return parameter(default, name=name, unit=unit, doc=doc, above=0.0, nan=nan)
+
+
+def _lower(axis: str, what: str, unit: str, doc: str, nan: str) -> Any:
+    name = f'{axis}.{what}'
+    return parameter(float('nan'), name=name, unit=unit, doc=doc, below=0.0, nan=nan)
+
+
+def _slowing_back(axis: str, unit: str, doc: str) -> Any:
+    what, nan = 'max_deceleration_reverse', 'the negative of max_deceleration'
+    return _upper(axis, what, unit, doc, float('nan'), nan)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitParameters(Parameters):
+    """Limits of the two axes; signs say the direction, as in ros2_controllers."""
+
+    linear_max_velocity: float = _upper(
+        'linear.x', 'max_velocity', 'm/s', 'Largest forward speed', 1.0
+    )
+    linear_min_velocity: float = _lower(
+        'linear.x', 'min_velocity', 'm/s', 'Largest backward speed', '-max_velocity'
+    )
+    linear_max_acceleration: float = _upper(
+        'linear.x', 'max_acceleration', 'm/s^2', 'Most that speeds it up forward', 1.0
+    )
+    linear_max_deceleration: float = _lower(
+        'linear.x',
+        'max_deceleration',
+        'm/s^2',
+        'Most that slows it down when it goes forward',
+        '-max_acceleration',
+    )
+    linear_max_acceleration_reverse: float = _lower(
+        'linear.x',
+        'max_acceleration_reverse',
+        'm/s^2',
+        'Most that speeds it up backward',
+        '-max_acceleration',
+    )
+    linear_max_deceleration_reverse: float = _slowing_back(
+        'linear.x', 'm/s^2', 'Most that slows it down when it goes backward'
+    )
+    linear_max_jerk: float = _upper(
+        'linear.x', 'max_jerk', 'm/s^3', 'Fastest growth of acceleration', float('nan')
+    )
+    linear_min_jerk: float = _lower(
+        'linear.x', 'min_jerk', 'm/s^3', 'Fastest fall of acceleration', '-max_jerk'
+    )
+    angular_max_velocity: float = _upper(
+        'angular.z', 'max_velocity', 'rad/s', 'Largest yaw rate to the left', 4.0
+    )
+    angular_min_velocity: float = _lower(
+        'angular.z', 'min_velocity', 'rad/s', 'Largest yaw rate to the right', '-max_velocity'
+    )
+    angular_max_acceleration: float = _upper(
+        'angular.z', 'max_acceleration', 'rad/s^2', 'Most that speeds a left turn up', 6.0
+    )
+    angular_max_deceleration: float = _lower(
+        'angular.z',
+        'max_deceleration',
+        'rad/s^2',
+        'Most that slows a left turn down',
+        '-max_acceleration',
+    )
+    angular_max_acceleration_reverse: float = _lower(
+        'angular.z',
+        'max_acceleration_reverse',
+        'rad/s^2',
+        'Most that speeds a right turn up',
+        '-max_acceleration',
+    )
+    angular_max_deceleration_reverse: float = _slowing_back(
+        'angular.z', 'rad/s^2', 'Most that slows a right turn down'
+    )
+    angular_max_jerk: float = _upper(
+        'angular.z', 'max_jerk', 'rad/s^3', 'Fastest growth of acceleration', float('nan')
+    )
+    angular_min_jerk: float = _lower(
+        'angular.z', 'min_jerk', 'rad/s^3', 'Fastest fall of acceleration', '-max_jerk'
+    )
+    accel_limit: float = parameter(
+        float('nan'),
+        name='accel_limit',
+        unit='m/s^2',
+        doc='Largest change of the speed of a wheel: in place of the accelerations above',
+        above=0.0,
+        nan='not used',
+    )
+
+    def linear_limits(self) -> AxisLimits:
+        """Return the limits of the forward speed [m/s]."""
+        return self._limits('linear', self.accel_limit)
+
+    def angular_limits(self, wheel_separation: float) -> AxisLimits:
+        """Return the limits of the yaw rate [rad/s]; half a separation [m] is a wheel's lever."""
+        return self._limits('angular', 2.0 * self.accel_limit / wheel_separation)
+
+    def _limits(self, axis: str, accel_limit: float) -> AxisLimits:
+        if accel_limit > 0.0:  # not NaN
+            fastest, slowest = (getattr(self, f'{axis}_{end}_velocity') for end in ('max', 'min'))
+            return AxisLimits.from_signed(fastest, slowest, accel_limit)
+        names = (
+            'max_velocity',
+            'min_velocity',
+            'max_acceleration',
+            'max_deceleration',
+            'max_acceleration_reverse',
+            'max_deceleration_reverse',
+            'max_jerk',
+            'min_jerk',
+        )
+        return AxisLimits.from_signed(*(getattr(self, f'{axis}_{name}') for name in names))
+
+
+# A planar robot knows nothing of z, roll and pitch: 1e6 tells a filter to look elsewhere.
+UNKNOWN = 1e6
+
+
+@dataclass(frozen=True, kw_only=True)
+class OdometryParameters(Parameters):
+    """Odometry, its frames and covariances."""
+
+    odom_frame_id: str = parameter('odom', doc='Frame in which odometry is given', read_only=True)
+    base_frame_id: str = parameter(
+        '',
+        doc="Frame of the robot that odometry follows; empty: the description's root",
+        read_only=True,
+    )
+    enable_odom_tf: bool = parameter(
+        True, doc='Publish odometry as a transform on /tf, too', read_only=True
+    )
+    odometry_feedback: str = parameter(
+        'joint_states',
+        doc='What odometry counts: wheel angles as they are, or whole encoder ticks',
+        choices=('joint_states', 'ticks'),
+        read_only=True,
+    )
+    open_loop: bool = parameter(
+        False, doc='Odometry counts what is commanded, not what the wheels do', read_only=True
+    )
+    velocity_rolling_window_size: int = parameter(
+        10,
+        doc='The velocity of odometry is the mean over so many steps',
+        minimum=1,
+        read_only=True,
+    )
+    pose_covariance_diagonal: tuple[float, ...] = parameter(
+        (0.0, 0.0, UNKNOWN, UNKNOWN, UNKNOWN, 0.0),
+        doc='Variances of x, y, z, roll, pitch, yaw at the start, in m^2 and rad^2',
+        minimum=0.0,
+        read_only=True,
+    )
+    twist_covariance_diagonal: tuple[float, ...] = parameter(
+        (1e-4, 1e-4, UNKNOWN, UNKNOWN, UNKNOWN, 1e-4),
+        doc='Variances of the twist at rest, in (m/s)^2 and (rad/s)^2',
+        minimum=0.0,
+        read_only=True,
+    )
+    distance_variance: float = parameter(
+        2.5e-5, doc='Growth of the variance of a path with its length', unit='m^2/m', minimum=0.0
+    )
+    turn_variance: float = parameter(
+        1e-4, doc='Growth of the variance of the heading with turns', unit='rad^2/rad', minimum=0.0
+    )
+    drift_variance: float = parameter(
+        1e-5, doc='Growth of the variance of the heading with paths', unit='rad^2/m', minimum=0.0
+    )
+    twist_error: float = parameter(
+        0.02, doc='Standard deviation of a velocity as a share of it', minimum=0.0
+    )
+    publish_rate: float = parameter(
+        50.0, doc='Rate of odom and /tf', unit='Hz', above=0.0, read_only=True
+    )
+    joint_names: str = parameter(
+        'urdf',
+        doc="Names in joint_states: the description's, arbotix's base_l_wheel_joint and "
+        "base_r_wheel_joint, or both; a simulator publishes the description's in any case",
+        choices=('urdf', 'arbotix', 'both'),
+        read_only=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse frames that coincide, too."""
+        super().__post_init__()
+        if not self.odom_frame_id or self.odom_frame_id == self.base_frame_id:
+            raise InvalidParameter(
+                f'odom_frame_id must be a frame other than base_frame_id, got '
+                f'{self.odom_frame_id!r}'
+            )
+
+
+MODES = ('float', 'arbotix', 'fake')
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelParameters(Parameters):
+    """Wheels and their speed loop."""
+
+    mode: str = parameter(
+        'float',
+        doc='What turns the wheels: a PID loop on encoder ticks, the integer loop of the ArbotiX '
+        'firmware, or nothing but arithmetic, without physics and motors',
+        choices=MODES,
+        read_only=True,
+    )
+    legacy: bool = parameter(
+        False,
+        doc='Mode arbotix: also ramp, time-out and odometry as arbotix_driver had them, slips '
+        'included',
+        read_only=True,
+    )
+    left_wheel_names: tuple[str, ...] = parameter(
+        (), doc='Joint of the left wheel; empty: found in the description', read_only=True
+    )
+    right_wheel_names: tuple[str, ...] = parameter(
+        (), doc='Joint of the right wheel; empty: found in the description', read_only=True
+    )
+    wheel_separation: float = parameter(
+        0.0,
+        doc="Distance of the wheels; 0: the description's",
+        unit='m',
+        minimum=0.0,
+        read_only=True,
+    )
+    wheel_radius: float = parameter(
+        0.0,
+        doc="Radius of the wheels; 0: the description's",
+        unit='m',
+        minimum=0.0,
+        read_only=True,
+    )
+    wheel_separation_multiplier: float = parameter(
+        1.0, doc='Calibration: corrects the distance of the wheels', above=0.0, read_only=True
+    )
+    left_wheel_radius_multiplier: float = parameter(
+        1.0, doc='Calibration: corrects the radius of the left wheel', above=0.0, read_only=True
+    )
+    right_wheel_radius_multiplier: float = parameter(
+        1.0, doc='Calibration: corrects the radius of the right wheel', above=0.0, read_only=True
+    )
+    ticks_meter: float = parameter(
+        4100.0,
+        doc='Encoder ticks per metre of wheel travel',
+        unit='1/m',
+        above=0.0,
+        read_only=True,
+    )
+    Kp: float = parameter(
+        5.0, doc='PWM steps, of 255, times Ko per tick that the wheel is behind', minimum=0.0
+    )
+    Kd: float = parameter(
+        1.0, doc='PWM steps times Ko per tick in 1/30 s that it is too slow', minimum=0.0
+    )
+    Ki: float = parameter(
+        0.0, doc='PWM steps times Ko per tick behind and 1/30 s that it stays so', minimum=0.0
+    )
+    Ko: float = parameter(50.0, doc='Divisor of the three gains', above=0.0)
+    rate: float = parameter(
+        10.0,
+        doc='Legacy: rate of the loop of arbotix_driver, which slips',
+        unit='Hz',
+        above=0.0,
+        maximum=100.0,
+        read_only=True,
+    )
+
+    def __post_init__(self) -> None:
+        """Check what needs more than one parameter, too."""
+        super().__post_init__()
+        for names, key in (
+            (self.left_wheel_names, 'left_wheel_names'),
+            (self.right_wheel_names, 'right_wheel_names'),
+        ):
+            if len(names) > 1:
+                raise InvalidParameter(f'{key} must be one joint, got {len(names)}')
+        if bool(self.left_wheel_names) != bool(self.right_wheel_names):
+            raise InvalidParameter('left_wheel_names and right_wheel_names must be given both')
+        if self.legacy and self.mode != 'arbotix':
+            raise InvalidParameter(f"legacy needs mode 'arbotix', got mode {self.mode!r}")
+        if self.mode == 'arbotix':
+            for key in ('Kp', 'Kd', 'Ki', 'Ko'):
+                gain = getattr(self, key)
+                if not (gain.is_integer() and gain <= 255.0):
+                    raise InvalidParameter(
+                        f'{key} must be a whole number up to 255 in mode arbotix (the firmware '
+                        f'gets one byte), got {gain:g}'
+                    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-from diff_drive_sim.command_stamp import judge_stamp
+from diff_drive_sim.controller import judge_stamp
 import pytest
 
 

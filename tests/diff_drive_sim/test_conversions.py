@@ -2,12 +2,12 @@
 import math
 
 from builtin_interfaces.msg import Time
-from diff_drive_sim.conversions import to_odometry
-from diff_drive_sim.conversions import to_transform
+from diff_drive_sim.messages import to_odometry
+from diff_drive_sim.messages import to_transform
 from diff_drive_sim.odometry import OdometryState
-from diff_drive_sim.odometry_parameters import UNKNOWN
+from diff_drive_sim.odometry import PlanarCovariance
 from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.pose_covariance import PlanarCovariance
+from diff_drive_sim.parameters import UNKNOWN
 import numpy as np
 import pytest
 

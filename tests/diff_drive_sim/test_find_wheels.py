@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
-from diff_drive_sim.errors import DiffDriveError
-from diff_drive_sim.geometry import configured
+from diff_drive_sim.drive import configured
+from diff_drive_sim.geometry import DiffDriveError
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.geometry import find_wheels
-from diff_drive_sim.wheel_parameters import WheelParameters
+from diff_drive_sim.parameters import WheelParameters
 import pytest
 from robot_description.description import load_robot
 from robot_description.urdf import parse_urdf

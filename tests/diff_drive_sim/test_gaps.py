@@ -4,7 +4,7 @@
 import time
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
-from diff_drive_sim.drive_unit import DriveUnit
+from diff_drive_sim.drive import DriveUnit
 from diff_drive_sim.parameters import DiffDriveParameters
 from geometry_msgs.msg import Twist
 import pytest

@@ -3,7 +3,7 @@
 
 import math
 
-from diff_drive_sim.drive_unit import DriveUnit
+from diff_drive_sim.drive import DriveUnit
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest
 

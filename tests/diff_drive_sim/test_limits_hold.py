@@ -7,8 +7,8 @@ import random
 from diff_drive_sim.controller import DiffDriveController
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.limits import AxisLimits
+from diff_drive_sim.limits import PlanarRamp
 from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.planar_ramp import PlanarRamp
 import pytest
 
 # What a limit may be broken by, in its own unit.

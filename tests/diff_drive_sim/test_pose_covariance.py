@@ -2,9 +2,9 @@
 from dataclasses import replace
 import math
 
+from diff_drive_sim.odometry import Growth
+from diff_drive_sim.odometry import PlanarCovariance
 from diff_drive_sim.odometry import WheelOdometry
-from diff_drive_sim.pose_covariance import Growth
-from diff_drive_sim.pose_covariance import PlanarCovariance
 import numpy as np
 import pytest
 

@@ -3,11 +3,11 @@
 
 import math
 
-from diff_drive_sim.errors import DiffDriveError
-from diff_drive_sim.umbmark import least_squares
-from diff_drive_sim.umbmark import SquareRun
-from diff_drive_sim.umbmark import umbmark
-from diff_drive_sim.umbmark import Wheels
+from diff_drive_sim.calibration import least_squares
+from diff_drive_sim.calibration import SquareRun
+from diff_drive_sim.calibration import umbmark
+from diff_drive_sim.calibration import Wheels
+from diff_drive_sim.geometry import DiffDriveError
 import numpy as np
 import pytest
 

@@ -4,12 +4,12 @@
 from dataclasses import replace
 import math
 
-from diff_drive_sim.drive_unit import DriveUnit
+from diff_drive_sim.drive import DriveUnit
 from diff_drive_sim.geometry import find_wheels
 from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.wheel_motor import STALL_SHARE
-from diff_drive_sim.wheel_motor import STEEPEST
-from diff_drive_sim.wheel_motor import wheel_motor
+from diff_drive_sim.wheel_loop import STALL_SHARE
+from diff_drive_sim.wheel_loop import STEEPEST
+from diff_drive_sim.wheel_loop import wheel_motor
 from mujoco_sim.loading import build_world
 import numpy as np
 import pytest

@@ -5,7 +5,7 @@ import re
 
 import pytest
 from wasd_bringup.cli import main
-from wasd_bringup.command_help import EXAMPLES
+from wasd_bringup.parsers import EXAMPLES
 
 
 def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:

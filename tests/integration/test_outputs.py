@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.bag_reader import BagReader
+from wasd_bringup.recording.reader import BagReader
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 KEYS = '0.1 i*6\n0.3 k\n'

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.bag_reader import BagReader
-from wasd_bringup.bag_recorder import BagRecorder
-from wasd_bringup.bag_writer import BagWriter
 from wasd_bringup.driven_robot import build_worlds
 from wasd_bringup.options import RunOptions
-from wasd_bringup.recorded_run import describe_run
-from wasd_bringup.recorded_run import recorded_options
-from wasd_bringup.replay_view import ReplayView
+from wasd_bringup.recording.reader import BagReader
+from wasd_bringup.recording.reader import describe_run
+from wasd_bringup.recording.reader import recorded_options
+from wasd_bringup.recording.recorder import BagRecorder
+from wasd_bringup.recording.replay import ReplayView
+from wasd_bringup.recording.writer import BagWriter
 from wasd_bringup.session import Session
 
 KEYS = '0.5 i*40\n2.5 j*30'
@@ -120,7 +120,7 @@ def shown(run: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Film]:
     bag = BagReader(run[0].folder / 'run.mcap')
     ((_, _, world),) = build_worlds(recorded_options(bag.run), visuals=False)
     film = Film(world)
-    monkeypatch.setattr('wasd_bringup.replay_view.FRAME_PERIOD', 0.0)
+    monkeypatch.setattr('wasd_bringup.recording.replay.FRAME_PERIOD', 0.0)
     view = ReplayView(bag, [world], speed=0.0)
     view._view = film
     view.run(lambda: len(film.places) >= 250)

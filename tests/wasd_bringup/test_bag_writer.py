@@ -20,14 +20,13 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys import get_typestore
 from rosbags.typesys import Stores
 from sensor_msgs.msg import JointState
-from wasd_bringup.bag_recorder import qos_text
-from wasd_bringup.bag_writer import BagWriter
-from wasd_bringup.errors import RecordingError
-from wasd_bringup.errors import UsageError
-from wasd_bringup.message_definitions import full_definition
-from wasd_bringup.publisher_tap import to_bytes
-
-from wasd_bringup import bag_writer
+from wasd_bringup.recording import writer as bag_writer
+from wasd_bringup.recording.recorder import full_definition
+from wasd_bringup.recording.recorder import qos_text
+from wasd_bringup.recording.recorder import to_bytes
+from wasd_bringup.recording.writer import BagWriter
+from wasd_bringup.recording.writer import RecordingError
+from wasd_core.errors import UserError
 
 STRING = 'std_msgs/msg/String'
 QOS = qos_text(QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
@@ -137,7 +136,7 @@ def test_a_definition_says_what_the_type_says(kind: str) -> None:
 
 
 def test_a_type_without_a_definition_is_said_in_one_line() -> None:
-    with pytest.raises(UsageError, match='Odometer.msg: No such file'):
+    with pytest.raises(UserError, match='Odometer.msg: No such file'):
         full_definition('nav_msgs/msg/Odometer')
 
 

@@ -9,8 +9,8 @@ from quadruped_sim.sticks import ZERO_KEYS
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keymap_file import preset_names
-from wasd_bringup.key_switch import SWITCH_KEY
-from wasd_bringup.run_keys import RESET_KEY
+from wasd_bringup.inputs import RESET_KEY
+from wasd_bringup.inputs import SWITCH_KEY
 
 NAMES = {name for pair in PAGE_KEYS.values() for name in pair}
 

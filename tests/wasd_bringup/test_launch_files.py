@@ -10,10 +10,10 @@ from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.parameters import SimulatorParameters
 import pytest
 from quadruped_sim.node_parameters import LegNodeParameters
-from robot_description.state_publisher_node import StatePublisherParameters
+from robot_description.executables import StatePublisherParameters
 from teleop_keyboard.parameters import KeyParameters
 from teleop_keyboard.parameters import TeleopParameters
-from wasd_bringup.unitree_keys import unitree_help
+from wasd_bringup.robots import unitree_help
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

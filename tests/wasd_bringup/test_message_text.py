@@ -9,14 +9,14 @@ from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from std_msgs.msg import ByteMultiArray
 from std_srvs.srv import SetBool
-from wasd_bringup.errors import UsageError
-from wasd_bringup.message_rate import RateMeter
-from wasd_bringup.message_text import field_of
-from wasd_bringup.message_text import fill
-from wasd_bringup.message_text import to_plain
-from wasd_bringup.message_text import to_yaml
-from wasd_bringup.ros_graph import find_type
-from wasd_bringup.ros_graph import full_name
+from wasd_bringup.graph.ros_graph import find_type
+from wasd_bringup.graph.ros_graph import full_name
+from wasd_bringup.graph.ros_graph import RateMeter
+from wasd_bringup.messages import field_of
+from wasd_bringup.messages import fill
+from wasd_bringup.messages import to_plain
+from wasd_bringup.messages import to_yaml
+from wasd_core.errors import UserError
 import yaml
 
 
@@ -64,7 +64,7 @@ def test_a_field_is_found_by_its_path(path: str, text: str) -> None:
 def test_an_element_is_found_by_its_index() -> None:
     message = JointState(position=[1.0, 2.0])
     assert field_of(message, 'position[1]') == 2.0
-    with pytest.raises(UsageError, match='no element 2 of position'):
+    with pytest.raises(UserError, match='no element 2 of position'):
         field_of(message, 'position[2]')
 
 
@@ -72,7 +72,7 @@ def test_an_element_is_found_by_its_index() -> None:
     'path', ['pose.positio', 'pose..x', 'position.x', '', 'pose.position.x.y']
 )
 def test_a_wrong_path_is_refused(path: str) -> None:
-    with pytest.raises(UsageError, match='--field'):
+    with pytest.raises(UserError, match='--field'):
         field_of(PoseStamped(), path)
 
 
@@ -103,7 +103,7 @@ def test_what_was_written_fills_the_same_message_again() -> None:
     ],
 )
 def test_what_does_not_fit_is_refused(message: object, values: object, said: str) -> None:
-    with pytest.raises(UsageError, match=said):
+    with pytest.raises(UserError, match=said):
         fill(message, values, find_message)
 
 
@@ -123,7 +123,7 @@ def test_the_rate_is_the_closed_form_of_its_gaps() -> None:
 
 @pytest.mark.parametrize('name', ['', 'a b', '/a//b', '1st', 'a/'])
 def test_what_is_no_name_is_refused_in_one_line(name: str) -> None:
-    with pytest.raises(UsageError) as caught:
+    with pytest.raises(UserError) as caught:
         full_name(name)
     assert '\n' not in str(caught.value)
 
@@ -132,6 +132,6 @@ def test_what_is_no_name_is_refused_in_one_line(name: str) -> None:
     'name', ['String', 'std_msgs/srv/String', 'no_msgs/msg/A', 'std_msgs/Strin']
 )
 def test_what_is_no_type_is_refused_in_one_line(name: str) -> None:
-    with pytest.raises(UsageError) as caught:
+    with pytest.raises(UserError) as caught:
         find_type(name, 'msg')
     assert '\n' not in str(caught.value)

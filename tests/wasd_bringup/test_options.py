@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import read_options
-from wasd_bringup.run_parsers import add_legged_options
-from wasd_bringup.run_parsers import add_run_options
+from wasd_bringup.parsers import add_legged_options
+from wasd_bringup.parsers import add_run_options
 from wasd_core.errors import UserError
 
 

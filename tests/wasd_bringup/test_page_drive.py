@@ -2,7 +2,7 @@
 """What a page's keys have set moving is known, and what others have is not the page's."""
 
 import pytest
-from wasd_bringup.page_drive import PageDrive
+from wasd_bringup.inputs import PageDrive
 
 
 class Sticks:

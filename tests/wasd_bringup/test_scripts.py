@@ -4,13 +4,13 @@
 import math
 
 import pytest
-from wasd_bringup.errors import UsageError
-from wasd_bringup.scripts import parse_push
-from wasd_bringup.scripts import parse_twist_script
-from wasd_bringup.scripts import Player
-from wasd_bringup.scripts import ScriptedPush
-from wasd_bringup.scripts import ScriptedTwist
-from wasd_bringup.scripts import TwistPlayer
+from wasd_bringup.inputs import parse_push
+from wasd_bringup.inputs import parse_twist_script
+from wasd_bringup.inputs import Player
+from wasd_bringup.inputs import ScriptedPush
+from wasd_bringup.inputs import ScriptedTwist
+from wasd_bringup.inputs import TwistPlayer
+from wasd_core.errors import UserError
 
 
 def test_lines_are_commands_or_silence():
@@ -38,7 +38,7 @@ def test_what_is_not_finite_is_let_through_to_the_controller():
     ['1 2 3', '1 2 3 4 5', 'soon 0 0 0', '-1 0 0 0', 'nan 0 0 0', '1 halt', '1 0 0 left', '1'],
 )
 def test_a_wrong_line_is_named_with_its_number(line):
-    with pytest.raises(UsageError) as caught:
+    with pytest.raises(UserError) as caught:
         parse_twist_script(f'0 0 0 0\n\n{line}\n', 'drive.txt')
     assert str(caught.value).startswith('drive.txt:3: ')
     assert line in str(caught.value)
@@ -46,7 +46,7 @@ def test_a_wrong_line_is_named_with_its_number(line):
 
 
 def test_times_must_rise():
-    with pytest.raises(UsageError, match='drive.txt:2: time 1 comes after 2'):
+    with pytest.raises(UserError, match='drive.txt:2: time 1 comes after 2'):
         parse_twist_script('2 0 0 0\n1 0 0 0', 'drive.txt')
 
 
@@ -58,7 +58,7 @@ def test_a_push_is_five_numbers():
     'text', ['', '1 2 3 4', '1 2 3 4 5 6', 'x 0 0 0 1', '1 nan 0 0 1', '1 0 0 0 -1', '-1 0 0 0 1']
 )
 def test_anything_else_is_no_push(text):
-    with pytest.raises(UsageError, match="--push: got .*, wanted 't fx fy fz seconds'"):
+    with pytest.raises(UserError, match="--push: got .*, wanted 't fx fy fz seconds'"):
         parse_push(text)
 
 

@@ -9,7 +9,7 @@ Simulates mbot, or any robot with two driven wheels, and drives it from this ter
 In mode fake there is no simulator, so no /clock: all nodes go by wall time.
 """
 
-from diff_drive_sim.wheel_parameters import MODES
+from diff_drive_sim.parameters import MODES
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition

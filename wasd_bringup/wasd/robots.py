@@ -7,7 +7,7 @@ from pathlib import Path
 import time
 from typing import Any
 
-from diff_drive_sim.drive_unit import DriveUnit
+from diff_drive_sim.drive import DriveUnit
 from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.loading import build_world
 from mujoco_sim.pictures import take_picture

@@ -3,6 +3,10 @@
 
 import argparse
 from collections.abc import Sequence
+import importlib.util
+from pathlib import Path
+import signal
+import subprocess
 import sys
 from typing import Any
 
@@ -18,20 +22,19 @@ from wasd_core.streams import OutputLost
 from wasd_core.streams import prepare_streams
 from wasd_core.streams import print_error
 
-from wasd_bringup.calibrate_options import add_calibrate_options
-from wasd_bringup.command_help import examples
-from wasd_bringup.command_help import run_epilog
-from wasd_bringup.command_help import version
-from wasd_bringup.errors import UsageError
-from wasd_bringup.graph_options import add_graph_commands
-from wasd_bringup.run_parsers import add_both_options
-from wasd_bringup.run_parsers import add_legged_options
-from wasd_bringup.run_parsers import add_replay_options
-from wasd_bringup.run_parsers import add_run_options
-from wasd_bringup.run_parsers import add_tuning_option
-from wasd_bringup.run_parsers import add_wheeled_options
-from wasd_bringup.unitree_keys import unitree_help
-from wasd_bringup.unitree_keys import UNITREE_PRESET
+from wasd_bringup.parsers import add_both_options
+from wasd_bringup.parsers import add_calibrate_options
+from wasd_bringup.parsers import add_graph_commands
+from wasd_bringup.parsers import add_legged_options
+from wasd_bringup.parsers import add_replay_options
+from wasd_bringup.parsers import add_run_options
+from wasd_bringup.parsers import add_tuning_option
+from wasd_bringup.parsers import add_wheeled_options
+from wasd_bringup.parsers import examples
+from wasd_bringup.parsers import run_epilog
+from wasd_bringup.parsers import version
+from wasd_bringup.robots import unitree_help
+from wasd_bringup.robots import UNITREE_PRESET
 
 # The commands whose nodes can be renamed, remapped and set: `-r __ns:=/robot`, `-p name:=value`.
 TAKE_ROS_ARGUMENTS = ('go2', 'mbot')
@@ -125,12 +128,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     # Heavy imports wait until it is known what is wanted: errors and --help come at once.
     try:
         if words[:1] in (['test'], ['lint'], ['bench']):
-            from wasd_bringup import clone_commands
-
             commands = {
-                'test': clone_commands.run_tests,
-                'lint': clone_commands.run_linters,
-                'bench': clone_commands.run_benchmark,
+                'test': run_tests,
+                'lint': run_linters,
+                'bench': run_benchmark,
             }
             return commands[words[0]](words[1:])
         words, ros_arguments = split_ros_arguments(words)
@@ -138,7 +139,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         arguments = make_parser().parse_args(words or ['--help'])
         if ros_arguments and arguments.command not in TAKE_ROS_ARGUMENTS:
             takers = ' and '.join(TAKE_ROS_ARGUMENTS)
-            raise UsageError(f'{arguments.command} takes no --ros-args; {takers} do')
+            raise UserError(f'{arguments.command} takes no --ros-args; {takers} do')
         if arguments.command == 'keys':
             return print_keys(arguments)
         if arguments.command == 'demo':
@@ -153,11 +154,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
             return calibrate_command(arguments)
         if arguments.command == 'replay':
-            from wasd_bringup.replay_command import replay_command
+            from wasd_bringup.recording.replay import replay_command
 
             return replay_command(arguments)
         if 'looks_into_graph' in arguments:
-            from wasd_bringup.graph_commands import run_graph_command
+            from wasd_bringup.graph.commands import run_graph_command
 
             return run_graph_command(arguments)
         from wasd_bringup.run_command import run_command
@@ -174,3 +175,75 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 if __name__ == '__main__':
     sys.exit(main())
+
+
+# What a quick test does without; tests/marking.py sets the first four by what a test uses.
+SLOW_MARKS = ('process', 'ros', 'run', 'browser', 'slow')
+# Tests wait more than they compute; a module's runs are shared by its tests.
+WORKERS = ('-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile')
+LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',))
+
+
+def run_tests(arguments: Sequence[str]) -> int:
+    """
+    Run pytest on the clone's tests; return its exit status.
+
+    `--quick` runs the tests that need no process, no ROS and no browser, in one process; other
+    arguments go to pytest.
+
+    Raises:
+        UserError: this is not installed from a clone.
+    """
+    words = list(arguments)
+    if '--quick' in words:
+        words.remove('--quick')
+        words = ['-m', ' and '.join(f'not {mark}' for mark in SLOW_MARKS), '-q', *words]
+    else:
+        words = [*WORKERS, *words]
+    return _run('tests', 'pytest', *words)
+
+
+def run_linters(arguments: Sequence[str]) -> int:
+    """
+    Run the linters on the clone, all of them; return 0 if all are content.
+
+    Raises:
+        UserError: this is not installed from a clone, or without its linters.
+    """
+    if arguments:
+        raise UserError(f'lint takes no arguments, got {" ".join(arguments)}')
+    missing = [words[0] for words in LINTERS if importlib.util.find_spec(words[0]) is None]
+    if missing:
+        raise UserError(
+            f'{missing[0]} is not installed: {sys.executable} -m pip install -e '
+            f"'{_clone('tests')}[lint]'"
+        )
+    return max(_run('tests', *words) for words in LINTERS)
+
+
+def run_benchmark(arguments: Sequence[str]) -> int:
+    """
+    Run the clone's benchmark; return its exit status: 1 when a bound is missed.
+
+    Raises:
+        UserError: this is not installed from a clone.
+    """
+    script = _clone('benchmarks') / 'benchmarks' / 'run.py'
+    return _start([sys.executable, str(script), *arguments])
+
+
+def _run(folder: str, module: str, *arguments: str) -> int:
+    return _start([sys.executable, '-m', module, *arguments], cwd=_clone(folder))
+
+
+def _start(words: Sequence[str], cwd: Path | None = None) -> int:
+    # Ctrl-C is for both: whoever is started has the last word.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    return subprocess.run(words, cwd=cwd).returncode
+
+
+def _clone(folder: str) -> Path:
+    root = Path(__file__).resolve().parents[2]
+    if not (root / folder).is_dir():
+        raise UserError(f'{folder}/ comes with a clone of the repository; none at {root}')
+    return root

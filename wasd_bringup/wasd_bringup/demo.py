@@ -17,16 +17,16 @@ import rclpy
 from robot_description.mujoco import choose_renderer
 from robot_description.mujoco import NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
+from wasd_core.errors import UserError
 from wasd_core.node import init_ros
 from wasd_core.output_file import OutputFile
 from wasd_core.signals import StopSignals
 
-from wasd_bringup.discovery_range import keep_alone
-from wasd_bringup.errors import UsageError
+from wasd_bringup.inputs import parse_push
+from wasd_bringup.inputs import parse_twist_script
+from wasd_bringup.inputs import ScriptedPush
+from wasd_bringup.options import keep_alone
 from wasd_bringup.options import RunOptions
-from wasd_bringup.scripts import parse_push
-from wasd_bringup.scripts import parse_twist_script
-from wasd_bringup.scripts import ScriptedPush
 from wasd_bringup.session import Session
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
@@ -134,13 +134,13 @@ def demo_command(output: str) -> int:
     Run the tour and write its pictures, `table.txt` and `demo.json` to a folder.
 
     Raises:
-        UsageError: the folder cannot be made.
+        UserError: the folder cannot be made.
     """
     folder = Path(output)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UsageError(f'--output {output}: {error.strerror}') from None
+        raise UserError(f'--output {output}: {error.strerror}') from None
     files = [OutputFile(folder / name, '--output') for name in ('table.txt', 'demo.json')]
     pictures = choose_renderer()
     if not pictures:
@@ -155,7 +155,7 @@ def demo_command(output: str) -> int:
                 try:
                     results.append(_visit(stop, folder, pictures, signals))
                 except OSError as error:  # of a picture
-                    raise UsageError(f'--output {output}: {error.strerror or error}') from None
+                    raise UserError(f'--output {output}: {error.strerror or error}') from None
                 if signals.requested:
                     return signals.exit_status or 130
         finally:

@@ -26,14 +26,14 @@ from wasd_core.messages import to_transform
 from wasd_core.rotations import Pose
 from wasd_core.topics import TfBroadcaster
 
-from wasd_bringup.drive_mode import is_fake
+from wasd_bringup.inputs import Player
+from wasd_bringup.inputs import TWIST_RATE
+from wasd_bringup.inputs import TwistPlayer
+from wasd_bringup.options import is_fake
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import build_report
 from wasd_bringup.report import Recorder
 from wasd_bringup.report import SAMPLE_PERIOD
-from wasd_bringup.scripts import Player
-from wasd_bringup.scripts import TWIST_RATE
-from wasd_bringup.scripts import TwistPlayer
 from wasd_bringup.stack import make_stack
 
 # Where robots that share a world start [m].

@@ -33,12 +33,12 @@ from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.topics import RELIABLE
 
+from wasd_bringup.inputs import RESET_KEY
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
-from wasd_bringup.run_keys import RESET_KEY
-from wasd_bringup.unitree_keys import unitree_first_keys
-from wasd_bringup.unitree_keys import unitree_help
-from wasd_bringup.unitree_keys import UNITREE_PRESET
+from wasd_bringup.robots import unitree_first_keys
+from wasd_bringup.robots import unitree_help
+from wasd_bringup.robots import UNITREE_PRESET
 
 # States in which the robot is being driven.
 DRIVEN = ('trotting', 'move base')

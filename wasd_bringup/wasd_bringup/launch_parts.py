@@ -23,8 +23,8 @@ from mujoco_sim.parameters import SimulatorParameters
 from wasd_core.parameters import known_parameters
 from wasd_core.parameters import Parameters
 
-from wasd_bringup.run_place import NAMESPACED
-from wasd_bringup.unitree_keys import unitree_help
+from wasd_bringup.options import NAMESPACED
+from wasd_bringup.robots import unitree_help
 
 UNITREE_HELP = '\n'.join(unitree_help('qwerty'))
 # Values of the argument `keys` that are no keymap.

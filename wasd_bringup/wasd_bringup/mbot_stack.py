@@ -27,12 +27,12 @@ from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from wasd_core.errors import UserError
 from wasd_core.robot_io import JointCommand
 from wasd_core.timing import Notice
 from wasd_core.topics import RELIABLE
 
-from wasd_bringup.drive_mode import drive_mode
-from wasd_bringup.errors import UsageError
+from wasd_bringup.options import drive_mode
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
 
@@ -44,7 +44,7 @@ class MbotStack:
     What drives mbot: `press` takes keys, `drive` takes velocities; `schedule` has them stepped.
 
     Raises:
-        UsageError: the robot's wheels have no motors.
+        UserError: the robot's wheels have no motors.
     """
 
     estimator = 'wheels'
@@ -64,7 +64,7 @@ class MbotStack:
         world.is_kinematic = self._driver.is_fake
         missing = [name for name in wheels if name not in world.motor_names]
         if missing and not self._driver.is_fake:
-            raise UsageError(
+            raise UserError(
                 f'{loaded.robot.name}: no motor on {", ".join(missing)}: '
                 'give the joint a <limit effort="..."/>'
             )

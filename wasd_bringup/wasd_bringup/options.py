@@ -7,22 +7,29 @@ from dataclasses import dataclass
 from dataclasses import field
 from dataclasses import replace
 import math
+import os
 from pathlib import Path
 
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
+from wasd_core.errors import UserError
+from wasd_core.network import RANGE
+from wasd_core.network import SAYS_WHO
 from wasd_core.output_file import check_apart
 from wasd_core.output_file import OutputFile
 
-from wasd_bringup.errors import UsageError
-from wasd_bringup.scripts import Command
-from wasd_bringup.scripts import parse_push
-from wasd_bringup.scripts import parse_twist_script
-from wasd_bringup.scripts import ScriptedPush
-from wasd_bringup.scripts import ScriptedTwist
+from wasd_bringup.inputs import Command
+from wasd_bringup.inputs import parse_push
+from wasd_bringup.inputs import parse_twist_script
+from wasd_bringup.inputs import ScriptedPush
+from wasd_bringup.inputs import ScriptedTwist
 
 # The robots and their usual keymaps.
 PRESETS = {'go2': 'unitree', 'mbot': 'mbot'}
+# What a namespace keeps apart, too: a robot alone in its world has its own time and frames.
+NAMESPACED = (('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static'))
+# Values of --discovery; rcl knows them in capitals.
+RANGES = ('off', 'localhost', 'subnet')
 # A scripted run without --duration goes on for so long after its last line [s].
 AFTERGLOW = 2.0
 
@@ -88,12 +95,12 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
     Check the parsed options and read the files they name.
 
     Raises:
-        UsageError, KeyScriptError: what is wrong, in one line.
+        UserError, KeyScriptError: what is wrong, in one line.
     """
     if arguments.seed < 0:
-        raise UsageError(f'--seed: got {arguments.seed}, wanted >= 0')
+        raise UserError(f'--seed: got {arguments.seed}, wanted >= 0')
     if not 0 <= arguments.port <= 65535:
-        raise UsageError(f'--port: got {arguments.port}, wanted 0 to 65535')
+        raise UserError(f'--port: got {arguments.port}, wanted 0 to 65535')
     keys = twists = None
     if arguments.play is not None:
         keys = tuple(parse_key_script(_read(arguments.play, '--play'), arguments.play))
@@ -138,14 +145,14 @@ def _read(path: str, option: str) -> str:
     try:
         return Path(path).read_text(encoding='utf-8')
     except UnicodeDecodeError:
-        raise UsageError(f'{option} {path}: not a text file') from None
+        raise UserError(f'{option} {path}: not a text file') from None
     except OSError as error:
-        raise UsageError(f'{option} {path}: {error.strerror}') from None
+        raise UserError(f'{option} {path}: {error.strerror}') from None
 
 
 def _file(path: str | None, option: str) -> Path | None:
     if path is not None and not Path(path).is_file():
-        raise UsageError(f'{option} {path}: no such file')
+        raise UserError(f'{option} {path}: no such file')
     return None if path is None else Path(path)
 
 
@@ -154,28 +161,28 @@ def read_number(text: str, option: str) -> float:
     Return the value of an option.
 
     Raises:
-        UsageError: it is not a number >= 0.
+        UserError: it is not a number >= 0.
     """
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and value >= 0.0):
-        raise UsageError(f'{option}: got {text!r}, wanted a number >= 0')
+        raise UserError(f'{option}: got {text!r}, wanted a number >= 0')
     return value
 
 
 def _folders(paths: Sequence[str]) -> tuple[Path, ...]:
     for path in paths:
         if not Path(path).is_dir():
-            raise UsageError(f'--package-path {path}: no such folder')
+            raise UserError(f'--package-path {path}: no such folder')
     return tuple(Path(path).resolve() for path in paths)
 
 
 def _assignment(text: str) -> tuple[str, str]:
     name, separator, value = text.partition(':=')
     if not name or not separator:
-        raise UsageError(f'--xacro-arg {text}: wanted NAME:=VALUE')
+        raise UserError(f'--xacro-arg {text}: wanted NAME:=VALUE')
     return name, value
 
 
@@ -198,3 +205,70 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, OutputFile | None]:
             inputs.append((f'--{name}', path))
     check_apart([output for output in outputs.values() if output is not None], inputs)
     return outputs
+
+
+def drive_mode(options: RunOptions) -> str | None:
+    """
+    Return the mode that the command line asks for; None: the file's, or the default.
+
+    `sim` is whichever loop the file asks for, as long as there is one.
+
+    Raises:
+        InvalidParameter: what is wrong with the file.
+    """
+    if options.mode != 'sim':
+        return options.mode
+    return 'float' if _mode_of_file(options) == 'fake' else None
+
+
+def is_fake(options: RunOptions) -> bool:
+    """
+    Whether the robot is to move without physics.
+
+    Raises:
+        InvalidParameter: what is wrong with the file.
+    """
+    return (options.mode or _mode_of_file(options)) == 'fake'
+
+
+def _mode_of_file(options: RunOptions) -> str | None:
+    if options.controller is None or options.robot == 'go2':
+        return None  # legs have no mode
+    # Here, because it loads YAML and numpy, which --help does without.
+    from diff_drive_sim.controller_file import read_controller_file
+
+    mode = read_controller_file(str(options.controller)).values.get('mode')
+    return str(mode) if mode is not None else None
+
+
+def keep_alone() -> None:
+    """
+    Have what is initialised next talk to no other process, whatever the environment says.
+
+    An experiment is to be repeated: not even another run on this machine may join it.
+    """
+    set_range('off')
+
+
+def set_range(name: str) -> None:
+    """Have what is initialised next look for others in one of RANGES."""
+    os.environ[RANGE] = name.upper()
+    # The variable of old takes precedence where it is set, and knows no "off".
+    os.environ.pop('ROS_LOCALHOST_ONLY', None)
+
+
+def choose_range(asked: str | None, is_experiment: bool) -> None:
+    """
+    Set the range of a run: as asked, else off for an experiment, else what the user has set.
+
+    Who has set nothing keeps to this machine, by `init_ros`: a classroom shares a network, and
+    nobody is to drive the neighbour's robot by accident. Asked for by name, that holds whatever
+    the environment says.
+    """
+    if asked == 'localhost':
+        for name in SAYS_WHO:
+            os.environ.pop(name, None)
+    elif asked is not None:
+        set_range(asked)
+    elif is_experiment:
+        keep_alone()

@@ -2,12 +2,13 @@
 """`wasd mbot`: one robot, driven from the terminal, the page, a pipe or a script."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import contextlib
 import dataclasses
 import math
+import os
 import sys
-from typing import TextIO
+from typing import TextIO, TYPE_CHECKING
 
 import rclpy
 from teleop_keyboard.key_reader import KeyReader
@@ -15,20 +16,23 @@ from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.terminal import NoTerminal
 from wasd_core.errors import attempt_all
 from wasd_core.errors import Stopped
+from wasd_core.errors import UserError
+from wasd_core.network import claim_domain
+from wasd_core.network import namespaces_of
+from wasd_core.network import RANGE
 from wasd_core.node import init_ros
 from wasd_core.signals import last_status
 from wasd_core.signals import StopSignals
 from wasd_core.streams import never_wait
 
-from wasd_bringup.bag_recorder import BagRecorder
-from wasd_bringup.discovery_range import choose_range
-from wasd_bringup.errors import UsageError
+from wasd_bringup.options import choose_range
+from wasd_bringup.options import NAMESPACED
 from wasd_bringup.options import read_options
 from wasd_bringup.options import RunOptions
-from wasd_bringup.recorded_run import describe_run
-from wasd_bringup.run_place import own_place
-from wasd_bringup.run_place import with_own_frames
 from wasd_bringup.session import Session
+
+if TYPE_CHECKING:
+    from wasd_bringup.recording.recorder import BagRecorder
 
 
 def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()) -> int:
@@ -43,7 +47,7 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
     reader = _open_keys(options)
     viewer = options.viewer or ('web' if _is_interactive(reader) else 'none')
     if reader is None and viewer == 'none' and options.duration == math.inf:
-        raise UsageError(
+        raise UserError(
             'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
             '--viewer web, or pipe keys into standard input'
         )
@@ -90,6 +94,9 @@ class _Run:
         """Make everything, and run until the end."""
         options = self._options
         if options.record is not None:
+            from wasd_bringup.recording.reader import describe_run
+            from wasd_bringup.recording.recorder import BagRecorder
+
             self._recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
         self._session = Session(options, reader, viewer != 'none', self._recorder)
         _halt_with(stop, reader, self._session)
@@ -146,3 +153,38 @@ def _summary(session: Session, options: RunOptions) -> str:
     )
     written = {'recorded to': options.record, 'report in': options.report}
     return '; '.join([text, *(f'{what} {path}' for what, path in written.items() if path)])
+
+
+@contextlib.contextmanager
+def own_place(options: RunOptions, ros_arguments: Sequence[str]) -> Iterator[None]:
+    """
+    Context of a run that others may talk to; it changes ROS_DOMAIN_ID where that is unset.
+
+    Says in one line on standard error when the run is not where one would look for it.
+    """
+    if os.environ.get(RANGE) == 'OFF':  # nobody hears it, wherever it is
+        yield
+        return
+    namespaces = namespaces_of(ros_arguments)
+    if options.robot == 'both':  # /clock and /tf are those of the root
+        namespaces += [f'/{robot.namespace}' for robot in options.per_robot()]
+    place, words = claim_domain(os.environ, namespaces, './wasd topics')
+    if words:
+        print(f'wasd: {words}', file=sys.stderr, flush=True)
+    with place or contextlib.nullcontext():
+        yield
+
+
+def with_own_frames(ros_arguments: Sequence[str]) -> list[str]:
+    """
+    Return ROS arguments in which a namespace has a clock and a tree of frames of its own.
+
+    A rule of the user's for /clock, /tf or /tf_static comes first, so it holds.
+    """
+    words = list(ros_arguments)
+    if namespaces_of(words) == ['/']:
+        return words
+    if '--' in words:
+        words = words[: words.index('--')]
+    rules = [word for name, own in NAMESPACED for word in ('-r', f'{name}:={own}')]
+    return [*words, *rules]

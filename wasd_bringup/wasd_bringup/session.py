@@ -4,7 +4,7 @@
 import math
 import sys
 import time
-from typing import Any, cast, Protocol
+from typing import Any, cast, Protocol, TYPE_CHECKING
 
 from mujoco_sim.page_keys import LOST
 from mujoco_sim.page_panels import Panel
@@ -23,23 +23,25 @@ from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
 from wasd_core.node import MessagePump
 
-from wasd_bringup.bag_recorder import BagRecorder
 from wasd_bringup.driven_robot import build_robots
 from wasd_bringup.driven_robot import DrivenRobot
-from wasd_bringup.key_switch import KeySwitch
-from wasd_bringup.key_switch import SWITCH_KEY
-from wasd_bringup.key_switch import SWITCH_LINE
-from wasd_bringup.message_times import MessageTimes
+from wasd_bringup.inputs import Command
+from wasd_bringup.inputs import KEY_LINE
+from wasd_bringup.inputs import KeySwitch
+from wasd_bringup.inputs import MessageTimes
+from wasd_bringup.inputs import PageDrive
+from wasd_bringup.inputs import Player
+from wasd_bringup.inputs import RESET_KEY
+from wasd_bringup.inputs import SWITCH_KEY
+from wasd_bringup.inputs import SWITCH_LINE
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
-from wasd_bringup.page_drive import PageDrive
 from wasd_bringup.report import join_reports
 from wasd_bringup.report import write_report
-from wasd_bringup.run_keys import KEY_LINE
-from wasd_bringup.run_keys import RESET_KEY
-from wasd_bringup.scripts import Command
-from wasd_bringup.scripts import Player
 from wasd_bringup.stack import Stack
+
+if TYPE_CHECKING:
+    from wasd_bringup.recording.recorder import BagRecorder
 
 # The page gets so many pictures a second of wall time.
 FRAME_PERIOD = 1.0 / 60.0
@@ -74,7 +76,7 @@ class Session:
         options: RunOptions,
         reader: KeyReader | None = None,
         visuals: bool = False,
-        recorder: BagRecorder | None = None,
+        recorder: 'BagRecorder | None' = None,
     ) -> None:
         """
         Load the robots and build everything; `visuals` are what viewers and pictures show.

@@ -13,24 +13,24 @@ from rclpy.parameter import Parameter
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from wasd_core.errors import suggest
+from wasd_core.errors import UserError
 from wasd_core.safe_files import load_yaml
 from wasd_core.signals import last_status
 from wasd_core.streams import print_error
 import yaml
 
-from wasd_bringup.errors import NotFound
-from wasd_bringup.errors import UsageError
-from wasd_bringup.message_rate import RateMeter
-from wasd_bringup.message_text import field_of
-from wasd_bringup.message_text import fill
-from wasd_bringup.message_text import SHOWN_LENGTH
-from wasd_bringup.message_text import to_yaml
-from wasd_bringup.ros_graph import find_type
-from wasd_bringup.ros_graph import full_name
-from wasd_bringup.ros_graph import Interrupted
-from wasd_bringup.ros_graph import PATIENCE
-from wasd_bringup.ros_graph import RosGraph
-from wasd_bringup.topic_listener import TopicListener
+from wasd_bringup.graph.ros_graph import find_type
+from wasd_bringup.graph.ros_graph import full_name
+from wasd_bringup.graph.ros_graph import Interrupted
+from wasd_bringup.graph.ros_graph import NotFound
+from wasd_bringup.graph.ros_graph import PATIENCE
+from wasd_bringup.graph.ros_graph import RateMeter
+from wasd_bringup.graph.ros_graph import RosGraph
+from wasd_bringup.graph.ros_graph import TopicListener
+from wasd_bringup.messages import field_of
+from wasd_bringup.messages import fill
+from wasd_bringup.messages import SHOWN_LENGTH
+from wasd_bringup.messages import to_yaml
 
 # A rate is printed so often [s].
 HZ_PERIOD = 1.0
@@ -55,7 +55,7 @@ def run_graph_command(arguments: argparse.Namespace) -> int:
     Run one of the commands; return the exit status: 1 where what was asked for is not there.
 
     Raises:
-        UsageError: a name, a type or a value is malformed.
+        UserError: a name, a type or a value is malformed.
     """
     graph = RosGraph()
     try:
@@ -125,11 +125,11 @@ def call(graph: RosGraph, arguments: argparse.Namespace) -> int:
     service, rest = full_name(arguments.service), list(arguments.rest)
     given = rest.pop(0) if rest and TYPE_NAME.fullmatch(rest[0]) else None
     if len(rest) > 1:
-        raise UsageError(f'call: got {" ".join(rest)!r}, wanted [TYPE] [YAML]; quote the YAML')
+        raise UserError(f'call: got {" ".join(rest)!r}, wanted [TYPE] [YAML]; quote the YAML')
     offered = graph.service_type(service)
     kind: Any = find_type(given or offered, 'srv')
     if given is not None and find_type(offered, 'srv') is not kind:
-        raise UsageError(f'{service} is a {offered}, not a {given}')
+        raise UserError(f'{service} is a {offered}, not a {given}')
     request = kind.Request()
     fill(request, _read_yaml(rest[0] if rest else '{}'), functools.partial(find_type, kind='msg'))
     client = graph.node.create_client(kind, service)
@@ -187,7 +187,7 @@ def _parameter(name: str, text: str, kind: type) -> Parameter:
     try:
         return Parameter(name, value=value)
     except TypeError:
-        raise UsageError(f'{name}: no parameter can be {text!r}') from None
+        raise UserError(f'{name}: no parameter can be {text!r}') from None
 
 
 def _read_yaml(text: str) -> Any:
@@ -195,7 +195,7 @@ def _read_yaml(text: str) -> Any:
         return load_yaml(text)
     except yaml.YAMLError as error:
         reason = ' '.join(str(error).split())
-        raise UsageError(f'not YAML: {text!r}: {reason}') from None
+        raise UserError(f'not YAML: {text!r}: {reason}') from None
 
 
 def _wait_until_ready(graph: RosGraph, client: Any, service: str) -> None:

@@ -1,28 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """A short look into the ROS graph: what is running, found by name, with public rclpy only."""
 
+from collections import deque
 from collections.abc import Callable, Sequence
 import importlib
+import math
 import os
 import re
 import time
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.qos import QoSProfile
+from rclpy.qos import ReliabilityPolicy
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from wasd_core.errors import suggest
+from wasd_core.errors import UserError
 from wasd_core.network import running
 from wasd_core.node import init_ros
 from wasd_core.node import MessagePump
 from wasd_core.signals import StopSignals
-
-from wasd_bringup.errors import NotFound
-from wasd_bringup.errors import UsageError
 
 # What is asked for is not there when nothing new has been discovered for so long [s].
 PATIENCE = 3.0
@@ -34,6 +37,10 @@ SHORTEST_LOOK = 1.5
 POLL_PERIOD = 0.05
 
 Found = TypeVar('Found')
+
+
+class NotFound(UserError):
+    """A topic, service, node or parameter is not there; the text says what is."""
 
 
 class Interrupted(Exception):
@@ -184,7 +191,7 @@ def full_name(name: str) -> str:
     Return a topic, service or node name with its leading slash.
 
     Raises:
-        UsageError: it is no name.
+        UserError: it is no name.
     """
     try:
         full: str = expand_topic_name(name, 'wasd', '/')
@@ -192,7 +199,7 @@ def full_name(name: str) -> str:
     except (ValueError, NameValidationException) as error:
         # What follows is a place in rcl's sources, or a picture of the place in the name.
         reason = str(error).splitlines()[0].rpartition(', at ')
-        raise UsageError(f'{name!r}: {(reason[0] or reason[2]).rstrip(":")}') from None
+        raise UserError(f'{name!r}: {(reason[0] or reason[2]).rstrip(":")}') from None
     return full
 
 
@@ -201,20 +208,20 @@ def find_type(name: str, kind: str) -> type[Any]:
     Return the class of `package/msg/Name` or `package/Name`; `kind` is msg or srv.
 
     Raises:
-        UsageError: there is no such type here.
+        UserError: there is no such type here.
     """
     match = re.fullmatch(rf'(\w+)/(?:{kind}/)?(\w+)', name)
     if match is None:
-        raise UsageError(f'type {name!r}: wanted package/{kind}/Name')
+        raise UserError(f'type {name!r}: wanted package/{kind}/Name')
     package, last = match.groups()
     try:
         module = importlib.import_module(f'{package}.{kind}')
     except ImportError:
-        raise UsageError(f'type {name}: {package} is not installed here') from None
+        raise UserError(f'type {name}: {package} is not installed here') from None
     found = getattr(module, last, None)
     if not isinstance(found, type):
         known = [one for one in vars(module) if one[0].isupper()]
-        raise UsageError(f'{package} has no {kind} {last!r}{suggest(last, known)}')
+        raise UserError(f'{package} has no {kind} {last!r}{suggest(last, known)}')
     return found
 
 
@@ -222,3 +229,103 @@ def _visible(found: Sequence[tuple[str, list[str]]]) -> dict[str, list[str]]:
     return {
         name: list(kinds) for name, kinds in sorted(found) if not topic_or_service_is_hidden(name)
     }
+
+
+# The publishers are looked at so often [s].
+LOOK_PERIOD = 0.2
+QUEUE_DEPTH = 100
+
+
+class TopicListener:
+    """
+    Hands the messages of a topic to `callback`; call `look` in a loop.
+
+    It subscribes once there is a publisher, with the strongest quality of service that all of
+    them offer, and again when that changes.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        kind: type[Any],
+        callback: Callable[[Any], None],
+        raw: bool = False,
+    ) -> None:
+        self._node = node
+        self._topic = topic
+        self._kind = kind
+        self._callback = callback
+        self._raw = raw
+        self._profile: QoSProfile | None = None
+        self._subscription: Any = None
+        self._next_look = 0.0
+
+    def look(self) -> None:
+        """Subscribe as the publishers of now offer, if it is time to look."""
+        now = time.monotonic()
+        if now < self._next_look:
+            return
+        self._next_look = now + LOOK_PERIOD
+        infos = self._node.get_publishers_info_by_topic(self._topic)
+        profile = common_profile([info.qos_profile for info in infos])
+        if not infos or profile == self._profile:
+            return
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+        self._profile = profile
+        self._subscription = self._node.create_subscription(
+            self._kind, self._topic, self._callback, profile, raw=self._raw
+        )
+
+
+def common_profile(offered: list[QoSProfile]) -> QoSProfile:
+    """Return the strongest quality of service that every publisher offers."""
+    profile = QoSProfile(depth=QUEUE_DEPTH)
+    if any(one.reliability == ReliabilityPolicy.BEST_EFFORT for one in offered):
+        profile.reliability = ReliabilityPolicy.BEST_EFFORT
+    if all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in offered):
+        profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    return profile
+
+
+class Rate(NamedTuple):
+    """Messages a second, and the gaps [s] between messages that it is the mean of."""
+
+    average: float
+    shortest: float
+    longest: float
+    deviation: float
+    window: int
+
+    def __str__(self) -> str:
+        """Return the two lines that ros2cli prints."""
+        return (
+            f'average rate: {self.average:.3f}\n'
+            f'\tmin: {self.shortest:.3f}s max: {self.longest:.3f}s '
+            f'std dev: {self.deviation:.5f}s window: {self.window}'
+        )
+
+
+class RateMeter:
+    """Keeps the gaps between the last `window` messages."""
+
+    def __init__(self, window: int) -> None:
+        self._gaps: deque[float] = deque(maxlen=window)
+        self._last: float | None = None
+
+    def add(self, now: float) -> None:
+        """Count a message that came at a time [s]."""
+        if self._last is not None:
+            self._gaps.append(now - self._last)
+        self._last = now
+
+    def rate(self) -> Rate | None:
+        """Return the rate; None before the second message."""
+        gaps = self._gaps
+        if not gaps:
+            return None
+        mean = sum(gaps) / len(gaps)
+        variance = sum((gap - mean) ** 2 for gap in gaps) / len(gaps)
+        average = 1.0 / mean if mean > 0.0 else 0.0
+        return Rate(average, min(gaps), max(gaps), math.sqrt(variance), len(gaps))

@@ -21,16 +21,20 @@ from mcap.records import MetadataIndex
 from mcap.records import Schema
 from mcap.records import Statistics
 from mcap.records import SummaryOffset
+from wasd_core.errors import UserError
 from wasd_core.output_file import OutputError
 from wasd_core.output_file import OutputFile
 
-from wasd_bringup.errors import RecordingError
-from wasd_bringup.recorded_run import RECORD_NAME
-
 MAGIC = b'\x89MCAP0\r\n'
 LIBRARY = 'wasd'
+# Name of the metadata record that says what run it is of.
+RECORD_NAME = 'wasd'
 # A chunk ends when it has grown over this many bytes.
 CHUNK_SIZE = 512 * 1024
+
+
+class RecordingError(UserError):
+    """A recording cannot be written or read; the text is one line with its path."""
 
 
 class BagWriter:

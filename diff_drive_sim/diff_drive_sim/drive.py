@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One robot's drive put together: geometry, motor, controller, wheel loops or arithmetic."""
+
+from dataclasses import replace
+import math
+from typing import Protocol
+
+from robot_description.robot import Robot
+
+from diff_drive_sim.arbotix.firmware import ArbotixFirmware
+from diff_drive_sim.arbotix.firmware import FULL_PWM
+from diff_drive_sim.arbotix.host import LegacyController
+from diff_drive_sim.arbotix.host import setpoints_of
+from diff_drive_sim.controller import Controller
+from diff_drive_sim.controller import DiffDriveController
+from diff_drive_sim.controller import MAXIMUM_STEP
+from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.geometry import find_wheels
+from diff_drive_sim.odometry import OdometryState
+from diff_drive_sim.odometry import WheelOdometry
+from diff_drive_sim.parameters import DiffDriveParameters
+from diff_drive_sim.parameters import WheelParameters
+from diff_drive_sim.wheel_loop import count_ticks
+from diff_drive_sim.wheel_loop import Gains
+from diff_drive_sim.wheel_loop import is_gap
+from diff_drive_sim.wheel_loop import wheel_motor
+from diff_drive_sim.wheel_loop import WheelLoop
+from diff_drive_sim.wheel_loop import WheelMotor
+
+Pair = tuple[float, float]
+Ticks = tuple[int, int]
+
+
+class WheelDrive(Protocol):
+    """The loops of both wheels."""
+
+    def step(self, speeds: Pair, ticks: Ticks, dt: float) -> Pair:
+        """Return duties, -1 to 1, for forward wheel speeds [rad/s]; `dt` [s] after the last."""
+
+    def set_gains(self, gains: Gains) -> None:
+        """Go on with other gains."""
+
+    def reset(self) -> None:
+        """Forget the past."""
+
+
+class FloatDrive:
+    """Two loops that know fractions."""
+
+    def __init__(self, gains: Gains, motor: WheelMotor, scale: float, delay: int) -> None:
+        self._loops = (
+            WheelLoop(gains, motor, scale, delay),
+            WheelLoop(gains, motor, scale, delay),
+        )
+
+    def step(self, speeds: Pair, ticks: Ticks, dt: float) -> Pair:
+        """Return duties, -1 to 1, for forward wheel speeds [rad/s]; `dt` [s] after the last."""
+        left, right = self._loops
+        return left.step(speeds[0], ticks[0], dt), right.step(speeds[1], ticks[1], dt)
+
+    def set_gains(self, gains: Gains) -> None:
+        """Go on with other gains."""
+        for loop in self._loops:
+            loop.gains = gains
+
+    def reset(self) -> None:
+        """Forget the past."""
+        for loop in self._loops:
+            loop.reset()
+
+
+class ArbotixDrive:
+    """
+    The board: its firmware, fed with what arbotix_driver sends.
+
+    That are set-points made from the controller's velocity, or with `legacy` its host's own.
+    """
+
+    def __init__(self, gains: Gains, controller: Controller) -> None:
+        self._controller = controller
+        self._firmware = ArbotixFirmware(gains)
+        self.reset()
+
+    def step(self, speeds: Pair, ticks: Ticks, dt: float) -> Pair:
+        """Return duties, -1 to 1; `speeds` are implied by the controller's velocity."""
+        self._time += dt
+        left, right = self._setpoints()
+        self._firmware.write(left, right, *ticks)
+        self._firmware.update(math.floor(1e3 * self._time + 1e-6), *ticks)
+        pwm = self._firmware.pwm
+        return pwm[0] / FULL_PWM, pwm[1] / FULL_PWM
+
+    def set_gains(self, gains: Gains) -> None:
+        """Go on with other gains."""
+        self._firmware.setup(gains)
+
+    def reset(self) -> None:
+        """Be as after power-on."""
+        self._time = 0.0
+        self._firmware.reset()
+
+    def _setpoints(self) -> Ticks:
+        controller = self._controller
+        if isinstance(controller, LegacyController):
+            return controller.host.setpoints
+        return setpoints_of(
+            *controller.velocity,
+            controller.geometry.wheel_separation,
+            controller.parameters.ticks_meter,
+        )
+
+
+def gains_of(parameters: DiffDriveParameters) -> Gains:
+    """Return the loop's gains."""
+    return Gains(parameters.Kp, parameters.Kd, parameters.Ki, parameters.Ko)
+
+
+class KinematicBase:
+    """
+    Two wheels without slip, motors or mass: what mode fake drives.
+
+    Keeps the wheels' angles and the true pose; `step` turns the wheels at speeds [rad/s] for a
+    time [s].
+    """
+
+    def __init__(self, geometry: DiffDriveGeometry) -> None:
+        self._rolling = WheelOdometry(geometry)
+        self.reset()
+
+    def reset(self) -> None:
+        """Be at the origin, the wheels at angle 0."""
+        self._rolling.reset()
+        self.angles = (0.0, 0.0)
+        self.speeds = (0.0, 0.0)
+        self._rolling.step(*self.angles, 0.0)
+
+    @property
+    def pose(self) -> OdometryState:
+        """Where it is, and its velocity."""
+        return self._rolling.state
+
+    def step(self, left: float, right: float, dt: float) -> None:
+        """Turn the wheels at speeds [rad/s] for `dt` [s]."""
+        self.speeds = (left, right)
+        self.angles = (self.angles[0] + left * dt, self.angles[1] + right * dt)
+        self._rolling.step(*self.angles, dt)
+
+
+class DriveUnit:
+    """
+    Wheel angles in, speeds of the unloaded motors out.
+
+    Keeps the last wheel angles [rad], their speeds [rad/s] and the encoders' ticks; in mode fake
+    the wheels are its own. `notes` are what the parameters contradict, in words.
+
+    Raises:
+        DiffDriveError: the robot has no two wheels on an axle.
+    """
+
+    def __init__(self, robot: Robot, parameters: DiffDriveParameters, delay: int = 0) -> None:
+        """Take a robot; `delay` is how many steps a command takes to reach the motors."""
+        described = find_wheels(
+            robot, (*parameters.left_wheel_names, *parameters.right_wheel_names)
+        )
+        geometry, self.notes = configured(described, parameters)
+        # Ticks belong to the wheel that is there, whatever radius it is believed to have.
+        self._scale = parameters.ticks_meter * described.wheel_radius
+        self.controller: Controller
+        if parameters.legacy:
+            self.controller = LegacyController(geometry, parameters, self._scale)
+        else:
+            self.controller = DiffDriveController(geometry, parameters)
+        gains = gains_of(parameters)
+        self.motor = wheel_motor(robot, described)
+        self._drive: WheelDrive
+        if parameters.mode == 'arbotix':
+            self._drive = ArbotixDrive(gains, self.controller)
+        else:
+            self._drive = FloatDrive(gains, self.motor, self._scale, delay)
+        self.fake = KinematicBase(geometry)
+        self.angles = self.wheel_velocities = (0.0, 0.0)
+        self._directions = (geometry.left_direction, geometry.right_direction)
+        self._counts_ticks = parameters.odometry_feedback == 'ticks'
+
+    @property
+    def parameters(self) -> DiffDriveParameters:
+        """What is in force; what may change while it drives does so at once."""
+        return self.controller.parameters
+
+    @parameters.setter
+    def parameters(self, parameters: DiffDriveParameters) -> None:
+        self.controller.parameters = parameters
+        self._drive.set_gains(gains_of(parameters))
+
+    @property
+    def ticks(self) -> tuple[int, int]:
+        """What the encoders show, counting forward."""
+        left, right = (
+            count_ticks(direction * angle, self._scale)
+            for direction, angle in zip(self._directions, self.angles, strict=True)
+        )
+        return left, right
+
+    def reset(self) -> None:
+        """Stand still at the origin, with no past."""
+        self.controller.reset()
+        self._drive.reset()
+        self.fake.reset()
+
+    def step(self, left: float, right: float, dt: float, late: float = 0.0) -> tuple[float, float]:
+        """
+        Return the speeds [rad/s] that the motors would have without load: duty times no-load.
+
+        `left`, `right` are the wheel angles now [rad], `dt` [s] after the last ones; a command
+        that has come since those came `late` [s] before these. After a gap the wheels' loops
+        begin anew: they do not catch up.
+        """
+        speeds = self._control(left, right, dt, late)
+        forward = (self._directions[0] * speeds[0], self._directions[1] * speeds[1])
+        duties = self._drive.step(forward, self.ticks, dt)
+        return (
+            self._directions[0] * duties[0] * self.motor.speed,
+            self._directions[1] * duties[1] * self.motor.speed,
+        )
+
+    def step_fake(self, dt: float, late: float = 0.0) -> None:
+        """
+        Let wheels of arithmetic roll for `dt` [s], then look at them and at the command.
+
+        In a gap, in which nobody looked at the command, they stand.
+        """
+        self.fake.step(*self.fake.speeds, min(dt, MAXIMUM_STEP))
+        self.fake.speeds = self._control(*self.fake.angles, dt, late)
+
+    def _control(self, left: float, right: float, dt: float, late: float) -> tuple[float, float]:
+        if dt > 0.0:
+            before, now = self.angles, (left, right)
+            self.wheel_velocities = ((now[0] - before[0]) / dt, (now[1] - before[1]) / dt)
+        self.angles = (left, right)
+        restarts = self.controller.restarts
+        if self._counts_ticks:
+            counted = zip(self._directions, self.ticks, strict=True)
+            left, right = (direction * ticks / self._scale for direction, ticks in counted)
+        speeds = self.controller.step(left, right, dt, late)
+        if self.controller.restarts > restarts or is_gap(dt):
+            self._drive.reset()
+        return speeds
+
+
+def configured(
+    geometry: DiffDriveGeometry, parameters: WheelParameters
+) -> tuple[DiffDriveGeometry, tuple[str, ...]]:
+    """Return the geometry that the parameters ask for, and in words what is odd."""
+    notes = []
+    left, right = geometry.left_joint, geometry.right_joint
+    if 'right' in left.lower() and 'left' in right.lower():
+        notes.append(f'{left} is on the left and {right} on the right: their names are swapped')
+    changes = {}
+    multiplier = parameters.wheel_separation_multiplier
+    for name in ('wheel_separation', 'wheel_radius'):
+        described, wanted = getattr(geometry, name), getattr(parameters, name)
+        if wanted == 0.0:
+            continue
+        changes[name] = wanted
+        # A separation that has been calibrated is not odd.
+        is_calibrated = name == 'wheel_separation' and multiplier != 1.0
+        if not is_calibrated and not math.isclose(wanted, described, rel_tol=1e-6):
+            notes.append(
+                f'{name} is {wanted:g} m, but {described:g} m in the description: using '
+                f'{wanted:g} (ratio {wanted / described:.3f})'
+            )
+    return replace(
+        geometry,
+        wheel_radius=changes.get('wheel_radius', geometry.wheel_radius),
+        wheel_separation=multiplier * changes.get('wheel_separation', geometry.wheel_separation),
+        left_multiplier=parameters.left_wheel_radius_multiplier,
+        right_multiplier=parameters.right_wheel_radius_multiplier,
+    ), tuple(notes)

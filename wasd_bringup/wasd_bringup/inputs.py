@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What comes into a session: scripts, keys for one of several robots, when messages are due."""
+
+from collections.abc import Callable, Sequence
+import math
+from typing import Generic, NamedTuple, Protocol, TypeVar
+
+from teleop_keyboard.dashboard import HELP_KEY
+from teleop_keyboard.key_names import HELD
+from teleop_keyboard.key_names import RELEASE
+from teleop_keyboard.key_names import split_event
+from wasd_core.errors import UserError
+
+# Scripted velocity commands are repeated at this rate [Hz], as a navigation stack sends them.
+TWIST_RATE = 20.0
+# Simulated times [s] are compared with this slack: a sum of steps is not exact.
+SLACK = 1e-9
+
+
+class ScriptedTwist(NamedTuple):
+    """From `time` [s] on, this velocity [m/s], [m/s], [rad/s]; None is silence."""
+
+    time: float
+    velocity: tuple[float, float, float] | None
+
+
+class ScriptedPush(NamedTuple):
+    """A world-frame force [N] on the trunk from `time` on for `duration` [s]."""
+
+    time: float
+    force: tuple[float, float, float]
+    duration: float
+
+
+class Command(NamedTuple):
+    """
+    What a recording says came at `time` [s] to the robot with a namespace: a key or a velocity.
+
+    One without either is a reset of the run.
+    """
+
+    time: float
+    namespace: str
+    key: str | None = None
+    velocity: tuple[float, float, float] | None = None
+
+
+class Timed(Protocol):
+    """What a player needs of an event: when it is due [s]."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+
+Event = TypeVar('Event', bound=Timed)
+
+
+def parse_twist_script(text: str, name: str) -> list[ScriptedTwist]:
+    """
+    Return the commands of a `--twist` file: lines `t vx vy wz` or `t stop`, times rising.
+
+    NaN and infinity are let through: what a controller does with them is worth a script.
+
+    Raises:
+        UserError: `name:line: ...` for the first line that is wrong.
+    """
+    commands: list[ScriptedTwist] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split('#', 1)[0].split()
+        if not words:
+            continue
+        try:
+            command = _twist_line(words)
+        except ValueError:
+            raise UserError(
+                f"{name}:{number}: got {line.strip()!r}, wanted 't vx vy wz' or 't stop'"
+            ) from None
+        if commands and command.time < commands[-1].time:
+            raise UserError(
+                f'{name}:{number}: time {command.time:g} comes after {commands[-1].time:g}'
+            )
+        commands.append(command)
+    return commands
+
+
+def _twist_line(words: list[str]) -> ScriptedTwist:
+    time = _seconds(words[0])
+    if words[1:] == ['stop']:
+        return ScriptedTwist(time, None)
+    vx, vy, wz = (float(word) for word in words[1:])
+    return ScriptedTwist(time, (vx, vy, wz))
+
+
+def parse_push(text: str) -> ScriptedPush:
+    """
+    Return the push of a `--push "t fx fy fz seconds"`.
+
+    Raises:
+        UserError: it is not five finite numbers with t and seconds >= 0.
+    """
+    try:
+        time, fx, fy, fz, duration = text.split()
+        push = ScriptedPush(_seconds(time), (float(fx), float(fy), float(fz)), _seconds(duration))
+        if not all(math.isfinite(value) for value in push.force):
+            raise ValueError
+    except ValueError:
+        raise UserError(f"--push: got {text!r}, wanted 't fx fy fz seconds'") from None
+    return push
+
+
+def push_text(push: ScriptedPush) -> str:
+    """Return a push as `parse_push` reads it, every digit kept."""
+    return ' '.join(map(repr, (push.time, *push.force, push.duration)))
+
+
+def _seconds(word: str) -> float:
+    value = float(word)
+    if not (math.isfinite(value) and value >= 0.0):
+        raise ValueError
+    return value
+
+
+class Player(Generic[Event]):
+    """Hands each event over once, when simulated time has reached it."""
+
+    def __init__(self, events: Sequence[Event]) -> None:
+        self._events = sorted(events, key=lambda event: event.time)
+        self._next = 0
+
+    def due(self, time: float) -> list[Event]:
+        """Return the events up to a simulated time [s] that were not returned before."""
+        first = self._next
+        while self._next < len(self._events) and self._events[self._next].time <= time + SLACK:
+            self._next += 1
+        return list(self._events[first : self._next])
+
+
+class TwistPlayer:
+    """Publishes scripted velocity commands; call `step` at TWIST_RATE."""
+
+    def __init__(
+        self,
+        commands: Sequence[ScriptedTwist],
+        publish: Callable[[tuple[float, float, float]], None],
+    ) -> None:
+        self._player = Player(commands)
+        self._publish = publish
+        self._velocity: tuple[float, float, float] | None = None
+
+    def step(self, time: float) -> None:
+        """Publish the command in force at a simulated time [s], if there is one."""
+        for command in self._player.due(time):
+            self._velocity = command.velocity
+        if self._velocity is not None:
+            self._publish(self._velocity)
+
+
+# MuJoCo's own viewer has it there; no preset on any layout uses it.
+RESET_KEY = 'BACKSPACE'
+KEY_LINE = f'{HELP_KEY} all keys   {RESET_KEY} back to the start   Ctrl-C quit'
+
+
+SWITCH_KEY = 'TAB'
+SWITCH_LINE = f'{SWITCH_KEY} goes to the next robot'
+
+
+class KeySwitch:
+    """
+    Sends each key to one of `count` robots: the one in turn, which SWITCH_KEY makes the next.
+
+    A key that is still down at a switch belongs to the robot for which it was pressed until it is
+    let go: its end must not reach the other one, and must reach this one.
+    """
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._owners: dict[str, int] = {}
+        self.active = 0
+
+    def receiver(self, key: str) -> int | None:
+        """Return which robot gets a key; None where the key was for the switch itself."""
+        event, base = split_event(key)
+        if self._count > 1 and base == SWITCH_KEY:
+            if not event:
+                self.active = (self.active + 1) % self._count
+            return None
+        if event == RELEASE:
+            return self._owners.pop(base, self.active)
+        if event == HELD:
+            return self._owners.setdefault(base, self.active)
+        return self.active
+
+
+class Drive(Protocol):
+    """What is to be known of the keys of one robot."""
+
+    def stops(self, key: str) -> bool:
+        """Whether a press of this key ends every motion that keys have set going."""
+
+    def latches(self, key: str) -> bool:
+        """Whether what a press of this key sets moving goes on when the key is let go."""
+
+
+class PageDrive:
+    """
+    Remembers, for each robot, whether a viewer's keys still move it.
+
+    A key that is down does until it is let go, one that latches until somebody presses a stop key.
+    A robot that only others drive is none of a viewer's: its loss must not stop it.
+    """
+
+    def __init__(self, drives: Sequence[Drive]) -> None:
+        self._drives = drives
+        self._down: list[set[str]] = [set() for _ in drives]
+        self._latched = [False for _ in drives]
+
+    @property
+    def moved(self) -> list[int]:
+        """The robots that a viewer's keys move."""
+        pairs = enumerate(zip(self._down, self._latched, strict=True))
+        return [robot for robot, (down, is_latched) in pairs if down or is_latched]
+
+    def press(self, robot: int, key: str, from_view: bool) -> None:
+        """Take a key message for a robot."""
+        event, base = split_event(key)
+        drive = self._drives[robot]
+        if not event and drive.stops(base):
+            self._latched[robot] = False
+        if not from_view:
+            return
+        if event == RELEASE:
+            self._down[robot].discard(base)
+        elif event == HELD:
+            self._down[robot].add(base)
+        elif drive.latches(base):
+            self._latched[robot] = True
+
+    def reset(self) -> None:
+        """Note that all robots stand."""
+        for robot in range(len(self._drives)):
+            self.forget(robot)
+
+    def forget(self, robot: int) -> None:
+        """Note that a robot was stopped."""
+        self._down[robot].clear()
+        self._latched[robot] = False
+
+
+# Messages and services are looked after so often [s of wall time], but for no more than this
+# share of it: a look at two dozen subscriptions takes milliseconds, on a busy machine many ...
+PERIOD = 0.02
+SHARE = 0.1
+# ... unless simulated time has gone on by so much: time-outs are in it, the shortest 0.5 s [s].
+LONGEST_PAUSE = 0.15
+
+
+class MessageTimes:
+    """
+    Says when the next look at messages is due, by what the last one took.
+
+    Where looks are slow, physics is what waits: a sender of 20 Hz must not seem silent. It reads
+    no clock.
+    """
+
+    def __init__(self) -> None:
+        self._soonest = self._affordable = -math.inf
+        self._simulated = -math.inf
+
+    def is_due(self, now: float, simulated: float) -> bool:
+        """Whether to look, at a wall time [s] and a simulated time [s]."""
+        is_starving = simulated >= self._simulated + LONGEST_PAUSE
+        return now >= self._soonest and (is_starving or now >= self._affordable)
+
+    def looked(self, now: float, took: float, simulated: float) -> None:
+        """Note a look that ends now and took so long [s], waiting not counted."""
+        self._soonest = now + PERIOD
+        self._affordable = now + max(PERIOD, took / SHARE)
+        self._simulated = simulated

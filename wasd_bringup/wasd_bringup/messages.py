@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages by what they say of their fields: as YAML and back, and as CDR without chance."""
+
+from array import array
+from collections.abc import Callable, Mapping
+from functools import cache
+import re
+import sys
+from typing import Any, NamedTuple
+
+import numpy as np
+from wasd_core.errors import suggest
+from wasd_core.errors import UserError
+import yaml
+
+_SEQUENCE = re.compile(r'sequence<(?P<item>[^,]+?)(?:, \d+)?>')
+_ARRAY = re.compile(r'(?P<item>.+)\[(?P<length>\d+)\]')
+_NESTED = re.compile(r'\w+/\w+')
+
+
+class FieldType(NamedTuple):
+    """A primitive, a string or a message `package/Name`, alone or several of them."""
+
+    item: str
+    is_sequence: bool = False
+    length: int | None = None  # of an array
+
+    @property
+    def is_single(self) -> bool:
+        """Whether it is one item."""
+        return not self.is_sequence and self.length is None
+
+    @property
+    def is_message(self) -> bool:
+        """Whether the items are messages themselves."""
+        return _NESTED.fullmatch(self.item) is not None
+
+    @property
+    def is_string(self) -> bool:
+        """Whether the items are strings."""
+        return self.item.startswith(('string', 'wstring'))
+
+
+@cache
+def parse_field_type(text: str) -> FieldType:
+    """Return what a text such as `double[36]` or `sequence<std_msgs/Header, 3>` says."""
+    if (match := _SEQUENCE.fullmatch(text)) is not None:
+        return FieldType(match['item'], is_sequence=True)
+    if (match := _ARRAY.fullmatch(text)) is not None:
+        return FieldType(match['item'], length=int(match['length']))
+    return FieldType(text)
+
+
+# Longer arrays and texts are cut unless asked for whole, as ros2cli does.
+SHOWN_LENGTH = 128
+
+FindType = Callable[[str], Any]
+
+
+def to_yaml(value: Any, longest: int | None = SHOWN_LENGTH) -> str:
+    """Return a message or one of its fields as YAML text, ending with a line break."""
+    plain = to_plain(value, longest)
+    if not isinstance(plain, (dict, list)):
+        return f'{plain}\n'
+    return str(
+        yaml.dump(
+            plain,
+            allow_unicode=True,
+            default_flow_style=False,
+            sort_keys=False,
+            width=sys.maxsize,
+        )
+    )
+
+
+def to_plain(value: Any, longest: int | None = None) -> Any:
+    """Return a message as dictionaries, lists and numbers; what is longer ends in '...'."""
+    if hasattr(value, 'get_fields_and_field_types'):
+        return {
+            name: to_plain(getattr(value, name), longest)
+            for name in value.get_fields_and_field_types()
+        }
+    if isinstance(value, bytes):  # a single `byte`
+        value = ''.join(map(chr, value))
+    if isinstance(value, str):
+        return value if longest is None or len(value) <= longest else f'{value[:longest]}...'
+    if isinstance(value, (list, tuple, array, np.ndarray)):
+        items = [to_plain(item, longest) for item in list(value)[:longest]]
+        return items if longest is None or len(value) <= longest else [*items, '...']
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def field_of(message: Any, path: str) -> Any:
+    """
+    Return a field by its path, e.g. `pose.pose.position` or `position[0]`.
+
+    Raises:
+        UserError: there is no such field; says which there are.
+    """
+    found = message
+    for part in path.split('.'):
+        match = re.fullmatch(r'(\w+)((?:\[-?\d+\])*)', part)
+        names = _field_names(found)
+        if match is None or match[1] not in names:
+            kind = type(found).__name__
+            raise UserError(f'--field {path}: {kind} has no {part!r}{suggest(part, names)}')
+        found = getattr(found, match[1])
+        for index in re.findall(r'-?\d+', match[2]):
+            try:
+                found = found[int(index)]
+            except (IndexError, TypeError):
+                raise UserError(f'--field {path}: no element {index} of {match[1]}') from None
+    return found
+
+
+def fill(message: Any, values: Any, find_type: FindType, where: str = '') -> None:
+    """
+    Set the fields of a message that a mapping names; `find_type` finds `package/Name`.
+
+    Raises:
+        UserError: an unknown field, or a value that it cannot have.
+    """
+    kind = type(message).__name__
+    if not isinstance(values, Mapping):
+        raise UserError(f'{where or kind}: wanted fields as {{name: value}}, got {values!r}')
+    types = message.get_fields_and_field_types()
+    for name, value in values.items():
+        if name not in types:
+            raise UserError(f'{kind} has no field {name!r}{suggest(str(name), list(types))}')
+        place = f'{where}.{name}' if where else name
+        setattr(message, name, _from_plain(value, types[name], find_type, place))
+
+
+def _field_names(value: Any) -> list[str]:
+    fields: dict[str, str] = getattr(value, 'get_fields_and_field_types', dict)()
+    return list(fields)
+
+
+def _from_plain(value: Any, kind: str, find_type: FindType, where: str) -> Any:
+    """Return a value as the type of a field wants it."""
+    field = parse_field_type(kind)
+    if not field.is_single:
+        if not isinstance(value, list) or field.length not in (None, len(value)):
+            raise UserError(f'{where}: wanted {kind}, got {value!r}')
+        return [
+            _from_plain(one, field.item, find_type, f'{where}[{index}]')
+            for index, one in enumerate(value)
+        ]
+    if field.is_message:
+        nested = find_type(kind)()
+        fill(nested, value, find_type, where)
+        return nested
+    if field.is_string and isinstance(value, (str, int, float)):
+        return str(value)
+    return _primitive(value, kind, where)
+
+
+def _primitive(value: Any, kind: str, where: str) -> Any:
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if kind == 'boolean' and isinstance(value, bool):
+        return value
+    if kind in ('float', 'double') and is_number:
+        return float(value)
+    if kind.startswith(('int', 'uint')) and is_number and value == int(value):
+        return int(value)
+    if kind == 'octet' and is_number and 0 <= value <= 255:
+        return bytes([int(value)])
+    raise UserError(f'{where}: wanted {kind}, got {value!r}')
+
+
+HEADER = 4
+_SIZES = {
+    **dict.fromkeys(('boolean', 'octet', 'char', 'int8', 'uint8'), 1),
+    **dict.fromkeys(('int16', 'uint16'), 2),
+    **dict.fromkeys(('int32', 'uint32', 'float'), 4),
+    **dict.fromkeys(('int64', 'uint64', 'double'), 8),
+}
+
+
+class _Step(NamedTuple):
+    """Numbers of a `size`, strings (0) or messages, so many; a sequence says itself how many."""
+
+    size: int
+    number: int | None
+    fields: 'tuple[_Step, ...]' = ()
+
+
+def clear_padding(data: bytes, kind: Any, find_type: FindType) -> bytes:
+    """
+    Return a serialised message with zeros between its fields.
+
+    `kind` is its class, `find_type` returns that of `package/Name`. A message with wide strings
+    is returned as it is.
+    """
+    try:
+        steps = _steps(kind, find_type)
+    except KeyError:
+        return data
+    cleared = bytearray(data[HEADER:])
+    end = _clear(cleared, 0, steps)
+    # The middleware also reserves more than it needs behind empty sequences.
+    return data[:HEADER] + bytes(cleared[:end])
+
+
+@cache
+def _steps(kind: Any, find_type: FindType) -> tuple[_Step, ...]:
+    types = kind.get_fields_and_field_types().values()
+    return tuple(_step(parse_field_type(text), find_type) for text in types)
+
+
+def _step(kind: FieldType, find_type: FindType) -> _Step:
+    count = None if kind.is_sequence else kind.length or 1
+    if kind.is_message:
+        return _Step(0, count, _steps(find_type(kind.item), find_type))
+    if kind.item.startswith('string'):
+        return _Step(0, count)
+    return _Step(_SIZES[kind.item], count)
+
+
+def _clear(data: bytearray, at: int, steps: tuple[_Step, ...]) -> int:
+    """Clear the gaps before and between fields that begin at a place; return where they end."""
+    for size, count, fields in steps:
+        if count is None:
+            at = _align(data, at, 4)
+            count = int.from_bytes(data[at : at + 4], 'little')
+            at += 4
+        if size and count:
+            at = _align(data, at, size) + size * count
+        elif fields:
+            for _ in range(count):
+                at = _clear(data, at, fields)
+        elif not size:
+            for _ in range(count):
+                at = _align(data, at, 4)
+                at += 4 + int.from_bytes(data[at : at + 4], 'little')
+    return at
+
+
+def _align(data: bytearray, at: int, size: int) -> int:
+    gap = -at % size
+    if gap:
+        data[at : at + gap] = bytes(gap)
+    return at + gap

@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The words of the command line: the options of every command, and what --help tells."""
+
+import argparse
+from importlib import metadata
+from typing import Any
+
+from mujoco_sim.world_names import WORLD_NAMES
+from teleop_keyboard.key_names import LAYOUTS
+from teleop_keyboard.keymap_file import load_preset
+
+from wasd_bringup.inputs import KEY_LINE
+from wasd_bringup.inputs import SWITCH_LINE
+from wasd_bringup.options import PRESETS
+from wasd_bringup.options import RANGES
+from wasd_bringup.robots import unitree_help
+
+# One wheel holds all packages; in a ROS workspace each is by itself.
+DISTRIBUTIONS = ('wasd', 'wasd_bringup')
+EXAMPLES = {
+    '': (
+        ('go2', 'stand, trot and walk a Unitree Go2'),
+        ('mbot --preset wasd', 'drive a small wheeled robot'),
+        ('demo', 'watch both, without a key'),
+    ),
+    'go2': (
+        ('go2', '2 stand, 4 trot, w walk'),
+        ('go2 --world stairs:0.1', 'up and down steps of 10 cm'),
+        ('go2 --preset wasd', '2 stand, 5 drive: a key counts while it is down'),
+    ),
+    'mbot': (
+        ('mbot', "the tutorial's keys: i , j l"),
+        ('mbot --preset wasd', 'w a s d drive'),
+        ('mbot --description my_robot.urdf.xacro', 'a robot of your own'),
+    ),
+    'both': (
+        ('both', 'TAB goes from one to the other'),
+        ('both --world room', 'in a room'),
+        ('both --record run.mcap', 'to be shown again: wasd replay run.mcap'),
+    ),
+}
+ROS = '--ros-args ... goes to the nodes: -r __ns:=/robot1, -r odom:=wheel_odom, -p name:=value'
+
+
+def examples(command: str) -> list[str]:
+    """Return the examples of a command, or of the whole ('')."""
+    rows = EXAMPLES[command]
+    width = max(len(words) for words, _ in rows)
+    return ['examples:', *(f'  wasd {words:{width}}  {what}' for words, what in rows)]
+
+
+def run_epilog(robot: str, ros: bool = True) -> str:
+    """Return what stands below the options of a command that runs robots."""
+    lines = examples(robot)
+    for name, preset in PRESETS.items():
+        if robot in (name, 'both'):
+            lines += ['', f'keys of {name}, --preset {preset} (others: wasd keys):']
+            lines += [f'  {line}' for line in _keys(preset) if line]
+    switch = [SWITCH_LINE] if robot == 'both' else []
+    lines += [f'  {line}' for line in (*switch, KEY_LINE)]
+    return '\n'.join([*lines, '', ROS] if ros else lines)
+
+
+def version() -> str:
+    """Return the version that is installed."""
+    for name in DISTRIBUTIONS:
+        try:
+            return metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return 'of unknown version'
+
+
+def _keys(preset: str) -> tuple[str, ...]:
+    return unitree_help('qwerty') if preset == 'unitree' else load_preset(preset).help_lines
+
+
+MODES = ('sim', 'fake', 'float', 'arbotix')
+VIEWERS = ('web', 'native', 'none')
+
+
+def add_run_options(parser: argparse.ArgumentParser, robot: str) -> None:
+    """Declare the options of a robot's command."""
+    parser.set_defaults(robot=robot)
+    parser.add_argument(
+        '--description', default=robot, metavar='PATH', help='a xacro or URDF of your own'
+    )
+    parser.add_argument(
+        '--package-path',
+        action='append',
+        default=[],
+        metavar='DIR',
+        help='where package:// and $(find) look first (repeatable)',
+    )
+    parser.add_argument(
+        '--xacro-arg',
+        action='append',
+        default=[],
+        metavar='NAME:=VALUE',
+        help='an argument of the xacro file (repeatable)',
+    )
+    parser.add_argument(
+        '--strict',
+        action='store_true',
+        help='refuse a description whose meshes are not where it says',
+    )
+    preset = PRESETS[robot]
+    parser.add_argument(
+        '--preset', default=preset, metavar='NAME', help=f'keymap (default: {preset})'
+    )
+    parser.add_argument('--twist', metavar='FILE', help='scripted velocities: "t vx vy wz"')
+    parser.add_argument(
+        '--push',
+        action='append',
+        default=[],
+        metavar='"T FX FY FZ S"',
+        help='a force on the robot, world frame [N] (repeatable)',
+    )
+    _add_shared_options(parser)
+
+
+def add_both_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of the command for both robots, which are the built-in ones."""
+    parser.set_defaults(
+        robot='both',
+        description='both',
+        package_path=[],
+        xacro_arg=[],
+        strict=False,
+        preset='',
+        twist=None,
+        push=[],
+    )
+    _add_shared_options(parser)
+
+
+def _add_shared_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of a run, whoever runs."""
+    parser.add_argument(
+        '--viewer',
+        choices=VIEWERS,
+        help='web: a page on 127.0.0.1; native: a window (default: web on a terminal, else none)',
+    )
+    parser.add_argument(
+        '--port', type=int, default=0, metavar='N', help='port of the page (default: 8080 or next)'
+    )
+    parser.add_argument(
+        '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
+    )
+    parser.add_argument(
+        '--layout', choices=LAYOUTS, default='qwerty', help='your keyboard (default: qwerty)'
+    )
+    parser.add_argument('--play', metavar='FILE', help='scripted keys: lines "t key [key ...]"')
+    parser.add_argument('--duration', metavar='S', help='stop after S simulated seconds')
+    parser.add_argument(
+        '--speed',
+        default='1',
+        metavar='X',
+        help='real-time factor aimed at; 0: as fast as it goes (default 1)',
+    )
+    parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed (default 0)')
+    parser.add_argument(
+        '--discovery',
+        choices=RANGES,
+        help='who may join over ROS: nobody, this machine, the network (default: localhost, or as '
+        'ROS_AUTOMATIC_DISCOVERY_RANGE says; off for a script at --speed 0)',
+    )
+    parser.add_argument('--save-keys', metavar='FILE', help='write the keys, as --play reads them')
+    parser.add_argument('--record', metavar='FILE.mcap', help='record every topic')
+    parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
+
+
+def add_replay_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of a replay."""
+    parser.add_argument('file', metavar='FILE.mcap', help='what --record wrote')
+    parser.add_argument(
+        '--drive',
+        action='store_true',
+        help='simulate again with the recorded commands and compare the paths',
+    )
+    parser.add_argument('--viewer', choices=VIEWERS, help='default: web on a terminal, else none')
+    parser.add_argument('--port', type=int, default=0, metavar='N', help='port of the page')
+    parser.add_argument(
+        '--speed', metavar='X', help='1 is as it was, 0 as fast as it goes (default 1; 0 unseen)'
+    )
+
+
+def add_wheeled_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what only a wheeled robot's command has."""
+    parser.add_argument(
+        '--mode',
+        choices=MODES,
+        help='fake: no physics, wheels do as told; sim: physics, a PID loop turns the wheels '
+        '(float; default); arbotix: physics, and the integer loop of the ArbotiX board',
+    )
+    parser.add_argument(
+        '--controller',
+        metavar='FILE',
+        help="YAML with the drive's parameters: arbotix's, ros2_controllers' or your own",
+    )
+
+
+def add_tuning_option(parser: argparse.ArgumentParser) -> None:
+    """Declare the option that gives one legged robot other parameters."""
+    parser.add_argument(
+        '--controller', metavar='FILE', help="YAML with the leg controller's parameters"
+    )
+
+
+def add_legged_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what only a legged robot's command has."""
+    parser.add_argument(
+        '--estimator',
+        choices=('kalman', 'truth'),
+        default='kalman',
+        help='what feeds the controller: IMU and legs (default), or the simulator without noise',
+    )
+    parser.add_argument(
+        '--limits',
+        choices=('sport', 'guide'),
+        help="full stick: what the controller is good for (default), or unitree_guide's",
+    )
+
+
+def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `wasd calibrate`."""
+    parser.add_argument(
+        '--description', default='mbot', metavar='PATH', help='a xacro or URDF of your own'
+    )
+    parser.add_argument(
+        '--package-path', action='append', default=[], metavar='DIR', help='as of wasd mbot'
+    )
+    parser.add_argument(
+        '--controller', metavar='FILE', help="YAML with the drive's parameters, to be calibrated"
+    )
+    parser.add_argument(
+        '--wheel-separation', type=float, metavar='M', help='what the controller believes it is'
+    )
+    parser.add_argument(
+        '--left-radius', type=float, metavar='M', help='what the controller believes it is'
+    )
+    parser.add_argument(
+        '--right-radius', type=float, metavar='M', help='what the controller believes it is'
+    )
+    parser.add_argument(
+        '--side', type=float, default=1.0, metavar='M', help='of the squares (default 1)'
+    )
+    parser.add_argument(
+        '--runs', type=int, default=3, metavar='N', help='squares each way (default 3)'
+    )
+    parser.add_argument('--seed', type=int, default=0, metavar='N', help='of their speeds')
+    parser.add_argument('--output', metavar='FILE', help='YAML to write, for --controller')
+
+
+def _window(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise ValueError
+    return value
+
+
+def add_graph_commands(commands: Any) -> None:
+    """Declare `topics`, `echo`, `hz`, `call` and `params`."""
+    topics = _add(commands, 'topics', 'list the topics of all running nodes')
+    topics.add_argument('-t', '--show-types', action='store_true', help='with their types')
+    echo = _add(commands, 'echo', 'print the messages of a topic')
+    echo.add_argument('topic', metavar='TOPIC')
+    echo.add_argument(
+        'type', nargs='?', metavar='TYPE', help='e.g. std_msgs/msg/String: wait for the topic'
+    )
+    echo.add_argument('--once', action='store_true', help='print one message and exit')
+    echo.add_argument('--field', metavar='PATH', help='only this, e.g. pose.pose.position')
+    echo.add_argument('-f', '--full-length', action='store_true', help='do not cut long arrays')
+    hz = _add(commands, 'hz', 'print how often messages come on a topic')
+    hz.add_argument('topic', metavar='TOPIC')
+    hz.add_argument(
+        '-w', '--window', type=_window, default=10000, metavar='N', help='over the last N messages'
+    )
+    call = _add(commands, 'call', 'call a service')
+    call.add_argument('service', metavar='SERVICE')
+    call.add_argument(
+        'rest',
+        nargs='*',
+        metavar='[TYPE] [YAML]',
+        help='its type, looked up if left out, and the request, e.g. "{data: true}"',
+    )
+    params = _add(commands, 'params', "list, get or set a node's parameters")
+    params.add_argument('node', metavar='NODE')
+    params.add_argument('name', nargs='?', metavar='NAME', help='print its value')
+    params.add_argument('value', nargs='?', metavar='VALUE', help='... or set it')
+
+
+def _add(commands: Any, name: str, summary: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(name, help=summary, allow_abbrev=False)
+    parser.set_defaults(looks_into_graph=True)
+    return parser

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads a recording: what run it is of, its topics and messages, the commands in it."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
+from mcap.reader import make_reader
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
+
+from wasd_bringup.inputs import Command
+from wasd_bringup.inputs import parse_push
+from wasd_bringup.inputs import push_text
+from wasd_bringup.options import RunOptions
+from wasd_bringup.recording.recorder import EVENTS
+from wasd_bringup.recording.writer import RECORD_NAME
+from wasd_bringup.recording.writer import RecordingError
+
+
+class Topic(NamedTuple):
+    """A topic of a recording: its full name, its type, how many messages it has."""
+
+    name: str
+    kind: str
+    messages: int
+
+
+class RecordedMessage(NamedTuple):
+    """A message as CDR, and when it was published [ns of simulated time]."""
+
+    topic: str
+    time: int
+    data: bytes
+
+
+class BagReader:
+    """
+    An MCAP file that `--record` wrote.
+
+    `run` is what `describe_run` said of it; `start` and `end` are the times of the first and the
+    last message [ns].
+    """
+
+    def __init__(self, path: Path) -> None:
+        """
+        Open a recording and read its index.
+
+        Raises:
+            RecordingError: it cannot be read, or is not of `wasd`.
+        """
+        self.path = path
+        try:
+            self._reader: Any = make_reader(path.open('rb'))
+            summary: Any = self._reader.get_summary()
+            metadata = {one.name: one.metadata for one in self._reader.iter_metadata()}
+            counts = summary.statistics.channel_message_counts
+            self.topics = [
+                Topic(one.topic, summary.schemas[one.schema_id].name, int(counts.get(key, 0)))
+                for key, one in sorted(summary.channels.items(), key=lambda item: item[1].topic)
+            ]
+            self.start = int(summary.statistics.message_start_time)
+            self.end = int(summary.statistics.message_end_time)
+        except OSError as error:
+            raise RecordingError(f'{path}: {error.strerror}') from None
+        except Exception as error:  # mcap raises whatever a wrong byte leads to
+            raise RecordingError(f'{path}: no MCAP recording ({_reason(error)})') from None
+        if RECORD_NAME not in metadata:
+            raise RecordingError(f'{path}: not recorded by `wasd ... --record`')
+        self.run: dict[str, str] = metadata[RECORD_NAME]
+
+    def messages(self, topics: Collection[str]) -> Iterator[RecordedMessage]:
+        """
+        Yield the messages of some topics in the order in which they were published.
+
+        Raises:
+            RecordingError: the file is damaged.
+        """
+        try:
+            for _, channel, message in self._reader.iter_messages(topics=list(topics)):
+                yield RecordedMessage(channel.topic, message.log_time, message.data)
+        except Exception as error:
+            raise RecordingError(f'{self.path}: damaged ({_reason(error)})') from None
+
+
+def _reason(error: Exception) -> str:
+    return ' '.join(str(error).split()) or type(error).__name__
+
+
+# Topics that a replay has to find under their own names.
+RENAMED = ('keys', 'cmd_vel', 'robot_description', 'ground_truth/odom')
+
+
+def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict[str, str]:
+    """Return what has to be known to run the same commands again, as JSON by name."""
+    controller = options.controller
+    run: dict[str, Any] = {
+        'robot': options.robot,
+        'description': _absolute(options.description),
+        'package_path': [str(path) for path in options.package_path],
+        'world': _absolute(options.world),
+        'seed': options.seed,
+        'estimator': options.estimator,
+        'limits': options.limits,
+        'mode': options.mode,
+        'controller': None if controller is None else str(controller.resolve()),
+        'pushes': [push_text(push) for push in options.pushes],
+        'ros_arguments': list(ros_arguments),
+    }
+    return {name: json.dumps(value) for name, value in run.items()}
+
+
+def recorded_options(run: Mapping[str, str]) -> RunOptions:
+    """
+    Return the options of a recorded run, without its commands.
+
+    Raises:
+        RecordingError: it is of another version of this program.
+    """
+    try:
+        known = {name: json.loads(value) for name, value in run.items()}
+        controller = known['controller']
+        return RunOptions(
+            robot=known['robot'],
+            description=known['description'],
+            package_path=tuple(map(Path, known['package_path'])),
+            world=known['world'],
+            # The Go2's own keys; those that became velocities are recorded as such.
+            preset='unitree' if known['robot'] == 'go2' else 'mbot',
+            seed=known['seed'],
+            estimator=known['estimator'],
+            limits=known['limits'],
+            mode=known['mode'],
+            controller=None if controller is None else Path(controller),
+            pushes=tuple(map(parse_push, known['pushes'])),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f'recorded by another version of wasd ({error!r})') from None
+
+
+def recorded_ros_arguments(run: Mapping[str, str]) -> list[str]:
+    """
+    Return the ROS arguments of a recorded run.
+
+    Raises:
+        RecordingError: they give other names to topics, which then cannot be told apart.
+    """
+    arguments: list[str] = json.loads(run.get('ros_arguments', '[]'))
+    for word in arguments:
+        if ':=' in word and word.partition(':=')[0].rpartition(':')[2] in RENAMED:
+            raise RecordingError(f'recorded with {word}: cannot be driven again')
+    return arguments
+
+
+def _absolute(name_or_path: str) -> str:
+    return str(Path(name_or_path).resolve()) if Path(name_or_path).is_file() else name_or_path
+
+
+KEYS = 'keys'
+VELOCITIES = 'cmd_vel'
+DESCRIPTION = 'robot_description'
+TRUTH = 'ground_truth/odom'
+TWISTS: dict[str, Any] = {
+    'geometry_msgs/msg/Twist': Twist,
+    'geometry_msgs/msg/TwistStamped': TwistStamped,
+}
+
+
+def robot_topics(bag: BagReader, name: str) -> dict[str, str]:
+    """
+    Return the full names of a topic of every robot, by the robot's name.
+
+    A robot alone has none, whichever namespace ROS arguments gave it.
+    """
+    found = {}
+    is_alone = json.loads(bag.run['robot']) != 'both'
+    for topic in bag.topics:
+        namespace, _, last = topic.name[1:].rpartition(name)
+        if topic.name.endswith(f'/{name}') and not last and '/' not in namespace.rstrip('/'):
+            found['' if is_alone else namespace.rstrip('/')] = topic.name
+    return found
+
+
+def read_commands(bag: BagReader) -> tuple[Command, ...]:
+    """
+    Return everything that commanded the robots, in the order in which it came.
+
+    Raises:
+        RecordingError: the file is damaged.
+    """
+    keys = {topic: namespace for namespace, topic in robot_topics(bag, KEYS).items()}
+    velocities = {topic: namespace for namespace, topic in robot_topics(bag, VELOCITIES).items()}
+    kinds = {topic.name: topic.kind for topic in bag.topics}
+    commands = []
+    for message in bag.messages([*keys, *velocities, EVENTS]):
+        time = 1e-9 * message.time
+        if message.topic in velocities:
+            twist = deserialize_message(message.data, TWISTS[kinds[message.topic]])
+            twist = getattr(twist, 'twist', twist)
+            velocity = twist.linear.x, twist.linear.y, twist.angular.z
+            commands.append(Command(time, velocities[message.topic], velocity=velocity))
+        else:
+            text = deserialize_message(message.data, String).data
+            if message.topic in keys:
+                commands.append(Command(time, keys[message.topic], key=text))
+            else:
+                commands.append(Command(time, ''))
+    return tuple(commands)
