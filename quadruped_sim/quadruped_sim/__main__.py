@@ -3,8 +3,8 @@
 
 from robot_description.description import load_robot
 
+from quadruped_sim.compilation import warm_up
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.warm_up import warm_up
 
 if __name__ == '__main__':
     warm_up(RobotModel(load_robot('go2')))

@@ -8,7 +8,17 @@ import sys
 from typing import Any, TypeVar
 
 from numba.core import event
+import numpy as np
 from wasd_core.errors import Stopped
+from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
+
+from quadruped_sim.leg_controller import LegController
+from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.robot_model import GRAVITY
+from quadruped_sim.robot_model import RobotModel
 
 NOTICE = 'compiling, once: the leg controller, which takes some 15 s of a core'
 # How long a stop may go unnoticed while the other process compiles [s].
@@ -90,3 +100,25 @@ class _Listener(event.Listener):
 
     def on_end(self, event: Any) -> None:
         """Nothing to do."""
+
+
+def warm_up(model: RobotModel) -> None:
+    """
+    Run a controller for a moment on the reading of a robot that stands still.
+
+    Afterwards the model is as it was: it keeps nothing from one tick to the next.
+
+    Takes some seconds the first time on a machine and a fraction of one later, when the compiled
+    functions come from numba's cache.
+    """
+    params = LegControllerParameters(gait=GaitParameters(step_in_place=True))
+    controller = LegController(model, params)
+    upright, zero, rest = np.array((1.0, 0.0, 0.0, 0.0)), np.zeros(3), np.zeros(12)
+    standing = Reading(
+        JointStates(model.walking_pose, rest, rest),
+        ImuReading(upright, zero, np.array((0.0, 0.0, GRAVITY))),
+    )
+    for key in '24':
+        controller.press(key)
+        for _ in range(30):
+            controller.step(standing, 0.002)

@@ -9,7 +9,7 @@ LEG_CONTROLLER = Executable(
     name='leg_controller',
     module='quadruped_sim.leg_controller_node',
     about='Walks a quadruped: keys and cmd_vel in, joint_commands, odom and /tf out.',
-    parameters=('quadruped_sim.node_parameters:LegNodeParameters',),
+    parameters=('quadruped_sim.parameters:LegNodeParameters',),
     example='leg_controller --ros-args -p description:=go2 -p use_sim_time:=true',
 )
 

@@ -2,35 +2,36 @@
 """The leg controller: keys and velocity commands in, joint commands and odometry out."""
 
 import numpy as np
+from wasd_core.robot_io import BaseState
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import Reading
 
+from quadruped_sim.algebra import matrix_from_quaternion
+from quadruped_sim.algebra import rpy_from_matrix
 from quadruped_sim.command_filter import CommandFilter
-from quadruped_sim.contact_detection import ContactDetector
-from quadruped_sim.estimator import ImuSample
-from quadruped_sim.estimator import KalmanEstimator
-from quadruped_sim.key_words import KeyWords
+from quadruped_sim.estimation.contacts import ContactDetector
+from quadruped_sim.estimation.kalman import ImuSample
+from quadruped_sim.estimation.kalman import KalmanEstimator
+from quadruped_sim.estimation.robot_state import BaseMotion
+from quadruped_sim.estimation.robot_state import LegOdometry
+from quadruped_sim.estimation.robot_state import make_odometry
+from quadruped_sim.estimation.robot_state import RobotState
+from quadruped_sim.keys import KeyWords
+from quadruped_sim.keys import STATE_KEYS
+from quadruped_sim.keys import StateMachine
+from quadruped_sim.keys import StateName
+from quadruped_sim.keys import Sticks
+from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegMotion
-from quadruped_sim.locomotion import Locomotion
-from quadruped_sim.odometry import make_odometry
+from quadruped_sim.locomotion.trot import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.records import BaseState
-from quadruped_sim.records import LegCommand
-from quadruped_sim.records import Odometry
-from quadruped_sim.records import Sensors
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_state import RobotState
-from quadruped_sim.rotations import matrix_from_quaternion
-from quadruped_sim.rotations import rpy_from_matrix
 from quadruped_sim.safety import Safety
 from quadruped_sim.scaling import scaled
-from quadruped_sim.state_machine import STATE_KEYS
-from quadruped_sim.state_machine import StateMachine
-from quadruped_sim.state_machine import StateName
 from quadruped_sim.states import make_states
 from quadruped_sim.states import Parts
-from quadruped_sim.states.passive import damping_command
-from quadruped_sim.sticks import Sticks
-from quadruped_sim.whole_body import contact_points
+from quadruped_sim.states.driving import damping_command
 
 _UP = np.array((0.0, 0.0, 1.0))
 
@@ -41,7 +42,8 @@ class LegController:
 
     A `model` serves one controller at a time. `params` are as for the Go2; they are scaled to the
     robot. Joints are leg angles, see `robot_description.morphology`.
-    `estimator` is 'kalman' (IMU and joints only) or 'truth' (`Sensors.truth`, which must be set).
+    `estimator` is 'kalman' (IMU and joints only) or 'truth' (the base's state is told with each
+    reading).
     Never raises for bad data: it falls back to damping and says so in `event`.
     """
 
@@ -96,7 +98,7 @@ class LegController:
         self._is_started = False
         self.robot: RobotState | None = None
         self.event: str | None = None
-        self._odometry: Odometry | None = None
+        self._odometry: LegOdometry | None = None
 
     @property
     def state(self) -> str:
@@ -111,10 +113,10 @@ class LegController:
     @property
     def is_fallen(self) -> bool:
         """Whether the robot lies on its side or back."""
-        return self.robot is not None and self.safety.is_fallen(self.robot.R)
+        return self.robot is not None and self.safety.is_fallen(self.robot.base.R)
 
     @property
-    def odometry(self) -> Odometry | None:
+    def odometry(self) -> LegOdometry | None:
         """Estimated pose and velocity of the base; None before the first reading."""
         if self._odometry is None and self.robot is not None:
             variances = (1e-9, 1e-9) if self._uses_truth else self._kalman.variances
@@ -151,17 +153,17 @@ class LegController:
         """Go passive at once."""
         self._let_go('emergency stop')
 
-    def step(self, sensors: Sensors, dt: float) -> LegCommand:
-        """Joint command for this reading, `dt` [s] after the one before."""
+    def step(self, reading: Reading, dt: float, truth: BaseState | None = None) -> JointCommand:
+        """Joint command for this reading of leg angles, `dt` [s] after the one before."""
         self._odometry = None
-        reading = self.safety.filter_sensors(sensors)
-        if reading is None or (self._uses_truth and reading.truth is None):
+        good = self.safety.filter_reading(reading)
+        if good is None or (self._uses_truth and truth is None):
             self._let_go('no usable sensor reading')
             return damping_command(self.model.scale, np.zeros(12))
-        robot = self._estimate(reading, dt)
+        robot = self._estimate(good, dt, truth)
         self.robot = robot
         reason = self.safety.reason_to_let_go(
-            robot.R, robot.joint_position, self._failures_in_a_row()
+            robot.base.R, robot.joint_position, self._failures_in_a_row()
         )
         if reason is not None:
             self._let_go(reason)
@@ -184,56 +186,47 @@ class LegController:
     def _failures_in_a_row(self) -> int:
         return max(solver.failures_in_a_row for solver in self._solvers)
 
-    def _estimate(self, sensors: Sensors, dt: float) -> RobotState:
+    def _estimate(self, reading: Reading, dt: float, truth: BaseState | None) -> RobotState:
         """Base, feet, contacts and dynamics at this reading."""
         model = self.model
-        angles, rates = sensors.joint_position, sensors.joint_velocity
+        angles, rates, efforts = reading.joints
         motion = leg_motion(model.geometry, angles, rates)
         is_trotting = self._machine.state in (StateName.TROTTING, StateName.MOVE_BASE)
         normal = self.locomotion.ground.normal() if is_trotting else _UP
-        base, R = self._base_state(sensors, motion, normal, dt)
+        if truth is None or not self._uses_truth:
+            truth = self._filter(reading, motion, normal, dt)
+        position, orientation, velocity, omega = truth
+        R = matrix_from_quaternion(orientation)
         up = R.T @ normal
-        dynamics = model.dynamics(
-            base.orientation, R.T @ base.velocity, base.angular_velocity, angles, rates
-        )
-        self._detector.step(sensors.joint_effort, motion, dynamics, up, dt)
+        dynamics = model.dynamics(orientation, R.T @ velocity, omega, angles, rates)
+        self._detector.step(efforts, motion, dynamics, up, dt)
         return RobotState(
             joint_position=angles,
             joint_velocity=rates,
-            orientation=base.orientation,
-            position=base.position,
-            velocity=base.velocity,
-            R=R,
-            rpy=rpy_from_matrix(R),
-            omega=base.angular_velocity,
+            orientation=orientation,
+            base=BaseMotion(position, velocity, R, rpy_from_matrix(R), omega),
             motion=motion,
             contact=contact_points(motion, up, model.geometry.foot_radius),
             dynamics=dynamics,
-            feet=base.position + motion.position @ R.T,
+            feet=position + motion.position @ R.T,
             com=model.centre_of_mass(angles),
             normal_forces=self._detector.normal_forces,
             is_contact=self._detector.is_contact,
         )
 
-    def _base_state(
-        self, sensors: Sensors, motion: LegMotion, normal: np.ndarray, dt: float
-    ) -> tuple[BaseState, np.ndarray]:
-        """Base by truth or by the filter, and its rotation to the world."""
-        if self._uses_truth and sensors.truth is not None:
-            return sensors.truth, matrix_from_quaternion(sensors.truth.orientation)
-        R = matrix_from_quaternion(sensors.imu_orientation)
+    def _filter(
+        self, reading: Reading, motion: LegMotion, normal: np.ndarray, dt: float
+    ) -> BaseState:
+        """Base by the Kalman filter; its orientation is the IMU's."""
+        assert reading.imu is not None  # `filter_reading` lets none without one through
+        orientation, omega, acceleration = reading.imu
+        R = matrix_from_quaternion(orientation)
         if not self._is_started:
             self._start(motion.position @ R.T)
-        imu = ImuSample(R, sensors.imu_angular_velocity, sensors.imu_linear_acceleration)
         trust = self._states[self._machine.state].trust
-        self._kalman.step(imu, motion, trust, normal, dt)
-        base = BaseState(
-            self._kalman.position.copy(),
-            sensors.imu_orientation,
-            self._kalman.velocity.copy(),
-            sensors.imu_angular_velocity,
-        )
-        return base, R
+        self._kalman.step(ImuSample(R, omega, acceleration), motion, trust, normal, dt)
+        position, velocity = self._kalman.position.copy(), self._kalman.velocity.copy()
+        return BaseState(position, orientation, velocity, omega)
 
     def _start(self, relative: np.ndarray) -> None:
         """Start the filter at x = y = 0 with the lowest foot on the ground."""

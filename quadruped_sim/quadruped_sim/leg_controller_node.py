@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The leg controller on ROS: keys and cmd_vel in, odom and joint commands out."""
 
+from collections.abc import Iterable
 import math
 import sys
+from typing import Any, NamedTuple
 
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TransformStamped
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
@@ -40,22 +44,25 @@ from wasd_core.topics import SENSOR_DATA
 from wasd_core.topics import TfBroadcaster
 
 from quadruped_sim.compilation import compile_once
-from quadruped_sim.conversions import Frames
-from quadruped_sim.conversions import to_odometry
-from quadruped_sim.conversions import to_transform
+from quadruped_sim.compilation import warm_up
+from quadruped_sim.estimation.robot_state import LegOdometry
 from quadruped_sim.executables import LEG_CONTROLLER
-from quadruped_sim.joint_map import JointMap
-from quadruped_sim.joint_map import to_joint_command
-from quadruped_sim.joint_map import to_sensors
+from quadruped_sim.keys import StickValues
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.node_parameters import LegNodeParameters
+from quadruped_sim.parameters import LegNodeParameters
+from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.sticks import StickValues
-from quadruped_sim.warm_up import warm_up
 
 # Longest step of gait and estimate between two readings [s]; a request is as old as it is.
 MAXIMUM_STEP = 0.02
 KIND = NodeKind(LEG_CONTROLLER.name, 'leg controller')
+
+
+class Frames(NamedTuple):
+    """Names of the frame in which odometry is given, and of the robot's that it follows."""
+
+    odom: str
+    base: str
 
 
 class LegControllerNode(Node):
@@ -133,10 +140,8 @@ class LegControllerNode(Node):
         if (joint_names, motor_names) != self._names:
             self._names = joint_names, motor_names
             self._joints = JointMap(self.quadruped, joint_names, motor_names)
-        if self.settings.estimator == 'kalman':
-            truth = None
-        command = self.controller.step(to_sensors(reading, self._joints, truth), dt)
-        return to_joint_command(command, self._joints)
+        command = self.controller.step(self._joints.reading(reading), dt, truth)
+        return self._joints.command(command)
 
     def publish_odometry(self) -> None:
         """Publish odom and /tf with one stamp, the node's time; the state when it has changed."""
@@ -287,6 +292,40 @@ class LegControllerNode(Node):
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=5.0)
+
+
+def to_odometry(state: LegOdometry, stamp: Time, frames: Frames) -> Odometry:
+    """Return nav_msgs/Odometry: pose in the odom frame, twist in the base frame."""
+    message = Odometry()
+    message.header.stamp = stamp
+    message.header.frame_id = frames.odom
+    message.child_frame_id = frames.base
+    _set_xyz(message.pose.pose.position, state.position)
+    _set_wxyz(message.pose.pose.orientation, state.orientation)
+    _set_xyz(message.twist.twist.linear, state.linear_velocity)
+    _set_xyz(message.twist.twist.angular, state.angular_velocity)
+    message.pose.covariance[:] = state.pose_covariance.flatten()
+    message.twist.covariance[:] = state.twist_covariance.flatten()
+    return message
+
+
+def to_transform(state: LegOdometry, stamp: Time, frames: Frames) -> TransformStamped:
+    """Return the transform odom -> base of the same instant."""
+    message = TransformStamped()
+    message.header.stamp = stamp
+    message.header.frame_id = frames.odom
+    message.child_frame_id = frames.base
+    _set_xyz(message.transform.translation, state.position)
+    _set_wxyz(message.transform.rotation, state.orientation)
+    return message
+
+
+def _set_xyz(target: Any, values: Iterable[float]) -> None:
+    target.x, target.y, target.z = map(float, values)
+
+
+def _set_wxyz(target: Any, values: Iterable[float]) -> None:
+    target.w, target.x, target.y, target.z = map(float, values)
 
 
 def _warm_model(description: Description) -> RobotModel:

@@ -7,7 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadruped_sim.jit import jit
+from quadruped_sim.algebra import jit
+
+LEGS = ('FL', 'FR', 'RL', 'RR')
+FL, FR, RL, RR = range(4)
+
+# +1 for the left legs and -1 for the right; +1 front, -1 rear.
+LEFT = (1.0, -1.0, 1.0, -1.0)
+FRONT = (1.0, 1.0, -1.0, -1.0)
 
 
 @dataclass(frozen=True)
@@ -104,6 +111,43 @@ def _leg_motion(
         axis[i, 1], axis[i, 2] = c1, s1
         spin[i, 0], spin[i, 1], spin[i, 2] = hip_rate, calf_rate * c1, calf_rate * s1
     return position, velocity, jacobian, bias, spin, axis
+
+
+@dataclass(frozen=True)
+class ContactPoints:
+    """
+    Where the feet touch, in base axes.
+
+    `position` (4, 3) [m]; `jacobian` (4, 3, 3) from joint velocity to the velocity of the calf's
+    point that touches. The foot is a ball: it rolls, so that point, not its centre, is at rest.
+    """
+
+    position: np.ndarray
+    jacobian: np.ndarray
+
+
+def contact_points(motion: LegMotion, normal: np.ndarray, foot_radius: float) -> ContactPoints:
+    """Contact points of balls of `foot_radius` [m] on ground with `normal` (3,) in base axes."""
+    arm = -foot_radius * normal
+    return ContactPoints(
+        motion.position + arm, _contact_jacobian(motion.jacobian, motion.axis, arm)
+    )
+
+
+@jit
+def _contact_jacobian(jacobian: np.ndarray, axis: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """Add (joint axis) x `arm`; the hip's axis is (1, 0, 0), the others' (0, c1, s1)."""
+    J = jacobian.copy()
+    x, y, z = arm
+    for i in range(4):
+        c1, s1 = axis[i, 1], axis[i, 2]
+        J[i, 1, 0] -= z
+        J[i, 2, 0] += y
+        for joint in (1, 2):
+            J[i, 0, joint] += z * c1 - y * s1
+            J[i, 1, joint] += x * s1
+            J[i, 2, joint] -= x * c1
+    return J
 
 
 def foot_positions(leg: LegGeometry, angles: np.ndarray) -> np.ndarray:

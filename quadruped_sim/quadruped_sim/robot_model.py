@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot as the controller knows it: built from its URDF by Pinocchio, nothing typed in."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
@@ -14,12 +15,16 @@ from robot_description.morphology.quadruped import scale_of
 from robot_description.morphology.quadruped import similar_pose
 from robot_description.pinocchio_model import to_pinocchio
 from wasd_core.errors import DescriptionError
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
 
-from quadruped_sim.exceptions import RobotModelError
+from quadruped_sim.errors import RobotModelError
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegGeometry
 
+GRAVITY = 9.81
 # The closed form may miss the feet by so much per leg length: descriptions round right angles.
 GEOMETRY_TOLERANCE = 2e-3
 # Three times the torque of the Go2's knees [N m]: descriptions without a limit say 1000.
@@ -33,6 +38,10 @@ GO2_KNEE_SPEED = 15.7
 # Thigh and calf of the Go2 [rad]: unitree_guide's stand, and about what they are in trot.
 STANDING = (0.67, -1.3)
 WALKING = (0.8, -1.6)
+
+
+# A command of leg angles by which no motor pushes; others are made of it.
+NO_TORQUE = JointCommand(*(np.zeros(12) for _ in JointCommand._fields))
 
 
 @dataclass(frozen=True)
@@ -91,7 +100,7 @@ class RobotModel:
         self.walking_pose = similar_pose(self.quadruped, *WALKING)
         self._build(description)
         self.mass = float(pin.computeTotalMass(self._model))
-        self.weight = self.mass * 9.81
+        self.weight = self.mass * GRAVITY
         self._check_geometry()
 
     def _build(self, description: Description) -> None:
@@ -253,3 +262,40 @@ def _geometry(quadruped: Quadruped) -> LegGeometry:
         foot_radius=float(np.median([leg.foot_radius for leg in legs])),
         bend=np.array([leg.bend for leg in legs]),
     )
+
+
+class JointMap:
+    """
+    Between joints as a description has them and leg angles as the controller has them.
+
+    `joint_names` are the joints of a reading and `motor_names` those of a command, in their
+    order; both hold the twelve leg joints.
+    """
+
+    def __init__(
+        self, quadruped: Quadruped, joint_names: Sequence[str], motor_names: Sequence[str]
+    ) -> None:
+        names = quadruped.joint_names
+        self._joints = np.array([joint_names.index(name) for name in names])
+        self._motors = np.array([names.index(name) for name in motor_names])
+        self._sign, self._zero = quadruped.sign, quadruped.zero
+        self._is_plain = quadruped.is_plain
+
+    def reading(self, reading: Reading) -> Reading:
+        """Return a reading of joints as one of leg angles."""
+        position, velocity, effort = (part[self._joints] for part in reading.joints)
+        if not self._is_plain:
+            position = self._sign * position + self._zero
+            velocity, effort = self._sign * velocity, self._sign * effort
+        return Reading(JointStates(position, velocity, effort), reading.imu)
+
+    def command(self, command: JointCommand) -> JointCommand:
+        """Return a command of leg angles as one of motors."""
+        position, velocity, effort, kp, kd = command
+        if not self._is_plain:
+            position = self._sign * (position - self._zero)
+            velocity, effort = self._sign * velocity, self._sign * effort
+        motors = self._motors
+        return JointCommand(
+            position[motors], velocity[motors], effort[motors], kp[motors], kd[motors]
+        )

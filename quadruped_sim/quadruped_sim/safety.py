@@ -4,10 +4,10 @@
 import math
 
 import numpy as np
+from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import Reading
 
 from quadruped_sim.parameters import SafetyParameters
-from quadruped_sim.records import LegCommand
-from quadruped_sim.records import Sensors
 from quadruped_sim.robot_model import JointLimits
 
 # Readings in a row that may be broken before the controller lets go.
@@ -28,21 +28,21 @@ class Safety:
 
     def reset(self) -> None:
         """Forget the last reading."""
-        self._last: Sensors | None = None
+        self._last: Reading | None = None
         self.broken_in_a_row = 0
         self.broken_readings = 0
         self.broken_commands = 0
 
-    def filter_sensors(self, sensors: Sensors) -> Sensors | None:
+    def filter_reading(self, reading: Reading) -> Reading | None:
         """
         Return the reading, or the last good one when it holds NaN or infinity.
 
         None when no good one has ever come.
         """
-        if _is_finite(sensors):
-            self._last = sensors
+        if _is_finite(reading):
+            self._last = reading
             self.broken_in_a_row = 0
-            return sensors
+            return reading
         self.broken_in_a_row += 1
         self.broken_readings += 1
         return self._last
@@ -72,24 +72,18 @@ class Safety:
             return f'{failures_in_a_row} QPs in a row failed'
         return None
 
-    def filter_command(self, command: LegCommand, damping: LegCommand) -> LegCommand:
+    def filter_command(self, command: JointCommand, damping: JointCommand) -> JointCommand:
         """Command with efforts inside the motors' limits; `damping` instead of one with NaN."""
-        parts = (command.position, command.velocity, command.effort, command.kp, command.kd)
-        if not np.isfinite(np.concatenate(parts)).all():
+        if not np.isfinite(np.concatenate(command)).all():
             self.broken_commands += 1
             return damping
         effort = np.clip(command.effort, -self._limits.effort, self._limits.effort)
-        return LegCommand(command.position, command.velocity, effort, command.kp, command.kd)
+        return command._replace(effort=effort)
 
 
-def _is_finite(sensors: Sensors) -> bool:
-    quaternion = sensors.imu_orientation
-    parts = (
-        sensors.joint_position,
-        sensors.joint_velocity,
-        sensors.joint_effort,
-        quaternion,
-        sensors.imu_angular_velocity,
-        sensors.imu_linear_acceleration,
-    )
-    return bool(np.isfinite(np.concatenate(parts)).all()) and float(quaternion @ quaternion) > 0.25
+def _is_finite(reading: Reading) -> bool:
+    if reading.imu is None:
+        return False
+    quaternion = reading.imu.orientation
+    parts = np.concatenate((*reading.joints, *reading.imu))
+    return bool(np.isfinite(parts).all()) and float(quaternion @ quaternion) > 0.25

@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 from robot_description.morphology.quadruped import Scale
 from wasd_core.parameters import Parameters
 
-from quadruped_sim.convex_mpc import GRAVITY
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.robot_model import GRAVITY
 
 # Costs of squared errors, so that their products stay comparable: units of each element.
 WEIGHT_UNITS = {

@@ -3,10 +3,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from quadruped_sim.records import BaseState
-from quadruped_sim.records import Sensors
 from quadruped_sim.robot_model import RobotModel
 from robot_description.description import parse_description
+from wasd_core.robot_io import BaseState
+from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
 import xacro
 
 _XACRO = Path(__file__).parents[2] / 'robot_description/robot_description/urdf/go2/go2.urdf.xacro'
@@ -34,17 +36,18 @@ def angles(rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.fixture(scope='session')
-def standing() -> Sensors:
-    """A reading of a robot at rest on level ground, with truth."""
-    height = 0.3
+def standing() -> Reading:
+    """A reading of a robot at rest on level ground."""
     bent = np.tile((0.0, 0.8, -1.6), 4)
-    level = np.array((1.0, 0.0, 0.0, 0.0))
-    return Sensors(
-        joint_position=bent,
-        joint_velocity=np.zeros(12),
-        joint_effort=np.zeros(12),
-        imu_orientation=level,
-        imu_angular_velocity=np.zeros(3),
-        imu_linear_acceleration=np.array((0.0, 0.0, 9.81)),
-        truth=BaseState(np.array((0.0, 0.0, height)), level, np.zeros(3), np.zeros(3)),
+    level, specific_force = np.array((1.0, 0.0, 0.0, 0.0)), np.array((0.0, 0.0, 9.81))
+    return Reading(
+        JointStates(bent, np.zeros(12), np.zeros(12)),
+        ImuReading(level, np.zeros(3), specific_force),
     )
+
+
+@pytest.fixture(scope='session')
+def truth() -> BaseState:
+    """Where that robot is."""
+    level = np.array((1.0, 0.0, 0.0, 0.0))
+    return BaseState(np.array((0.0, 0.0, 0.3)), level, np.zeros(3), np.zeros(3))

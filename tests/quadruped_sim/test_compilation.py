@@ -26,9 +26,9 @@ USE = """
 import sys
 sys.path.insert(0, sys.argv[1])
 import numpy as np
-from quadruped_sim import small_matrix
-print(small_matrix.__file__)
-print(small_matrix.cross3(np.eye(3)[0], np.eye(3)[1])[2])
+from quadruped_sim import algebra
+print(algebra.__file__)
+print(algebra.cross3(np.eye(3)[0], np.eye(3)[1])[2])
 """
 
 
@@ -148,6 +148,6 @@ def test_an_installation_that_cannot_be_written_keeps_it_in_the_home_if_there_is
         text=True,
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [str(package / 'small_matrix.py'), '1.0']
+    assert done.stdout.splitlines() == [str(package / 'algebra.py'), '1.0']
     kept = list((tmp_path / home).rglob('*.nbi'))
     assert bool(kept) == (home == 'home')

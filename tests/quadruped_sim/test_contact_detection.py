@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
-from quadruped_sim.contact_detection import ContactDetector
+from quadruped_sim.estimation.contacts import ContactDetector
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.parameters import ContactParameters
 

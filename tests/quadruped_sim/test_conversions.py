@@ -7,20 +7,18 @@ from builtin_interfaces.msg import Time
 from mujoco_sim.conversions import to_ground_truth
 import numpy as np
 import pytest
-from quadruped_sim.conversions import Frames
-from quadruped_sim.conversions import to_odometry
-from quadruped_sim.conversions import to_transform
-from quadruped_sim.joint_map import JointMap
-from quadruped_sim.joint_map import to_joint_command
-from quadruped_sim.joint_map import to_sensors
-from quadruped_sim.records import LegCommand
-from quadruped_sim.records import Odometry
+from quadruped_sim.estimation.robot_state import LegOdometry
+from quadruped_sim.leg_controller_node import Frames
+from quadruped_sim.leg_controller_node import to_odometry
+from quadruped_sim.leg_controller_node import to_transform
+from quadruped_sim.robot_model import JointMap
 from sensor_msgs.msg import JointState
 from wasd_core.messages import to_base_state
 from wasd_core.messages import to_imu
 from wasd_core.messages import to_reading
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 
@@ -60,16 +58,16 @@ def test_a_reading_survives_its_messages(reading, model):
 def test_a_reading_is_put_into_the_controllers_order_by_name(reading, model):
     names = model.quadruped.joint_names
     joints = JointMap(model.quadruped, names[::-1], names)
-    sensors = to_sensors(Reading(*reading), joints, None)
-    np.testing.assert_array_equal(sensors.joint_position, reading[0].position[::-1])
-    np.testing.assert_array_equal(sensors.imu_orientation, reading[1].orientation)
-    assert sensors.truth is None
+    ordered = joints.reading(Reading(*reading))
+    for one, other in zip(ordered.joints, reading[0], strict=True):
+        np.testing.assert_array_equal(one, other[::-1])
+    assert ordered.imu is reading[1]
 
 
 def test_a_command_is_put_into_the_motors_order_by_name(rng, model):
     names = model.quadruped.joint_names
-    command = LegCommand(*(rng.normal(size=12) for _ in range(5)))
-    ordered = to_joint_command(command, JointMap(model.quadruped, names, names[::-1]))
+    command = JointCommand(*(rng.normal(size=12) for _ in range(5)))
+    ordered = JointMap(model.quadruped, names, names[::-1]).command(command)
     for name in ('position', 'velocity', 'effort', 'kp', 'kd'):
         np.testing.assert_array_equal(getattr(ordered, name), getattr(command, name)[::-1])
 
@@ -77,7 +75,7 @@ def test_a_command_is_put_into_the_motors_order_by_name(rng, model):
 def test_odometry_and_transform_carry_one_pose_and_one_stamp(rng):
     quaternion = rng.normal(size=4)
     quaternion /= np.linalg.norm(quaternion)
-    state = Odometry(
+    state = LegOdometry(
         rng.normal(size=3), quaternion, rng.normal(size=3), rng.normal(size=3),
         np.diag(np.arange(6.0)), 2.0 * np.eye(6),
     )  # fmt: skip

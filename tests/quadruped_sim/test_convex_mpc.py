@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
-from quadruped_sim.convex_mpc import ConvexMpc
-from quadruped_sim.convex_mpc import MpcProblem
-from quadruped_sim.friction_qp import FrictionPyramids
-from quadruped_sim.friction_qp import QpSolver
+from quadruped_sim.locomotion.convex_mpc import ConvexMpc
+from quadruped_sim.locomotion.convex_mpc import MpcProblem
+from quadruped_sim.locomotion.friction_qp import FrictionPyramids
+from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
 import scipy.optimize
 

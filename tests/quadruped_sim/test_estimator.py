@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.estimator import ImuSample
-from quadruped_sim.estimator import KalmanEstimator
+from quadruped_sim.algebra import yaw_matrix
+from quadruped_sim.estimation.kalman import ImuSample
+from quadruped_sim.estimation.kalman import KalmanEstimator
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.parameters import EstimatorParameters
-from quadruped_sim.rotations import yaw_matrix
 
 DT = 0.002
 UP = np.array((0.0, 0.0, 1.0))
@@ -23,7 +23,7 @@ def make(model, yaw=0.0):
 
 def rolling_rates(model, angles, velocity):
     """Joint rates at which the base moves at `velocity`, base axes, over rolling feet."""
-    from quadruped_sim.whole_body import contact_points
+    from quadruped_sim.leg_kinematics import contact_points
 
     motion = leg_motion(model.geometry, angles, np.zeros(12))
     J = contact_points(motion, UP, model.geometry.foot_radius).jacobian

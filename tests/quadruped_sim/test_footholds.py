@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.footholds import footholds
-from quadruped_sim.footholds import nominal_feet
-from quadruped_sim.ground import Ground
+from quadruped_sim.algebra import yaw_matrix
+from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.locomotion.swing import footholds
+from quadruped_sim.locomotion.swing import nominal_feet
 from quadruped_sim.parameters import FootholdParameters
 from quadruped_sim.parameters import GroundParameters
-from quadruped_sim.rotations import yaw_matrix
 
 STANCE = 0.2
 

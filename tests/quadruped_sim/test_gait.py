@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
-from quadruped_sim.gait import Gait
+from quadruped_sim.locomotion.gait import Gait
 from quadruped_sim.parameters import GaitParameters
 
 DT = 0.002

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
-from quadruped_sim.ground import Ground
+from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.parameters import GroundParameters
 
 FEET = np.array(((0.2, 0.15, 0.0), (0.2, -0.15, 0.0), (-0.2, 0.15, 0.0), (-0.2, -0.15, 0.0)))

@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from quadruped_sim.key_words import ARROWS
-from quadruped_sim.key_words import KeyWords
+from quadruped_sim.keys import ARROWS
+from quadruped_sim.keys import KeyWords
+from quadruped_sim.keys import path
+from quadruped_sim.keys import STATE_KEYS
+from quadruped_sim.keys import StateMachine
+from quadruped_sim.keys import StateName
+from quadruped_sim.keys import STICK_KEYS
+from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.state_machine import path
-from quadruped_sim.state_machine import STATE_KEYS
-from quadruped_sim.state_machine import StateMachine
-from quadruped_sim.state_machine import StateName
-from quadruped_sim.state_machine import TRANSITIONS
-from quadruped_sim.sticks import STICK_KEYS
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.dashboard import status_line
 from wasd_core.timing import brief
@@ -52,7 +53,7 @@ def in_state(legs):
         legs.words = words
         legs._machine.force(state)
         if is_fallen:
-            legs.robot = type('OnItsSide', (), {'R': np.diag((1.0, -1.0, -1.0))})()
+            legs.robot = SimpleNamespace(base=SimpleNamespace(R=np.diag((1.0, -1.0, -1.0))))
         return legs
 
     yield put

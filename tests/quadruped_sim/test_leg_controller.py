@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from quadruped_sim.algebra import quaternion_from_rpy
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.rotations import quaternion_from_rpy
 
 DT = 0.002
 # unitree_guide's stand.
@@ -20,12 +18,12 @@ def controller(model):
 
 
 @pytest.fixture
-def run(standing):
+def run(standing, truth):
     """Step a controller some ticks on one reading; returns the last command."""
 
-    def run(controller, ticks, sensors=standing):
+    def run(controller, ticks, reading=standing, truth=truth):
         for _ in range(ticks):
-            command = controller.step(sensors, DT)
+            command = controller.step(reading, DT, truth)
         return command
 
     return run
@@ -39,18 +37,19 @@ def test_it_starts_passive_and_only_damps(controller, run):
     assert (command.kd > 0.0).all()
 
 
-def test_passive_takes_energy_out_whatever_the_motion(controller, rng, standing):
+def test_passive_takes_energy_out_whatever_the_motion(controller, rng, standing, truth):
     for _ in range(20):
-        sensors = replace(standing, joint_velocity=rng.normal(size=12))
-        command = controller.step(sensors, DT)
-        torque = command.effort + command.kd * (command.velocity - sensors.joint_velocity)
-        assert torque @ sensors.joint_velocity <= 0.0
+        rates = rng.normal(size=12)
+        reading = standing._replace(joints=standing.joints._replace(velocity=rates))
+        command = controller.step(reading, DT, truth)
+        torque = command.effort + command.kd * (command.velocity - rates)
+        assert torque @ rates <= 0.0
 
 
 def test_stand_up_is_a_straight_line_of_two_seconds(controller, run, standing):
     run(controller, 2)
     controller.press('2')
-    start = standing.joint_position
+    start = standing.joints.position
     run(controller, 1)
     halfway = run(controller, 500)
     np.testing.assert_allclose(halfway.position, 0.5 * (start + STAND_ANGLES), atol=1e-9)
@@ -77,14 +76,15 @@ def test_velocity_commands_need_move_base(controller, run):
     assert controller.set_velocity(0.5, 0.0, 0.0) is None
 
 
-def test_tipping_over_goes_passive_in_the_same_tick_and_key_2_waits(controller, run, standing):
+def test_tipping_over_goes_passive_in_the_same_tick_and_key_2_waits(
+    controller, run, standing, truth
+):
     run(controller, 2)
     controller.press('2')
     run(controller, 5)
-    tipped = standing
     orientation = quaternion_from_rpy(1.2, 0.0, 0.0)
-    truth = replace(tipped.truth, orientation=orientation)
-    command = run(controller, 1, replace(tipped, imu_orientation=orientation, truth=truth))
+    tipped = standing._replace(imu=standing.imu._replace(orientation=orientation))
+    command = run(controller, 1, tipped, truth._replace(orientation=orientation))
     assert controller.state == 'passive'
     assert controller.is_fallen
     assert 'tilt' in controller.event
@@ -185,7 +185,8 @@ def test_a_failing_solver_is_survived_then_counted_against_it(controller, run, m
         controller.press(key)
         run(controller, 3)
     solver = controller.locomotion.whole_body.solver
-    monkeypatch.setattr('quadruped_sim.friction_qp.daqp.solve', lambda *_: (None, None, -1, None))
+    failed = None, None, -1, None
+    monkeypatch.setattr('quadruped_sim.locomotion.friction_qp.daqp.solve', lambda *_: failed)
     command = run(controller, 10)
     assert controller.state == 'balance test'
     assert np.isfinite(command.effort).all()

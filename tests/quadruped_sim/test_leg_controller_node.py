@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.leg_controller_node import main
-from quadruped_sim.legs import LEGS
+from quadruped_sim.leg_kinematics import LEGS
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter

@@ -2,12 +2,12 @@
 from dataclasses import replace
 
 import numpy as np
+from quadruped_sim.algebra import skew
 from quadruped_sim.leg_kinematics import all_leg_angles
+from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_angles
 from quadruped_sim.leg_kinematics import leg_motion
-from quadruped_sim.rotations import skew
-from quadruped_sim.whole_body import contact_points
 
 STEP = 1e-6
 

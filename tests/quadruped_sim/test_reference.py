@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.reference import BaseReference
-from quadruped_sim.reference import horizon
+from quadruped_sim.locomotion.reference import BaseReference
+from quadruped_sim.locomotion.reference import horizon
 
 TIMES = 0.025 * np.arange(1, 13)
 

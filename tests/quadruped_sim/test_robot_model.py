@@ -4,13 +4,15 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from quadruped_sim.exceptions import RobotModelError
-from quadruped_sim.joint_map import JointMap
-from quadruped_sim.legs import LEGS
-from quadruped_sim.records import LegCommand
+from quadruped_sim.errors import RobotModelError
+from quadruped_sim.leg_kinematics import LEGS
+from quadruped_sim.robot_model import JointMap
+from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
 from robot_description.description import parse_description
 from robot_description.morphology.quadruped import GO2
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
 
 LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
 
@@ -121,8 +123,10 @@ def test_joints_that_count_the_other_way_change_nothing(urdf, model, angles, rng
         np.testing.assert_allclose(getattr(two, name), getattr(one, name), atol=1e-9)
     joints = other.quadruped.joint_names
     back = JointMap(other.quadruped, joints, joints)
-    command = back.command(LegCommand(position=angles, velocity=rates, effort=rates))
-    np.testing.assert_allclose(back.angles(command.position), angles)
+    command = back.command(NO_TORQUE._replace(position=angles, velocity=rates, effort=rates))
+    reading = Reading(JointStates(command.position, command.velocity, command.effort), None)
+    for one, wanted in zip(back.reading(reading).joints, (angles, rates, rates), strict=True):
+        np.testing.assert_allclose(one, wanted)
     assert command.effort @ command.velocity == pytest.approx(rates @ rates)
 
 

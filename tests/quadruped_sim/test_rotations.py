@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.rotations import cross
-from quadruped_sim.rotations import matrix_from_quaternion
-from quadruped_sim.rotations import matrix_from_rpy
-from quadruped_sim.rotations import quaternion_from_rpy
-from quadruped_sim.rotations import rotation_vector
-from quadruped_sim.rotations import rpy_from_matrix
-from quadruped_sim.rotations import skew
-from quadruped_sim.rotations import wrap_angle
+from quadruped_sim.algebra import cross
+from quadruped_sim.algebra import matrix_from_quaternion
+from quadruped_sim.algebra import matrix_from_rpy
+from quadruped_sim.algebra import quaternion_from_rpy
+from quadruped_sim.algebra import rotation_vector
+from quadruped_sim.algebra import rpy_from_matrix
+from quadruped_sim.algebra import skew
+from quadruped_sim.algebra import wrap_angle
 from scipy.spatial.transform import Rotation
 
 

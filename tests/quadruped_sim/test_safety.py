@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-from dataclasses import replace
-
 import numpy as np
+from quadruped_sim.algebra import matrix_from_rpy
 from quadruped_sim.parameters import SafetyParameters
-from quadruped_sim.records import LegCommand
-from quadruped_sim.rotations import matrix_from_rpy
+from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.safety import Safety
 
 ANGLES = np.tile((0.0, 0.8, -1.6), 4)
@@ -17,13 +15,13 @@ def make(model):
 def test_a_broken_reading_is_replaced_by_the_last_good_one(model, standing):
     safety = make(model)
     good = standing
-    bad = replace(good, joint_position=np.full(12, np.nan))
-    assert safety.filter_sensors(bad) is None
-    assert safety.filter_sensors(good) is good
-    assert safety.filter_sensors(bad) is good
+    bad = good._replace(joints=good.joints._replace(position=np.full(12, np.nan)))
+    assert safety.filter_reading(bad) is None
+    assert safety.filter_reading(good) is good
+    assert safety.filter_reading(bad) is good
     assert safety.reason_to_let_go(np.eye(3), ANGLES, 0) is None
     for _ in range(3):
-        safety.filter_sensors(bad)
+        safety.filter_reading(bad)
     assert 'not finite' in safety.reason_to_let_go(np.eye(3), ANGLES, 0)
 
 
@@ -42,8 +40,10 @@ def test_joint_out_of_range_and_failing_solvers_let_go(model):
 
 
 def test_efforts_are_limited_and_nan_never_reaches_the_motors(model):
-    safety, damping = make(model), LegCommand(kd=np.full(12, 8.0))
-    command = safety.filter_command(LegCommand(effort=np.full(12, 100.0)), damping)
+    safety, damping = make(model), NO_TORQUE._replace(kd=np.full(12, 8.0))
+    command = safety.filter_command(NO_TORQUE._replace(effort=np.full(12, 100.0)), damping)
     np.testing.assert_allclose(command.effort, np.tile((23.7, 23.7, 35.55), 4))
-    assert safety.filter_command(LegCommand(effort=np.full(12, np.nan)), damping) is damping
+    assert (
+        safety.filter_command(NO_TORQUE._replace(effort=np.full(12, np.nan)), damping) is damping
+    )
     assert safety.broken_commands == 1

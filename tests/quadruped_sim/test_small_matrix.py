@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
-from quadruped_sim.small_matrix import cross3
-from quadruped_sim.small_matrix import invert3
-from quadruped_sim.small_matrix import rotate
-from quadruped_sim.small_matrix import rotate_back
-from quadruped_sim.small_matrix import solve_in_place
+from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import invert3
+from quadruped_sim.algebra import rotate
+from quadruped_sim.algebra import rotate_back
+from quadruped_sim.algebra import solve_in_place
 
 
 def test_products_are_those_of_numpy(rng):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from quadruped_sim.state_machine import path
-from quadruped_sim.state_machine import STATE_KEYS
-from quadruped_sim.state_machine import StateMachine
-from quadruped_sim.state_machine import StateName
-from quadruped_sim.sticks import Sticks
+from quadruped_sim.keys import path
+from quadruped_sim.keys import STATE_KEYS
+from quadruped_sim.keys import StateMachine
+from quadruped_sim.keys import StateName
+from quadruped_sim.keys import Sticks
 
 P, F, FREE, T, M, B, SW, ST = (STATE_KEYS[key] for key in '12345098')
 

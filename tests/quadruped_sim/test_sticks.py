@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from quadruped_sim.sticks import Sticks
-from quadruped_sim.sticks import StickValues
+from quadruped_sim.keys import Sticks
+from quadruped_sim.keys import StickValues
 
 
 @pytest.mark.parametrize(

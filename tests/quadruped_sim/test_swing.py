@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
-from quadruped_sim.swing import swing_point
+from quadruped_sim.locomotion.swing import swing_point
 
 START = np.array((0.1, -0.1, 0.02))
 END = np.array((0.3, 0.0, 0.07))

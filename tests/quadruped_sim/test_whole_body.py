@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from quadruped_sim.algebra import matrix_from_quaternion
+from quadruped_sim.algebra import quaternion_from_rpy
+from quadruped_sim.algebra import skew
+from quadruped_sim.estimation.robot_state import BaseMotion
+from quadruped_sim.estimation.robot_state import RobotState
+from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
+from quadruped_sim.locomotion.whole_body import WholeBody
+from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
-from quadruped_sim.rotations import matrix_from_quaternion
-from quadruped_sim.rotations import quaternion_from_rpy
-from quadruped_sim.rotations import skew
-from quadruped_sim.whole_body import contact_points
-from quadruped_sim.whole_body import WholeBody
-from quadruped_sim.whole_body import WholeBodyTask
 
 
 def solve(model, angles, rng, stance, force_weight=1e-9):
@@ -31,7 +33,14 @@ def solve(model, angles, rng, stance, force_weight=1e-9):
         np.eye(3),
     )
     body = WholeBody(WholeBodyParameters(force_weight=force_weight), MpcParameters(friction=5.0))
-    result = body.solve(task, R, velocity, omega, motion, contact, dynamics)
+    base = BaseMotion(np.zeros(3), R @ velocity, R, np.array((0.1, -0.05, 0.7)), omega)
+    feet, none = motion.position @ R.T, np.zeros(4)
+    result = body.solve(
+        task,
+        RobotState(
+            angles, rates, orientation, base, motion, contact, dynamics, feet, none, none, stance
+        ),
+    )
     return task, result, R, velocity, omega, motion, contact, dynamics
 
 

@@ -3,9 +3,9 @@
 
 from mujoco_sim.page_keys import PAGE_KEYS
 import pytest
-from quadruped_sim.state_machine import STATE_KEYS
-from quadruped_sim.sticks import STICK_KEYS
-from quadruped_sim.sticks import ZERO_KEYS
+from quadruped_sim.keys import STATE_KEYS
+from quadruped_sim.keys import STICK_KEYS
+from quadruped_sim.keys import ZERO_KEYS
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keymap_file import preset_names

@@ -9,7 +9,7 @@ import tomllib
 from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.parameters import SimulatorParameters
 import pytest
-from quadruped_sim.node_parameters import LegNodeParameters
+from quadruped_sim.parameters import LegNodeParameters
 from robot_description.executables import StatePublisherParameters
 from teleop_keyboard.parameters import KeyParameters
 from teleop_keyboard.parameters import TeleopParameters

@@ -11,7 +11,7 @@ Its own keys: 2 stands, 4 trots, then w a s d; 2 and 5 let it follow cmd_vel.
 from launch import LaunchDescription
 from launch.substitutions import LaunchConfiguration
 from launch_ros.parameter_descriptions import ParameterValue
-from quadruped_sim.node_parameters import LegNodeParameters
+from quadruped_sim.parameters import LegNodeParameters
 from wasd_bringup.launch_parts import keyboard
 from wasd_bringup.launch_parts import parameter_argument
 from wasd_bringup.launch_parts import parameter_value

@@ -15,15 +15,13 @@ from mujoco_sim.pictures import Viewpoint
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.usual_setup import usual_setup
 import numpy as np
-from quadruped_sim.joint_map import JointMap
-from quadruped_sim.joint_map import to_joint_command
-from quadruped_sim.joint_map import to_sensors
+from quadruped_sim.estimation.robot_state import LegOdometry
+from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import CommandParameters
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.records import Odometry
+from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.state_machine import STATE_KEYS
 from robot_description.description import load_robot
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
@@ -162,7 +160,7 @@ class Go2(Robot):
         return self._controller.state
 
     @property
-    def odometry(self) -> Odometry:
+    def odometry(self) -> LegOdometry:
         """Where the robot believes it is: pose, velocities and their covariances."""
         odometry = self._controller.odometry
         if odometry is None:
@@ -199,11 +197,10 @@ class Go2(Robot):
     def _control(self) -> None:
         if self._velocity is not None and self._controller.state == 'move base':
             self._controller.set_velocity(*self._velocity)
-        reading = self._world.read()
-        command = self._controller.step(
-            to_sensors(reading, self._joints, self._world.base_since_start()), 1.0 / LEG_RATE
-        )
-        self._world.apply(to_joint_command(command, self._joints))
+        reading = self._joints.reading(self._world.read())
+        truth = self._world.base_since_start()
+        command = self._controller.step(reading, 1.0 / LEG_RATE, truth)
+        self._world.apply(self._joints.command(command))
 
     def _forget(self) -> None:
         self._velocity = None

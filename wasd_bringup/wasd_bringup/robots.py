@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The Go2's own keyboard, unitree_guide's: states and sticks, on any layout."""
 
-from quadruped_sim.sticks import STICK_KEYS
+from quadruped_sim.keys import STICK_KEYS
 from teleop_keyboard.key_names import on_layout
 
 UNITREE_PRESET = 'unitree'

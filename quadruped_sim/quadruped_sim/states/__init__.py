@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """One class per state of the leg controller."""
 
-from quadruped_sim.state_machine import StateName
-from quadruped_sim.states.balance_test import BalanceTest
+from quadruped_sim.keys import StateName
 from quadruped_sim.states.base import Parts
 from quadruped_sim.states.base import State
-from quadruped_sim.states.fixed_stand import FixedStand
-from quadruped_sim.states.free_stand import FreeStand
-from quadruped_sim.states.passive import Passive
-from quadruped_sim.states.step_test import StepTest
-from quadruped_sim.states.swing_test import SwingTest
-from quadruped_sim.states.trotting import MoveBase
-from quadruped_sim.states.trotting import Trotting
+from quadruped_sim.states.driving import FixedStand
+from quadruped_sim.states.driving import FreeStand
+from quadruped_sim.states.driving import MoveBase
+from quadruped_sim.states.driving import Passive
+from quadruped_sim.states.driving import Trotting
+from quadruped_sim.states.exercises import BalanceTest
+from quadruped_sim.states.exercises import StepTest
+from quadruped_sim.states.exercises import SwingTest
 
 __all__ = ['Parts', 'State', 'make_states']
 

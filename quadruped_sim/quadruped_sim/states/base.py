@@ -6,14 +6,23 @@ from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
+from wasd_core.robot_io import JointCommand
 
 from quadruped_sim.command_filter import CommandFilter
-from quadruped_sim.locomotion import Locomotion
+from quadruped_sim.estimation.robot_state import RobotState
+from quadruped_sim.keys import Sticks
+from quadruped_sim.locomotion.feedback import base_acceleration
+from quadruped_sim.locomotion.feedback import standing_forces
+from quadruped_sim.locomotion.trot import Locomotion
+from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.records import LegCommand
+from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_state import RobotState
-from quadruped_sim.sticks import Sticks
+
+# On the Go2: acceleration of a led foot per position error [1/s^2] and per velocity [1/s],
+_FOOT_GAINS = (300.0, 30.0)
+# and motor-side damping [N m s/rad].
+_DAMPING = 0.5
 
 
 @dataclass
@@ -43,8 +52,40 @@ class State(ABC):
         """Start from where the robot is."""
 
     @abstractmethod
-    def step(self, robot: RobotState, dt: float) -> LegCommand:
+    def step(self, robot: RobotState, dt: float) -> JointCommand:
         """Command of this tick, `dt` [s] after the one before."""
+
+    def _stand(
+        self,
+        robot: RobotState,
+        position: np.ndarray,
+        yaw: float,
+        is_stance: np.ndarray,
+        feet: np.ndarray,
+    ) -> JointCommand:
+        """
+        Hold the base level at `position`, `yaw` on the feet of `is_stance` (4,).
+
+        The other feet are led to `feet` (4, 3), world [m]. Level ground is taken.
+        """
+        model, scale = self._parts.model, self._parts.model.scale
+        acceleration = base_acceleration(
+            self._parts.params.balance, robot, position, np.array((0.0, 0.0, yaw))
+        )
+        velocity = robot.base.velocity + (
+            robot.motion.velocity @ robot.base.R.T
+            + np.cross(robot.base.R @ robot.base.omega, robot.motion.position @ robot.base.R.T)
+        )
+        stiffness = _FOOT_GAINS[0] * scale.of('1/s^2')
+        led = stiffness * (feet - robot.feet) - _FOOT_GAINS[1] * scale.of('1/s') * velocity
+        forces = standing_forces(model.weight, is_stance)
+        task = WholeBodyTask(acceleration, is_stance, forces, led, np.eye(3))
+        result = self._parts.locomotion.whole_body.solve(task, robot)
+        return NO_TORQUE._replace(
+            position=robot.joint_position.copy(),
+            effort=result.torque,
+            kd=np.full(12, _DAMPING * scale.of('N m s/rad')),
+        )
 
 
 def approach(value: np.ndarray, target: np.ndarray, most: np.ndarray) -> np.ndarray:

@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadruped_sim.jit import jit
+from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import rotate
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import EstimatorParameters
-from quadruped_sim.small_matrix import cross3
-from quadruped_sim.small_matrix import rotate
+from quadruped_sim.robot_model import GRAVITY
 
-GRAVITY = 9.81
 # Variance added per second to the position of a foot that moves freely.
 _SWING_VARIANCE = 100.0
 # How much less a leg in the air says about the base's velocity than one on the ground.

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from robot_description.morphology.quadruped import Scale
 
-from quadruped_sim.ground import Ground
+from quadruped_sim.algebra import wrap_angle
+from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.parameters import ReferenceParameters
-from quadruped_sim.robot_state import RobotState
-from quadruped_sim.rotations import wrap_angle
 
 # Largest correction by the height integral [m], and the velocity error beyond which an error is
 # a push, which does not wind the velocity integral faster [m/s]; both on the Go2.
@@ -53,8 +53,8 @@ class Reference:
 
     def reset(self, state: RobotState) -> None:
         """Desire the present place and heading, without integrals."""
-        self._xy = state.position[:2].copy()
-        self._yaw = float(state.rpy[2])
+        self._xy = state.base.position[:2].copy()
+        self._yaw = float(state.base.rpy[2])
         self._velocity_integral = np.zeros(2)
         self._height_integral = 0.0
 
@@ -67,24 +67,26 @@ class Reference:
         The base is kept `height` [m] above the ground plane and parallel to it.
         """
         params = self.params
-        yaw = float(state.rpy[2])
+        yaw = float(state.base.rpy[2])
         c, s = math.cos(yaw), math.sin(yaw)
         to_world = np.array(((c, -s), (s, c)))
         self._integrate(state, command, to_world, dt)
         velocity = to_world @ (command[:2] + self._velocity_integral)
 
         self._xy = self._xy + dt * (to_world @ command[:2])
-        ahead = self._xy - state.position[:2]
+        ahead = self._xy - state.base.position[:2]
         distance = math.hypot(float(ahead[0]), float(ahead[1]))
         if distance > params.position_leash:
-            self._xy = state.position[:2] + ahead * (params.position_leash / distance)
+            self._xy = state.base.position[:2] + ahead * (params.position_leash / distance)
         yaw_rate = float(command[2])
         error = wrap_angle(self._yaw + dt * yaw_rate - yaw)
         self._yaw = yaw + min(max(error, -_YAW_LEASH), _YAW_LEASH)
 
         gradient = to_world.T @ ground.gradient
-        level = ground.height_at(state.position) + height
-        self._height_integral += dt * params.height_integral * (level - float(state.position[2]))
+        level = ground.height_at(state.base.position) + height
+        self._height_integral += (
+            dt * params.height_integral * (level - float(state.base.position[2]))
+        )
         self._height_integral = min(
             max(self._height_integral, -self._height_limit), self._height_limit
         )
@@ -98,7 +100,7 @@ class Reference:
     ) -> None:
         """Add the velocity error to its integral."""
         params = self.params
-        error = command[:2] - to_world.T @ state.velocity[:2]
+        error = command[:2] - to_world.T @ state.base.velocity[:2]
         limit, steady = params.velocity_integral_limit, self._steady_error
         for axis in (0, 1):
             part = min(max(float(error[axis]), -steady), steady)

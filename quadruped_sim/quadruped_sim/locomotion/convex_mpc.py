@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from quadruped_sim.friction_qp import FrictionPyramids
-from quadruped_sim.friction_qp import QpSolver
+from quadruped_sim.locomotion.friction_qp import FrictionPyramids
+from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
-
-GRAVITY = 9.81
+from quadruped_sim.robot_model import GRAVITY
 
 
 @dataclass(frozen=True)

@@ -5,19 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from quadruped_sim.friction_qp import FrictionPyramids
-from quadruped_sim.friction_qp import QpSolver
-from quadruped_sim.jit import jit
-from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.algebra import cross
+from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import invert3
+from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import rotate
+from quadruped_sim.algebra import rotate_back
+from quadruped_sim.algebra import solve_in_place
+from quadruped_sim.estimation.robot_state import RobotState
+from quadruped_sim.locomotion.friction_qp import FrictionPyramids
+from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
-from quadruped_sim.robot_model import Dynamics
-from quadruped_sim.rotations import cross
-from quadruped_sim.small_matrix import cross3
-from quadruped_sim.small_matrix import invert3
-from quadruped_sim.small_matrix import rotate
-from quadruped_sim.small_matrix import rotate_back
-from quadruped_sim.small_matrix import solve_in_place
 
 
 @dataclass(frozen=True)
@@ -46,43 +45,6 @@ class WholeBodyResult:
     is_solved: bool
 
 
-@dataclass(frozen=True)
-class ContactPoints:
-    """
-    Where the feet touch, in base axes.
-
-    `position` (4, 3) [m]; `jacobian` (4, 3, 3) from joint velocity to the velocity of the calf's
-    point that touches. The foot is a ball: it rolls, so that point, not its centre, is at rest.
-    """
-
-    position: np.ndarray
-    jacobian: np.ndarray
-
-
-def contact_points(motion: LegMotion, normal: np.ndarray, foot_radius: float) -> ContactPoints:
-    """Contact points of balls of `foot_radius` [m] on ground with `normal` (3,) in base axes."""
-    arm = -foot_radius * normal
-    return ContactPoints(
-        motion.position + arm, _contact_jacobian(motion.jacobian, motion.axis, arm)
-    )
-
-
-@jit
-def _contact_jacobian(jacobian: np.ndarray, axis: np.ndarray, arm: np.ndarray) -> np.ndarray:
-    """Add (joint axis) x `arm`; the hip's axis is (1, 0, 0), the others' (0, c1, s1)."""
-    J = jacobian.copy()
-    x, y, z = arm
-    for i in range(4):
-        c1, s1 = axis[i, 1], axis[i, 2]
-        J[i, 1, 0] -= z
-        J[i, 2, 0] += y
-        for joint in (1, 2):
-            J[i, 0, joint] += z * c1 - y * s1
-            J[i, 1, joint] += x * s1
-            J[i, 2, joint] -= x * c1
-    return J
-
-
 class WholeBody:
     """
     Eliminates joint accelerations by the 3 x 3 leg Jacobians, so the QP has only stance forces.
@@ -103,21 +65,14 @@ class WholeBody:
         self._force_weight = params.force_weight
         self._pyramids = FrictionPyramids(mpc.friction, mpc.force_min, mpc.force_max)
 
-    def solve(
-        self,
-        task: WholeBodyTask,
-        R: np.ndarray,
-        velocity: np.ndarray,
-        omega: np.ndarray,
-        motion: LegMotion,
-        contact: ContactPoints,
-        dynamics: Dynamics,
-    ) -> WholeBodyResult:
+    def solve(self, task: WholeBodyTask, state: RobotState) -> WholeBodyResult:
         """
-        Torques for `task`; R turns base into world, `velocity` and `omega` are in base axes.
+        Torques for `task` of a robot in this state.
 
         When the QP fails the wanted forces are applied as they are.
         """
+        R, omega, motion, contact = state.base.R, state.base.omega, state.motion, state.contact
+        velocity = R.T @ state.base.velocity
         J, inverse, base_to_foot, wanted = _leg_terms(
             R,
             velocity,
@@ -131,7 +86,7 @@ class WholeBody:
             motion.bias,
             task.foot_acceleration,
         )
-        mass, bias = dynamics.mass, dynamics.bias
+        mass, bias = state.dynamics.mass, state.dynamics.bias
         ground = R.T @ task.ground
         T, t = _reduce(mass, bias, ground, task.is_stance, inverse, base_to_foot, wanted)
         goal = np.empty(6)

@@ -4,26 +4,26 @@
 import math
 
 import numpy as np
+from wasd_core.robot_io import JointCommand
 
-from quadruped_sim.balance import base_acceleration
-from quadruped_sim.balance import standing_forces
-from quadruped_sim.base_tracking import BaseTracking
-from quadruped_sim.convex_mpc import ConvexMpc
-from quadruped_sim.convex_mpc import MpcProblem
-from quadruped_sim.gait import Gait
-from quadruped_sim.ground import Ground
-from quadruped_sim.joint_targets import joint_command
+from quadruped_sim.algebra import yaw_matrix
+from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation.robot_state import RobotState
+from quadruped_sim.locomotion.convex_mpc import ConvexMpc
+from quadruped_sim.locomotion.convex_mpc import MpcProblem
+from quadruped_sim.locomotion.feedback import base_acceleration
+from quadruped_sim.locomotion.feedback import BaseTracking
+from quadruped_sim.locomotion.feedback import joint_command
+from quadruped_sim.locomotion.feedback import standing_forces
+from quadruped_sim.locomotion.gait import Gait
+from quadruped_sim.locomotion.reference import BaseReference
+from quadruped_sim.locomotion.reference import horizon
+from quadruped_sim.locomotion.reference import Reference
+from quadruped_sim.locomotion.swing import SwingLegs
+from quadruped_sim.locomotion.whole_body import WholeBody
+from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.records import LegCommand
-from quadruped_sim.reference import BaseReference
-from quadruped_sim.reference import horizon
-from quadruped_sim.reference import Reference
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_state import RobotState
-from quadruped_sim.rotations import yaw_matrix
-from quadruped_sim.swing_legs import SwingLegs
-from quadruped_sim.whole_body import WholeBody
-from quadruped_sim.whole_body import WholeBodyTask
 
 # On the Go2: how fast the base sinks or rises to its height on entry [m/s],
 _HEIGHT_RATE = 0.15
@@ -87,7 +87,7 @@ class Locomotion:
         self.gait.reset()
         self.reference.reset(state)
         self.ground.reset(self._contact_points(state))
-        self._height = float(state.position[2]) - self.ground.height
+        self._height = float(state.base.position[2]) - self.ground.height
         self.schedule = self.gait.state()
         self.is_stance = np.ones(4, dtype=bool)
         self.swing_legs.reset(state.feet)
@@ -97,7 +97,7 @@ class Locomotion:
 
     def step(
         self, state: RobotState, command: np.ndarray, dt: float, *, is_halting: bool = False
-    ) -> LegCommand:
+    ) -> JointCommand:
         """
         Joint command for (vx, vy, yaw rate), base axes, after `dt` [s].
 
@@ -124,10 +124,7 @@ class Locomotion:
         task = WholeBodyTask(
             acceleration, self.is_stance, self._forces, swing.acceleration, self.ground.frame()
         )
-        velocity = state.R.T @ state.velocity
-        result = self.whole_body.solve(
-            task, state.R, velocity, state.omega, state.motion, state.contact, state.dynamics
-        )
+        result = self.whole_body.solve(task, state)
         return joint_command(
             self._params.whole_body,
             self._model,
@@ -150,9 +147,9 @@ class Locomotion:
         in_place = self._params.gait.step_in_place and not is_halting
         if in_place or float(np.abs(command).max()) > 1e-3:
             return True
-        speed = math.hypot(float(state.velocity[0]), float(state.velocity[1]))
-        nominal = self.swing_legs.nominal @ yaw_matrix(float(state.rpy[2])).T
-        stray = (state.feet - state.position - nominal)[:, :2]
+        speed = math.hypot(float(state.base.velocity[0]), float(state.base.velocity[1]))
+        nominal = self.swing_legs.nominal @ yaw_matrix(float(state.base.rpy[2])).T
+        stray = (state.feet - state.base.position - nominal)[:, :2]
         distance = math.sqrt(float((stray * stray).sum(axis=1).max()))
         limits = self._rest if self.gait.is_stepping else self._unrest
         return speed > limits[0] or distance > limits[1]
@@ -201,15 +198,15 @@ class Locomotion:
 
     def _solve_mpc(self, state: RobotState, reference: BaseReference) -> None:
         """New forces from the MPC; the old ones stay when it fails."""
-        yaw = float(state.rpy[2])
+        yaw = float(state.base.rpy[2])
         Rz = yaw_matrix(yaw)
-        origin = state.position
+        origin = state.base.position
         pose_reference, rate_reference = horizon(
             reference, yaw, origin, self.mpc.times + self._params.mpc.step
         )
         pose = np.zeros(6)
-        pose[:2] = state.rpy[:2]
-        rates = np.concatenate((state.R @ state.omega @ Rz, state.velocity @ Rz))
+        pose[:2] = state.base.rpy[:2]
+        rates = np.concatenate((state.base.R @ state.base.omega @ Rz, state.base.velocity @ Rz))
         stance, arms = self._contact_plan(state, reference, Rz)
         problem = MpcProblem(
             pose, rates, pose_reference, rate_reference, stance, arms, Rz.T @ self.ground.frame()
@@ -226,8 +223,8 @@ class Locomotion:
         times = self.mpc.times + 0.5 * self._params.mpc.step
         stance, phase = self.gait.forecast(times)
         stance[0] = self.is_stance
-        com = state.R @ state.com
-        here = (state.feet - state.position - com) @ Rz
+        com = state.base.R @ state.com
+        here = (state.feet - state.base.position - com) @ Rz
         here[:, 2] -= self._model.geometry.foot_radius
         velocity = reference.velocity @ Rz
         travelled = times[:, None] * velocity

@@ -1,14 +1,174 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is said of a key that does nothing, or less than one expects: first what to press."""
+"""What keys do: the states that they lead to, the two sticks, and what is said of the others."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 
-from quadruped_sim.state_machine import path
-from quadruped_sim.state_machine import STATE_KEYS
-from quadruped_sim.state_machine import StateName
-from quadruped_sim.sticks import axis_and_direction
-from quadruped_sim.sticks import ZERO_KEYS
+
+class StateName(StrEnum):
+    """The eight states, in words."""
+
+    PASSIVE = 'passive'
+    FIXED_STAND = 'fixed stand'
+    FREE_STAND = 'free stand'
+    TROTTING = 'trotting'
+    MOVE_BASE = 'move base'
+    BALANCE_TEST = 'balance test'
+    SWING_TEST = 'swing test'
+    STEP_TEST = 'step test'
+
+
+STATE_KEYS = {
+    '1': StateName.PASSIVE,
+    '2': StateName.FIXED_STAND,
+    '3': StateName.FREE_STAND,
+    '4': StateName.TROTTING,
+    '5': StateName.MOVE_BASE,
+    '0': StateName.BALANCE_TEST,
+    '9': StateName.SWING_TEST,
+    '8': StateName.STEP_TEST,
+}
+
+# Keys that leave each state.
+TRANSITIONS = {
+    StateName.PASSIVE: '2',
+    StateName.FIXED_STAND: '1345098',
+    StateName.FREE_STAND: '124',
+    StateName.TROTTING: '12',
+    StateName.MOVE_BASE: '12',
+    StateName.BALANCE_TEST: '12',
+    StateName.SWING_TEST: '12',
+    StateName.STEP_TEST: '12',
+}
+
+
+def path(state: StateName, wanted: StateName) -> tuple[str, ...]:
+    """Return the fewest keys that lead from a state to another; none when it is the same."""
+    ways: dict[StateName, tuple[str, ...]] = {state: ()}
+    for source in (queue := [state]):
+        for key in TRANSITIONS[source]:
+            if STATE_KEYS[key] not in ways:
+                ways[STATE_KEYS[key]] = (*ways[source], key)
+                queue.append(STATE_KEYS[key])
+    return ways[wanted]
+
+
+class StateMachine:
+    """
+    Present state and the change that is due.
+
+    A legal key is due for the next tick: `begin_tick` returns the new state once, when the old one
+    shall be left and the new one entered. `force` is due at once.
+    """
+
+    def __init__(self) -> None:
+        self.state = StateName.PASSIVE
+        self._due: StateName | None = None
+        self._is_armed = False
+
+    @property
+    def coming(self) -> StateName:
+        """The state that is due, else the present one: keys are judged from it."""
+        return self._due or self.state
+
+    def press(self, key: str) -> bool:
+        """Take a state key; False when its state cannot follow."""
+        wanted, origin = STATE_KEYS[key], self.coming
+        if wanted is origin:
+            return True
+        if key not in TRANSITIONS[origin]:
+            return False
+        self._due = wanted
+        self._is_armed = False
+        return True
+
+    def force(self, state: StateName) -> bool:
+        """Be in `state` now, forgetting what was due; True when that is a change."""
+        is_change = self.state is not state
+        self._due = None
+        self.state = state
+        return is_change
+
+    def begin_tick(self) -> StateName | None:
+        """State to enter in this tick, if any: a key pressed before tick n acts in tick n + 1."""
+        if self._due is None:
+            return None
+        if not self._is_armed:
+            self._is_armed = True
+            return None
+        self.state, self._due = self._due, None
+        return self.state
+
+
+STEP = 0.05
+
+# Key, lower case -> (stick axis, direction).
+STICK_KEYS = {
+    'w': ('ly', 1),
+    's': ('ly', -1),
+    'd': ('lx', 1),
+    'a': ('lx', -1),
+    'l': ('rx', 1),
+    'j': ('rx', -1),
+    'i': ('ry', 1),
+    'k': ('ry', -1),
+}
+ZERO_KEYS = (' ', 'SPACE')
+
+
+def is_stick_key(key: str) -> bool:
+    """Whether a key, upper or lower case, moves or centres the sticks."""
+    return key in ZERO_KEYS or (len(key) == 1 and key.lower() in STICK_KEYS)
+
+
+def axis_and_direction(key: str) -> tuple[str, int]:
+    """Return what a stick's key, upper or lower case, moves: 'ly' and 1 for forward."""
+    return STICK_KEYS[key.lower()]
+
+
+@dataclass(frozen=True)
+class StickValues:
+    """Deflections in [-1, 1]: left and right stick, x to the right, y forward."""
+
+    lx: float = 0.0
+    ly: float = 0.0
+    rx: float = 0.0
+    ry: float = 0.0
+
+
+class Sticks:
+    """
+    Keys step an axis by 0.05 and it stays there; space returns all to zero.
+
+    Counts steps as integers, so that twenty up and twenty down is exactly zero.
+    """
+
+    def __init__(self) -> None:
+        self.zero()
+
+    def zero(self) -> None:
+        """Centre both sticks."""
+        self._counts = dict.fromkeys(('lx', 'ly', 'rx', 'ry'), 0)
+
+    def press(self, key: str) -> bool:
+        """Take a key, upper or lower case; False when it is no stick key."""
+        if not is_stick_key(key):
+            return False
+        if key in ZERO_KEYS:
+            self.zero()
+            return True
+        axis, direction = axis_and_direction(key)
+        full = round(1.0 / STEP)
+        self._counts[axis] = min(max(self._counts[axis] + direction, -full), full)
+        return True
+
+    @property
+    def values(self) -> StickValues:
+        """Deflections now."""
+        full = round(1.0 / STEP)
+        return StickValues(**{axis: count / full for axis, count in self._counts.items()})
+
 
 # What a key of a state is pressed for: `press 2 to stand`.
 PURPOSES = {

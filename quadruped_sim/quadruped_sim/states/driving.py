@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The states of keys 1 to 5: passive, two stands, and the trot by sticks or by cmd_vel."""
+
+import math
+
+import numpy as np
+from robot_description.morphology.quadruped import Scale
+from wasd_core.robot_io import JointCommand
+
+from quadruped_sim.algebra import matrix_from_rpy
+from quadruped_sim.algebra import rotation_vector
+from quadruped_sim.estimation.robot_state import RobotState
+from quadruped_sim.leg_kinematics import all_leg_angles
+from quadruped_sim.leg_kinematics import foot_positions
+from quadruped_sim.robot_model import NO_TORQUE
+from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.states.base import approach
+from quadruped_sim.states.base import State
+
+# unitree_guide damps with 8 in simulation and 3 on the robot [N m s/rad].
+_DAMPING = 8.0
+
+
+def damping_command(scale: Scale, joint_position: np.ndarray) -> JointCommand:
+    """Damp every joint and nothing else."""
+    damping = _DAMPING * scale.of('N m s/rad')
+    return NO_TORQUE._replace(position=joint_position.copy(), kd=np.full(12, damping))
+
+
+class Passive(State):
+    """Damps; the start state, and where every guard leads."""
+
+    def enter(self, robot: RobotState) -> None:
+        """End whatever gait there was."""
+        self._parts.locomotion.gait.reset()
+
+    def step(self, robot: RobotState, dt: float) -> JointCommand:
+        """Damping, whatever the pose."""
+        return damping_command(self._parts.model.scale, robot.joint_position)
+
+
+STAND_TIME = 2.0
+# unitree_guide's simulation gains [N m/rad], [N m s/rad]; its robot gains sag by 8 mm more.
+_KP = np.tile((180.0, 180.0, 300.0), 4)
+_KD = np.tile((8.0, 8.0, 15.0), 4)
+# A trot that has not ended by now is ended anyway [s].
+_HALT_TIME_MAX = 3.0
+
+
+def stiff_command(model: RobotModel, position: np.ndarray) -> JointCommand:
+    """Hold leg angles `position` (12,) [rad] against the robot's weight."""
+    kp, kd = model.scale.of('N m/rad'), model.scale.of('N m s/rad')
+    return NO_TORQUE._replace(position=position, kp=_KP * kp, kd=_KD * kd)
+
+
+class FixedStand(State):
+    """
+    2.0 s from the measured pose to the stand; entering again starts again.
+
+    A robot that trots is brought to rest first: stiff legs at 1 m/s are a somersault, which is
+    what unitree_guide's key 2 does.
+    """
+
+    def enter(self, robot: RobotState) -> None:
+        """Remember the pose to start from, or halt first."""
+        self._start = robot.joint_position.copy()
+        self._time = 0.0
+        self._halting = _HALT_TIME_MAX if self._parts.locomotion.gait.is_stepping else 0.0
+        self.trust = np.ones(4)
+
+    def step(self, robot: RobotState, dt: float) -> JointCommand:
+        """Next point of the line, or of the way to a halt."""
+        if self._halting > 0.0:
+            return self._halt(robot, dt)
+        self._time += dt
+        share = min(self._time / STAND_TIME, 1.0)
+        position = (1.0 - share) * self._start + share * self._parts.model.standing_pose
+        return stiff_command(self._parts.model, position)
+
+    def _halt(self, robot: RobotState, dt: float) -> JointCommand:
+        """Trot on toward rest; the line starts from where the last step ends."""
+        locomotion, command_filter = self._parts.locomotion, self._parts.command_filter
+        command_filter.request(0.0, 0.0, 0.0)
+        command = locomotion.step(robot, command_filter.step(dt), dt, is_halting=True)
+        self.trust = locomotion.trust(robot)
+        self._halting -= dt
+        if not locomotion.gait.is_stepping or self._halting <= 0.0:
+            locomotion.gait.reset()
+            self._halting = 0.0
+            self._start = robot.joint_position.copy()
+            self.trust = np.ones(4)
+        return command
+
+
+# Roll, pitch, yaw [rad] and height [m] at full stick, on the Go2.
+_FULL = np.array((math.radians(20.0), math.radians(15.0), math.radians(20.0), 0.04))
+# How fast they follow the sticks, per second: unitree_guide jumps.
+_RATE = np.array((0.7, 0.7, 0.7, 0.08))
+
+
+class FreeStand(State):
+    """
+    Inverse kinematics over feet that stay: lx rolls, ly pitches, rx yaws, ry lifts.
+
+    The feet are balls, so their centres roll as the calves lean; led to fixed points instead, they
+    turn the robot 10 % further than asked.
+    """
+
+    def enter(self, robot: RobotState) -> None:
+        """Keep the feet as they stand, seen from the base."""
+        self._angles = robot.joint_position.copy()
+        self._feet = foot_positions(self._parts.model.geometry, self._angles)
+        self._calves = _calf_rotations(self._angles)
+        self._now = np.zeros(4)
+
+    def step(self, robot: RobotState, dt: float) -> JointCommand:
+        """Joint angles for the present lean."""
+        sticks = self._parts.sticks.values
+        wanted = _FULL * np.array((sticks.lx, sticks.ly, -sticks.rx, sticks.ry))
+        size = np.array((1.0, 1.0, 1.0, self._parts.model.scale.of('m')))
+        self._now = approach(self._now, wanted * size, dt * _RATE * size)
+        roll, pitch, yaw, lift = self._now.tolist()
+        R = matrix_from_rpy(roll, pitch, yaw)
+        feet = (self._feet + self._rolled(R) - np.array((0.0, 0.0, lift))) @ R
+        position = all_leg_angles(self._parts.model.geometry, feet)
+        limits = self._parts.model.limits
+        self._angles = np.clip(position, limits.lower, limits.upper)
+        return stiff_command(self._parts.model, self._angles.copy())
+
+    def _rolled(self, R: np.ndarray) -> np.ndarray:
+        """How far the centres of the feet have rolled since entry (4, 3) [m], base at entry."""
+        x, y = np.zeros(4), np.zeros(4)
+        for leg, (now, before) in enumerate(
+            zip(_calf_rotations(self._angles), self._calves, strict=True)
+        ):
+            x[leg], y[leg], _ = rotation_vector(R @ now @ before.T).tolist()
+        radius = self._parts.model.geometry.foot_radius
+        return radius * np.column_stack((y, -x, np.zeros(4)))
+
+
+def _calf_rotations(angles: np.ndarray) -> list[np.ndarray]:
+    """Rotations (3, 3) from the calves to the base."""
+    return [
+        matrix_from_rpy(hip, 0.0, 0.0) @ matrix_from_rpy(0.0, thigh + calf, 0.0)
+        for hip, thigh, calf in angles.reshape(4, 3).tolist()
+    ]
+
+
+class Trotting(State):
+    """Sticks drive: ly forward, lx right, rx turns right; full stick is the speed limit."""
+
+    def enter(self, robot: RobotState) -> None:
+        """Stand first; the command starts at zero."""
+        self.trust = np.ones(4)
+        self._parts.command_filter.reset()
+        self._parts.locomotion.reset(robot)
+
+    def step(self, robot: RobotState, dt: float) -> JointCommand:
+        """Trot one tick."""
+        self._read_command()
+        command = self._parts.command_filter.step(dt)
+        locomotion = self._parts.locomotion
+        result = locomotion.step(robot, command, dt)
+        self.trust = locomotion.trust(robot)
+        return result
+
+    def _read_command(self) -> None:
+        """Ask for what the sticks say; they are latched, so there is no silence."""
+        sticks, limits = self._parts.sticks.values, self._parts.command_filter.limits
+        forward = limits.forward if sticks.ly > 0.0 else limits.backward
+        self._parts.command_filter.request(
+            forward * sticks.ly, -limits.lateral * sticks.lx, -limits.yaw * sticks.rx
+        )
+
+
+class MoveBase(Trotting):
+    """Velocity commands drive, as long as they keep coming."""
+
+    def _read_command(self) -> None:
+        """Commands arrive by `LegController.set_velocity`."""
