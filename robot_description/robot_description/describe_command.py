@@ -181,11 +181,10 @@ def _info(options: argparse.Namespace) -> int:
 
     info = read_description(options.path, options.package_path, options.arguments)
     record = info_record(info)
-    weighed = info.with_stand_in_masses()  # MuJoCo takes none without; where links are is the same
     if options.check:
         from robot_description.info import check_kinematics
 
-        deviations = check_kinematics(weighed)
+        deviations = check_kinematics(info)
         record['kinematics'] = [deviation._asdict() for deviation in deviations]
     if options.json:
         print(json.dumps(record, indent=2))
@@ -198,7 +197,7 @@ def _info(options: argparse.Namespace) -> int:
     if options.picture is not None:
         from robot_description.mujoco.picture import draw
 
-        draw(weighed.robot, info.meshes.files.get, options.picture)
+        draw(info.robot.with_stand_in_masses(), info.meshes.files.get, options.picture)
     return 0
 
 

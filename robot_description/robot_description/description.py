@@ -8,7 +8,6 @@ from functools import cached_property
 import logging
 from pathlib import Path
 from typing import Any
-import xml.etree.ElementTree as ElementTree
 
 from wasd_core.errors import DescriptionError
 
@@ -32,8 +31,6 @@ LOGGER = logging.getLogger(__name__)
 QUADRUPED = 'quadruped'
 DIFF_DRIVE = 'diff-drive'
 OTHER = 'other'
-# Of a link in a description that is only there to be looked at, as in the first URDF lessons.
-MASS, INERTIA = '1.0', '0.01'  # [kg], [kg m^2]
 
 
 @dataclass(frozen=True)
@@ -87,8 +84,7 @@ class Description:
 
     def with_stand_in_masses(self) -> 'Description':
         """Return the robot with a mass for each link, for a world without physics."""
-        urdf = _with_stand_in_masses(self.urdf)
-        return replace(self, urdf=urdf, robot=parse_urdf(urdf))
+        return replace(self, robot=self.robot.with_stand_in_masses())
 
     def record(self) -> dict[str, Any]:
         """Return where the description is from and what was repaired in it, as JSON has it."""
@@ -157,16 +153,3 @@ def load_robot(
     for line in (*loaded.warnings, *loaded.repairs):
         LOGGER.warning('description: %s', line)
     return replace(loaded, robot=equipped(loaded.robot))
-
-
-def _with_stand_in_masses(urdf: str) -> str:
-    """Return a URDF in which links without an inertial have one, of no meaning."""
-    tree = ElementTree.fromstring(urdf)
-    for link in tree.findall('link'):
-        if link.find('inertial') is None:
-            inertial = ElementTree.SubElement(link, 'inertial')
-            ElementTree.SubElement(inertial, 'mass', value=MASS)
-            diagonal = dict.fromkeys(('ixx', 'iyy', 'izz'), INERTIA)
-            zeros = dict.fromkeys(('ixy', 'ixz', 'iyz'), '0')
-            ElementTree.SubElement(inertial, 'inertia', diagonal | zeros)
-    return ElementTree.tostring(tree, encoding='unicode')

@@ -205,7 +205,8 @@ def _in_mujoco(urdf: str) -> LinkPlaces:
     from robot_description.mujoco.builder import compile_model
     from robot_description.mujoco.builder import to_mujoco
 
-    spec = to_mujoco(parse_urdf(urdf))
+    # MuJoCo takes nothing that moves without a mass, which is nothing to where it is.
+    spec = to_mujoco(parse_urdf(urdf).with_stand_in_masses())
     spec.compiler.fusestatic = False  # every link stays a body
     model = compile_model(spec)
     bodies = [model.body(index).name for index in range(1, model.nbody)]

@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from dataclasses import replace
 from functools import cached_property
 import xml.etree.ElementTree as ElementTree
 
@@ -21,6 +22,8 @@ JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
 WORLD_LINK = 'world'
 # The joint by which a robot floats, where a library wants a name for it.
 ROOT_JOINT = 'root'
+# Of a link in a description that is only there to be looked at, as in the first URDF lessons.
+STAND_IN_MASS, STAND_IN_INERTIA = 1.0, 0.01  # [kg], [kg m^2]
 # A second moment below this share of their sum counts as impossible: MuJoCo refuses it.
 SMALLEST_SHARE = 1e-9
 # What it is raised to, and the radius of gyration [m] of a mass without any extent.
@@ -192,6 +195,15 @@ class Robot:
             joint = self.parent_joints[link]
             poses[link] = poses[joint.parent] @ joint.transform(positions.get(joint.name, 0.0))
         return poses
+
+    def with_stand_in_masses(self) -> 'Robot':
+        """Return the robot with a mass for each link, for a world without physics."""
+        inertia = STAND_IN_INERTIA * np.eye(3)
+        links = {
+            name: link if link.mass else replace(link, mass=STAND_IN_MASS, inertia=inertia)
+            for name, link in self.links.items()
+        }
+        return replace(self, links=links)
 
     def pose_of(self, link: str) -> Pose:
         """Return a link's pose in the root with every joint at 0."""

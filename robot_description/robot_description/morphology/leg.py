@@ -86,13 +86,8 @@ def measure_leg(
     axes = [poses[joint.child].rotation @ joint.axis for joint in limb]
     left = _check_axes(limb, axes)
     at_hip, at_thigh, at_calf = (poses[joint.child].position for joint in limb)
-    lower_leg = groups[calf.child]
-    foot = find_foot(robot, lower_leg, poses, at_calf, float(np.linalg.norm(at_calf - at_thigh)))
-    if foot is None:
-        raise NotAQuadruped(
-            f'no foot below joint {calf.name!r}: {", ".join(lower_leg)} need a sphere to collide '
-            'with, or a fixed link named foot at the end'
-        )
+    reach = float(np.linalg.norm(at_calf - at_thigh))
+    foot = _find_foot(robot, groups[calf.child], poses, calf, reach)
     # The plane of the leg: forward is x, `left` its normal, `down` where it hangs.
     down = np.array((0.0, left[2], -left[1]))
     steps = (at_thigh - at_hip, at_calf - at_thigh, foot.centre - at_calf)
@@ -190,16 +185,20 @@ class Foot:
     radius: float
 
 
-def find_foot(
-    robot: Robot, links: Sequence[str], poses: dict[str, Pose], knee: np.ndarray, thigh: float
-) -> Foot | None:
+def _find_foot(
+    robot: Robot, links: Sequence[str], poses: dict[str, Pose], joint: Joint, thigh: float
+) -> Foot:
     """
-    Return the foot of a lower leg, or None where there is nothing like one.
+    Return the foot of a lower leg.
 
-    `links` are the links of the lower leg, `poses` theirs in the base at zero joints, `knee` (3,)
-    is where it turns and `thigh` [m] how long the upper leg is. In this order: the farthest
-    sphere, the farthest link named like a foot, the far end of the farthest shape.
+    `links` are the links of the lower leg, `poses` theirs in the base at zero joints, `joint` is
+    what turns it and `thigh` [m] how long the upper leg is. In this order: the farthest sphere,
+    the farthest link named like a foot, the far end of the farthest shape.
+
+    Raises:
+        NotAQuadruped: there is nothing like one.
     """
+    knee = poses[joint.child].position
     candidates = (
         _spheres(robot, links, poses),
         _named(links, poses),
@@ -211,7 +210,10 @@ def find_foot(
             foot = max(far, key=lambda foot: _distance(foot, knee))
             radius = foot.radius or USUAL_SHARE * (thigh + _distance(foot, knee))
             return Foot(foot.link, foot.centre, radius)
-    return None
+    raise NotAQuadruped(
+        f'no foot below joint {joint.name!r}: {", ".join(links)} need a sphere to collide '
+        'with, or a fixed link named foot at the end'
+    )
 
 
 def _distance(foot: Foot, knee: np.ndarray) -> float:
