@@ -2,7 +2,6 @@
 """The diff-drive controller on ROS: cmd_vel in, odom and joint commands out."""
 
 import dataclasses
-import difflib
 import sys
 import time
 from typing import Any, NamedTuple
@@ -20,6 +19,7 @@ from robot_description.robot import Robot
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.errors import did_you_mean
 from wasd_core.messages import to_joint_commands
 from wasd_core.messages import to_seconds
 from wasd_core.node import run_node
@@ -77,8 +77,7 @@ def read_given(node: Node) -> GivenParameters:
         if (outward, value) != (name, given.value):
             overrides[outward] = Parameter(outward, value=value)
         elif not _is_known(node, name):
-            near = difflib.get_close_matches(name, [*_known_names(), *ALIASES], n=1)
-            hint = f', did you mean {near[0]!r}?' if near else ''
+            hint = did_you_mean(name, [*_known_names(), *ALIASES])
             node.get_logger().warning(f'unknown parameter {name!r}{hint}: ignored')
     path = overrides['controller'].value if 'controller' in overrides else ''
     if not isinstance(path, str) or not path:

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco import NO_RENDERER
+from wasd_core.errors import one_line
 from wasd_core.rotations import Pose
 
 from mujoco_sim.errors import SimulationError
@@ -53,7 +54,7 @@ class Offscreen:
                     world.model, mujoco.mjtFontScale.mjFONTSCALE_100.value
                 )
         except Exception as error:  # OpenGL's own, ImportError, mujoco.FatalError, ...
-            reason = ' '.join(str(error).split()) or type(error).__name__
+            reason = one_line(error)
             raise SimulationError(f'{name} does not work here: {reason}') from None
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
         # Zero is far away: floats are finest there, where distances are coarsest.

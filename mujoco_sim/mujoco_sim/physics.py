@@ -6,6 +6,7 @@ import math
 
 import mujoco
 import numpy as np
+from wasd_core.errors import one_line
 from wasd_core.robot_io import JointCommand
 
 from mujoco_sim.errors import SimulationError
@@ -37,7 +38,7 @@ class Physics:
         try:
             self.model = spec.compile()
         except ValueError as error:
-            raise SimulationError(f'MuJoCo: {" ".join(str(error).split())}') from None
+            raise SimulationError(f'MuJoCo: {one_line(error)}') from None
         self.data = mujoco.MjData(self.model)
         self.time_step = float(self.model.opt.timestep)
         self.tick = 0

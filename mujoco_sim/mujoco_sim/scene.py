@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from wasd_core.errors import one_line
 
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.terrain import add_boxes
@@ -168,4 +169,4 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
         surroundings = mujoco.MjSpec.from_file(str(path))
         spec.worldbody.add_frame().attach_body(surroundings.worldbody, 'world/', '')
     except ValueError as error:
-        raise SimulationError(f'{world}: {" ".join(str(error).split())}') from None
+        raise SimulationError(f'{world}: {one_line(error)}') from None

@@ -18,6 +18,7 @@ from mujoco.studio import plugin
 from mujoco.studio import viewer_protocol
 from mujoco.studio import web_viewer
 from mujoco.studio.dear_imgui import dear_imgui as imgui
+from wasd_core.errors import one_line
 
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.paced_ui import PacedUi
@@ -187,7 +188,7 @@ class WebView:
             logging.getLogger('WebServer').setLevel(logging.WARNING)
             self._handle.set_model(_page_model(world.model))
         except (RuntimeError, OSError) as error:
-            reason = ' '.join(str(error).split())
+            reason = one_line(error)
             raise SimulationError(f'the viewer did not start: {reason}') from None
 
     @property

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pinocchio as pin
 from wasd_core.errors import DescriptionError
+from wasd_core.errors import one_line
 
 from robot_description.description import Description
 from robot_description.robot import MOVABLE
@@ -43,7 +44,7 @@ def to_pinocchio(description: Description, *, for_control: bool = False) -> pin.
             return pin.buildModelFromXML(text)
         return pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), ROOT_JOINT)
     except (ValueError, RuntimeError) as error:
-        raise DescriptionError(f'Pinocchio: {" ".join(str(error).split())}') from None
+        raise DescriptionError(f'Pinocchio: {one_line(error)}') from None
 
 
 def configuration(model: pin.Model, positions: Mapping[str, float]) -> np.ndarray:

@@ -11,8 +11,9 @@ that its end will be told, and `RELEASE+w` is that end; who cares for presses on
 """
 
 from collections.abc import Mapping
-import difflib
 import signal
+
+from wasd_core.errors import did_you_mean
 
 MODIFIERS = ('CTRL', 'ALT', 'SHIFT')
 # No keyboard sends it: a program does, when whoever drove is gone. It stops with every keymap.
@@ -79,8 +80,7 @@ def canonical_key(text: str) -> str:
     if base in ALIASES:
         base = ALIASES[base]
     elif base not in NAMED_KEYS and not (len(base) == 1 and base.isprintable()):
-        near = difflib.get_close_matches(base.upper(), (*NAMED_KEYS, *ALIASES), n=1)
-        hint = f', did you mean {near[0]}?' if near else ''
+        hint = did_you_mean(base.upper(), (*NAMED_KEYS, *ALIASES))
         raise ValueError(f'unknown key {text!r}{hint} (a key is one character or a name like UP)')
     return with_modifiers(base, **{name.lower(): True for name in modifiers})
 

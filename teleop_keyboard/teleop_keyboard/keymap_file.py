@@ -8,13 +8,14 @@ The reader works on YAML nodes and not on loaded values: nodes know their lines,
 
 from collections.abc import Callable
 import dataclasses
-import difflib
 from importlib import resources
 import math
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
+from wasd_core.errors import did_you_mean
+from wasd_core.errors import one_line
 from wasd_core.safe_files import compose_yaml
 from wasd_core.safe_files import read_text
 import yaml
@@ -79,8 +80,7 @@ def _load(name_or_path: str) -> Keymap:
         return read_keymap(file.read_text(encoding='utf-8'), f'{name_or_path}.yaml', name_or_path)
     path = Path(name_or_path).expanduser()
     if '/' not in name_or_path and path.suffix not in ('.yaml', '.yml'):
-        near = difflib.get_close_matches(name_or_path, names, n=1)
-        hint = f', did you mean {near[0]}?' if near else ''
+        hint = did_you_mean(name_or_path, names)
         known = ', '.join(names)
         raise KeymapError(
             f'unknown preset {name_or_path!r}{hint} (known: {known}, or the path of a .yaml file)'
@@ -88,7 +88,7 @@ def _load(name_or_path: str) -> Keymap:
     try:
         text = read_text(path)
     except OSError as error:
-        raise KeymapError(f'{name_or_path}: cannot read the keymap: {error.strerror}') from None
+        raise KeymapError(f'{name_or_path}: cannot read the keymap: {one_line(error)}') from None
     except UnicodeDecodeError as error:
         line = error.object.count(b'\n', 0, error.start) + 1
         raise KeymapError(f'{name_or_path}:{line}: not UTF-8 text') from None
@@ -175,8 +175,7 @@ class _KeymapReader:
         self._fields = self._mapping(root, 'the keymap')
         for field, node in self._fields.items():
             if field not in (*REQUIRED, *OPTIONAL):
-                near = difflib.get_close_matches(field, (*REQUIRED, *OPTIONAL), n=1)
-                hint = f', did you mean {near[0]}?' if near else ''
+                hint = did_you_mean(field, (*REQUIRED, *OPTIONAL))
                 self._fail(node, field, f'unknown field{hint}')
         for field in REQUIRED:
             if field not in self._fields:

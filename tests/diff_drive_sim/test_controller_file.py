@@ -172,7 +172,7 @@ def test_a_plain_table_has_the_names_of_here(read):
         (TUTORIAL.replace('Ko: 50', 'Ko: 0'), 'drive.yaml:11: Ko must be > 0, got 0.0'),
         (
             TUTORIAL.replace('base_width', 'base_widht'),
-            "drive.yaml:5: unknown parameter 'base_widht', did you mean 'base_width'?",
+            "drive.yaml:5: unknown parameter 'base_widht', did you mean base_width?",
         ),
         (
             TUTORIAL.replace('base_width: ', 'base_width:'),

@@ -203,7 +203,7 @@ def test_what_is_given_to_ros_comes_before_the_file(make, tmp_path, capfd):
 
 def test_an_unknown_parameter_is_said_with_its_neighbour(make, capfd):
     make(base_widht=0.3)
-    assert "unknown parameter 'base_widht', did you mean 'base_width'" in capfd.readouterr().err
+    assert "unknown parameter 'base_widht', did you mean base_width" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

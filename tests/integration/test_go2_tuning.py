@@ -63,7 +63,7 @@ def test_a_replay_walks_by_the_same_file(wasd):
         ),
         (
             ('--ros-args', '-p', 'gait.slow_periode:=1.0'),
-            "unknown parameter 'gait.slow_periode', did you mean 'gait.slow_period'?",
+            "unknown parameter 'gait.slow_periode', did you mean gait.slow_period?",
         ),
     ],
 )

@@ -99,11 +99,11 @@ def test_params_lists_gets_and_sets(ask: Ask) -> None:
 
 
 MISSING = {
-    ('echo', '/odon'): 'no topic /odon; did you mean /odom?',
-    ('hz', 'joint_state'): 'no topic /joint_state; did you mean /joint_states?',
-    ('call', '/simulator/paus'): 'no service /simulator/paus; did you mean /simulator/pause',
-    ('params', '/simulater'): 'no node /simulater; did you mean /simulator?',
-    ('params', 'simulator', 'sped', '1'): "no parameter 'sped'; did you mean speed",
+    ('echo', '/odon'): 'no topic /odon, did you mean /odom?',
+    ('hz', 'joint_state'): 'no topic /joint_state, did you mean /joint_states?',
+    ('call', '/simulator/paus'): 'no service /simulator/paus, did you mean /simulator/pause',
+    ('params', '/simulater'): 'no node /simulater, did you mean /simulator?',
+    ('params', 'simulator', 'sped', '1'): "no parameter 'sped', did you mean speed",
 }
 
 

@@ -17,6 +17,7 @@ import rclpy
 from robot_description.mujoco import choose_renderer
 from robot_description.mujoco import NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
+from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 from wasd_core.node import init_ros
 from wasd_core.output_file import OutputFile
@@ -140,7 +141,7 @@ def demo_command(output: str) -> int:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise UserError(f'--output {output}: {error.strerror}') from None
+        raise UserError(f'--output {output}: {one_line(error)}') from None
     files = [OutputFile(folder / name, '--output') for name in ('table.txt', 'demo.json')]
     pictures = choose_renderer()
     if not pictures:
@@ -155,7 +156,7 @@ def demo_command(output: str) -> int:
                 try:
                     results.append(_visit(stop, folder, pictures, signals))
                 except OSError as error:  # of a picture
-                    raise UserError(f'--output {output}: {error.strerror or error}') from None
+                    raise UserError(f'--output {output}: {one_line(error)}') from None
                 if signals.requested:
                     return signals.exit_status or 130
         finally:

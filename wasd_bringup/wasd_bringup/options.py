@@ -12,6 +12,7 @@ from pathlib import Path
 
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
+from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 from wasd_core.network import RANGE
 from wasd_core.network import SAYS_WHO
@@ -147,7 +148,7 @@ def _read(path: str, option: str) -> str:
     except UnicodeDecodeError:
         raise UserError(f'{option} {path}: not a text file') from None
     except OSError as error:
-        raise UserError(f'{option} {path}: {error.strerror}') from None
+        raise UserError(f'{option} {path}: {one_line(error)}') from None
 
 
 def _file(path: str | None, option: str) -> Path | None:

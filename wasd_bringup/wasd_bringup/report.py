@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from mujoco_sim.statistics import TickSummary
 from mujoco_sim.world import FALL_TILT
 from mujoco_sim.world import World
+from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 from wasd_core.output_file import OutputFile
 
@@ -44,7 +45,7 @@ class Samples(Mapping[str, list[Any]]):
                 file.write(f'{separator}{json.dumps(row[name])}'.encode())
         except OSError as error:
             folder = tempfile.gettempdir()
-            raise UserError(f'{folder}: no room for a report: {error.strerror}') from None
+            raise UserError(f'{folder}: no room for a report: {one_line(error)}') from None
 
     def json_pieces(self) -> Iterator[bytes]:
         """Yield the bytes that json.dumps would make of the columns."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of all packages, and the words in which they are told: one line, and what was meant."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 import difflib
 
 
@@ -50,19 +50,29 @@ def attempt_all(*acts: Callable[[], object]) -> None:
         raise UserError('\nerror: '.join(map(str, failures)))
 
 
-# So many names are listed where none is near.
+# So many names are said to be meant, and listed where none is near.
+MEANT = 3
 LISTED = 12
 
 
-def suggest(name: str, known: Sequence[str]) -> str:
-    """Return '; did you mean ...?' for an unknown name, or which names there are."""
-    if not known:
-        return ''
-    near = difflib.get_close_matches(name, known, n=3, cutoff=0.7)
+def one_line(error: BaseException) -> str:
+    """Return what an error says in one line: of one of the system's its reason, without number."""
+    text = getattr(error, 'strerror', None) or error
+    return ' '.join(str(text).split()) or type(error).__name__
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ', did you mean ...?' for an unknown name, or '' where no known one is near."""
+    known = list(known)
+    near = difflib.get_close_matches(name, known, n=1)
     # A name in another namespace is as near as a typing error.
     last = name.rpartition('/')[2]
     near += [other for other in known if other.rpartition('/')[2] == last and other not in near]
-    if near:
-        return f'; did you mean {" or ".join(near[:3])}?'
-    listed = ', '.join(known[:LISTED])
-    return f'; there are {listed}{", ..." if len(known) > LISTED else ""}'
+    return f', did you mean {" or ".join(near[:MEANT])}?' if near else ''
+
+
+def suggest(name: str, known: Iterable[str]) -> str:
+    """Return the same, or which names there are."""
+    known = list(known)
+    listed = ', '.join(known[:LISTED]) + (', ...' if len(known) > LISTED else '')
+    return did_you_mean(name, known) or (f'; known: {listed}' if known else '')

@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 
+from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 
 # So long we wait for a pipe's reader: for it to come, and then whenever it takes nothing [s].
@@ -208,7 +209,7 @@ class OutputFile:
             raise self._error(error) from None
 
     def _error(self, error: OSError) -> OutputError:
-        return OutputError(f'{self._name}: {error.strerror or error}')
+        return OutputError(f'{self._name}: {one_line(error)}')
 
     @property
     def _name(self) -> str:

@@ -3,12 +3,13 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 import contextlib
-import difflib
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
 
+from wasd_core.errors import did_you_mean
+from wasd_core.errors import one_line
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import known_parameters
 from wasd_core.parameters import Parameters
@@ -70,7 +71,7 @@ def read_mapping(path: str, read: Callable[[yaml.MappingNode], Any]) -> Any:
     except UnicodeDecodeError:
         raise InvalidParameter(f'{path}: not a text file') from None
     except OSError as error:
-        raise InvalidParameter(f'{path}: {error.strerror}') from None
+        raise InvalidParameter(f'{path}: {one_line(error)}') from None
     try:
         root = compose_yaml(text)
     except yaml.YAMLError as error:
@@ -122,8 +123,7 @@ def checked(
     if outward not in known:
         if ':' in key:
             raise InvalidParameter(f':{line}: {key!r}: a space is missing after the colon')
-        near = difflib.get_close_matches(key, [*known, *aliases], n=1)
-        hint = f', did you mean {near[0]!r}?' if near else ''
+        hint = did_you_mean(key, [*known, *aliases])
         raise InvalidParameter(f':{line}: unknown parameter {key!r}{hint}')
     try:
         return definition.checked(outward, value)
@@ -207,6 +207,6 @@ def line_of(node: yaml.Node) -> int:
 
 def _where(error: yaml.YAMLError) -> str:
     mark = getattr(error, 'problem_mark', None)
-    problem = getattr(error, 'problem', None) or ' '.join(str(error).split())
+    problem = getattr(error, 'problem', None) or one_line(error)
     hint = ' (is a space missing after a colon?)' if 'mapping values' in problem else ''
     return f':{mark.line + 1}: {problem}{hint}' if mark else f': {problem}'

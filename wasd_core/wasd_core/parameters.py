@@ -3,10 +3,10 @@
 
 from collections.abc import Mapping, Sequence
 import dataclasses
-import difflib
 import math
 from typing import Any, NamedTuple, Self
 
+from wasd_core.errors import suggest
 from wasd_core.errors import UserError
 
 
@@ -151,9 +151,7 @@ class Parameters:
 def _find(definition: type[Parameters], key: str) -> Known:
     known = known_parameters(definition)
     if key not in known:
-        near = difflib.get_close_matches(str(key), known, n=1)
-        hint = f', did you mean {near[0]!r}?' if near else f'; known: {", ".join(known)}'
-        raise InvalidParameter(f'unknown parameter {key!r}{hint}')
+        raise InvalidParameter(f'unknown parameter {key!r}{suggest(str(key), known)}')
     return known[key]
 
 

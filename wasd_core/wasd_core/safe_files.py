@@ -13,6 +13,7 @@ import xml.parsers.expat
 import yaml
 
 from wasd_core.errors import DescriptionError
+from wasd_core.errors import one_line
 
 KEY = 'place'
 
@@ -104,7 +105,7 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
     except IsADirectoryError:
         raise DescriptionError(f'{path}: is a folder, wanted a file') from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = getattr(error, 'strerror', None) or str(error)
+        reason = one_line(error)
         raise DescriptionError(f'{path}: {reason}') from None
     if not is_file:
         raise DescriptionError(f'{path}: is a device or pipe, wanted a file')
@@ -261,7 +262,7 @@ def read_yaml(path: Path) -> str:
         text = data.decode()
         load_yaml(text)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise DescriptionError(f'{path}: not YAML: {" ".join(str(error).split())}') from None
+        raise DescriptionError(f'{path}: not YAML: {one_line(error)}') from None
     return text
 
 

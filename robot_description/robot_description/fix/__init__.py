@@ -10,6 +10,7 @@ import shutil
 from typing import NamedTuple
 
 from wasd_core.errors import DescriptionError
+from wasd_core.errors import one_line
 from wasd_core.output_file import identity
 from wasd_core.output_file import OutputFile
 
@@ -142,7 +143,7 @@ def write_mended(fixes: Fixes, description: Path, output: Path) -> Path:
         OutputFile(output, '--output').write(text)
         return output
     except OSError as error:
-        raise DescriptionError(f'--output {output}: {error.strerror or error}') from None
+        raise DescriptionError(f'--output {output}: {one_line(error)}') from None
 
 
 def _copy_package(fixes: Fixes, description: Path, output: Path) -> Path:

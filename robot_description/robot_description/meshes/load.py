@@ -15,6 +15,7 @@ import xml.etree.ElementTree as ElementTree
 import zipfile
 
 import numpy as np
+from wasd_core.errors import one_line
 
 # Raise it when what is cached changes.
 CACHE_VERSION = 4
@@ -82,9 +83,7 @@ def _read_mesh(path: Path) -> Mesh:
             if suffix in GLTF and 'trimesh' not in _gltf_generator(path):
                 vertices = vertices @ Y_TO_Z_UP.T
     except Exception as error:  # every decoder raises its own
-        raise ValueError(
-            f'{path}: {" ".join(str(error).split()) or type(error).__name__}'
-        ) from None
+        raise ValueError(f'{path}: {one_line(error)}') from None
     if not len(faces):
         raise ValueError(f'{path}: no triangles in it')
     if not np.isfinite(vertices).all():

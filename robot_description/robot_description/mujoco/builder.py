@@ -14,6 +14,7 @@ import contextlib
 import mujoco
 import numpy as np
 from wasd_core.errors import DescriptionError
+from wasd_core.errors import one_line
 from wasd_core.rotations import NO_ORIGIN
 from wasd_core.rotations import Origin
 
@@ -106,7 +107,7 @@ def _one_line() -> Iterator[None]:
     except DescriptionError:  # our own words
         raise
     except ValueError as error:
-        raise DescriptionError(f'MuJoCo: {" ".join(str(error).split())}') from None
+        raise DescriptionError(f'MuJoCo: {one_line(error)}') from None
 
 
 def add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:

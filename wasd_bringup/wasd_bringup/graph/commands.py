@@ -12,6 +12,7 @@ from typing import Any
 from rclpy.parameter import Parameter
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
+from wasd_core.errors import one_line
 from wasd_core.errors import suggest
 from wasd_core.errors import UserError
 from wasd_core.safe_files import load_yaml
@@ -194,7 +195,7 @@ def _read_yaml(text: str) -> Any:
     try:
         return load_yaml(text)
     except yaml.YAMLError as error:
-        reason = ' '.join(str(error).split())
+        reason = one_line(error)
         raise UserError(f'not YAML: {text!r}: {reason}') from None
 
 

@@ -11,6 +11,7 @@ from geometry_msgs.msg import TwistStamped
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
+from wasd_core.errors import one_line
 
 from wasd_bringup.inputs import Command
 from wasd_bringup.inputs import parse_push
@@ -65,9 +66,9 @@ class BagReader:
             self.start = int(summary.statistics.message_start_time)
             self.end = int(summary.statistics.message_end_time)
         except OSError as error:
-            raise RecordingError(f'{path}: {error.strerror}') from None
+            raise RecordingError(f'{path}: {one_line(error)}') from None
         except Exception as error:  # mcap raises whatever a wrong byte leads to
-            raise RecordingError(f'{path}: no MCAP recording ({_reason(error)})') from None
+            raise RecordingError(f'{path}: no MCAP recording ({one_line(error)})') from None
         if RECORD_NAME not in metadata:
             raise RecordingError(f'{path}: not recorded by `wasd ... --record`')
         self.run: dict[str, str] = metadata[RECORD_NAME]
@@ -83,11 +84,7 @@ class BagReader:
             for _, channel, message in self._reader.iter_messages(topics=list(topics)):
                 yield RecordedMessage(channel.topic, message.log_time, message.data)
         except Exception as error:
-            raise RecordingError(f'{self.path}: damaged ({_reason(error)})') from None
-
-
-def _reason(error: Exception) -> str:
-    return ' '.join(str(error).split()) or type(error).__name__
+            raise RecordingError(f'{self.path}: damaged ({one_line(error)})') from None
 
 
 # Topics that a replay has to find under their own names.

@@ -16,6 +16,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from robot_description.packages import share_directory
 from std_msgs.msg import String
+from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 from wasd_core.output_file import OutputFile
 from wasd_core.topics import LoopbackSubscription
@@ -59,7 +60,7 @@ def _text(package: str, name: str) -> str:
     try:
         return path.read_text(encoding='utf-8')
     except OSError as error:
-        raise UserError(f'{path}: {error.strerror}; a recording needs it') from None
+        raise UserError(f'{path}: {one_line(error)}; a recording needs it') from None
 
 
 # Given the topic, its type, its quality of service and the message as CDR.
