@@ -157,7 +157,7 @@ class SimulatorNode(Node):
 
     def destroy_node(self) -> None:
         """Leave ROS, and let go of the world: ROS' own circles keep a node for a while."""
-        super().destroy_node()
+        super().destroy_node()  # type: ignore[no-untyped-call]
         del self._world, self.simulation, self.truth, self._sensors
 
     def _build_world(self, robot: Description) -> World:
