@@ -9,7 +9,7 @@ import sys
 import tempfile
 from typing import Any
 
-from mujoco_sim.loading import build_world
+from mujoco_sim.world import build_world
 from robot_description.description import load_robot
 from robot_description.info import check_kinematics
 from robot_description.packages import share_directory
@@ -20,7 +20,8 @@ from wasd_core.errors import UserError
 # What a process of its own runs: a world with the Go2 and all that is drawn of it.
 LOAD = """
 import time
-from mujoco_sim.loading import build_world, load_robot
+from mujoco_sim.world import build_world
+from robot_description.description import load_robot
 begin = time.perf_counter()
 world = build_world(load_robot('go2'), visuals=True)
 print(time.perf_counter() - begin, world.model.nmesh)

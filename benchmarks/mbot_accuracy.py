@@ -10,14 +10,14 @@ import time
 from typing import Any
 
 from environment import alone
-from mujoco_sim.camera import Camera
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.lidar import Lidar
-from mujoco_sim.loading import build_world
-from mujoco_sim.mount import Snapshot
-from mujoco_sim.offscreen import Offscreen
 from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.sensor_tags import read_sensor_tags
+from mujoco_sim.sensors.camera import Camera
+from mujoco_sim.sensors.camera import Offscreen
+from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.mount import Snapshot
+from mujoco_sim.sensors.tags import read_sensor_tags
+from mujoco_sim.world import build_world
 import numpy as np
 from robot_description.description import load_robot
 from table import at_most

@@ -6,7 +6,7 @@ import contextlib
 import time
 from typing import Any
 
-from mujoco_sim.page_input import LOSS
+from mujoco_sim.viewer.input import LOSS
 import pytest
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By

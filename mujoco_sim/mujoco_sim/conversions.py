@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from wasd_core.robot_io import BaseState
 from wasd_core.rotations import rotate_inverse
 
-from mujoco_sim.wheel_slip import Slip
+from mujoco_sim.sensors.wheel_slip import Slip
 
 
 def to_ground_truth(base: BaseState, frame: str, child_frame: str, stamp: Time) -> Odometry:

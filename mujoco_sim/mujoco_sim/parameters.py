@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
-from mujoco_sim.world_names import WORLD_NAMES
+WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,27 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a simulated robot has beyond its description: start pose, motors, delays, noise."""
+"""How a robot is put into a world: start pose, motors, delay, noise; as given, or as usual."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
 import math
 
+from robot_description.description import Description
+from robot_description.morphology.leg import NotAQuadruped
+from robot_description.morphology.quadruped import Quadruped
+from robot_description.morphology.quadruped import REFLECTED_INERTIA
+from robot_description.morphology.quadruped import scale_of
+from robot_description.morphology.quadruped import similar_pose
+from robot_description.morphology.wheels import lowest_point
 
-@dataclass(frozen=True)
-class SensorNoise:
-    """
-    Standard deviations of what the sensors add to the truth, white at each reading.
+from mujoco_sim.sensors.noise import SensorNoise
 
-    The accelerometer also has a constant bias of `acceleration_bias` in a random direction.
-    Defaults: a consumer IMU and joint encoders as on the Go2.
-    """
-
-    joint_position: float = 0.001  # [rad]
-    joint_velocity: float = 0.05  # [rad/s]
-    orientation: float = 0.001  # [rad]
-    angular_velocity: float = 0.01  # [rad/s]
-    acceleration: float = 0.1  # [m/s^2]
-    acceleration_bias: float = 0.05  # [m/s^2]
+# Thigh and calf of a Go2 that lies on its belly with its legs folded [rad], where unitree_sdk2's
+# stand example begins; the height of its base then [m], and how deep in the floor its feet are.
+LYING = (1.36, -2.65)
+LYING_HEIGHT = 0.12
+LYING_SINK = 0.008
+# A description that is off the floor by less than this [m] means to be on it.
+ROUNDING = 1e-6
+# From a command to its torque, as on real robots of this size [s].
+COMMAND_DELAY = 0.002
 
 
 @dataclass(frozen=True)
@@ -47,3 +50,46 @@ class RobotSetup:
     sink: float = math.inf
     reflected_inertia: Mapping[str, float] = field(default_factory=dict)
     imu: bool = False
+
+
+def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
+    """
+    Return a quadruped that lies on the floor, with real motors and sensors; others as they are.
+
+    One whose root is above what touches the floor is lifted so that it stands there.
+
+    Without `noise` its sensors tell the truth; motors and delay stay real.
+    """
+    try:
+        quadruped = description.quadruped
+    except NotAQuadruped:
+        lowest = lowest_point(description.robot)
+        return RobotSetup(height=-lowest if -math.inf < lowest < -ROUNDING else 0.0)
+    scale = scale_of(quadruped)
+    inertia = REFLECTED_INERTIA * scale.of('kg m^2')
+    hips = sum(float(leg.hip[2]) for leg in quadruped.legs) / len(quadruped.legs)
+    return RobotSetup(
+        joint_positions=lying_positions(quadruped),
+        height=LYING_HEIGHT * scale.of('m') - hips,
+        sink=LYING_SINK * scale.of('m'),
+        speed_limits={joint.name: joint.velocity for joint in quadruped.joints},
+        command_delay=COMMAND_DELAY,
+        noise=SensorNoise() if noise else None,
+        reflected_inertia=dict.fromkeys(quadruped.joint_names, inertia),
+        imu=True,
+    )
+
+
+def lying_positions(quadruped: Quadruped) -> dict[str, float]:
+    """Return the joint positions [rad] of a quadruped that lies with its legs folded."""
+    angles = similar_pose(quadruped, *LYING)
+    positions = quadruped.sign * (angles - quadruped.zero)
+    return dict(zip(quadruped.joint_names, positions.tolist(), strict=True))
+
+
+def foot_links(description: Description) -> tuple[str, ...]:
+    """Return the links on which a quadruped stands; none of another robot."""
+    try:
+        return description.quadruped.feet
+    except NotAQuadruped:
+        return ()

@@ -1,17 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulation loop: tasks and physics in lock-step, tied to wall time only by waiting."""
+"""The simulation loop: what is due when, how fast it may go, and for whom it waits."""
 
 from collections.abc import Callable
+import math
 import time
+from typing import NamedTuple
 
-from mujoco_sim.pacer import Pacer
-from mujoco_sim.schedule import Schedule
+import numpy as np
+
+from mujoco_sim.errors import SimulationError
 from mujoco_sim.world import World
 
 # Messages are handled at least this often [s of wall time] ...
 POLL_PERIOD = 0.02
 # ... and while physics is held, waited for so long at a time [s].
 HOLD_PERIOD = 0.002
+
+# A host that lags more than this [s] is not asked to catch up: the robot just runs slower.
+MAXIMUM_LAG = 0.1
+# The factor is measured over no less than this [s]: shorter, a single physics step would show.
+MINIMUM_INTERVAL = 0.5
+
+# Physics runs at most so many states ahead of a controller in another process ...
+STATES_AHEAD = 3
+# ... and waits so long for one that has only just begun to answer, or has gone [s of wall time].
+PATIENCE = 0.2
+# So many answers in a row make a controller one that is relied on.
+STEADY = 10
+# Looks are milliseconds apart; longer than this we were stopped ourselves [s of wall time].
+LONGEST_LOOK = 0.1
 
 
 class Simulation:
@@ -86,3 +103,235 @@ class Simulation:
             wait = self.pacer.wait_for(self.world.time + stride_time, time.monotonic())
             if wait > 0.0:
                 poll(min(wait, POLL_PERIOD))
+
+
+class Schedule:
+    """
+    Tasks that run every so many physics steps, in the order in which they were added.
+
+    All tasks are due at step 0. What they see is therefore the same in every run, whatever the
+    host's speed.
+    """
+
+    def __init__(self, time_step: float) -> None:
+        self._time_step = time_step
+        self._tasks: list[tuple[int, Callable[[], None]]] = []
+
+    def every(self, period: float, task: Callable[[], None]) -> None:
+        """
+        Add a task with a period [s].
+
+        Raises:
+            SimulationError: the period is not a whole number of physics steps.
+        """
+        steps = round(period / self._time_step)
+        if steps < 1 or not math.isclose(steps * self._time_step, period, rel_tol=1e-9):
+            rate = f' ({1.0 / period:g} Hz)' if period > 0.0 else ''
+            raise SimulationError(
+                f'a period must be a multiple of the physics step {self._time_step} s, '
+                f'got {period:g} s{rate}'
+            )
+        self._tasks.append((steps, task))
+
+    def at_rate(self, parameter: str, rate: float, task: Callable[[], None]) -> None:
+        """
+        Add a task at a rate [Hz] that a parameter of this name asks for.
+
+        Raises:
+            SimulationError: the period is not a whole number of physics steps; names the
+                parameter and the nearest rates that are legal.
+        """
+        try:
+            self.every(1.0 / rate, task)
+        except SimulationError:
+            nearest = ' or '.join(f'{legal:g}' for legal in self._rates_near(rate))
+            raise SimulationError(
+                f'{parameter}: {rate:g} Hz does not fit the physics step of {self._time_step} s; '
+                f'nearest: {nearest} Hz'
+            ) from None
+
+    def _rates_near(self, rate: float) -> list[float]:
+        """Return the legal rates around a rate [Hz] that can be typed, e.g. not 1000 / 17."""
+        steps = 1.0 / (rate * self._time_step)
+        slower, faster = math.ceil(steps), math.floor(steps)
+        while not self._is_short(slower):
+            slower += 1
+        while faster > 0 and not self._is_short(faster):
+            faster -= 1
+        return [1.0 / (count * self._time_step) for count in (slower, faster) if count > 0]
+
+    def _is_short(self, steps: int) -> bool:
+        rate = 1.0 / (max(1, steps) * self._time_step)
+        return math.isclose(float(f'{rate:g}'), rate, rel_tol=1e-9)
+
+    @property
+    def stride(self) -> int:
+        """Physics steps between two instants at which something may be due."""
+        return math.gcd(*(steps for steps, _ in self._tasks)) or 1
+
+    def run_due(self, step: int) -> None:
+        """Run what is due at a physics step."""
+        for steps, task in self._tasks:
+            if step % steps == 0:
+                task()
+
+
+class Pacer:
+    """
+    Ties simulated time to wall time by a factor, and measures the factor reached.
+
+    It is told both times [s] and reads no clock. `speed` 0 means as fast as it goes.
+    """
+
+    def __init__(self, speed: float) -> None:
+        self.speed = speed
+        self._anchor: tuple[float, float] | None = None
+        self._mark: tuple[float, float] | None = None
+        self.real_time_factor = 0.0
+
+    def restart(self) -> None:
+        """Forget the past, e.g. after a pause."""
+        self._anchor = None
+        self._mark = None
+
+    def allowed(self, wall: float, simulated: float) -> float:
+        """Return the simulated time [s] that should have been reached at a wall time."""
+        if self._mark is None:
+            self._mark = (wall, simulated)
+        if self.speed == 0.0:
+            return float('inf')
+        if self._anchor is None:
+            self._anchor = (wall, simulated)
+        target = self._anchor[1] + (wall - self._anchor[0]) * self.speed
+        if target - simulated > MAXIMUM_LAG * self.speed:
+            target = simulated + MAXIMUM_LAG * self.speed
+            self._anchor = (wall, target)
+        return target
+
+    def wait_for(self, simulated: float, wall: float) -> float:
+        """Return how long [s] to wait until a simulated time may be reached; 0 if it may now."""
+        if self.speed == 0.0 or self._anchor is None:
+            return 0.0
+        due = self._anchor[0] + (simulated - self._anchor[1]) / self.speed
+        return max(0.0, due - wall)
+
+    def measure(self, wall: float, simulated: float) -> float:
+        """
+        Return the real-time factor since the last measurement or restart, and keep it.
+
+        Within MINIMUM_INTERVAL of that it is still the factor measured last, at first 0.
+        """
+        if self._mark is not None and wall - self._mark[0] >= MINIMUM_INTERVAL:
+            self.real_time_factor = (simulated - self._mark[1]) / (wall - self._mark[0])
+            self._mark = (wall, simulated)
+        return self.real_time_factor
+
+
+class AnswerHold:
+    """
+    Knows which state a controller has answered last, and how long it has been waited for.
+
+    A controller in another process that stamps its commands with the state they answer is never
+    more than STATES_AHEAD states behind: on a busy machine the robot slows down instead of
+    falling. One that has been answering and is still there (a process that is stopped or starved
+    keeps its publisher) is waited for longer than one that has gone. After that, physics goes on
+    without it, and waits again once it has answered.
+    """
+
+    def __init__(self) -> None:
+        self._answered: float | None = None
+        self._answers = 0
+        self._held: float | None = None
+        self._looked_at = 0.0
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether physics is being held."""
+        return self._held is not None
+
+    def answer(self, stamp: float, now: float) -> None:
+        """Take a command's stamp at a simulated time [s]; one of another clock does not count."""
+        self._answered = stamp if 0.0 < stamp <= now + 1e-6 else None
+        self._answers = self._answers + 1 if self._answered is not None else 0
+        self._held = None
+
+    def may_advance(
+        self, now: float, state_rate: float, patience: float, is_there: Callable[[], bool]
+    ) -> bool:
+        """
+        Whether physics may go on at a simulated time [s], with so many states a second.
+
+        `patience` [s of wall time] is for a controller that was answering and that `is_there`.
+        """
+        if self._answered is None or now - self._answered <= STATES_AHEAD / state_rate:
+            self._held = None
+            return True
+        wall = time.monotonic()
+        if self._held is None:
+            self._held, self._looked_at = 0.0, wall
+        self._held += min(wall - self._looked_at, LONGEST_LOOK)
+        self._looked_at = wall
+        if self._held <= PATIENCE:
+            return False
+        if self._answers >= STEADY and self._held <= patience and is_there():
+            return False
+        self._answered, self._answers, self._held = None, 0, None
+        return True
+
+
+class TickSummary(NamedTuple):
+    """Durations of a periodic task [microseconds]; an overrun took longer than its period."""
+
+    median_us: float
+    p99_us: float
+    max_us: float
+    overruns: int
+
+
+# So many runs are remembered one by one: two minutes at 500 Hz, half a megabyte.
+REMEMBERED = 60_000
+
+
+class TickStatistics:
+    """
+    Collects the wall-clock durations of a task with a period [s].
+
+    The longest run and overruns are of all runs, however many; median and 99th percentile are of
+    the last REMEMBERED ones, so that memory does not grow with the run.
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period = period
+        self._durations = np.zeros(REMEMBERED)
+        self._count = 0
+        self._overruns = 0
+        self._longest = 0.0
+
+    def add(self, duration: float) -> None:
+        """Count one run that took so long [s]."""
+        self._durations[self._count % REMEMBERED] = duration
+        self._count += 1
+        self._overruns += duration > self._period
+        self._longest = max(self._longest, duration)
+
+    def summary(self, last: int | None = None) -> TickSummary:
+        """
+        Return the figures of all runs, or of the `last` ones; zeros before the first.
+
+        `last` is at most REMEMBERED.
+        """
+        known = min(self._count, REMEMBERED)
+        count = min(last, known) if last else known
+        if not count:
+            return TickSummary(0.0, 0.0, 0.0, 0)
+        durations = self._durations[np.arange(self._count - count, self._count) % REMEMBERED]
+        longest, overruns = self._longest, self._overruns
+        if last:
+            longest, overruns = durations.max(), (durations > self._period).sum()
+        micro = 1e6 * durations
+        return TickSummary(
+            round(float(np.median(micro)), 1),
+            round(float(np.percentile(micro, 99)), 1),
+            round(float(1e6 * longest), 1),
+            int(overruns),
+        )

@@ -32,20 +32,20 @@ from wasd_core.topics import has_listener
 from wasd_core.topics import RELIABLE
 from wasd_core.topics import SENSOR_DATA
 
-from mujoco_sim.answer_hold import AnswerHold
 from mujoco_sim.conversions import to_diagnostics
 from mujoco_sim.conversions import to_foot_contacts
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.executables import SIMULATOR
-from mujoco_sim.loading import build_world
 from mujoco_sim.parameters import SimulatorParameters
-from mujoco_sim.sensor_publisher import SensorPublisher
-from mujoco_sim.sensor_tags import has_camera
+from mujoco_sim.robot_setup import foot_links
+from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.sensors.publisher import SensorPublisher
+from mujoco_sim.sensors.tags import has_camera
+from mujoco_sim.simulation import AnswerHold
 from mujoco_sim.simulation import Simulation
-from mujoco_sim.statistics import TickStatistics
+from mujoco_sim.simulation import TickStatistics
 from mujoco_sim.truth_publisher import TruthPublisher
-from mujoco_sim.usual_setup import foot_links
-from mujoco_sim.usual_setup import usual_setup
+from mujoco_sim.world import build_world
 from mujoco_sim.world import World
 
 # A real-time factor below this share of the speed asked for is worth a warning.
@@ -158,7 +158,8 @@ class SimulatorNode(Node):
     def destroy_node(self) -> None:
         """Leave ROS, and let go of the world: ROS' own circles keep a node for a while."""
         super().destroy_node()  # type: ignore[no-untyped-call]
-        del self._world, self.simulation, self.truth, self._sensors
+        for name in ('_world', 'simulation', 'truth', '_sensors'):
+            self.__dict__.pop(name, None)
 
     def _build_world(self, robot: Description) -> World:
         setup = usual_setup(robot, self.settings.sensor_noise)

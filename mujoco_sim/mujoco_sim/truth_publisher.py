@@ -21,8 +21,8 @@ from wasd_core.topics import SENSOR_DATA
 from mujoco_sim.conversions import to_ground_truth
 from mujoco_sim.conversions import to_odometry_error
 from mujoco_sim.conversions import to_wheel_slip
-from mujoco_sim.mount import Snapshot
-from mujoco_sim.wheel_slip import WheelSlip
+from mujoco_sim.sensors.mount import Snapshot
+from mujoco_sim.sensors.wheel_slip import WheelSlip
 from mujoco_sim.world import World
 
 # The frame of what the simulator knows: fixed, without drift, and in no tree of /tf but that of

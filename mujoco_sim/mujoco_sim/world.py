@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The physics: a robot in a MuJoCo model that is stepped, read and commanded."""
+"""A robot in a world: built, stepped, read, commanded, or put where it is to be."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+import math
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from robot_description.description import Description
+from robot_description.morphology.quadruped import find_imu
+from robot_description.mujoco.builder import add_imu
+from robot_description.mujoco.builder import to_mujoco
+from wasd_core.errors import DescriptionError
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointCommand
@@ -15,7 +22,8 @@ from mujoco_sim.physics import Actuation
 from mujoco_sim.physics import Physics
 from mujoco_sim.physics import RobotParts
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.sensors import NoisySensors
+from mujoco_sim.scene import furnish
+from mujoco_sim.sensors.noise import NoisySensors
 
 FALL_TILT = np.deg2rad(60.0)
 
@@ -188,3 +196,118 @@ class World:
         gyro = self.data.sensor(f'{self.prefix}gyro')
         accelerometer = self.data.sensor(f'{self.prefix}accelerometer')
         return ImuReading(self.base().orientation, gyro.data.copy(), accelerometer.data.copy())
+
+
+def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) -> mujoco.MjSpec:
+    """
+    Return a robot with what its setup adds to it, nothing around it.
+
+    Raises:
+        DescriptionError: MuJoCo cannot read the robot.
+    """
+    try:
+        spec = to_mujoco(loaded.robot, loaded.meshes.files.get, visuals)
+    except DescriptionError as error:
+        raise DescriptionError(f'{loaded.path}: {error}') from None
+    for joint, inertia in setup.reflected_inertia.items():
+        spec.joint(joint).armature = inertia
+    if setup.imu and find_imu(loaded.robot) is None:
+        add_imu(spec, loaded.robot)
+    return spec
+
+
+def build_world(
+    loaded: Description,
+    world: str = 'flat',
+    seed: int = 0,
+    setup: RobotSetup | None = None,
+    visuals: bool = False,
+) -> World:
+    """
+    Put a robot into a world; with `visuals`, its meshes are there to be drawn.
+
+    Raises:
+        DescriptionError: MuJoCo cannot read the robot.
+        SimulationError: there is no such world, or the two do not compile.
+    """
+    setup = setup or RobotSetup()
+    spec = robot_spec(loaded, setup, visuals)
+    furnish(spec, world, seed)
+    return World(spec, loaded.robot.base, seed, setup)
+
+
+def build_shared_world(
+    robots: Sequence[tuple[str, Description, RobotSetup]],
+    world: str = 'flat',
+    seed: int = 0,
+    visuals: bool = False,
+) -> list[World]:
+    """
+    Put several robots into one world, each with its prefix; their setups say where.
+
+    Raises:
+        DescriptionError: MuJoCo cannot read a robot.
+        SimulationError: there is no such world, or they do not compile.
+    """
+    spec = mujoco.MjSpec()
+    spec.compiler.fusestatic = True  # as in models that come from a URDF
+    for prefix, loaded, setup in robots:
+        body = robot_spec(loaded, setup, visuals).body(loaded.robot.base)
+        spec.worldbody.add_frame().attach_body(body, prefix, '')
+    furnish(spec, world, seed)
+    physics = Physics(spec)
+    worlds = [
+        World(physics, loaded.robot.base, seed, setup, prefix) for prefix, loaded, setup in robots
+    ]
+    physics.reset()
+    return worlds
+
+
+class PlanarPose(NamedTuple):
+    """Pose of the root on the floor [m], [rad], and its velocity in its own axes."""
+
+    x: float
+    y: float
+    yaw: float
+    linear: float  # [m/s], forward
+    lateral: float  # [m/s], to the left
+    angular: float  # [rad/s]
+
+
+def pose_base(world: World, position: Sequence[float], orientation: Sequence[float]) -> None:
+    """Put the root where it was: [m] from the place of its start, quaternion w, x, y, z."""
+    if world.parts.pose is not None:
+        start = (*world.setup.place, 0.0)
+        pose = world.data.qpos[world.parts.pose]
+        pose[:3] = [coordinate + begin for coordinate, begin in zip(position, start, strict=True)]
+        pose[3:] = orientation
+
+
+def pose_joints(world: World, names: Sequence[str], positions: Sequence[float]) -> None:
+    """Put the joints that the model knows at positions [rad] or [m]."""
+    known = dict(zip(world.joint_names, world.parts.position.tolist(), strict=True))
+    for name, position in zip(names, positions, strict=True):
+        if name in known:
+            world.data.qpos[known[name]] = position
+
+
+def update_bodies(world: World) -> None:
+    """Compute where all bodies of the model are with the joints and bases as they were put."""
+    mujoco.mj_forward(world.model, world.data)
+
+
+def place(world: World, pose: PlanarPose, joints: Mapping[str, tuple[float, float]]) -> None:
+    """Put the robot at a pose, and joints at a position [rad] and velocity [rad/s]."""
+    data = world.data
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    at, motion = data.qpos[world.parts.pose], data.qvel[world.parts.twist]
+    at[0:2] = pose.x, pose.y
+    at[3:7] = math.cos(0.5 * pose.yaw), 0.0, 0.0, math.sin(0.5 * pose.yaw)
+    motion[:] = 0.0
+    motion[0] = cos * pose.linear - sin * pose.lateral
+    motion[1] = sin * pose.linear + cos * pose.lateral
+    motion[5] = pose.angular
+    for name, (position, velocity) in joints.items():
+        joint = data.joint(world.prefix + name)
+        joint.qpos[0], joint.qvel[0] = position, velocity
+    mujoco.mj_forward(world.model, data)

@@ -10,7 +10,7 @@ from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.wheel_loop import STALL_SHARE
 from diff_drive_sim.wheel_loop import STEEPEST
 from diff_drive_sim.wheel_loop import wheel_motor
-from mujoco_sim.loading import build_world
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot

@@ -2,7 +2,7 @@
 """Small worlds whose motion is known in closed form."""
 
 import mujoco
-from mujoco_sim.loading import build_world
+from mujoco_sim.world import build_world
 from mujoco_sim.world import World
 import pytest
 from robot_description.description import Description

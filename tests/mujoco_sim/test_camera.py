@@ -4,12 +4,12 @@ from dataclasses import replace
 import math
 
 import mujoco
-from mujoco_sim.camera import Camera
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.mount import Snapshot
-from mujoco_sim.offscreen import Offscreen
 from mujoco_sim.scene import furnish
-from mujoco_sim.sensor_tags import read_sensor_tags
+from mujoco_sim.sensors.camera import Camera
+from mujoco_sim.sensors.camera import Offscreen
+from mujoco_sim.sensors.mount import Snapshot
+from mujoco_sim.sensors.tags import read_sensor_tags
 from mujoco_sim.world import World
 import numpy as np
 import pytest
@@ -135,7 +135,7 @@ def test_no_renderer_is_one_line_that_says_what_to_install(scene, monkeypatch):
 
 
 def test_a_renderer_that_does_not_work_is_one_line(scene, monkeypatch):
-    monkeypatch.setattr('mujoco_sim.offscreen.find_renderer', lambda: 'nothing_of_this_name')
+    monkeypatch.setattr('mujoco_sim.sensors.camera.find_renderer', lambda: 'nothing_of_this_name')
     with pytest.raises(SimulationError, match='does not work here: ') as caught:
         Offscreen(scene, 64, 48)
     assert '\n' not in str(caught.value)

@@ -4,8 +4,8 @@
 import random
 import struct
 
-from mujoco_sim.input_packets import InputPackets
-from mujoco_sim.input_packets import UnknownPacket
+from mujoco_sim.viewer.server import InputPackets
+from mujoco_sim.viewer.server import UnknownPacket
 from page_puppet import input_packet
 from page_puppet import VERSION_PACKET
 import pytest

@@ -2,7 +2,7 @@
 """The command law, and its way through a message."""
 
 from builtin_interfaces.msg import Time
-from mujoco_sim.loading import build_world
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from trajectory_msgs.msg import JointTrajectory

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
-from mujoco_sim.kinematic import place
-from mujoco_sim.kinematic import PlanarPose
-from mujoco_sim.loading import build_world
+from mujoco_sim.world import build_world
+from mujoco_sim.world import place
+from mujoco_sim.world import PlanarPose
 import numpy as np
 import pytest
 from robot_description.description import load_robot

@@ -2,11 +2,11 @@
 from dataclasses import replace
 import math
 
-from mujoco_sim.lidar import Lidar
-from mujoco_sim.loading import build_world
-from mujoco_sim.mount import Snapshot
 from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.sensor_tags import read_sensor_tags
+from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.mount import Snapshot
+from mujoco_sim.sensors.tags import read_sensor_tags
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot

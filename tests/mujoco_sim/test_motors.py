@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motors give what their torque-speed curve allows, in the simulation, too."""
 
-from mujoco_sim.loading import build_world
 from mujoco_sim.physics import FULL_TORQUE_SHARE
 from mujoco_sim.physics import TorqueSpeedCurve
 from mujoco_sim.robot_setup import RobotSetup
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
-from mujoco_sim.pacer import MAXIMUM_LAG
-from mujoco_sim.pacer import MINIMUM_INTERVAL
-from mujoco_sim.pacer import Pacer
+from mujoco_sim.simulation import MAXIMUM_LAG
+from mujoco_sim.simulation import MINIMUM_INTERVAL
+from mujoco_sim.simulation import Pacer
 import pytest
 
 START = 100.0  # [s] on the wall clock

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gate of everything that a page commands: only of a browser that is known to be alive."""
 
-from mujoco_sim.page_input import GONE
-from mujoco_sim.page_input import LOSS
-from mujoco_sim.page_input import PageInput
-from mujoco_sim.page_input import SILENCE
-from mujoco_sim.page_keys import LOST
+from mujoco_sim.viewer.input import GONE
+from mujoco_sim.viewer.input import LOSS
+from mujoco_sim.viewer.input import LOST
+from mujoco_sim.viewer.input import PageInput
+from mujoco_sim.viewer.input import SILENCE
 from page_puppet import code
 import pytest
 

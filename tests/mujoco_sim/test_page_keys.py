@@ -2,11 +2,11 @@
 """What counts as a key of the page: one press a tap, a keyboard's repeats, no ghosts."""
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
-from mujoco_sim.page_keys import HELD
-from mujoco_sim.page_keys import LOST
-from mujoco_sim.page_keys import PAGE_KEYS
-from mujoco_sim.page_keys import PageKeys
-from mujoco_sim.page_keys import RELEASE
+from mujoco_sim.viewer.input import HELD
+from mujoco_sim.viewer.input import LOST
+from mujoco_sim.viewer.input import PAGE_KEYS
+from mujoco_sim.viewer.input import PageKeys
+from mujoco_sim.viewer.input import RELEASE
 import pytest
 
 from teleop_keyboard import key_names

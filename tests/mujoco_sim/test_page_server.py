@@ -9,18 +9,17 @@ from pathlib import Path
 import socket
 import time
 
-from mujoco_sim.loading import build_world
-from mujoco_sim.viewer import CameraView
-from mujoco_sim.viewer import Panel
-from mujoco_sim.viewer import WebView
+from mujoco_sim.viewer import server as page_server
+from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.viewer.page import Panel
+from mujoco_sim.viewer.page import WebView
+from mujoco_sim.world import build_world
 from page_puppet import PagePuppet
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 from websockets.sync.client import connect
-
-from mujoco_sim import page_server
 
 PATHS = ('/', '/ui', '/state', '/drop', '/model', '/web_client.js', '/nothing')
 SOCKETS = ('/ui', '/state', '/drop')

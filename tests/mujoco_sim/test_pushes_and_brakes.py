@@ -3,7 +3,7 @@
 
 import math
 
-from mujoco_sim.loading import build_world
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from wasd_core.robot_io import JointCommand

@@ -2,7 +2,7 @@
 import math
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.schedule import Schedule
+from mujoco_sim.simulation import Schedule
 import pytest
 
 

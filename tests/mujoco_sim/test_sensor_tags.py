@@ -2,7 +2,7 @@
 import math
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.sensor_tags import read_sensor_tags
+from mujoco_sim.sensors.tags import read_sensor_tags
 import numpy as np
 import pytest
 from robot_description.description import load_robot

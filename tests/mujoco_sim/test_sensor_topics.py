@@ -2,8 +2,9 @@
 import math
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.loading import build_world
+from mujoco_sim.sensors import publisher
 from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from rclpy.node import Node
@@ -14,8 +15,6 @@ from robot_description.mujoco.geoms import VISUAL_GROUP
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan
-
-from mujoco_sim import sensor_publisher
 
 SMALL = Parameter('camera_scale', value=0.25)
 
@@ -120,15 +119,15 @@ def test_nothing_is_measured_or_rendered_while_nobody_listens(start, run, monkey
     def fail(*_):
         raise AssertionError('nobody has asked for that')
 
-    monkeypatch.setattr(sensor_publisher, 'Offscreen', fail)
-    monkeypatch.setattr('mujoco_sim.lidar.Lidar.scan', fail)
+    monkeypatch.setattr(publisher, 'Offscreen', fail)
+    monkeypatch.setattr('mujoco_sim.sensors.lidar.Lidar.scan', fail)
     run(start(), 500)
 
 
 def test_what_is_known_of_the_lens_needs_no_renderer(
     start, listen, run, spawn, spin_until, monkeypatch
 ):
-    monkeypatch.setattr(sensor_publisher, 'Offscreen', None)
+    monkeypatch.setattr(publisher, 'Offscreen', None)
     node = start()
     infos = listen(CameraInfo, 'camera/camera_info')
     run(node, 100, ['camera/camera_info'])
@@ -177,7 +176,7 @@ def test_without_a_renderer_it_says_so_once_and_goes_on(start, listen, run, monk
     def fail(*_):
         raise SimulationError('no EGL or OSMesa library')
 
-    monkeypatch.setattr(sensor_publisher, 'Offscreen', fail)
+    monkeypatch.setattr(publisher, 'Offscreen', fail)
     node = start()
     listen(Image, 'camera/image_raw')
     run(node, 200, ['camera/image_raw'])

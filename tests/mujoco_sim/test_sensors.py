@@ -3,12 +3,12 @@
 
 import math
 
-from mujoco_sim.loading import build_world
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.robot_setup import SensorNoise
-from mujoco_sim.sensors import NoisySensors
-from mujoco_sim.sensors import tilted
-from mujoco_sim.usual_setup import usual_setup
+from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.sensors.noise import NoisySensors
+from mujoco_sim.sensors.noise import SensorNoise
+from mujoco_sim.sensors.noise import tilted
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot

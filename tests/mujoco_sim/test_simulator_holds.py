@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Physics waits for a controller of another process that answers, and for no other."""
 
-from mujoco_sim.answer_hold import LONGEST_LOOK
-from mujoco_sim.answer_hold import PATIENCE
-from mujoco_sim.answer_hold import STATES_AHEAD
-from mujoco_sim.answer_hold import STEADY
+from mujoco_sim.simulation import LONGEST_LOOK
+from mujoco_sim.simulation import PATIENCE
+from mujoco_sim.simulation import STATES_AHEAD
+from mujoco_sim.simulation import STEADY
 from mujoco_sim.simulator_node import SimulatorNode
 import numpy as np
 import pytest
@@ -58,7 +58,7 @@ def hold(node, now, duration):
 def now(monkeypatch):
     """Return wall time in a list, to be changed."""
     now = [100.0]
-    monkeypatch.setattr('mujoco_sim.answer_hold.time.monotonic', lambda: now[0])
+    monkeypatch.setattr('mujoco_sim.simulation.time.monotonic', lambda: now[0])
     return now
 
 

@@ -5,8 +5,8 @@ import weakref
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from diagnostic_msgs.msg import DiagnosticStatus
+from mujoco_sim.simulation import TickStatistics
 from mujoco_sim.simulator_node import SimulatorNode
-from mujoco_sim.statistics import TickStatistics
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest

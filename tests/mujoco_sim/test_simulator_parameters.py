@@ -5,9 +5,9 @@ import os
 import signal
 import threading
 
-from mujoco_sim.loading import build_world
 from mujoco_sim.simulator_node import main
 from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.world import build_world
 import pytest
 from rclpy.parameter import Parameter
 from wasd_core.errors import UserError

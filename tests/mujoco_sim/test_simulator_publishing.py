@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages are made when there is somebody to get them; what moves does not depend on that."""
 
-from mujoco_sim.loading import build_world
+from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.simulator_node import SimulatorNode
-from mujoco_sim.usual_setup import usual_setup
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from rclpy.node import Node

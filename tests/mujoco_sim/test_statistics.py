@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-from mujoco_sim.statistics import TickStatistics
-from mujoco_sim.statistics import TickSummary
+from mujoco_sim.simulation import TickStatistics
+from mujoco_sim.simulation import TickSummary
 import pytest
 
 

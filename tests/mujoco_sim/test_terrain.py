@@ -5,10 +5,10 @@ import math
 
 import mujoco
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.loading import build_world
-from mujoco_sim.terrain import AHEAD
-from mujoco_sim.terrain import STEPS
-from mujoco_sim.terrain import TREAD
+from mujoco_sim.scene import AHEAD
+from mujoco_sim.scene import STEPS
+from mujoco_sim.scene import TREAD
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot

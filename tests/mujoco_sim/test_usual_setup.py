@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped begins lying, with real motors and sensors; other robots as they are."""
 
-from mujoco_sim.loading import build_world
+from mujoco_sim.robot_setup import COMMAND_DELAY
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.usual_setup import COMMAND_DELAY
-from mujoco_sim.usual_setup import usual_setup
+from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot

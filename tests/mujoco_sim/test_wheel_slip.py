@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
-from mujoco_sim.loading import build_world
-from mujoco_sim.mount import Snapshot
 from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.wheel_slip import slip
-from mujoco_sim.wheel_slip import WheelSlip
+from mujoco_sim.sensors.mount import Snapshot
+from mujoco_sim.sensors.wheel_slip import slip
+from mujoco_sim.sensors.wheel_slip import WheelSlip
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from wasd_core.robot_io import JointCommand

@@ -5,9 +5,9 @@ import weakref
 
 import mujoco
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.loading import build_shared_world
-from mujoco_sim.loading import build_world
 from mujoco_sim.robot_setup import RobotSetup
+from mujoco_sim.world import build_shared_world
+from mujoco_sim.world import build_world
 from mujoco_sim.world import World
 import numpy as np
 import pytest

@@ -4,7 +4,7 @@
 from pathlib import Path
 
 import mujoco
-from mujoco_sim.loading import build_world
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every key that means something to a robot or to a run can be pressed on the page."""
 
-from mujoco_sim.page_keys import PAGE_KEYS
+from mujoco_sim.viewer.input import PAGE_KEYS
 import pytest
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import STICK_KEYS

@@ -6,9 +6,9 @@ import math
 import os
 import stat
 
-from mujoco_sim.loading import build_world
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.statistics import TickSummary
+from mujoco_sim.simulation import TickSummary
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot

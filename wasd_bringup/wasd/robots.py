@@ -9,11 +9,11 @@ from typing import Any
 
 from diff_drive_sim.drive import DriveUnit
 from diff_drive_sim.parameters import DiffDriveParameters
-from mujoco_sim.loading import build_world
 from mujoco_sim.pictures import take_picture
 from mujoco_sim.pictures import Viewpoint
+from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.simulation import Simulation
-from mujoco_sim.usual_setup import usual_setup
+from mujoco_sim.world import build_world
 import numpy as np
 from quadruped_sim.estimation.robot_state import LegOdometry
 from quadruped_sim.keys import STATE_KEYS
@@ -107,8 +107,8 @@ class Robot:
         Raises:
             SimulationError: there is no display.
         """
-        from mujoco_sim.native_viewer import NativeView
-        from mujoco_sim.viewer import CameraView
+        from mujoco_sim.viewer.native import NativeView
+        from mujoco_sim.viewer.page import CameraView
 
         self._window = NativeView(self._world, CameraView(self._distance, AZIMUTH, ELEVATION))
         self._simulation.pacer.speed = 1.0

@@ -5,15 +5,15 @@ import dataclasses
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from mujoco_sim.loading import build_shared_world
-from mujoco_sim.loading import build_world
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.schedule import Schedule
-from mujoco_sim.sensor_tags import has_camera
+from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.sensors.tags import has_camera
+from mujoco_sim.simulation import Schedule
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.truth_publisher import WORLD_FRAME
-from mujoco_sim.usual_setup import usual_setup
+from mujoco_sim.world import build_shared_world
+from mujoco_sim.world import build_world
 from mujoco_sim.world import World
 import numpy as np
 from rclpy.node import Node

@@ -4,9 +4,9 @@
 import time
 
 from geometry_msgs.msg import Twist
-from mujoco_sim.schedule import Schedule
-from mujoco_sim.statistics import TickStatistics
-from mujoco_sim.viewer import CameraView
+from mujoco_sim.simulation import Schedule
+from mujoco_sim.simulation import TickStatistics
+from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 from quadruped_sim.algebra import matrix_from_quaternion

@@ -8,11 +8,11 @@ from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.geometry import DiffDriveGeometry
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
-from mujoco_sim.kinematic import place
-from mujoco_sim.kinematic import PlanarPose
-from mujoco_sim.schedule import Schedule
-from mujoco_sim.statistics import TickStatistics
-from mujoco_sim.viewer import CameraView
+from mujoco_sim.simulation import Schedule
+from mujoco_sim.simulation import TickStatistics
+from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.world import place
+from mujoco_sim.world import PlanarPose
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 import numpy as np

@@ -5,7 +5,7 @@ import argparse
 from importlib import metadata
 from typing import Any
 
-from mujoco_sim.world_names import WORLD_NAMES
+from mujoco_sim.parameters import WORLD_NAMES
 from teleop_keyboard.key_names import LAYOUTS
 from teleop_keyboard.keymap_file import load_preset
 

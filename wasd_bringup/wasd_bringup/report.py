@@ -9,7 +9,7 @@ from pathlib import Path
 import tempfile
 from typing import Any, NamedTuple
 
-from mujoco_sim.statistics import TickSummary
+from mujoco_sim.simulation import TickSummary
 from mujoco_sim.world import FALL_TILT
 from mujoco_sim.world import World
 from wasd_core.errors import one_line

@@ -6,9 +6,9 @@ import sys
 import time
 from typing import Any, cast, Protocol, TYPE_CHECKING
 
-from mujoco_sim.page_keys import LOST
-from mujoco_sim.page_panels import Panel
-from mujoco_sim.viewer import WebView
+from mujoco_sim.viewer.drawing import Panel
+from mujoco_sim.viewer.input import LOST
+from mujoco_sim.viewer.page import WebView
 from mujoco_sim.world import World
 from rclpy.clock import ROSClock
 from rclpy.node import Node
@@ -175,7 +175,7 @@ class Session:
             return web.url
         if kind == 'native':
             # Here, because it loads a window system.
-            from mujoco_sim.native_viewer import NativeView
+            from mujoco_sim.viewer.native import NativeView
 
             self._view = NativeView(self.world, self.stack.camera)
             self._where = 'a window on this display'

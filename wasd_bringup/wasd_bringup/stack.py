@@ -3,9 +3,9 @@
 
 from typing import Protocol
 
-from mujoco_sim.schedule import Schedule
-from mujoco_sim.statistics import TickStatistics
-from mujoco_sim.viewer import CameraView
+from mujoco_sim.simulation import Schedule
+from mujoco_sim.simulation import TickStatistics
+from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 from rclpy.node import Node

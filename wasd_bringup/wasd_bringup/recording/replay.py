@@ -11,12 +11,12 @@ import sys
 import time
 from typing import Any
 
-from mujoco_sim.kinematic import pose_base
-from mujoco_sim.kinematic import pose_joints
-from mujoco_sim.kinematic import update_bodies
-from mujoco_sim.page_panels import Panel
-from mujoco_sim.viewer import CameraView
-from mujoco_sim.viewer import WebView
+from mujoco_sim.viewer.drawing import Panel
+from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.viewer.page import WebView
+from mujoco_sim.world import pose_base
+from mujoco_sim.world import pose_joints
+from mujoco_sim.world import update_bodies
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 import rclpy
@@ -142,7 +142,7 @@ class ReplayView:
         """
         if kind == 'native':
             # Here, because it loads a window system.
-            from mujoco_sim.native_viewer import NativeView
+            from mujoco_sim.viewer.native import NativeView
 
             self._view = NativeView(self._world, CAMERA)
             return 'a window on this display'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a sensor is: its link may be welded into the body that MuJoCo knows."""
+"""Where a sensor is, and the instant that it sees: links may be welded into others."""
 
 from typing import NamedTuple
 

@@ -9,8 +9,8 @@ import mujoco
 import mujoco.viewer
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.page_keys import LOST
-from mujoco_sim.viewer import CameraView
+from mujoco_sim.viewer.input import LOST
+from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 
 # GLFW's codes of keys that are no characters.

@@ -6,9 +6,9 @@ import numpy as np
 from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.robot import Robot
 
-from mujoco_sim.mount import find_mount
-from mujoco_sim.mount import Snapshot
-from mujoco_sim.sensor_tags import LidarTag
+from mujoco_sim.sensors.mount import find_mount
+from mujoco_sim.sensors.mount import Snapshot
+from mujoco_sim.sensors.tags import LidarTag
 from mujoco_sim.world import World
 
 # What is there to be looked at only is not there for a lidar: it sees the same without a viewer.

@@ -2,9 +2,10 @@
 """Studio's web server, made one for this page on this machine and for nobody else."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 import functools
 import logging
+import struct
 from typing import Any, cast
 
 from mujoco.studio.web import web_server
@@ -14,9 +15,7 @@ from mujoco.studio.web.web_server import Response
 from mujoco.studio.web.web_server import serve
 from mujoco.studio.web.web_server import ServerConnection
 
-from mujoco_sim.input_packets import InputPackets
-from mujoco_sim.input_packets import UnknownPacket
-from mujoco_sim.page_input import PageInput
+from mujoco_sim.viewer.input import PageInput
 
 HOST = '127.0.0.1'
 NAMES = (HOST, 'localhost')
@@ -37,6 +36,17 @@ _LOG = logging.getLogger(__name__)
 Handler = Callable[[ServerConnection], Awaitable[None]]
 ProcessRequest = Callable[[ServerConnection, Request], Response | None]
 ProcessResponse = Callable[[ServerConnection, Request, Response], Response | None]
+
+# NetImgui's header: u32 size, u8 type, 3 bytes of nothing.
+_HEADER = struct.Struct('<IB3x')
+INPUT_TYPE = 2
+# NetImgui 18's input: at 560 three u64, a bit for each key from ImGui's number 512 on.
+INPUT_SIZE = 616
+_KEYS = struct.Struct('<3Q')
+_KEYS_AT = 560
+FIRST_KEY = 512
+# No packet of a browser is longer: the text of a clipboard.
+LONGEST = 1 << 20
 
 
 def use_page_server(page_input: PageInput) -> None:
@@ -151,3 +161,50 @@ def _serve(
             'max_size': LONGEST_MESSAGE,
         },
     )
+
+
+class UnknownPacket(ValueError):
+    """A browser sends what Studio's own page would not."""
+
+
+class InputPackets:
+    """Takes what one browser sends, however it is cut, and gives the keys that are down."""
+
+    def __init__(self) -> None:
+        self._rest = b''
+
+    def feed(self, data: bytes) -> Iterator[frozenset[int]]:
+        """
+        Yield, for each whole input packet, ImGui's numbers of the keys that are down.
+
+        Raises:
+            UnknownPacket: what came is no packet, or an input packet of another layout.
+        """
+        self._rest += data
+        while len(self._rest) >= _HEADER.size:
+            size, kind = _HEADER.unpack_from(self._rest)
+            if not _HEADER.size <= size <= LONGEST:
+                raise UnknownPacket(f'a packet of {size} bytes')
+            if len(self._rest) < size:
+                return
+            packet, self._rest = self._rest[:size], self._rest[size:]
+            if kind == INPUT_TYPE:
+                yield keys_down(packet)
+
+
+def keys_down(packet: bytes) -> frozenset[int]:
+    """
+    Return ImGui's numbers of the keys that are down in an input packet.
+
+    Raises:
+        UnknownPacket: it has another layout than that of the NetImgui that this reads.
+    """
+    if len(packet) != INPUT_SIZE:
+        raise UnknownPacket(f'an input packet of {len(packet)} bytes, wanted {INPUT_SIZE}')
+    down = []
+    for word, bits in enumerate(_KEYS.unpack_from(packet, _KEYS_AT)):
+        while bits:
+            lowest = bits & -bits
+            down.append(FIRST_KEY + 64 * word + lowest.bit_length() - 1)
+            bits ^= lowest
+    return frozenset(down)

@@ -21,15 +21,15 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 from wasd_core.errors import one_line
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.paced_ui import PacedUi
-from mujoco_sim.page_input import PageInput
-from mujoco_sim.page_panels import draw_help
-from mujoco_sim.page_panels import draw_lines
-from mujoco_sim.page_panels import Panel
-from mujoco_sim.page_panels import Panels
-from mujoco_sim.page_server import HOST
-from mujoco_sim.page_server import use_page_server
-from mujoco_sim.picture_detail import PictureDetail
+from mujoco_sim.viewer.drawing import draw_help
+from mujoco_sim.viewer.drawing import draw_lines
+from mujoco_sim.viewer.drawing import PacedUi
+from mujoco_sim.viewer.drawing import Panel
+from mujoco_sim.viewer.drawing import Panels
+from mujoco_sim.viewer.drawing import PictureDetail
+from mujoco_sim.viewer.input import PageInput
+from mujoco_sim.viewer.server import HOST
+from mujoco_sim.viewer.server import use_page_server
 from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0

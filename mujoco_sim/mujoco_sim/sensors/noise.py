@@ -1,12 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the robot can measure: joints and an IMU, with noise."""
+"""Noise of the sensors in a robot: joints and an IMU."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 
-from mujoco_sim.robot_setup import SensorNoise
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """
+    Standard deviations of what the sensors add to the truth, white at each reading.
+
+    The accelerometer also has a constant bias of `acceleration_bias` in a random direction.
+    Defaults: a consumer IMU and joint encoders as on the Go2.
+    """
+
+    joint_position: float = 0.001  # [rad]
+    joint_velocity: float = 0.05  # [rad/s]
+    orientation: float = 0.001  # [rad]
+    angular_velocity: float = 0.01  # [rad/s]
+    acceleration: float = 0.1  # [m/s^2]
+    acceleration_bias: float = 0.05  # [m/s^2]
 
 
 class NoisySensors:
