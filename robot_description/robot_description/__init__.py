@@ -1,6 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robot descriptions: expand, load into MuJoCo and Pinocchio, publish."""
+"""Robot descriptions: expand, check, mend, load into MuJoCo and Pinocchio, publish."""
+
+from importlib import import_module
+from typing import Any
 
 from wasd_core import quiet_start
 
 quiet_start(__name__, 'describe', 'state_publisher')
+
+# Where each name is defined; loaded when it is asked for, as MuJoCo and Pinocchio take a second.
+_HOMES = {
+    'DESCRIPTIONS': 'packages',
+    'Description': 'description',
+    'Quadruped': 'morphology.quadruped',
+    'Robot': 'robot',
+    'drive_wheels': 'morphology.wheels',
+    'find_quadruped': 'morphology.quadruped',
+    'load_robot': 'description',
+    'parse_urdf': 'urdf',
+    'read_description': 'description',
+    'share_directory': 'packages',
+    'to_mujoco': 'mujoco.builder',
+    'to_pinocchio': 'pinocchio_model',
+}
+__all__ = list(_HOMES)  # noqa: PLE0605
+
+
+def __getattr__(name: str) -> Any:
+    """
+    Return a public name from where it is defined.
+
+    Raises:
+        AttributeError: it is none.
+    """
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)

@@ -17,7 +17,7 @@ from robot_description.morphology.leg import NotAQuadruped
 from robot_description.morphology.quadruped import find_quadruped
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.wheels import drive_wheels
-from robot_description.morphology.wheels import equipped
+from robot_description.morphology.wheels import equip_drive
 from robot_description.packages import description_path
 from robot_description.robot import impossible_inertias
 from robot_description.robot import Robot
@@ -152,4 +152,4 @@ def load_robot(
         raise DescriptionError(f'{loaded.path}: {error}') from None
     for line in (*loaded.warnings, *loaded.repairs):
         LOGGER.warning('description: %s', line)
-    return replace(loaded, robot=equipped(loaded.robot))
+    return replace(loaded, robot=equip_drive(loaded.robot))

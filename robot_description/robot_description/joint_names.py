@@ -57,7 +57,7 @@ def part(name: str) -> tuple[str, ...]:
     return tuple(word for word in parts if word not in table)
 
 
-def meant(name: str, known: Collection[str]) -> str | None:
+def guess_name(name: str, known: Collection[str]) -> str | None:
     """
     Return the one name among `known` that was probably meant, or None.
 
@@ -81,6 +81,6 @@ def meant(name: str, known: Collection[str]) -> str | None:
 
 def unknown_joint_warning(name: str, known: Collection[str]) -> str:
     """Return what to say about a joint of `joint_states` that a description does not have."""
-    probably = meant(name, known)
+    probably = guess_name(name, known)
     hint = f'rename it to {probably!r}' if probably else f'it has {", ".join(known) or "none"}'
     return f'joint {name!r} of joint_states is not in the description; {hint}'

@@ -80,9 +80,9 @@ def workspaces(description: Path) -> list[Path]:
     They are what holds its package, and the clones and `src` folders around it.
     """
     package = own_package(description)
-    # In a folder that is everybody's lie strangers, and very many of them.
+    # A folder that all share holds very many things that do not belong together.
     around = [package.parent] if package is not None else []
-    around = [folder for folder in around if folder not in _everybodys()]
+    around = [folder for folder in around if folder not in _shared_folders()]
     for folder in _above(description):
         if folder.name == 'src' or (folder / '.git').exists():
             around.append(folder)
@@ -114,15 +114,15 @@ def _folders_below(folder: Path) -> Iterator[Path]:
 
 
 def _above(description: Path) -> Iterator[Path]:
-    """Yield the folders above a file, up to where everybody's things lie."""
+    """Yield the folders above a file, up to those that all share."""
     for folder in list(Path(os.path.normpath(description.absolute())).parents)[:LEVELS]:
-        if folder in _everybodys():
+        if folder in _shared_folders():
             return
         yield folder
 
 
-def _everybodys() -> set[Path]:
-    """Return the folders in which everybody's things lie."""
+def _shared_folders() -> set[Path]:
+    """Return the folders that all programs put things in."""
     return {Path('/'), Path.home(), Path(tempfile.gettempdir())}
 
 
@@ -273,7 +273,7 @@ def description_path(name_or_path: str) -> Path:
     )
 
 
-class Reach:
+class AllowedPaths:
     """
     The folders that a description may read from.
 
@@ -282,10 +282,19 @@ class Reach:
     """
 
     def __init__(self, description: Path, search: Sequence[Path] = ()) -> None:
-        self._finder = PackageFinder(search, description)
-        self._folders = {own_folder(description), *installed_folders(), *search}
+        self.finder = PackageFinder(search, description)
+        self._folders: set[Path] = set()
         # A link to a description (colcon's symlink install) leads to its package as well.
-        self._folders.add(own_folder(_resolved(description)))
+        own = own_folder(description), own_folder(_resolved(description))
+        for folder in (*own, *self.finder.search, *installed_folders()):
+            self.add(folder)
+
+    def add(self, folder: Path) -> None:
+        """Allow a folder; of a package that colcon installed by links, its source as well."""
+        manifest = _resolved(folder / MANIFEST)
+        self._folders.add(_resolved(folder))
+        if manifest.name == MANIFEST:
+            self._folders.add(manifest.parent)
 
     def package(self, name: str) -> Path:
         """
@@ -294,12 +303,14 @@ class Reach:
         Raises:
             PackageNotFound: says where was looked.
         """
-        folder = self._finder.find(name)
-        manifest = _resolved(folder / MANIFEST)
-        self._folders.add(folder)
-        if manifest.name == MANIFEST:
-            self._folders.add(manifest.parent)
+        folder = self.finder.find(name)
+        self.add(folder)
         return folder
+
+    def has(self, path: Path) -> bool:
+        """Whether a path leads into an allowed folder."""
+        target = _resolved(path)
+        return any(target.is_relative_to(folder) for folder in self._folders)
 
     def check(self, path: Path) -> Path:
         """
@@ -308,8 +319,7 @@ class Reach:
         Raises:
             DescriptionError: it leads out of every folder.
         """
-        target = _resolved(path)
-        if any(target.is_relative_to(folder.resolve()) for folder in self._folders):
+        if self.has(path):
             return path
         raise DescriptionError(
             f'{path}: refused: it lies outside of the description, the packages found and '

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from robot_description.description import load_robot
 from robot_description.morphology.wheels import drive_wheels
-from robot_description.morphology.wheels import equipped
+from robot_description.morphology.wheels import equip_drive
 from robot_description.morphology.wheels import GRAVITY
 from robot_description.morphology.wheels import lowest_point
 from robot_description.packages import description_path
@@ -37,15 +37,15 @@ def test_what_a_description_says_stays():
 
 
 def test_wheels_without_limits_get_motors_that_can_make_them_slip(bare):
-    left = equipped(bare).joints['left_wheel_joint']
+    left = equip_drive(bare).joints['left_wheel_joint']
     # Half the weight on a wheel of 6 cm slips at 1.8 kg g / 2 * 0.06 m, on friction 1.
     assert left.effort == pytest.approx(2.0 * 0.5 * 1.8 * GRAVITY * 0.06)
     assert left.velocity == pytest.approx(1.5 / 0.06)
-    assert equipped(bare).joints['front_caster_joint'].effort == 0.0
+    assert equip_drive(bare).joints['front_caster_joint'].effort == 0.0
 
 
 def test_tyres_hold_and_what_else_touches_the_floor_slides(bare):
-    assert equipped(bare).friction == {
+    assert equip_drive(bare).friction == {
         'left_wheel_link': 1.0,
         'right_wheel_link': 1.0,
         'front_caster_link': 0.0,
@@ -55,7 +55,7 @@ def test_tyres_hold_and_what_else_touches_the_floor_slides(bare):
 
 def test_a_robot_without_such_wheels_is_left_alone():
     robot = parsed('go2')
-    assert equipped(robot) is robot
+    assert equip_drive(robot) is robot
     assert drive_wheels(robot) == []
 
 

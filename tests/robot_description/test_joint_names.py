@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from robot_description.joint_names import meant
+from robot_description.joint_names import guess_name
 from robot_description.joint_names import sides
 from robot_description.joint_names import unknown_joint_warning
 
@@ -28,7 +28,7 @@ LEGS = tuple(f'{leg}_{part}_joint' for leg in ('FL', 'FR', 'RL', 'RR') for part 
     ],
 )
 def test_the_joint_that_was_meant(name, known, wanted):
-    assert meant(name, known) == wanted
+    assert guess_name(name, known) == wanted
 
 
 @pytest.mark.parametrize(

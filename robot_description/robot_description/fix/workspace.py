@@ -18,7 +18,6 @@ from robot_description.lint.rules import Finding
 from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.packages import own_folder
-from robot_description.packages import Reach
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import XacroSession
 
@@ -82,7 +81,7 @@ class Workspace:
         if self._linted is not None and self._linted[0] == self.changed:
             return self._linted[1]
         session = self._session()
-        found = lint_session(session, self._search)
+        found = lint_session(session)
         self._remember(session)
         self._linted = dict(self.changed), found
         return found
@@ -118,8 +117,7 @@ class Workspace:
             self.changed[edit.path] = data[: edit.start] + text + data[edit.end :]
 
     def _session(self) -> XacroSession:
-        reach = Reach(self.path, self._search)
-        return XacroSession(self.path, self._arguments, reach, self.changed)
+        return XacroSession(self.path, self._arguments, self._search, self.changed)
 
     def _remember(self, session: XacroSession) -> None:
         for path, data in session.sources.items():

@@ -19,8 +19,6 @@ from robot_description.lint.rules import finding
 from robot_description.meshes.files import better_url
 from robot_description.meshes.resolver import MeshRecord
 from robot_description.meshes.resolver import resolve_meshes
-from robot_description.packages import Reach
-from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import XacroSession
 
@@ -62,13 +60,10 @@ def lint(
     Raises:
         DescriptionError: the file itself cannot be opened.
     """
-    session = XacroSession(path, arguments or {}, Reach(path, search))
-    return lint_session(session, search, expected_joints)
+    return lint_session(XacroSession(path, arguments or {}, search), expected_joints)
 
 
-def lint_session(
-    session: XacroSession, search: Sequence[Path] = (), expected_joints: Sequence[str] = ()
-) -> list[Finding]:
+def lint_session(session: XacroSession, expected_joints: Sequence[str] = ()) -> list[Finding]:
     """
     Run a session and return what is wrong with what it reads and makes.
 
@@ -83,22 +78,14 @@ def lint_session(
     else:
         start = Place(session.path, 1)
         found += [finding('xacro-warning', p or start, text) for p, text in expansion.warnings]
-        model = make_model(expansion, session.path, search, expected_joints)
+        model = make_model(expansion, session.path, session.search, expected_joints)
         for check in CHECKS:
             found += islice(check(model), MOST_FINDINGS)
-        found += _meshes(model, expansion.urdf)
-    calls = list(check_macro_calls(session.sources))
+        found += _check_meshes(model, expansion.urdf)
+    calls = list(_check_macro_calls(session.sources))
     told = {call.place for call in calls}
     found = [one for one in found if one.rule.code != 'unknown-tag' or one.place not in told]
     return _in_order(found + calls)
-
-
-def _meshes(model: Model, urdf: str) -> list[Finding]:
-    try:
-        robot = parse_urdf(urdf)
-    except DescriptionError:  # which other checks have told about, with lines
-        return []
-    return list(check_meshes(model, robot))
 
 
 def _in_order(found: list[Finding]) -> list[Finding]:
@@ -107,8 +94,12 @@ def _in_order(found: list[Finding]) -> list[Finding]:
     return sorted(unique.values(), key=lambda one: (one.place, one.rule.code))
 
 
-def check_meshes(model: Model, robot: Robot) -> Iterator[Finding]:
+def _check_meshes(model: Model, urdf: str) -> Iterator[Finding]:
     """Every mesh is where its path says."""
+    try:
+        robot = parse_urdf(urdf)
+    except DescriptionError:  # which other checks have told about, with lines
+        return
     try:
         report = resolve_meshes(robot, model.path, model.search)
     except DescriptionError as error:
@@ -134,7 +125,7 @@ def _place(model: Model, record: MeshRecord) -> Place:
     return link.place
 
 
-def check_macro_calls(sources: Mapping[Path, bytes]) -> Iterator[Finding]:
+def _check_macro_calls(sources: Mapping[Path, bytes]) -> Iterator[Finding]:
     """Macros are called with their prefix, also from within macros and in included files."""
     for path, tag in unprefixed_calls(sources):
         text = f'<{tag.name}> calls a macro without xacro:, so it does nothing'

@@ -238,14 +238,14 @@ def swapped_pairs(model: Model, side: str) -> list[tuple[Element, Element]]:
     """
     axis = 1 if side == 'left' else 0
     pairs = []
-    for joint, other in mirrored(model, side):
+    for joint, other in pair_sides(model, side):
         here, there = (_position(model, j)[axis] for j in (joint, other))
         if here < -MIDDLE and there > MIDDLE:
             pairs.append((joint, other))
     return pairs
 
 
-def mirrored(model: Model, side: str) -> list[tuple[Element, Element]]:
+def pair_sides(model: Model, side: str) -> list[tuple[Element, Element]]:
     """Return the joints on `side`, each with its counterpart on the same link."""
     by_part = {_role(joint, sides(joint.name)): joint for joint in model.joints.values()}
     pairs = []
@@ -272,7 +272,7 @@ def _position(model: Model, joint: Element) -> list[float]:
 def check_wheels(model: Model) -> Iterator[Finding]:
     """The wheels of a pair have one radius, and are equally far from the middle."""
     wheels = {wheel.joint.name: wheel for wheel in find_wheels(model)}
-    for left, right in mirrored(model, 'left'):
+    for left, right in pair_sides(model, 'left'):
         wheel, mate = wheels.get(left.name), wheels.get(right.name)
         if wheel is None or mate is None:
             continue

@@ -7,7 +7,7 @@ import math
 
 from wasd_core.safe_files import Place
 
-from robot_description.joint_names import meant
+from robot_description.joint_names import guess_name
 from robot_description.joint_names import sides
 from robot_description.joint_names import words
 from robot_description.lint.model import Element
@@ -217,7 +217,7 @@ def check_links_exist(model: Model) -> Iterator[Finding]:
 
 
 def _hint(name: str, known: dict[str, Element]) -> str:
-    probably = meant(name, known)
+    probably = guess_name(name, known)
     return f'; {probably!r} is' if probably else ''
 
 
@@ -300,7 +300,7 @@ def check_joint_references(model: Model) -> Iterator[Finding]:
         if name in model.joints or (name, who) in seen or not name:
             continue
         seen.add((name, who))
-        probably = meant(name, model.joints)
+        probably = guess_name(name, model.joints)
         text = f'{who} names joint {name!r}, which is not there'
         if probably:
             cure = f'describe fix --rename {probably}:={name}'
@@ -346,7 +346,7 @@ def check_gazebo_references(model: Model) -> Iterator[Finding]:
     for gazebo in model.robot.all('gazebo'):
         name = gazebo.attributes.get('reference')
         if name and name not in model.links and name not in model.joints:
-            probably = meant(name, {**model.links, **model.joints})
+            probably = guess_name(name, {**model.links, **model.joints})
             hint = f'; {probably!r} is' if probably else ''
             text = f'<gazebo> refers to {name!r}, which is neither link nor joint{hint}'
             yield finding('unknown-reference', gazebo.place, text)

@@ -163,7 +163,7 @@ def _is_same(one: Path, other: Path) -> bool:
         return False
 
 
-def near_name(missing: str, unused: Collection[Path], carries: bool) -> tuple[Path, ...]:
+def guess_files(missing: str, unused: Collection[Path], carries: bool) -> tuple[Path, ...]:
     """
     Return the files among `unused` that a missing stem may mean: one is an answer.
 

@@ -14,21 +14,19 @@ from wasd_core.errors import DescriptionError
 
 from robot_description.meshes.files import best_format
 from robot_description.meshes.files import closest
+from robot_description.meshes.files import guess_files
 from robot_description.meshes.files import in_any_case
 from robot_description.meshes.files import mesh_files
 from robot_description.meshes.files import MeshUrl
-from robot_description.meshes.files import near_name
 from robot_description.meshes.files import only
 from robot_description.meshes.files import read_url
 from robot_description.meshes.files import with_other_extension
+from robot_description.packages import AllowedPaths
 from robot_description.packages import dependencies
-from robot_description.packages import installed_folders
-from robot_description.packages import MANIFEST
 from robot_description.packages import manifest_name
 from robot_description.packages import own_folder
 from robot_description.packages import own_package
 from robot_description.packages import OWN_PACKAGES
-from robot_description.packages import PackageFinder
 from robot_description.robot import Robot
 
 EXACT = 'exact'
@@ -130,7 +128,7 @@ def _first_of(records: Sequence[MeshRecord], strict: bool) -> str:
     return f'{"--strict: " if strict else ""}{records[0].line()}{more}'
 
 
-class Place(NamedTuple):
+class MeshPlace(NamedTuple):
     """A folder and a path in it where a mesh may be; `kinds` are the repairs so far."""
 
     folder: Path
@@ -177,9 +175,9 @@ class MeshResolver:
         self._folder = description.absolute().parent
         self._own = own_folder(description)
         self._package = own_package(description)
-        self._finder = PackageFinder(search, description)
+        self._allowed = AllowedPaths(description, search)
+        self._finder = self._allowed.finder
         self._files = cache(mesh_files)
-        self._roots = {self._own, *self._finder.search, *installed_folders()}
         self._trunk = {link for link, carrier in robot.carriers.items() if carrier == robot.root}
 
     def report(self) -> MeshReport:
@@ -198,7 +196,7 @@ class MeshResolver:
             if one.file is None and not one.candidates:
                 found[url] = self._guess(url, links[url], used)
         for url, one in found.items():
-            if one.file is not None and not self._may_read(one.file):
+            if one.file is not None and not self._allowed.has(one.file):
                 raise self._refusal(url, links[url])
         return MeshReport(
             tuple(self._record(url, link, use, found[url]) for url, link, use in uses)
@@ -238,40 +236,33 @@ class MeshResolver:
             '--package-path DIR allows a folder'
         )
 
-    def _may_read(self, file: Path) -> bool:
-        """Whether a file is in a folder that may be read when all links are followed."""
-        real = file.resolve()
-        # A package that colcon installed by links has its files where its manifest is.
-        roots = self._roots | {(root / MANIFEST).resolve().parent for root in self._roots}
-        return any(real.is_relative_to(root.resolve()) for root in roots)
-
-    def _places(self, url: MeshUrl) -> Iterator[Place]:
+    def _places(self, url: MeshUrl) -> Iterator[MeshPlace]:
         """Yield where the file of a URL may be, the likelier place first."""
         if url.package is not None:
             yield from self._in_package(url.package, url.path, url.kinds)
         elif url.path.is_absolute():
-            yield Place(ROOT, url.path.relative_to('/'), url.kinds)
+            yield MeshPlace(ROOT, url.path.relative_to('/'), url.kinds)
             yield from self._in_share(url)
             yield from self._re_rooted(url)
         else:
-            yield Place(self._folder, url.path, url.kinds)
+            yield MeshPlace(self._folder, url.path, url.kinds)
             tail = PurePosixPath(*(part for part in url.path.parts if part != '..'))
             for folder in (self._own, self._own / 'meshes'):
-                yield Place(folder, tail, (*url.kinds, 'package-root'))
+                yield MeshPlace(folder, tail, (*url.kinds, 'package-root'))
 
     def _in_package(
         self, package: str, path: PurePosixPath, kinds: tuple[str, ...]
-    ) -> Iterator[Place]:
+    ) -> Iterator[MeshPlace]:
         known = False
         for folder in self._finder.folders(package):
             known = True
-            self._roots.add(folder)
+            self._allowed.add(folder)
             foreign = ('foreign-package',) if self._is_foreign(package, folder) else ()
-            yield Place(folder, path, (*kinds, *foreign))
+            yield MeshPlace(folder, path, (*kinds, *foreign))
         if not known:
-            yield Place(self._own, path, (*kinds, 'own-package'))
+            yield MeshPlace(self._own, path, (*kinds, 'own-package'))
 
-    def _in_share(self, url: MeshUrl) -> Iterator[Place]:
+    def _in_share(self, url: MeshUrl) -> Iterator[MeshPlace]:
         """Yield an absolute path's part below a package's share folder, as we publish such."""
         parts = url.path.parts
         for index in (i for i, part in enumerate(parts[:-2]) if part == 'share'):
@@ -281,12 +272,12 @@ class MeshResolver:
                 if place.folder != self._own:
                     yield place if is_same else place._replace(kinds=(*url.kinds, 're-rooted'))
 
-    def _re_rooted(self, url: MeshUrl) -> Iterator[Place]:
+    def _re_rooted(self, url: MeshUrl) -> Iterator[MeshPlace]:
         """Yield an absolute path's tails below the description's package, the longest first."""
         kinds = (*url.kinds, 're-rooted')
         parts = url.path.parts[1:]
         for index in range(1, len(parts)):
-            yield Place(self._own, PurePosixPath(*parts[index:]), kinds)
+            yield MeshPlace(self._own, PurePosixPath(*parts[index:]), kinds)
 
     def _is_foreign(self, package: str, folder: Path) -> bool:
         """Whether a package is another robot's that the description's own does not ask for."""
@@ -297,7 +288,7 @@ class MeshResolver:
             return False
         return package not in dependencies(self._package)
 
-    def _may_use(self, place: Place) -> bool:
+    def _may_use(self, place: MeshPlace) -> bool:
         """Whether a place is in a folder that the user, the description or a package names."""
         roots = [self._own, *self._finder.search]
         if place.folder not in (ROOT, self._folder):
@@ -308,10 +299,10 @@ class MeshResolver:
         name = manifest_name(package) if package is not None else None
         if package is None or name is None or package not in set(self._finder.folders(name)):
             return False
-        self._roots.add(package)
+        self._allowed.add(package)
         return True
 
-    def _moved(self, place: Place) -> Found | None:
+    def _moved(self, place: MeshPlace) -> Found | None:
         """Look for the file's name anywhere in the folder's package."""
         root = self._own if place.folder == self._folder else place.folder
         name = place.path.name
@@ -341,7 +332,7 @@ class MeshResolver:
                     root = self._own if place.folder == self._folder else place.folder
                 stems = {path.stem for path in used if path.is_relative_to(root)}
                 unused = [path for path in self._files(root) if path.stem not in stems]
-                near = near_name(place.path.stem, unused, link in self._trunk)
+                near = guess_files(place.path.stem, unused, link in self._trunk)
                 best = best_format(near)
                 if best is not None and len({path.stem for path in near}) == 1:
                     return Found((*place.kinds, 'near-name'), best)

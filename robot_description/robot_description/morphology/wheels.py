@@ -54,7 +54,7 @@ def drive_wheels(robot: Robot, names: Sequence[str] = ()) -> list[DriveWheel]:
     return sorted(chosen, key=lambda wheel: -float(wheel.position[1]))
 
 
-def equipped(robot: Robot) -> Robot:
+def equip_drive(robot: Robot) -> Robot:
     """
     Return the robot with what its two driven wheels need and its description leaves out.
 

@@ -215,7 +215,7 @@ def exclude_pairs(spec: mujoco.MjSpec, robot: Robot) -> None:
     # MuJoCo lets neighbours overlap by itself, but not those of a body that cannot move.
     beside = list(parents.items()) if robot.is_fixed else []
     pairs = {frozenset(pair) for pair in apart + beside}
-    for loner in _loners(robot):
+    for loner in _isolated_carriers(robot):
         pairs |= {frozenset((loner, other)) for other in bodies if other != loner}
     order = list(robot.links)
     for pair in sorted(sorted(pair, key=order.index) for pair in pairs):
@@ -235,7 +235,7 @@ def _colliding_bodies(robot: Robot) -> dict[str, list[str]]:
     return {carrier: [carrier] for carrier in bodies}
 
 
-def _loners(robot: Robot) -> list[str]:
+def _isolated_carriers(robot: Robot) -> list[str]:
     """Return the carriers none of whose links may touch the robot, as the gazebo tags have it."""
     said: dict[str, list[bool]] = {}
     for link, collides in robot.self_collide.items():

@@ -23,7 +23,7 @@ from wasd_core.safe_files import read_yaml
 import xacro
 from xacro import substitution_args
 
-from robot_description.packages import Reach
+from robot_description.packages import AllowedPaths
 from robot_description.xacro.expressions import Evaluator
 
 LONGEST_REASON = 300
@@ -78,7 +78,7 @@ class XacroSession:
         self,
         path: Path,
         arguments: Mapping[str, str],
-        reach: Reach,
+        search: Sequence[Path] = (),
         texts: Mapping[Path, bytes] | None = None,
     ) -> None:
         self.warnings: list[tuple[Place | None, str]] = []
@@ -86,7 +86,8 @@ class XacroSession:
         self.path = path
         self._texts = texts or {}
         self._arguments = _Arguments(arguments)
-        self._reach = reach
+        self.search = search
+        self._allowed = AllowedPaths(path, search)
         self._evaluator = Evaluator()
         self._elements = 0
         self._text = 0
@@ -183,7 +184,7 @@ class XacroSession:
                 sys.setrecursionlimit(limit)
 
     def _find(self, package: str) -> str:
-        return str(self._reach.package(package))
+        return str(self._allowed.package(package))
 
     def _folder(self, _: str) -> str:
         return str(os.path.dirname(os.path.abspath(xacro.filestack[-1])))
@@ -199,7 +200,7 @@ class XacroSession:
         return parse_with_places(data, path)
 
     def _check_include(self, path: Path) -> None:
-        self._reach.check(path)
+        self._allowed.check(path)
         if not os.path.lexists(path):
             xacro.filestack.pop()  # as xacro does: the caller of an optional include relies on it
             missing = FileNotFoundError(f'{path}: no such file')
@@ -213,12 +214,12 @@ class XacroSession:
     def _glob(self, pattern: str) -> list[str]:
         """Stand in for glob.glob, which would look through the whole disk."""
         fixed = [part for part in Path(pattern).parts if not glob.has_magic(part)]
-        self._reach.check(Path(*fixed))
+        self._allowed.check(Path(*fixed))
         return glob.glob(pattern)
 
     def _open(self, filename: str) -> io.StringIO:
         """Stand in for the `open` of load_yaml."""
-        return io.StringIO(read_yaml(self._reach.check(Path(filename))))
+        return io.StringIO(read_yaml(self._allowed.check(Path(filename))))
 
     def _visit(self, node: Any, macros: Any, symbols: Any) -> None:
         self._elements += 1
@@ -285,7 +286,7 @@ def expand_document(
     Raises:
         DescriptionError: see `expand`.
     """
-    return XacroSession(path, arguments or {}, Reach(path, search)).expand()
+    return XacroSession(path, arguments or {}, search).expand()
 
 
 @contextlib.contextmanager
