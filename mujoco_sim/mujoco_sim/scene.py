@@ -26,7 +26,7 @@ STEPS = 6
 CELL = 0.25
 
 
-def furnish(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
+def add_scene(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
     """
     Put a robot's specification into a world: a name, a terrain with its size, or a model file.
 

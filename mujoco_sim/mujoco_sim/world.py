@@ -22,7 +22,7 @@ from mujoco_sim.physics import Actuation
 from mujoco_sim.physics import Physics
 from mujoco_sim.physics import RobotParts
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.scene import furnish
+from mujoco_sim.scene import add_scene
 from mujoco_sim.sensors.noise import NoisySensors
 
 FALL_TILT = np.deg2rad(60.0)
@@ -93,7 +93,7 @@ class World:
 
     @property
     def is_kinematic(self) -> bool:
-        """Whether it moves by `kinematic.place` only."""
+        """Whether it moves by `place_robot` only."""
         return self._actuation.is_kinematic
 
     @is_kinematic.setter
@@ -232,7 +232,7 @@ def build_world(
     """
     setup = setup or RobotSetup()
     spec = robot_spec(loaded, setup, visuals)
-    furnish(spec, world, seed)
+    add_scene(spec, world, seed)
     return World(spec, loaded.robot.base, seed, setup)
 
 
@@ -254,7 +254,7 @@ def build_shared_world(
     for prefix, loaded, setup in robots:
         body = robot_spec(loaded, setup, visuals).body(loaded.robot.base)
         spec.worldbody.add_frame().attach_body(body, prefix, '')
-    furnish(spec, world, seed)
+    add_scene(spec, world, seed)
     physics = Physics(spec)
     worlds = [
         World(physics, loaded.robot.base, seed, setup, prefix) for prefix, loaded, setup in robots
@@ -296,7 +296,7 @@ def update_bodies(world: World) -> None:
     mujoco.mj_forward(world.model, world.data)
 
 
-def place(world: World, pose: PlanarPose, joints: Mapping[str, tuple[float, float]]) -> None:
+def place_robot(world: World, pose: PlanarPose, joints: Mapping[str, tuple[float, float]]) -> None:
     """Put the robot at a pose, and joints at a position [rad] and velocity [rad/s]."""
     data = world.data
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)

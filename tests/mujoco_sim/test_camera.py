@@ -5,7 +5,7 @@ import math
 
 import mujoco
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.scene import furnish
+from mujoco_sim.scene import add_scene
 from mujoco_sim.sensors.camera import Camera
 from mujoco_sim.sensors.camera import Offscreen
 from mujoco_sim.sensors.mount import Snapshot
@@ -31,7 +31,7 @@ def kinect():
 def scene(kinect) -> World:
     """Return mbot before a green wall with a red pillar to its left."""
     spec = to_mujoco(kinect.robot)
-    furnish(spec, 'flat')
+    add_scene(spec, 'flat')
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX, pos=[WALL + 0.1, 0, 1], size=[0.1, 3, 1], rgba=GREEN
     )

@@ -2,7 +2,7 @@
 import math
 
 from mujoco_sim.world import build_world
-from mujoco_sim.world import place
+from mujoco_sim.world import place_robot
 from mujoco_sim.world import PlanarPose
 import numpy as np
 import pytest
@@ -17,7 +17,9 @@ def world():
 
 
 def test_the_robot_is_where_it_is_put_and_stays_there(world):
-    place(world, PlanarPose(1.0, -2.0, 0.5, 0.3, 0.1, -0.7), {'left_wheel_joint': (4.0, 5.0)})
+    place_robot(
+        world, PlanarPose(1.0, -2.0, 0.5, 0.3, 0.1, -0.7), {'left_wheel_joint': (4.0, 5.0)}
+    )
     world.step(50)
     base = world.base()
     np.testing.assert_array_equal(base.position[:2], [1.0, -2.0])
@@ -34,6 +36,6 @@ def test_time_goes_on_without_physics(world):
 
 
 def test_its_links_are_drawn_where_it_is(world):
-    place(world, PlanarPose(1.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0), {})
+    place_robot(world, PlanarPose(1.0, 0.0, math.pi / 2, 0.0, 0.0, 0.0), {})
     wheel = world.data.body('left_wheel_link').xpos
     np.testing.assert_allclose(wheel[:2], [1.0 - 0.19, 0.0], atol=1e-12)

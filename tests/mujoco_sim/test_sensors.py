@@ -7,7 +7,7 @@ from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.sensors.noise import NoisySensors
 from mujoco_sim.sensors.noise import SensorNoise
-from mujoco_sim.sensors.noise import tilted
+from mujoco_sim.sensors.noise import turn_by
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
@@ -103,7 +103,7 @@ def test_without_an_imu_there_is_none():
 def test_tilting_turns_about_the_axes_of_the_body(axis):
     rotation = np.zeros(3)
     rotation[axis] = 1e-4
-    turned = tilted(IMU.orientation, rotation)
+    turned = turn_by(IMU.orientation, rotation)
     assert angle_between(turned, IMU.orientation) == pytest.approx(1e-4, rel=1e-3)
     # q times (1, r/2): the vector part of conj(q) q' is half the rotation, in the body's axes.
     w, xyz = IMU.orientation[0], IMU.orientation[1:]

@@ -11,7 +11,7 @@ from geometry_msgs.msg import TwistStamped
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.simulation import TickStatistics
 from mujoco_sim.viewer.page import CameraView
-from mujoco_sim.world import place
+from mujoco_sim.world import place_robot
 from mujoco_sim.world import PlanarPose
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
@@ -224,7 +224,7 @@ class MbotStack:
         x, y, yaw, linear, angular, lateral = unit.fake.pose
         states = zip(unit.fake.angles, unit.fake.speeds, strict=True)
         pose = PlanarPose(x, y, yaw, linear, lateral, angular)
-        place(self._world, pose, dict(zip(self._wheels, states, strict=True)))
+        place_robot(self._world, pose, dict(zip(self._wheels, states, strict=True)))
 
 
 def _overrides(options: RunOptions) -> list[Parameter]:

@@ -86,12 +86,12 @@ class Beat:
     """
 
     def __init__(self) -> None:
-        self._number: int | None = None
+        self.number = -1  # of the period that was seen last; no time is before 0
 
     def is_due(self, now: float, rate: float) -> bool:
         """Whether to publish at a time [s], `rate` times a second; also after a jump back."""
         number = math.floor((now + ROUNDING) * rate)
-        before, self._number = self._number, number
+        before, self.number = self.number, number
         return number != before
 
 

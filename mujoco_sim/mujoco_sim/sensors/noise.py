@@ -47,14 +47,14 @@ class NoisySensors:
         if true.imu is None:
             return Reading(joints, None)
         imu = ImuReading(
-            tilted(true.imu.orientation, noise.orientation * random.normal(size=3)),
+            turn_by(true.imu.orientation, noise.orientation * random.normal(size=3)),
             true.imu.angular_velocity + noise.angular_velocity * random.normal(size=3),
             true.imu.linear_acceleration + self._bias + noise.acceleration * random.normal(size=3),
         )
         return Reading(joints, imu)
 
 
-def tilted(orientation: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+def turn_by(orientation: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Return a quaternion (w, x, y, z) turned by a small rotation vector [rad] in its own axes."""
     w, x, y, z = orientation
     a, b, c = 0.5 * rotation

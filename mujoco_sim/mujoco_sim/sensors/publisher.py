@@ -14,6 +14,7 @@ from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan
 from wasd_core.messages import to_stamp
 from wasd_core.streams import visible
+from wasd_core.timing import Beat
 from wasd_core.topics import has_listener
 from wasd_core.topics import has_subscriber
 from wasd_core.topics import RELIABLE
@@ -32,27 +33,6 @@ Random = np.random.Generator | None
 
 # Of colours and of depths [m], by REP 118.
 ENCODINGS = ('rgb8', '32FC1')
-
-
-class _Beat:
-    """Counts instants at a rate [Hz] of simulated time, however often it is asked."""
-
-    def __init__(self, rate: float) -> None:
-        self._rate = rate
-        self.restart(0.0)
-
-    def restart(self, now: float) -> None:
-        """Count from a simulated time [s] on."""
-        self._start = now
-        self._last = -1
-
-    def strike(self, now: float) -> int | None:
-        """Return the number of the instant that has come since this was asked last, or None."""
-        number = int((now - self._start) * self._rate + 1e-6)
-        if number == self._last:
-            return None
-        self._last = number
-        return number
 
 
 class SensorPublisher:
@@ -84,26 +64,25 @@ class SensorPublisher:
         robot, snapshot = loaded.robot, Snapshot(world)
         scale = settings.camera_scale
         self._cameras = [Camera(tag, world, robot, snapshot, scale) for tag in cameras]
-        self._darkroom = _Darkroom(node, world, self._cameras)
-        outputs: list[_Scan | _Film] = []
-        outputs += [_Scan(node, Lidar(tag, world, robot, snapshot)) for tag in lidars]
-        outputs += [_Film(node, camera, self._darkroom) for camera in self._cameras]
-        self._outputs = [(_Beat(output.rate), output) for output in outputs]
+        self._renderer = _LazyRenderer(node, world, self._cameras)
+        self._sensors: list[_LidarTopic | _CameraTopics] = []
+        self._sensors += [_LidarTopic(node, Lidar(tag, world, robot, snapshot)) for tag in lidars]
+        self._sensors += [_CameraTopics(node, camera, self._renderer) for camera in self._cameras]
+        self.reset()
 
     def step(self) -> None:
         """Publish what is due now."""
         now = self._world.time
-        for index, (beat, output) in enumerate(self._outputs):
-            number = beat.strike(now)
-            if number is not None and output.wanted:
-                seed = [self._world.seed, index, number]
+        for index, (beat, sensor) in enumerate(zip(self._beats, self._sensors, strict=True)):
+            if beat.is_due(now - self._start, sensor.rate) and sensor.is_wanted:
+                seed = [self._world.seed, index, beat.number]
                 random = np.random.default_rng(seed) if self._noise else None
-                output.publish(random, to_stamp(now))
+                sensor.publish(random, to_stamp(now))
 
     def reset(self) -> None:
         """Draw the noise again from its beginning, as the robot is back at its own."""
-        for beat, _ in self._outputs:
-            beat.restart(self._world.time)
+        self._start = self._world.time
+        self._beats = [Beat() for _ in self._sensors]
 
     def resize(self, scale: float) -> None:
         """Take pictures of so much of the size that the description has, from now on."""
@@ -112,10 +91,10 @@ class SensorPublisher:
 
     def close(self) -> None:
         """Release the renderer, if there is one."""
-        self._darkroom.close()
+        self._renderer.close()
 
 
-class _Scan:
+class _LidarTopic:
     """A lidar and its topic."""
 
     def __init__(self, node: Node, lidar: Lidar) -> None:
@@ -124,17 +103,17 @@ class _Scan:
         self._scan = node.create_publisher(LaserScan, lidar.tag.topic, RELIABLE)
 
     @property
-    def wanted(self) -> bool:
+    def is_wanted(self) -> bool:
         return has_listener(self._scan)
 
     def publish(self, random: Random, stamp: Time) -> None:
         self._scan.publish(to_laser_scan(self._lidar, self._lidar.scan(random), stamp))
 
 
-class _Film:
+class _CameraTopics:
     """A camera and its topics: images, and what one has to know of the lens."""
 
-    def __init__(self, node: Node, camera: Camera, darkroom: '_Darkroom') -> None:
+    def __init__(self, node: Node, camera: Camera, renderer: '_LazyRenderer') -> None:
         def publishers(kind: type, *topics: str) -> list[Any]:
             return [
                 node.create_publisher(kind, topic, RELIABLE) if topic else None for topic in topics
@@ -143,21 +122,21 @@ class _Film:
         self.rate = camera.tag.rate
         self._node = node
         self._camera = camera
-        self._darkroom = darkroom
+        self._renderer = renderer
         tag = camera.tag
         self._images = publishers(Image, tag.colour_topic, tag.depth_topic)
         infos = dict.fromkeys((tag.colour_info_topic, tag.depth_info_topic))
         self._infos = publishers(CameraInfo, *infos)
 
     @property
-    def wanted(self) -> bool:
+    def is_wanted(self) -> bool:
         return any(map(self._is_watched, self._images)) or any(map(_is_heard, self._infos))
 
     def publish(self, random: Random, stamp: Time) -> None:
         for info in filter(_is_heard, self._infos):
             info.publish(to_camera_info(self._camera, stamp))
         colour, depth = map(self._is_watched, self._images)
-        offscreen = self._darkroom.open() if colour or depth else None
+        offscreen = self._renderer.open() if colour or depth else None
         if offscreen is None:
             return
         picture = self._camera.take(offscreen, colour, depth, random)
@@ -171,7 +150,7 @@ class _Film:
         return images is not None and has_subscriber(self._node, images)
 
 
-class _Darkroom:
+class _LazyRenderer:
     """The one renderer of all cameras, made when the first picture is wanted."""
 
     def __init__(self, node: Node, world: World, cameras: list[Camera]) -> None:
