@@ -2,7 +2,7 @@
 """Velocity commands to wheel speeds: age, time-out, limits, kinematics, odometry."""
 
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from wasd_core.timing import Watchdog
 
@@ -55,56 +55,6 @@ class Velocity(NamedTuple):
 
     linear: float = 0.0  # [m/s], forward
     angular: float = 0.0  # [rad/s], counter-clockwise
-
-
-class Controller(Protocol):
-    """What nodes and wheel drives need of a controller."""
-
-    geometry: DiffDriveGeometry
-    parameters: DiffDriveParameters
-    refused_commands: int
-
-    @property
-    def velocity(self) -> Velocity:
-        """The velocity that the wheels are sent for."""
-
-    @property
-    def target(self) -> Velocity:
-        """The command in force."""
-
-    @property
-    def state(self) -> str:
-        """`driving`, `stopped` or `timed out`."""
-
-    @property
-    def odometry_state(self) -> OdometryState:
-        """Pose and twist by the wheels."""
-
-    @property
-    def covariance(self) -> PlanarCovariance:
-        """How sure the pose is."""
-
-    @property
-    def restarts(self) -> int:
-        """How often the wheel angles have jumped."""
-
-    def reset(self) -> None:
-        """Stand still at the origin, with no command."""
-
-    def reset_odometry(self) -> None:
-        """Be at the origin, the robot going on as it does."""
-
-    def set_odometry(self, x: float, y: float, yaw: float, covariance: PlanarCovariance) -> None:
-        """Be at a pose [m], [rad], the robot going on as it does."""
-
-    def forget_command(self) -> None:
-        """Be as if no command had ever come."""
-
-    def command(self, linear: float, angular: float, age: float = 0.0) -> bool:
-        """Take a velocity command and return whether it was taken."""
-
-    def step(self, left: float, right: float, dt: float, late: float = 0.0) -> tuple[float, float]:
-        """Return left and right wheel speed [rad/s] for wheel angles [rad]."""
 
 
 class DiffDriveController:

@@ -3,7 +3,6 @@
 
 from typing import Any, NamedTuple
 
-from wasd_core.parameter_file import check_together
 from wasd_core.parameter_file import checked
 from wasd_core.parameter_file import children
 from wasd_core.parameter_file import entries_of
@@ -12,6 +11,7 @@ from wasd_core.parameter_file import flat
 from wasd_core.parameter_file import line_of
 from wasd_core.parameter_file import NodeKind
 from wasd_core.parameter_file import read_mapping
+from wasd_core.parameter_file import together
 from wasd_core.parameters import InvalidParameter
 import yaml
 
@@ -42,9 +42,14 @@ KIND = NodeKind(
 
 
 class ControllerFile(NamedTuple):
-    """What a file says: parameters by their names here, the controller's name, what is unused."""
+    """
+    What a file says: `values` are what it gives, `parameters` those in place of defaults.
+
+    `name` is the controller's, `unused` what has no meaning here.
+    """
 
     values: dict[str, Any]
+    parameters: DiffDriveParameters
     name: str
     unused: tuple[str, ...]
 
@@ -78,8 +83,8 @@ def _read(root: yaml.MappingNode) -> ControllerFile:
         values[outward] = checked(DiffDriveParameters, outward, value, key, entry.line, ALIASES)
     if is_arbotix:
         values = {**ARBOTIX_DEFAULTS, **values}
-    check_together(DiffDriveParameters, values)
-    return ControllerFile(values, name, tuple(unused))
+    parameters = together(DiffDriveParameters, values)
+    return ControllerFile(values, parameters, name, tuple(unused))
 
 
 def translate(key: str, value: Any) -> tuple[str, Any]:

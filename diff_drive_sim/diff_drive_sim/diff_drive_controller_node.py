@@ -36,6 +36,7 @@ from wasd_core.topics import TfBroadcaster
 
 from diff_drive_sim.controller import judge_stamp
 from diff_drive_sim.controller_file import ALIASES
+from diff_drive_sim.controller_file import ControllerFile
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.controller_file import translate
 from diff_drive_sim.controller_file import UNUSED
@@ -59,9 +60,11 @@ class GivenParameters(NamedTuple):
     name: str
 
 
-def read_given(node: Node) -> GivenParameters:
+def read_given(node: Node, file: ControllerFile | None = None) -> GivenParameters:
     """
-    Read the file that the parameter `controller` names; give overrides their names here.
+    Read the file that the parameter `controller` names, unless its content is given.
+
+    Overrides get their names here.
 
     What ROS was given comes before the file. What means nothing here is said once.
 
@@ -80,12 +83,12 @@ def read_given(node: Node) -> GivenParameters:
             hint = did_you_mean(name, [*_known_names(), *ALIASES])
             node.get_logger().warning(f'unknown parameter {name!r}{hint}: ignored')
     path = overrides['controller'].value if 'controller' in overrides else ''
-    if not isinstance(path, str) or not path:
-        _say_unused(node, unused)
+    if file is None and isinstance(path, str) and path:
+        file = read_controller_file(path)
+    _say_unused(node, unused | set(() if file is None else file.unused))
+    if file is None:
         return GivenParameters(DiffDriveParameters(), '')
-    file = read_controller_file(path)
-    _say_unused(node, unused | set(file.unused))
-    return GivenParameters(DiffDriveParameters.from_mapping(file.values), file.name)
+    return GivenParameters(file.parameters, file.name)
 
 
 def _known_names() -> set[str]:
@@ -123,9 +126,10 @@ class DiffDriveControllerNode(Node):
         lock_step: bool = False,
         namespace: str = '',
         parameter_overrides: list[Parameter] | None = None,
+        file: ControllerFile | None = None,
     ) -> None:
         """
-        Take a robot, or load the one that the parameter `description` names.
+        Take a robot, or load the one that the parameter `description` names; the same of a file.
 
         Raises:
             InvalidParameter, DescriptionError, DiffDriveError: what is wrong, in one line.
@@ -135,7 +139,7 @@ class DiffDriveControllerNode(Node):
             namespace=namespace,
             parameter_overrides=parameter_overrides or [],
         )
-        given = read_given(self)
+        given = read_given(self, file)
         declared = declare_parameters(self, DiffDriveParameters, self._on_change, given.defaults)
         robot = robot or load_robot(declared.description).robot
         self._root = robot.root
@@ -152,16 +156,9 @@ class DiffDriveControllerNode(Node):
         self.cmd_vel = VelocityInput(
             self, self.settings.stamped, self._on_twist, self._on_twist_stamped, self._is_stale
         )
-        self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
-        self._tf = TfBroadcaster(self)
-        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
-        self._limited: Any = None
-        if self.settings.publish_limited_velocity:
-            self._limited = self.create_publisher(TwistStamped, '~/cmd_vel_out', RELIABLE)
         self.is_fake = self.settings.mode == 'fake'
         self._names = self._own_joint_names(alone=self.is_fake and not lock_step)
-        if self._names:
-            self._wheel_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
+        self._make_publishers()
         self.create_service(Trigger, '~/reset_odometry', self._on_reset_odometry)
         self.create_subscription(
             PoseWithCovarianceStamped, '~/set_odometry', self._on_set_odometry, RELIABLE
@@ -202,7 +199,8 @@ class DiffDriveControllerNode(Node):
         if self._names and has_listener(self._wheel_states):
             repeat = len(self._names) // 2
             positions, velocities = (
-                [*values] * repeat for values in (self.unit.angles, self.unit.wheel_velocities)
+                [*self.unit.flip(values)] * repeat
+                for values in (self.unit.angles, self.unit.wheel_velocities)
             )
             self._wheel_states.publish(to_wheel_states(self._names, positions, velocities, stamp))
 
@@ -230,6 +228,16 @@ class DiffDriveControllerNode(Node):
         """Release the node, and the second participant of cmd_vel."""
         self.cmd_vel.close()
         Node.destroy_node(self)
+
+    def _make_publishers(self) -> None:
+        self._odometry = self.create_publisher(Odometry, 'odom', RELIABLE)
+        self._tf = TfBroadcaster(self)
+        self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
+        self._limited: Any = None
+        if self.settings.publish_limited_velocity:
+            self._limited = self.create_publisher(TwistStamped, '~/cmd_vel_out', RELIABLE)
+        if self._names:
+            self._wheel_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
 
     def _stand_alone(self) -> None:
         """Step on joint_states, or in mode fake on a timer of the node's clock."""

@@ -3,19 +3,17 @@
 
 from dataclasses import replace
 import math
-from typing import Protocol
 
 from robot_description.robot import Robot
 
-from diff_drive_sim.arbotix.firmware import ArbotixFirmware
-from diff_drive_sim.arbotix.firmware import FULL_PWM
+from diff_drive_sim.arbotix.firmware import ArbotixDrive
 from diff_drive_sim.arbotix.host import LegacyController
 from diff_drive_sim.arbotix.host import setpoints_of
-from diff_drive_sim.controller import Controller
 from diff_drive_sim.controller import DiffDriveController
 from diff_drive_sim.controller import MAXIMUM_STEP
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.geometry import find_wheels
+from diff_drive_sim.geometry import Pair
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.odometry import WheelOdometry
 from diff_drive_sim.parameters import DiffDriveParameters
@@ -27,21 +25,7 @@ from diff_drive_sim.wheel_loop import wheel_motor
 from diff_drive_sim.wheel_loop import WheelLoop
 from diff_drive_sim.wheel_loop import WheelMotor
 
-Pair = tuple[float, float]
-Ticks = tuple[int, int]
-
-
-class WheelDrive(Protocol):
-    """The loops of both wheels."""
-
-    def step(self, speeds: Pair, ticks: Ticks, dt: float) -> Pair:
-        """Return duties, -1 to 1, for forward wheel speeds [rad/s]; `dt` [s] after the last."""
-
-    def set_gains(self, gains: Gains) -> None:
-        """Go on with other gains."""
-
-    def reset(self) -> None:
-        """Forget the past."""
+Controller = DiffDriveController | LegacyController
 
 
 class FloatDrive:
@@ -53,7 +37,7 @@ class FloatDrive:
             WheelLoop(gains, motor, scale, delay),
         )
 
-    def step(self, speeds: Pair, ticks: Ticks, dt: float) -> Pair:
+    def step(self, speeds: Pair, ticks: tuple[int, int], dt: float) -> Pair:
         """Return duties, -1 to 1, for forward wheel speeds [rad/s]; `dt` [s] after the last."""
         left, right = self._loops
         return left.step(speeds[0], ticks[0], dt), right.step(speeds[1], ticks[1], dt)
@@ -67,47 +51,6 @@ class FloatDrive:
         """Forget the past."""
         for loop in self._loops:
             loop.reset()
-
-
-class ArbotixDrive:
-    """
-    The board: its firmware, fed with what arbotix_driver sends.
-
-    That are set-points made from the controller's velocity, or with `legacy` its host's own.
-    """
-
-    def __init__(self, gains: Gains, controller: Controller) -> None:
-        self._controller = controller
-        self._firmware = ArbotixFirmware(gains)
-        self.reset()
-
-    def step(self, speeds: Pair, ticks: Ticks, dt: float) -> Pair:
-        """Return duties, -1 to 1; `speeds` are implied by the controller's velocity."""
-        self._time += dt
-        left, right = self._setpoints()
-        self._firmware.write(left, right, *ticks)
-        self._firmware.update(math.floor(1e3 * self._time + 1e-6), *ticks)
-        pwm = self._firmware.pwm
-        return pwm[0] / FULL_PWM, pwm[1] / FULL_PWM
-
-    def set_gains(self, gains: Gains) -> None:
-        """Go on with other gains."""
-        self._firmware.setup(gains)
-
-    def reset(self) -> None:
-        """Be as after power-on."""
-        self._time = 0.0
-        self._firmware.reset()
-
-    def _setpoints(self) -> Ticks:
-        controller = self._controller
-        if isinstance(controller, LegacyController):
-            return controller.host.setpoints
-        return setpoints_of(
-            *controller.velocity,
-            controller.geometry.wheel_separation,
-            controller.parameters.ticks_meter,
-        )
 
 
 def gains_of(parameters: DiffDriveParameters) -> Gains:
@@ -150,8 +93,9 @@ class DriveUnit:
     """
     Wheel angles in, speeds of the unloaded motors out.
 
-    Keeps the last wheel angles [rad], their speeds [rad/s] and the encoders' ticks; in mode fake
-    the wheels are its own. `notes` are what the parameters contradict, in words.
+    Both are the joints', whose signs `flip` changes; all that is inside counts forward: the last
+    wheel angles [rad], their speeds [rad/s] and the encoders' ticks. In mode fake the wheels are
+    its own. `notes` are what the parameters contradict, in words.
 
     Raises:
         DiffDriveError: the robot has no two wheels on an axle.
@@ -165,22 +109,30 @@ class DriveUnit:
         geometry, self.notes = configured(described, parameters)
         # Ticks belong to the wheel that is there, whatever radius it is believed to have.
         self._scale = parameters.ticks_meter * described.wheel_radius
-        self.controller: Controller
-        if parameters.legacy:
-            self.controller = LegacyController(geometry, parameters, self._scale)
-        else:
-            self.controller = DiffDriveController(geometry, parameters)
-        gains = gains_of(parameters)
         self.motor = wheel_motor(robot, described)
-        self._drive: WheelDrive
-        if parameters.mode == 'arbotix':
-            self._drive = ArbotixDrive(gains, self.controller)
-        else:
-            self._drive = FloatDrive(gains, self.motor, self._scale, delay)
+        self.controller, self._drive = self._make_loops(geometry, parameters, delay)
+        self.flip = geometry.flip
         self.fake = KinematicBase(geometry)
         self.angles = self.wheel_velocities = (0.0, 0.0)
-        self._directions = (geometry.left_direction, geometry.right_direction)
         self._counts_ticks = parameters.odometry_feedback == 'ticks'
+
+    def _make_loops(
+        self, geometry: DiffDriveGeometry, parameters: DiffDriveParameters, delay: int
+    ) -> tuple[Controller, FloatDrive | ArbotixDrive]:
+        """Return what turns commands into wheel speeds, and what these into duties."""
+        gains = gains_of(parameters)
+        if parameters.legacy:
+            legacy = LegacyController(geometry, parameters, self._scale)
+            return legacy, ArbotixDrive(gains, lambda: legacy.host.setpoints)
+        controller = DiffDriveController(geometry, parameters)
+        if parameters.mode != 'arbotix':
+            return controller, FloatDrive(gains, self.motor, self._scale, delay)
+        separation, scale = geometry.wheel_separation, parameters.ticks_meter
+
+        def setpoints() -> tuple[int, int]:
+            return setpoints_of(*controller.velocity, separation, scale)
+
+        return controller, ArbotixDrive(gains, setpoints)
 
     @property
     def parameters(self) -> DiffDriveParameters:
@@ -195,11 +147,8 @@ class DriveUnit:
     @property
     def ticks(self) -> tuple[int, int]:
         """What the encoders show, counting forward."""
-        left, right = (
-            count_ticks(direction * angle, self._scale)
-            for direction, angle in zip(self._directions, self.angles, strict=True)
-        )
-        return left, right
+        left, right = self.angles
+        return count_ticks(left, self._scale), count_ticks(right, self._scale)
 
     def reset(self) -> None:
         """Stand still at the origin, with no past."""
@@ -211,17 +160,13 @@ class DriveUnit:
         """
         Return the speeds [rad/s] that the motors would have without load: duty times no-load.
 
-        `left`, `right` are the wheel angles now [rad], `dt` [s] after the last ones; a command
+        `left`, `right` are the joint angles now [rad], `dt` [s] after the last ones; a command
         that has come since those came `late` [s] before these. After a gap the wheels' loops
         begin anew: they do not catch up.
         """
-        speeds = self._control(left, right, dt, late)
-        forward = (self._directions[0] * speeds[0], self._directions[1] * speeds[1])
-        duties = self._drive.step(forward, self.ticks, dt)
-        return (
-            self._directions[0] * duties[0] * self.motor.speed,
-            self._directions[1] * duties[1] * self.motor.speed,
-        )
+        speeds = self._control(*self.flip((left, right)), dt, late)
+        duties = self._drive.step(speeds, self.ticks, dt)
+        return self.flip((duties[0] * self.motor.speed, duties[1] * self.motor.speed))
 
     def step_fake(self, dt: float, late: float = 0.0) -> None:
         """
@@ -239,8 +184,7 @@ class DriveUnit:
         self.angles = (left, right)
         restarts = self.controller.restarts
         if self._counts_ticks:
-            counted = zip(self._directions, self.ticks, strict=True)
-            left, right = (direction * ticks / self._scale for direction, ticks in counted)
+            left, right = (ticks / self._scale for ticks in self.ticks)
         speeds = self.controller.step(left, right, dt, late)
         if self.controller.restarts > restarts or is_gap(dt):
             self._drive.reset()

@@ -10,6 +10,8 @@ from robot_description.morphology.wheels import TOLERANCE
 from robot_description.robot import Robot
 from wasd_core.errors import UserError
 
+Pair = tuple[float, float]
+
 
 class DiffDriveError(UserError):
     """The diff-drive controller cannot do what was asked; the text is one line."""
@@ -20,7 +22,8 @@ class DiffDriveGeometry:
     """
     Joint names of the two wheels, their radius and the distance between them [m].
 
-    A direction is -1 for a joint whose axis points to the right: it turns backward to go forward.
+    Wheel angles and speeds are forward ones here and everywhere inside this package. A direction
+    is -1 for a joint whose axis points to the right, which turns backward to go forward: `flip`.
     `axle_x`, `axle_y` are where the middle of the axle is in the robot's root frame [m];
     `speed_limit` is what the slower wheel can do [rad/s]; the multipliers are a calibration's.
     """
@@ -47,17 +50,18 @@ class DiffDriveGeometry:
         """Radius of the right wheel [m]."""
         return self.right_multiplier * self.wheel_radius
 
+    def flip(self, wheels: Pair) -> Pair:
+        """Return left and right joint angles or speeds of the wheels' forward ones, or back."""
+        return self.left_direction * wheels[0], self.right_direction * wheels[1]
+
     def wheel_speeds(self, linear: float, angular: float) -> tuple[float, float]:
         """Return left and right wheel speed [rad/s] of a twist [m/s], [rad/s]."""
         half = 0.5 * self.wheel_separation * angular
-        left = self.left_direction * (linear - half) / self.left_radius
-        right = self.right_direction * (linear + half) / self.right_radius
-        return left, right
+        return (linear - half) / self.left_radius, (linear + half) / self.right_radius
 
     def displacement(self, left: float, right: float) -> tuple[float, float]:
         """Return the path of the midpoint [m] and the turn [rad] of two wheel angles [rad]."""
-        left_path = self.left_direction * left * self.left_radius
-        right_path = self.right_direction * right * self.right_radius
+        left_path, right_path = left * self.left_radius, right * self.right_radius
         return 0.5 * (left_path + right_path), (right_path - left_path) / self.wheel_separation
 
 

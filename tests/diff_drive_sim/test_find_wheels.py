@@ -2,9 +2,11 @@
 import math
 
 from diff_drive_sim.drive import configured
+from diff_drive_sim.drive import DriveUnit
 from diff_drive_sim.geometry import DiffDriveError
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.geometry import find_wheels
+from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.parameters import WheelParameters
 import pytest
 from robot_description.description import load_robot
@@ -81,9 +83,12 @@ def test_a_calibration_corrects_each_wheel_and_the_track():
 
 def test_a_wheel_whose_axis_points_right_turns_backward_to_go_forward():
     geometry = find_wheels(robot(wheel('l', 0.2), wheel('r', -0.2, axis='0 -1 0')))
-    left, right = geometry.wheel_speeds(0.3, 0.0)
-    assert (left, right) == pytest.approx((5.0, -5.0))
-    assert geometry.displacement(left, right) == pytest.approx((0.3, 0.0))
+    forward = geometry.wheel_speeds(0.3, 0.0)
+    assert forward == pytest.approx((5.0, 5.0))
+    joints = geometry.flip(forward)
+    assert joints == pytest.approx((5.0, -5.0))
+    assert geometry.flip(joints) == forward
+    assert geometry.displacement(*forward) == pytest.approx((0.3, 0.0))
 
 
 def test_a_wheel_may_be_turned_into_place_by_its_joint():
@@ -165,8 +170,10 @@ def test_wheels_may_be_balls():
 @pytest.mark.parametrize(('linear', 'angular'), [(0.5, 0.0), (0.0, 2.0), (-0.3, 1.1)])
 def test_displacement_undoes_wheel_speeds(directions, linear, angular):
     geometry = DiffDriveGeometry('l', 'r', 0.06, 0.38, *directions)
-    speeds = geometry.wheel_speeds(linear, angular)
-    assert geometry.displacement(*speeds) == pytest.approx((linear, angular), abs=1e-15)
+    joints = geometry.flip(geometry.wheel_speeds(linear, angular))
+    assert geometry.displacement(*geometry.flip(joints)) == pytest.approx(
+        (linear, angular), abs=1e-15
+    )
 
 
 def test_a_left_turn_lets_the_right_wheel_go_faster(geometry):
@@ -180,3 +187,28 @@ def test_a_separation_that_has_been_calibrated_is_used_without_a_word():
     geometry, notes = configured(find_wheels(load_robot('mbot').robot), parameters)
     assert notes == ()
     assert geometry.wheel_separation == pytest.approx(0.38, abs=1e-6)
+
+
+MODES = {
+    'float': DiffDriveParameters(),
+    'ticks': DiffDriveParameters(odometry_feedback='ticks'),
+    'arbotix': DiffDriveParameters(mode='arbotix'),
+    'legacy': DiffDriveParameters(mode='arbotix', legacy=True),
+}
+
+
+@pytest.mark.parametrize('parameters', MODES.values(), ids=MODES)
+def test_a_drive_is_the_same_whichever_way_a_joint_counts(parameters):
+    urdf = load_robot('mbot').urdf
+    before, right = urdf.split('<joint name="right_wheel_joint"')
+    other = before + '<joint name="right_wheel_joint"' + right.replace('0 1 0', '0 -1 0', 1)
+    plain, flipped = (DriveUnit(parse_urdf(text), parameters) for text in (urdf, other))
+    for unit in (plain, flipped):
+        unit.controller.command(0.3, 0.8)
+    for step in range(200):
+        angles = 0.02 * step, 0.025 * step
+        left, right = plain.step(*angles, 0.005)
+        assert flipped.step(angles[0], -angles[1], 0.005) == (left, -right)
+    assert plain.controller.odometry_state == flipped.controller.odometry_state
+    assert plain.controller.odometry_state.x > 0.0
+    assert plain.ticks == flipped.ticks

@@ -5,7 +5,9 @@ import re
 
 import pytest
 from wasd_bringup.cli import main
-from wasd_bringup.parsers import EXAMPLES
+from wasd_bringup.parsers import examples_of
+from wasd_bringup.robots import BOTH
+from wasd_bringup.robots import ROBOTS
 
 
 def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -40,15 +42,15 @@ def test_the_help_of_a_run_has_examples_and_the_keys(
     robot: str, keys: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = said([robot, '--help'], capsys)
-    for words, _ in EXAMPLES[robot]:
+    for words, _ in examples_of(robot):
         assert f'  wasd {words}' in text
     for key in [*keys, '? all keys', 'BACKSPACE back to the start', 'Ctrl-C quit']:
         assert key in text
 
 
-@pytest.mark.parametrize('command', EXAMPLES)
+@pytest.mark.parametrize('command', ['', *ROBOTS, BOTH])
 def test_every_example_is_a_command_line_that_is_understood(command: str) -> None:
     from wasd_bringup.cli import make_parser
 
-    for words, _ in EXAMPLES[command]:
+    for words, _ in examples_of(command):
         make_parser().parse_args(words.split())

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import read_options
-from wasd_bringup.parsers import add_legged_options
 from wasd_bringup.parsers import add_run_options
+from wasd_bringup.robots import GO2
+from wasd_bringup.robots import MBOT
 from wasd_core.errors import UserError
 
 
@@ -18,8 +19,7 @@ def read(tmp_path, monkeypatch):
     """Return a function that reads options in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     parser = argparse.ArgumentParser()
-    add_run_options(parser, 'go2')
-    add_legged_options(parser)
+    add_run_options(parser, GO2)
     return lambda *words: read_options(parser.parse_args(words))
 
 
@@ -35,7 +35,7 @@ def test_defaults_are_those_of_the_contract(read):
 
 def test_a_wheeled_robot_has_no_estimator_to_choose():
     parser = argparse.ArgumentParser()
-    add_run_options(parser, 'mbot')
+    add_run_options(parser, MBOT)
     assert read_options(parser.parse_args([])).estimator == 'kalman'
     with pytest.raises(SystemExit):
         parser.parse_args(['--estimator', 'truth'])

@@ -17,14 +17,15 @@ from launch.substitutions import LaunchConfiguration
 from launch.substitutions import PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 from mujoco_sim.parameters import SimulatorParameters
-from wasd_bringup.launch_parts import KEYS_OF_THE_ROBOT
 from wasd_bringup.launch_parts import NO_KEYS
 from wasd_bringup.launch_parts import parameter_argument
+from wasd_bringup.robots import GO2
+from wasd_bringup.robots import MBOT
 
 # What is the same for both.
 SHARED = ('seed', 'speed')
 # Who has the keyboard unless asked otherwise.
-KEYS = {'go2': KEYS_OF_THE_ROBOT, 'mbot': NO_KEYS}
+KEYS = {GO2.name: GO2.preset, MBOT.name: NO_KEYS}
 
 
 def generate_launch_description():

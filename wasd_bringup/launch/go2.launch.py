@@ -19,6 +19,7 @@ from wasd_bringup.launch_parts import robot_arguments
 from wasd_bringup.launch_parts import robot_node
 from wasd_bringup.launch_parts import robot_nodes
 from wasd_bringup.launch_parts import rviz
+from wasd_bringup.robots import GO2
 
 CONTROL_RATE = LegNodeParameters().update_rate
 
@@ -29,7 +30,7 @@ def generate_launch_description():
     asked = {name: parameter_value(LegNodeParameters, name) for name in ('estimator', 'limits')}
     return LaunchDescription(
         [
-            *robot_arguments(robot='go2', keys='unitree'),
+            *robot_arguments(GO2),
             *(parameter_argument(LegNodeParameters, name) for name in asked),
             # The controller steps at each message of the simulator's.
             *robot_nodes(state_rate=CONTROL_RATE),
@@ -37,6 +38,6 @@ def generate_launch_description():
                 'quadruped_sim', 'leg_controller', description=robot, use_sim_time=True, **asked
             ),
             *keyboard(),
-            rviz('go2'),
+            rviz(GO2),
         ]
     )

@@ -21,6 +21,7 @@ from wasd_bringup.launch_parts import robot_arguments
 from wasd_bringup.launch_parts import robot_node
 from wasd_bringup.launch_parts import robot_nodes
 from wasd_bringup.launch_parts import rviz
+from wasd_bringup.robots import MBOT
 
 
 def generate_launch_description():
@@ -33,7 +34,7 @@ def generate_launch_description():
     use_sim_time = ParameterValue(has_physics, value_type=bool)
     return LaunchDescription(
         [
-            *robot_arguments(robot='mbot', keys='mbot'),
+            *robot_arguments(MBOT),
             DeclareLaunchArgument(
                 'mode',
                 default_value='',
@@ -55,6 +56,6 @@ def generate_launch_description():
                 use_sim_time=use_sim_time,
             ),
             *keyboard(use_sim_time),
-            rviz('mbot', use_sim_time),
+            rviz(MBOT, use_sim_time),
         ]
     )

@@ -34,6 +34,7 @@ import yaml
 from wasd_bringup.inputs import TWIST_RATE
 from wasd_bringup.options import keep_alone
 from wasd_bringup.options import RunOptions
+from wasd_bringup.robots import MBOT
 from wasd_bringup.session import Session
 
 # Commands last whole periods of the stream they are sent in [s].
@@ -51,7 +52,7 @@ Velocity = tuple[float, float, float]
 class SquareTest:
     """What is driven: which robot, how large the squares are, how many each way."""
 
-    description: str = 'mbot'
+    description: str = MBOT.description
     package_path: tuple[Path, ...] = ()
     side: float = 1.0  # [m]
     runs: int = 3
@@ -96,10 +97,10 @@ def drive_squares(
         file = Path(folder) / 'controller.yaml'
         file.write_text(yaml.safe_dump(parameters), encoding='utf-8')
         options = RunOptions(
-            robot='mbot',
+            robot=MBOT.name,
             description=test.description,
             package_path=test.package_path,
-            preset='mbot',
+            preset=MBOT.preset,
             mode='sim',
             controller=file if parameters else None,
             speed=0.0,
@@ -196,8 +197,7 @@ class _Square:
         base = world.base()
         yaw = float(base.rpy[2])
         x, y = (base.position[:2] + self._to_axle(yaw)).tolist()
-        left = geometry.left_direction * angles[geometry.left_joint]
-        right = geometry.right_direction * angles[geometry.right_joint]
+        left, right = geometry.flip((angles[geometry.left_joint], angles[geometry.right_joint]))
         self._rows.append((left, right, x, y, yaw))
 
     def _to_axle(self, yaw: float) -> np.ndarray:

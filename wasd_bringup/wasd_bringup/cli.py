@@ -25,19 +25,21 @@ from wasd_core.streams import print_error
 from wasd_bringup.parsers import add_both_options
 from wasd_bringup.parsers import add_calibrate_options
 from wasd_bringup.parsers import add_graph_commands
-from wasd_bringup.parsers import add_legged_options
 from wasd_bringup.parsers import add_replay_options
 from wasd_bringup.parsers import add_run_options
-from wasd_bringup.parsers import add_tuning_option
-from wasd_bringup.parsers import add_wheeled_options
-from wasd_bringup.parsers import examples
+from wasd_bringup.parsers import describe_examples
 from wasd_bringup.parsers import run_epilog
 from wasd_bringup.parsers import version
-from wasd_bringup.robots import unitree_help
+from wasd_bringup.robots import BOTH
+from wasd_bringup.robots import preset_help
+from wasd_bringup.robots import ROBOTS
 from wasd_bringup.robots import UNITREE_PRESET
 
-# The commands whose nodes can be renamed, remapped and set: `-r __ns:=/robot`, `-p name:=value`.
-TAKE_ROS_ARGUMENTS = ('go2', 'mbot')
+# What a quick test does without; tests/marking.py sets the first four by what a test uses.
+SLOW_MARKS = ('process', 'ros', 'run', 'browser', 'slow')
+# Tests wait more than they compute; a module's runs are shared by its tests.
+WORKERS = ('-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile')
+LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',))
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -45,22 +47,18 @@ def make_parser() -> argparse.ArgumentParser:
     parser = OneLineParser(
         prog='wasd',
         description='Drive simulated robots from the keyboard.',
-        epilog='\n'.join([*examples(''), '', 'wasd COMMAND --help tells more, and the keys.']),
+        epilog='\n'.join(
+            [*describe_examples(), '', 'wasd COMMAND --help tells more, and the keys.']
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument('--version', action='version', version=f'wasd {version()}')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
-    mbot = _add_run(commands, 'mbot', 'drive the wheeled robot')
-    add_run_options(mbot, robot='mbot')
-    add_wheeled_options(mbot)
-    go2 = _add_run(commands, 'go2', 'drive the legged robot')
-    add_run_options(go2, robot='go2')
-    add_legged_options(go2)
-    add_tuning_option(go2)
-    both = _add_run(commands, 'both', 'drive both in one world; TAB goes from one to the other')
-    add_both_options(both)
-    add_legged_options(both)
+    for row in ROBOTS.values():
+        add_run_options(_add_run(commands, row.name, row.summary), row)
+    both = 'drive both in one world; TAB goes from one to the other'
+    add_both_options(_add_run(commands, BOTH, both))
     demo = commands.add_parser(
         'demo', help='a scripted tour; writes pictures and a table', allow_abbrev=False
     )
@@ -95,7 +93,7 @@ def _add_run(commands: Any, name: str, summary: str) -> argparse.ArgumentParser:
         name,
         help=summary,
         description=f'{summary[0].upper()}{summary[1:]}.',
-        epilog=run_epilog(name, ros=name in TAKE_ROS_ARGUMENTS),
+        epilog=run_epilog(name),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -114,7 +112,7 @@ def print_keys(arguments: argparse.Namespace) -> int:
         unitree = f"{UNITREE_PRESET:14} the Go2's own, with its states and sticks"
         print('\n'.join([*list_presets(), unitree, '', 'wasd keys NAME prints one of them']))
     elif arguments.preset == UNITREE_PRESET:
-        print('\n'.join(unitree_help(arguments.layout)))
+        print('\n'.join(preset_help(UNITREE_PRESET, arguments.layout)))
     else:
         print('\n'.join(describe_keymap(arguments.preset, arguments.layout)))
     return 0
@@ -125,45 +123,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     prepare_streams()
     tolerate_any_text()
-    # Heavy imports wait until it is known what is wanted: errors and --help come at once.
     try:
-        if words[:1] in (['test'], ['lint'], ['bench']):
-            commands = {
-                'test': run_tests,
-                'lint': run_linters,
-                'bench': run_benchmark,
-            }
-            return commands[words[0]](words[1:])
+        if words and words[0] in CLONE_COMMANDS:
+            return CLONE_COMMANDS[words[0]](words[1:])
         words, ros_arguments = split_ros_arguments(words)
         # Nothing asked for is nothing wrong: as cargo does it, the help and status 0.
         arguments = make_parser().parse_args(words or ['--help'])
-        if ros_arguments and arguments.command not in TAKE_ROS_ARGUMENTS:
-            takers = ' and '.join(TAKE_ROS_ARGUMENTS)
+        # The commands whose nodes can be renamed, remapped and set: `-r __ns:=/robot`.
+        if ros_arguments and arguments.command not in ROBOTS:
+            takers = ' and '.join(ROBOTS)
             raise UserError(f'{arguments.command} takes no --ros-args; {takers} do')
-        if arguments.command == 'keys':
-            return print_keys(arguments)
-        if arguments.command == 'demo':
-            from robot_description.mujoco import choose_renderer
-
-            choose_renderer()  # before mujoco is imported
-            from wasd_bringup.demo import demo_command
-
-            return demo_command(arguments.output)
-        if arguments.command == 'calibrate':
-            from wasd_bringup.calibrate import calibrate_command
-
-            return calibrate_command(arguments)
-        if arguments.command == 'replay':
-            from wasd_bringup.recording.replay import replay_command
-
-            return replay_command(arguments)
-        if 'looks_into_graph' in arguments:
-            from wasd_bringup.graph.commands import run_graph_command
-
-            return run_graph_command(arguments)
-        from wasd_bringup.run_command import run_command
-
-        return run_command(arguments, ros_arguments)
+        return _act(arguments, ros_arguments)
     except UserError as error:
         print_error(error)
         return 2
@@ -173,15 +143,32 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
 
 
-if __name__ == '__main__':
-    sys.exit(main())
+def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
+    """Do what was asked for: only now is loaded what that needs, so that --help comes at once."""
+    if arguments.command == 'keys':
+        return print_keys(arguments)
+    if arguments.command == 'demo':
+        from robot_description.mujoco import choose_renderer
 
+        choose_renderer()  # before mujoco is imported
+        from wasd_bringup.demo import demo_command
 
-# What a quick test does without; tests/marking.py sets the first four by what a test uses.
-SLOW_MARKS = ('process', 'ros', 'run', 'browser', 'slow')
-# Tests wait more than they compute; a module's runs are shared by its tests.
-WORKERS = ('-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile')
-LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',))
+        return demo_command(arguments.output)
+    if arguments.command == 'calibrate':
+        from wasd_bringup.calibrate import calibrate_command
+
+        return calibrate_command(arguments)
+    if arguments.command == 'replay':
+        from wasd_bringup.recording.replay import replay_command
+
+        return replay_command(arguments)
+    if 'looks_into_graph' in arguments:
+        from wasd_bringup.graph.commands import run_graph_command
+
+        return run_graph_command(arguments)
+    from wasd_bringup.run_command import run_command
+
+    return run_command(arguments, ros_arguments)
 
 
 def run_tests(arguments: Sequence[str]) -> int:
@@ -247,3 +234,10 @@ def _clone(folder: str) -> Path:
     if not (root / folder).is_dir():
         raise UserError(f'{folder}/ comes with a clone of the repository; none at {root}')
     return root
+
+
+CLONE_COMMANDS = {'test': run_tests, 'lint': run_linters, 'bench': run_benchmark}
+
+
+if __name__ == '__main__':
+    sys.exit(main())

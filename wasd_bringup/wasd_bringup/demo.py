@@ -28,6 +28,9 @@ from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import ScriptedPush
 from wasd_bringup.options import keep_alone
 from wasd_bringup.options import RunOptions
+from wasd_bringup.robots import GO2
+from wasd_bringup.robots import MBOT
+from wasd_bringup.robots import RobotRow
 from wasd_bringup.session import Session
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
@@ -48,7 +51,7 @@ class Stop(NamedTuple):
     keys: str | None = None
     twist: str | None = None
     viewpoint: Viewpoint | None = None
-    robot: str = 'mbot'
+    robot: RobotRow = MBOT
     world: str = 'flat'
     strip: Viewpoint | None = None  # of the last gait period, seen along with the robot
     film: Viewpoint | None = None  # of the whole stop, seen along with the robot
@@ -81,7 +84,7 @@ TOUR = (
         'go2_tour',
         'Go2, keys: stand up, trot, turn, take a push',
         10.0,
-        robot='go2',
+        robot=GO2,
         keys='0.3 2\n2.5 4\n2.8 w*10\n5 l*8\n7 j*8',
         film=Viewpoint((0.0, 0.0, 0.2), 1.7, 120.0, -16.0),
         pushes=(parse_push('8.2 0 150 0 0.1'),),
@@ -90,7 +93,7 @@ TOUR = (
         'go2_trot',
         'Go2, keys: 2, 4, ten times w, then l',
         10.0,
-        robot='go2',
+        robot=GO2,
         keys='0.3 2\n2.8 4\n3.2 w*10\n6 l*4',
         strip=Viewpoint((0.0, 0.0, 0.22), 1.3, 60.0, -14.0),
     ),
@@ -98,7 +101,7 @@ TOUR = (
         'go2_move_base',
         'Go2, keys 2, 5, cmd_vel: 0.8 m/s and 0.8 rad/s',
         12.0,
-        robot='go2',
+        robot=GO2,
         keys='0.3 2\n2.8 5',
         twist='3.2 0.8 0 0\n7 0.8 0 0.8',
     ),
@@ -106,7 +109,7 @@ TOUR = (
         'go2_boxes',
         'Go2, blind over boxes of up to 5 cm',
         10.0,
-        robot='go2',
+        robot=GO2,
         world='boxes:0.05',
         keys='0.3 2\n2.8 5',
         twist='3.2 0.5 0 0',
@@ -172,10 +175,10 @@ def demo_command(output: str) -> int:
 
 def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Result:
     options = RunOptions(
-        robot=stop.robot,
-        description=stop.robot,
+        robot=stop.robot.name,
+        description=stop.robot.description,
         world=stop.world,
-        preset={'mbot': 'mbot', 'go2': 'unitree'}[stop.robot],
+        preset=stop.robot.preset,
         keys=tuple(parse_key_script(stop.keys, stop.name)) if stop.keys else None,
         twists=tuple(parse_twist_script(stop.twist, stop.name)) if stop.twist else None,
         pushes=stop.pushes,

@@ -29,15 +29,12 @@ from wasd_core.topics import TfBroadcaster
 from wasd_bringup.inputs import Player
 from wasd_bringup.inputs import TWIST_RATE
 from wasd_bringup.inputs import TwistPlayer
-from wasd_bringup.options import is_fake
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import build_report
 from wasd_bringup.report import Recorder
 from wasd_bringup.report import SAMPLE_PERIOD
+from wasd_bringup.robots import ROBOTS
 from wasd_bringup.stack import make_stack
-
-# Where robots that share a world start [m].
-PLACES = {'go2': (0.0, 0.6), 'mbot': (0.0, -0.6)}
 
 
 class DrivenRobot:
@@ -162,7 +159,7 @@ def build_worlds(
     setups = [_setup(part, robot) for part, robot in zip(parts, loaded, strict=True)]
     visuals = visuals or any(has_camera(robot.robot) for robot in loaded)
     if len(parts) == 1:
-        built = loaded[0].with_stand_in_masses() if is_fake(options) else loaded[0]
+        built = loaded[0].with_stand_in_masses() if options.is_fake else loaded[0]
         world = build_world(built, options.world, options.seed, setups[0], visuals)
         return [(options, loaded[0], world)]
     prefixes = [f'{part.namespace}/' for part in parts]
@@ -183,9 +180,10 @@ def _load(options: RunOptions) -> Description:
 
 def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
     setup = usual_setup(loaded, noise=options.estimator == 'kalman')
-    if not options.namespace:
+    place = ROBOTS[options.robot].place
+    if not options.namespace or place is None:
         return setup
-    return dataclasses.replace(setup, place=PLACES[options.robot])
+    return dataclasses.replace(setup, place=place)
 
 
 def _overrides(options: RunOptions) -> list[Parameter]:

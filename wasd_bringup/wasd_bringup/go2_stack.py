@@ -1,14 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped's nodes in one process: leg controller, and keys to velocity where a preset asks."""
 
-import time
-
-from geometry_msgs.msg import Twist
 from mujoco_sim.simulation import Schedule
-from mujoco_sim.simulation import TickStatistics
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
-from nav_msgs.msg import Odometry
 from quadruped_sim.algebra import matrix_from_quaternion
 from quadruped_sim.algebra import rpy_from_matrix
 from quadruped_sim.keys import KeyWords
@@ -18,7 +13,6 @@ from quadruped_sim.keys import STICK_KEYS
 from quadruped_sim.keys import ZERO_KEYS
 from quadruped_sim.leg_controller_node import LegControllerNode
 from rclpy.logging import LoggingSeverity
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from std_msgs.msg import String
@@ -30,8 +24,6 @@ from teleop_keyboard.dashboard import Status
 from teleop_keyboard.key_names import on_layout
 from teleop_keyboard.key_names import on_qwerty
 from teleop_keyboard.key_names import STOP_KEY
-from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
-from wasd_core.topics import RELIABLE
 
 from wasd_bringup.inputs import RESET_KEY
 from wasd_bringup.options import RunOptions
@@ -39,12 +31,13 @@ from wasd_bringup.report import Sample
 from wasd_bringup.robots import unitree_first_keys
 from wasd_bringup.robots import unitree_help
 from wasd_bringup.robots import UNITREE_PRESET
+from wasd_bringup.stack import Stack
 
 # States in which the robot is being driven.
 DRIVEN = ('trotting', 'move base')
 
 
-class Go2Stack:
+class Go2Stack(Stack):
     """
     What walks a quadruped: `press` takes keys, `drive` velocities; `schedule` has it stepped.
 
@@ -55,28 +48,13 @@ class Go2Stack:
     has_states = True
 
     def __init__(self, loaded: Description, world: World, options: RunOptions) -> None:
-        self.estimator = options.estimator
-        self._world = world
         self._layout = options.layout
         self._legs = _make_legs(loaded, world, options)
+        super().__init__(world, options, self._legs)
         quadruped = self._legs.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)
         size = self._legs.controller.model.scale.of('m')
         self.camera = CameraView(distance=1.8 * size, azimuth=130.0, elevation=-20.0)
-        self._twists = self._legs.create_publisher(Twist, 'cmd_vel', RELIABLE)
-        self._teleop: KeysToTwistNode | None = None
-        self.nodes: list[Node] = [self._legs]
-        if options.preset != UNITREE_PRESET:
-            self._teleop = KeysToTwistNode(
-                lock_step=True,
-                namespace=options.namespace,
-                parameter_overrides=[
-                    Parameter('preset', value=options.preset),
-                    Parameter('layout', value=options.layout),
-                ],
-            )
-            self._teleop.receivers.append(self._legs.cmd_vel.put)
-            self.nodes.append(self._teleop)
         self._legs.controller.words = self._key_words()
         self._hints = None if self._teleop is None else KeyHints(self._teleop.logic, HELP_KEY)
         self.notice = self._legs.notice
@@ -84,7 +62,6 @@ class Go2Stack:
             # What it refuses is in the status line; a log would break that line.
             self._legs.get_logger().set_level(LoggingSeverity.ERROR)
         self._was_up = False
-        self.ticks = TickStatistics(self.period)
 
     @property
     def period(self) -> float:
@@ -107,11 +84,6 @@ class Go2Stack:
         keys = driving_keys(self._teleop.logic.keymap)
         return f'press 2 to stand, 5 to drive; then {keys} (forward, back, left, right)'
 
-    @property
-    def state(self) -> str:
-        """The leg controller's state."""
-        return self._legs.controller.state
-
     def press(self, message: String) -> None:
         """Take a key; the leg controller knows those of qwerty."""
         key = ZERO_KEYS[0] if message.data == STOP_KEY else on_qwerty(message.data, self._layout)
@@ -123,10 +95,6 @@ class Go2Stack:
         if self.state == StateName.MOVE_BASE and is_ours:
             self.notice.say(self._hints.press(message.data))
 
-    def takes(self, key: str) -> bool:
-        """Return whether a key means something of its own to this robot."""
-        return self._teleop is not None and key in self._teleop.logic.keymap.keys
-
     @property
     def stop_key(self) -> str:
         """The key that ends every motion that keys have set going."""
@@ -136,39 +104,17 @@ class Go2Stack:
         """Whether a press of this key ends every motion that keys have set going."""
         if self._teleop is None:
             return key in ZERO_KEYS
-        return key == STOP_KEY or (key in ZERO_KEYS and self._teleop.logic.stops(key))
+        return key == STOP_KEY or (key in ZERO_KEYS and super().stops(key))
 
     def latches(self, key: str) -> bool:
         """Whether what a press of this key sets moving goes on when the key is let go."""
-        if on_qwerty(key, self._layout).lower() in STICK_KEYS:
-            return True
-        return self._teleop is not None and self._teleop.logic.latches(key)
-
-    def drive(self, velocity: tuple[float, float, float]) -> None:
-        """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
-        message = Twist()
-        message.linear.x, message.linear.y, message.angular.z = velocity
-        self._legs.cmd_vel.put(message)
-        self._twists.publish(message)
-
-    def schedule(self, schedule: Schedule) -> None:
-        """Have the nodes stepped on simulated time: ramps, then legs, then odometry."""
-        if self._teleop is not None:
-            teleop, period = self._teleop, 1.0 / self._teleop.logic.rate
-            schedule.every(period, lambda: teleop.step(period))
-        schedule.every(self.period, self._control)
-        schedule.every(1.0 / self._legs.settings.publish_rate, self._legs.publish_odometry)
+        return on_qwerty(key, self._layout).lower() in STICK_KEYS or super().latches(key)
 
     def reset(self) -> None:
         """Forget the past: state, estimate, commands."""
         self._was_up = False
         self._legs.reset()
-        if self._teleop is not None:
-            self._teleop.logic.reset()
-
-    def odometry(self) -> Odometry | None:
-        """Return odom as it is published in this instant; None before there is any."""
-        return self._legs.odometry()
+        super().reset()
 
     def sample(self) -> Sample:
         """Return this instant for the report."""
@@ -195,14 +141,13 @@ class Go2Stack:
     def halt(self) -> None:
         """Command standstill, now and in the last word on cmd_vel, until the next key."""
         self._legs.controller.sticks.zero()
-        if self._teleop is not None:
-            self._teleop.close()
+        super().halt()
 
-    def close(self) -> None:
-        """Stop the robot: the last cmd_vel is zero, the legs go passive."""
-        if self._teleop is not None:
-            self._teleop.close()
-        self._legs.close()
+    def _keys_are_velocities(self, options: RunOptions) -> bool:
+        return options.preset != UNITREE_PRESET
+
+    def _schedule_publishing(self, schedule: Schedule) -> None:
+        schedule.every(1.0 / self._legs.settings.publish_rate, self._legs.publish_odometry)
 
     def _key_words(self) -> KeyWords:
         """Return what the legs tell of keys, some of which may be the keymap's."""
@@ -231,13 +176,11 @@ class Go2Stack:
         return trunk_touches and self._was_up
 
     def _control(self) -> None:
-        started = time.perf_counter()
         world = self._world
         truth = world.base_since_start() if self.estimator == 'truth' else None
         names = world.joint_names, world.motor_names
         command = self._legs.control(world.read(), *names, self.period, truth)
         world.apply(command)
-        self.ticks.add(time.perf_counter() - started)
 
 
 def _make_legs(loaded: Description, world: World, options: RunOptions) -> LegControllerNode:

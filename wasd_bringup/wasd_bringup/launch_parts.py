@@ -24,11 +24,13 @@ from wasd_core.parameters import known_parameters
 from wasd_core.parameters import Parameters
 
 from wasd_bringup.options import NAMESPACED
+from wasd_bringup.robots import RobotRow
 from wasd_bringup.robots import unitree_help
+from wasd_bringup.robots import UNITREE_PRESET
 
 UNITREE_HELP = '\n'.join(unitree_help('qwerty'))
 # Values of the argument `keys` that are no keymap.
-KEYS_OF_THE_ROBOT, NO_KEYS = 'unitree', 'none'
+KEYS_OF_THE_ROBOT, NO_KEYS = UNITREE_PRESET, 'none'
 
 
 def parameter_argument(definition: type[Parameters], name: str) -> DeclareLaunchArgument:
@@ -49,12 +51,14 @@ def parameter_value(definition: type[Parameters], name: str) -> ParameterValue:
     return ParameterValue(LaunchConfiguration(name), value_type=type(field.default))
 
 
-def robot_arguments(robot: str, keys: str) -> list[DeclareLaunchArgument]:
-    """Return the arguments that all robots have; `robot` and `keys` are the defaults."""
+def robot_arguments(robot: RobotRow) -> list[DeclareLaunchArgument]:
+    """Return the arguments that all robots have, with the defaults of one."""
     usual = PathJoinSubstitution([FindPackageShare('wasd_bringup'), 'launch', 'simulated.yaml'])
     return [
         DeclareLaunchArgument(
-            'rname', default_value=robot, description="The tutorial's name for `description`."
+            'rname',
+            default_value=robot.description,
+            description="The tutorial's name for `description`.",
         ),
         DeclareLaunchArgument(
             'description',
@@ -72,7 +76,7 @@ def robot_arguments(robot: str, keys: str) -> list[DeclareLaunchArgument]:
         ),
         DeclareLaunchArgument(
             'keys',
-            default_value=keys,
+            default_value=robot.preset,
             description='Keyboard of this terminal: a keymap (see `wasd keys`), '
             f'{KEYS_OF_THE_ROBOT} for the keys of the Go2 itself, {NO_KEYS} for no keyboard.',
         ),
@@ -140,9 +144,9 @@ def keyboard(use_sim_time: Any = True) -> list[Node]:
     ]
 
 
-def rviz(robot: str, use_sim_time: Any = True) -> Node:
+def rviz(robot: RobotRow, use_sim_time: Any = True) -> Node:
     """Return RViz with the configuration of a robot."""
-    path = PathJoinSubstitution([FindPackageShare('wasd_bringup'), 'rviz', f'{robot}.rviz'])
+    path = PathJoinSubstitution([FindPackageShare('wasd_bringup'), 'rviz', f'{robot.name}.rviz'])
     return Node(
         package='rviz2',
         executable='rviz2',

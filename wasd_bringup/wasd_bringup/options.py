@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run is asked to be: the options of `wasd mbot` (and `go2`), checked and read."""
+"""What a run is asked to be: the options of `wasd go2` and the like, checked and read."""
 
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import field
 from dataclasses import replace
+import functools
 import math
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
@@ -24,9 +26,14 @@ from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import ScriptedPush
 from wasd_bringup.inputs import ScriptedTwist
+from wasd_bringup.robots import BOTH
+from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import robots_of
+from wasd_bringup.robots import WHEELED
 
-# The robots and their usual keymaps.
-PRESETS = {'go2': 'unitree', 'mbot': 'mbot'}
+if TYPE_CHECKING:
+    from diff_drive_sim.controller_file import ControllerFile
+
 # What a namespace keeps apart, too: a robot alone in its world has its own time and frames.
 NAMESPACED = (('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static'))
 # Values of --discovery; rcl knows them in capitals.
@@ -81,13 +88,55 @@ class RunOptions:
         """Whether keys or velocities come from a file."""
         return self.keys is not None or self.twists is not None
 
+    @functools.cached_property
+    def drive_file(self) -> 'ControllerFile | None':
+        """
+        What the file of --controller says of wheels; it is read once.
+
+        Raises:
+            InvalidParameter: what is wrong with it.
+        """
+        if self.controller is None or ROBOTS[self.robot].kind is not WHEELED:
+            return None
+        # Here, because it loads YAML and numpy, which --help does without.
+        from diff_drive_sim.controller_file import read_controller_file
+
+        return read_controller_file(str(self.controller))
+
+    @property
+    def drive_mode(self) -> str | None:
+        """
+        The mode that the command line asks for; None: the file's, or the default.
+
+        `sim` is whichever loop the file asks for, as long as there is one.
+        """
+        if self.mode != 'sim':
+            return self.mode
+        return 'float' if self._mode_of_file == 'fake' else None
+
+    @property
+    def is_fake(self) -> bool:
+        """Whether the robot is to move without physics."""
+        return (self.mode or self._mode_of_file) == 'fake'
+
+    @property
+    def _mode_of_file(self) -> str | None:
+        file = self.drive_file
+        return None if file is None else file.parameters.mode
+
     def per_robot(self) -> tuple['RunOptions', ...]:
-        """Return the options of each robot: themselves, or those of the two of `both`."""
-        if self.robot != 'both':
+        """Return the options of each robot: themselves, or those of the robots of `both`."""
+        if self.robot != BOTH:
             return (self,)
         return tuple(
-            replace(self, robot=name, description=name, namespace=name, preset=preset)
-            for name, preset in PRESETS.items()
+            replace(
+                self,
+                robot=row.name,
+                description=row.description,
+                namespace=row.name,
+                preset=row.preset,
+            )
+            for row in robots_of(self.robot)
         )
 
 
@@ -206,40 +255,6 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, OutputFile | None]:
             inputs.append((f'--{name}', path))
     check_apart([output for output in outputs.values() if output is not None], inputs)
     return outputs
-
-
-def drive_mode(options: RunOptions) -> str | None:
-    """
-    Return the mode that the command line asks for; None: the file's, or the default.
-
-    `sim` is whichever loop the file asks for, as long as there is one.
-
-    Raises:
-        InvalidParameter: what is wrong with the file.
-    """
-    if options.mode != 'sim':
-        return options.mode
-    return 'float' if _mode_of_file(options) == 'fake' else None
-
-
-def is_fake(options: RunOptions) -> bool:
-    """
-    Whether the robot is to move without physics.
-
-    Raises:
-        InvalidParameter: what is wrong with the file.
-    """
-    return (options.mode or _mode_of_file(options)) == 'fake'
-
-
-def _mode_of_file(options: RunOptions) -> str | None:
-    if options.controller is None or options.robot == 'go2':
-        return None  # legs have no mode
-    # Here, because it loads YAML and numpy, which --help does without.
-    from diff_drive_sim.controller_file import read_controller_file
-
-    mode = read_controller_file(str(options.controller)).values.get('mode')
-    return str(mode) if mode is not None else None
 
 
 def keep_alone() -> None:

@@ -7,58 +7,58 @@ from typing import Any
 
 from mujoco_sim.parameters import WORLD_NAMES
 from teleop_keyboard.key_names import LAYOUTS
-from teleop_keyboard.keymap_file import load_preset
 
 from wasd_bringup.inputs import KEY_LINE
 from wasd_bringup.inputs import SWITCH_LINE
-from wasd_bringup.options import PRESETS
 from wasd_bringup.options import RANGES
-from wasd_bringup.robots import unitree_help
+from wasd_bringup.robots import add_legged_options
+from wasd_bringup.robots import BOTH
+from wasd_bringup.robots import MBOT
+from wasd_bringup.robots import preset_help
+from wasd_bringup.robots import RobotRow
+from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import robots_of
+
+Examples = tuple[tuple[str, str], ...]
 
 # One wheel holds all packages; in a ROS workspace each is by itself.
 DISTRIBUTIONS = ('wasd', 'wasd_bringup')
-EXAMPLES = {
-    '': (
-        ('go2', 'stand, trot and walk a Unitree Go2'),
-        ('mbot --preset wasd', 'drive a small wheeled robot'),
-        ('demo', 'watch both, without a key'),
-    ),
-    'go2': (
-        ('go2', '2 stand, 4 trot, w walk'),
-        ('go2 --world stairs:0.1', 'up and down steps of 10 cm'),
-        ('go2 --preset wasd', '2 stand, 5 drive: a key counts while it is down'),
-    ),
-    'mbot': (
-        ('mbot', "the tutorial's keys: i , j l"),
-        ('mbot --preset wasd', 'w a s d drive'),
-        ('mbot --description my_robot.urdf.xacro', 'a robot of your own'),
-    ),
-    'both': (
-        ('both', 'TAB goes from one to the other'),
-        ('both --world room', 'in a room'),
-        ('both --record run.mcap', 'to be shown again: wasd replay run.mcap'),
-    ),
-}
+EXAMPLES = (
+    ('go2', 'stand, trot and walk a Unitree Go2'),
+    ('mbot --preset wasd', 'drive a small wheeled robot'),
+    ('demo', 'watch both, without a key'),
+)
+BOTH_EXAMPLES = (
+    ('both', 'TAB goes from one to the other'),
+    ('both --world room', 'in a room'),
+    ('both --record run.mcap', 'to be shown again: wasd replay run.mcap'),
+)
 ROS = '--ros-args ... goes to the nodes: -r __ns:=/robot1, -r odom:=wheel_odom, -p name:=value'
 
 
-def examples(command: str) -> list[str]:
-    """Return the examples of a command, or of the whole ('')."""
-    rows = EXAMPLES[command]
-    width = max(len(words) for words, _ in rows)
+def examples_of(command: str = '') -> Examples:
+    """Return the examples of a command that runs robots, or of the whole: words, what they do."""
+    if not command:
+        return EXAMPLES
+    return BOTH_EXAMPLES if command == BOTH else ROBOTS[command].examples
+
+
+def describe_examples(command: str = '') -> list[str]:
+    """Return the examples of a command as lines."""
+    rows = examples_of(command)
+    width = max((len(words) for words, _ in rows), default=0)
     return ['examples:', *(f'  wasd {words:{width}}  {what}' for words, what in rows)]
 
 
-def run_epilog(robot: str, ros: bool = True) -> str:
+def run_epilog(command: str) -> str:
     """Return what stands below the options of a command that runs robots."""
-    lines = examples(robot)
-    for name, preset in PRESETS.items():
-        if robot in (name, 'both'):
-            lines += ['', f'keys of {name}, --preset {preset} (others: wasd keys):']
-            lines += [f'  {line}' for line in _keys(preset) if line]
-    switch = [SWITCH_LINE] if robot == 'both' else []
+    lines = describe_examples(command)
+    for row in robots_of(command):
+        lines += ['', f'keys of {row.name}, --preset {row.preset} (others: wasd keys):']
+        lines += [f'  {line}' for line in preset_help(row.preset) if line]
+    switch = [SWITCH_LINE] if command == BOTH else []
     lines += [f'  {line}' for line in (*switch, KEY_LINE)]
-    return '\n'.join([*lines, '', ROS] if ros else lines)
+    return '\n'.join(lines if command == BOTH else [*lines, '', ROS])
 
 
 def version() -> str:
@@ -71,19 +71,17 @@ def version() -> str:
     return 'of unknown version'
 
 
-def _keys(preset: str) -> tuple[str, ...]:
-    return unitree_help('qwerty') if preset == 'unitree' else load_preset(preset).help_lines
-
-
-MODES = ('sim', 'fake', 'float', 'arbotix')
 VIEWERS = ('web', 'native', 'none')
 
 
-def add_run_options(parser: argparse.ArgumentParser, robot: str) -> None:
+def add_run_options(parser: argparse.ArgumentParser, row: RobotRow) -> None:
     """Declare the options of a robot's command."""
-    parser.set_defaults(robot=robot)
+    parser.set_defaults(robot=row.name)
     parser.add_argument(
-        '--description', default=robot, metavar='PATH', help='a xacro or URDF of your own'
+        '--description',
+        default=row.description,
+        metavar='PATH',
+        help='a xacro or URDF of your own',
     )
     parser.add_argument(
         '--package-path',
@@ -104,9 +102,8 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str) -> None:
         action='store_true',
         help='refuse a description whose meshes are not where it says',
     )
-    preset = PRESETS[robot]
     parser.add_argument(
-        '--preset', default=preset, metavar='NAME', help=f'keymap (default: {preset})'
+        '--preset', default=row.preset, metavar='NAME', help=f'keymap (default: {row.preset})'
     )
     parser.add_argument('--twist', metavar='FILE', help='scripted velocities: "t vx vy wz"')
     parser.add_argument(
@@ -117,13 +114,14 @@ def add_run_options(parser: argparse.ArgumentParser, robot: str) -> None:
         help='a force on the robot, world frame [N] (repeatable)',
     )
     _add_shared_options(parser)
+    row.kind.add_options(parser)
 
 
 def add_both_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of the command for both robots, which are the built-in ones."""
+    """Declare the options of the command for several robots, which are the built-in ones."""
     parser.set_defaults(
-        robot='both',
-        description='both',
+        robot=BOTH,
+        description=BOTH,
         package_path=[],
         xacro_arg=[],
         strict=False,
@@ -132,6 +130,7 @@ def add_both_options(parser: argparse.ArgumentParser) -> None:
         push=[],
     )
     _add_shared_options(parser)
+    add_legged_options(parser)
 
 
 def _add_shared_options(parser: argparse.ArgumentParser) -> None:
@@ -185,47 +184,13 @@ def add_replay_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_wheeled_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what only a wheeled robot's command has."""
-    parser.add_argument(
-        '--mode',
-        choices=MODES,
-        help='fake: no physics, wheels do as told; sim: physics, a PID loop turns the wheels '
-        '(float; default); arbotix: physics, and the integer loop of the ArbotiX board',
-    )
-    parser.add_argument(
-        '--controller',
-        metavar='FILE',
-        help="YAML with the drive's parameters: arbotix's, ros2_controllers' or your own",
-    )
-
-
-def add_tuning_option(parser: argparse.ArgumentParser) -> None:
-    """Declare the option that gives one legged robot other parameters."""
-    parser.add_argument(
-        '--controller', metavar='FILE', help="YAML with the leg controller's parameters"
-    )
-
-
-def add_legged_options(parser: argparse.ArgumentParser) -> None:
-    """Declare what only a legged robot's command has."""
-    parser.add_argument(
-        '--estimator',
-        choices=('kalman', 'truth'),
-        default='kalman',
-        help='what feeds the controller: IMU and legs (default), or the simulator without noise',
-    )
-    parser.add_argument(
-        '--limits',
-        choices=('sport', 'guide'),
-        help="full stick: what the controller is good for (default), or unitree_guide's",
-    )
-
-
 def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `wasd calibrate`."""
     parser.add_argument(
-        '--description', default='mbot', metavar='PATH', help='a xacro or URDF of your own'
+        '--description',
+        default=MBOT.description,
+        metavar='PATH',
+        help='a xacro or URDF of your own',
     )
     parser.add_argument(
         '--package-path', action='append', default=[], metavar='DIR', help='as of wasd mbot'

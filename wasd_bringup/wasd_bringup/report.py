@@ -16,6 +16,8 @@ from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 from wasd_core.output_file import OutputFile
 
+from wasd_bringup.robots import BOTH
+
 # Bytes that are copied at a time.
 PIECE = 1 << 20
 
@@ -182,7 +184,7 @@ def join_reports(reports: Sequence[dict[str, Any]]) -> dict[str, Any]:
     shared = ('schema', 'world', 'seed', 'sim_time', 'wall_time', 'real_time_factor')
     return {
         **{key: reports[0][key] for key in shared},
-        'robot': 'both',
+        'robot': BOTH,
         'robots': {report['robot']: report for report in reports},
     }
 

@@ -1,28 +1,153 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Go2's own keyboard, unitree_guide's: states and sticks, on any layout."""
+"""
+The robots that have a command of their own: a row each in ROBOTS.
+
+A row is all that such a robot needs: `wasd NAME` with its options and help, its nodes, its keys,
+its place beside others. This module loads neither ROS nor the simulator.
+"""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from quadruped_sim.keys import STICK_KEYS
 from teleop_keyboard.key_names import on_layout
+from teleop_keyboard.keymap_file import load_preset
 
 UNITREE_PRESET = 'unitree'
-HELP = (
+UNITREE_HELP = (
     '2 stand   4 trot   5 move base (cmd_vel)   1 passive',
     '3 free stand   0 balance test   9 swing test   8 step test',
     '{w}/{s} forward, backward   {a}/{d} left, right   {j}/{l} turn   {i}/{k} height'
     '   space: centre',
     'First 2, then 4, then {w}.',
 )
-FIRST_KEYS = 'press 2 to stand, 4 to trot; then {w} {s} {a} {d} walk, {j} {l} turn, space stops'
+UNITREE_FIRST_KEYS = (
+    'press 2 to stand, 4 to trot; then {w} {s} {a} {d} walk, {j} {l} turn, space stops'
+)
+MODES = ('sim', 'fake', 'float', 'arbotix')
+
+Parser = argparse.ArgumentParser
+
+
+def add_legged_options(parser: Parser) -> None:
+    """Declare what the commands of legged robots have, also the one of several robots."""
+    parser.add_argument(
+        '--estimator',
+        choices=('kalman', 'truth'),
+        default='kalman',
+        help='what feeds the controller: IMU and legs (default), or the simulator without noise',
+    )
+    parser.add_argument(
+        '--limits',
+        choices=('sport', 'guide'),
+        help="full stick: what the controller is good for (default), or unitree_guide's",
+    )
+
+
+def _add_leg_options(parser: Parser) -> None:
+    add_legged_options(parser)
+    parser.add_argument(
+        '--controller', metavar='FILE', help="YAML with the leg controller's parameters"
+    )
+
+
+def _add_wheel_options(parser: Parser) -> None:
+    parser.add_argument(
+        '--mode',
+        choices=MODES,
+        help='fake: no physics, wheels do as told; sim: physics, a PID loop turns the wheels '
+        '(float; default); arbotix: physics, and the integer loop of the ArbotiX board',
+    )
+    parser.add_argument(
+        '--controller',
+        metavar='FILE',
+        help="YAML with the drive's parameters: arbotix's, ros2_controllers' or your own",
+    )
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What robots of one build share: the class of their nodes, and options of their commands."""
+
+    stack: str  # module:class, loaded when such a robot runs
+    add_options: Callable[[Parser], None]
+
+
+LEGGED = Kind('wasd_bringup.go2_stack:Go2Stack', _add_leg_options)
+WHEELED = Kind('wasd_bringup.mbot_stack:MbotStack', _add_wheel_options)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotRow:
+    """
+    One robot: `wasd NAME` runs it.
+
+    `description` is a built-in name or a file, `preset` its usual keymap, `examples` are words
+    after `wasd` and what they do. `place` is where it starts [m] in a world that several robots
+    share, as those of `wasd both`; without one it is none of these.
+    """
+
+    name: str
+    kind: Kind
+    summary: str
+    description: str
+    preset: str
+    examples: tuple[tuple[str, str], ...] = ()
+    place: tuple[float, float] | None = None
+
+
+GO2 = RobotRow(
+    name='go2',
+    kind=LEGGED,
+    summary='drive the legged robot',
+    description='go2',
+    preset=UNITREE_PRESET,
+    examples=(
+        ('go2', '2 stand, 4 trot, w walk'),
+        ('go2 --world stairs:0.1', 'up and down steps of 10 cm'),
+        ('go2 --preset wasd', '2 stand, 5 drive: a key counts while it is down'),
+    ),
+    place=(0.0, 0.6),
+)
+MBOT = RobotRow(
+    name='mbot',
+    kind=WHEELED,
+    summary='drive the wheeled robot',
+    description='mbot',
+    preset='mbot',
+    examples=(
+        ('mbot', "the tutorial's keys: i , j l"),
+        ('mbot --preset wasd', 'w a s d drive'),
+        ('mbot --description my_robot.urdf.xacro', 'a robot of your own'),
+    ),
+    place=(0.0, -0.6),
+)
+ROBOTS: dict[str, RobotRow] = {row.name: row for row in (GO2, MBOT)}
+# The command that runs all robots with a place, and what reports and recordings call these.
+BOTH = 'both'
+
+
+def robots_of(command: str) -> list[RobotRow]:
+    """Return the robots that a command runs."""
+    if command != BOTH:
+        return [ROBOTS[command]]
+    return [row for row in ROBOTS.values() if row.place is not None]
+
+
+def preset_help(preset: str, layout: str = 'qwerty') -> tuple[str, ...]:
+    """Return the keys of a preset in words; those of `unitree` are no keymap's."""
+    return unitree_help(layout) if preset == UNITREE_PRESET else load_preset(preset).help_lines
 
 
 def unitree_help(layout: str) -> tuple[str, ...]:
-    """Return the keys in words; the first two lines are those of the states."""
-    return tuple(line.format_map(_names(layout)) for line in HELP)
+    """Return unitree_guide's keys in words; the first two lines are those of the states."""
+    return tuple(line.format_map(_names(layout)) for line in UNITREE_HELP)
 
 
 def unitree_first_keys(layout: str) -> str:
     """Return the keys to press first."""
-    return FIRST_KEYS.format_map(_names(layout))
+    return UNITREE_FIRST_KEYS.format_map(_names(layout))
 
 
 def _names(layout: str) -> dict[str, str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`wasd mbot`: one robot, driven from the terminal, the page, a pipe or a script."""
+"""`wasd go2` and the like: robots, driven from the terminal, the page, a pipe or a script."""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -29,6 +29,7 @@ from wasd_bringup.options import choose_range
 from wasd_bringup.options import NAMESPACED
 from wasd_bringup.options import read_options
 from wasd_bringup.options import RunOptions
+from wasd_bringup.robots import BOTH
 from wasd_bringup.session import Session
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ def own_place(options: RunOptions, ros_arguments: Sequence[str]) -> Iterator[Non
         yield
         return
     namespaces = namespaces_of(ros_arguments)
-    if options.robot == 'both':  # /clock and /tf are those of the root
+    if options.robot == BOTH:  # /clock and /tf are those of the root
         namespaces += [f'/{robot.namespace}' for robot in options.per_robot()]
     place, words = claim_domain(os.environ, namespaces, './wasd topics')
     if words:

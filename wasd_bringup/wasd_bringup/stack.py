@@ -1,88 +1,177 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a session needs of the nodes that drive a robot, and which robot gets which."""
+"""The nodes that drive one robot in lock-step: what all robots share of them."""
 
-from typing import Protocol
+from abc import ABC
+from abc import abstractmethod
+import importlib
+import time
+from typing import Any
 
+from geometry_msgs.msg import Twist
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.simulation import TickStatistics
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from robot_description.description import Description
 from std_msgs.msg import String
 from teleop_keyboard.dashboard import Status
+from teleop_keyboard.key_names import STOP_KEY
+from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.timing import Notice
+from wasd_core.topics import RELIABLE
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
+from wasd_bringup.robots import ROBOTS
+
+Velocity = tuple[float, float, float]
 
 
-class Stack(Protocol):
-    """The nodes that drive one robot in lock-step."""
+class Stack(ABC):
+    """
+    A robot's controller, and where keys are velocities the node that makes them so.
 
-    estimator: str
-    has_states: bool  # whether keys are more than velocities
+    `press` takes keys, `drive` takes velocities; `schedule` has all of it stepped on simulated
+    time: keys, then the controller, then odometry.
+    """
+
+    has_states = False  # whether keys are more than velocities
     camera: CameraView
-    nodes: list[Node]
-    ticks: TickStatistics
     notice: Notice  # what is said to the driver; the session lets its time pass
 
-    @property
-    def stop_key(self) -> str:
-        """The key that ends every motion that keys have set going."""
+    def __init__(
+        self, world: World, options: RunOptions, controller: Any, twist_type: type[Any] = Twist
+    ) -> None:
+        """Take a robot's world and the node of its controller, which has `cmd_vel.put`."""
+        self._world = world
+        self._controller = controller
+        self.estimator = options.estimator
+        self._teleop: KeysToTwistNode | None = None
+        self.nodes: list[Node] = [controller]
+        if self._keys_are_velocities(options):
+            self._teleop = _make_teleop(options)
+            self._teleop.receivers.append(controller.cmd_vel.put)
+            self.nodes.append(self._teleop)
+        self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
+        self.ticks = TickStatistics(self.period)
 
     @property
+    @abstractmethod
     def period(self) -> float:
         """The controller's period [s]."""
 
     @property
+    @abstractmethod
     def help_lines(self) -> tuple[str, ...]:
         """The keys, for the terminal and the page."""
 
     @property
+    @abstractmethod
     def first_keys(self) -> str:
         """The keys to press first."""
 
     @property
     def state(self) -> str:
         """The controller's state."""
+        state: str = self._controller.controller.state
+        return state
 
+    @property
+    def stop_key(self) -> str:
+        """The key that ends every motion that keys have set going."""
+        return STOP_KEY
+
+    @abstractmethod
     def press(self, message: String) -> None:
         """Take a key."""
 
+    def takes(self, key: str) -> bool:
+        """Return whether a key means something of its own to this robot."""
+        return self._teleop is not None and key in self._teleop.logic.keymap.keys
+
     def stops(self, key: str) -> bool:
         """Whether a press of this key ends every motion that keys have set going."""
+        return self._teleop is not None and self._teleop.logic.stops(key)
 
     def latches(self, key: str) -> bool:
         """Whether what a press of this key sets moving goes on when the key is let go."""
+        return self._teleop is not None and self._teleop.logic.latches(key)
 
-    def drive(self, velocity: tuple[float, float, float]) -> None:
+    def drive(self, velocity: Velocity) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
+        message = self._to_twist(velocity)
+        self._controller.cmd_vel.put(message)
+        self._twists.publish(message)
 
     def schedule(self, schedule: Schedule) -> None:
         """Have the nodes stepped on simulated time."""
+        if self._teleop is not None:
+            teleop, period = self._teleop, 1.0 / self._teleop.logic.rate
+            schedule.every(period, lambda: teleop.step(period))
+        schedule.every(self.period, self._timed_control)
+        self._schedule_publishing(schedule)
 
     def odometry(self) -> Odometry | None:
         """Return odom as it is published in this instant; None before there is any."""
+        return self._controller.odometry()
 
+    @abstractmethod
     def sample(self) -> Sample:
         """Return this instant for the report."""
 
+    @abstractmethod
     def status(self) -> Status:
         """Return what a driver wants to see."""
 
-    def takes(self, key: str) -> bool:
-        """Return whether a key means something of its own to this robot."""
-
     def reset(self) -> None:
-        """Forget the past."""
+        """Forget the past: commands, ramps, estimates."""
+        if self._teleop is not None:
+            self._teleop.logic.reset()
 
     def halt(self) -> None:
         """Command standstill, now and in the last word on cmd_vel, until the next key."""
+        if self._teleop is not None:
+            self._teleop.close()
 
     def close(self) -> None:
-        """Leave the robot stopped."""
+        """Leave the robot stopped: the last cmd_vel is zero."""
+        if self._teleop is not None:
+            self._teleop.close()
+        self._controller.close()
+
+    def _keys_are_velocities(self, options: RunOptions) -> bool:
+        return True
+
+    def _to_twist(self, velocity: Velocity) -> Any:
+        message = Twist()
+        message.linear.x, message.linear.y, message.angular.z = velocity
+        return message
+
+    @abstractmethod
+    def _schedule_publishing(self, schedule: Schedule) -> None: ...
+
+    @abstractmethod
+    def _control(self) -> None:
+        """Step the controller on the state of now, and hand its command to the world."""
+
+    def _timed_control(self) -> None:
+        started = time.perf_counter()
+        self._control()
+        self.ticks.add(time.perf_counter() - started)
+
+
+def _make_teleop(options: RunOptions) -> KeysToTwistNode:
+    return KeysToTwistNode(
+        lock_step=True,
+        namespace=options.namespace,
+        parameter_overrides=[
+            Parameter('preset', value=options.preset),
+            Parameter('layout', value=options.layout),
+        ],
+    )
 
 
 def make_stack(loaded: Description, world: World, options: RunOptions) -> Stack:
@@ -92,11 +181,7 @@ def make_stack(loaded: Description, world: World, options: RunOptions) -> Stack:
     Raises:
         UserError: the description is not such a robot.
     """
-    # Here, because the controllers of the other robot take a second to load.
-    if options.robot == 'go2':
-        from wasd_bringup.go2_stack import Go2Stack
-
-        return Go2Stack(loaded, world, options)
-    from wasd_bringup.mbot_stack import MbotStack
-
-    return MbotStack(loaded, world, options)
+    # Here, because the controllers of the other robots take a second to load.
+    module, _, name = ROBOTS[options.robot].kind.stack.partition(':')
+    made: Stack = getattr(importlib.import_module(module), name)(loaded, world, options)
+    return made

@@ -4,7 +4,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping
 import contextlib
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import yaml
 
@@ -16,6 +16,8 @@ from wasd_core.parameters import Parameters
 from wasd_core.safe_files import compose_yaml
 from wasd_core.safe_files import construct
 from wasd_core.safe_files import read_text
+
+ParametersType = TypeVar('ParametersType', bound=Parameters)
 
 # ROS's own; it may stand in every file.
 USE_SIM_TIME = 'use_sim_time'
@@ -51,7 +53,7 @@ def read_parameters(path: str, definition: type[Parameters], kind: NodeKind) -> 
             for key, entry in entries.items()
             if key != USE_SIM_TIME
         }
-        check_together(definition, values)
+        together(definition, values)
         return values
 
     values: dict[str, Any] = read_mapping(path, read)
@@ -132,15 +134,15 @@ def checked(
         raise InvalidParameter(f':{line}: {str(error).replace(outward, key, 1)}') from None
 
 
-def check_together(definition: type[Parameters], values: Mapping[str, Any]) -> None:
+def together(definition: type[ParametersType], values: Mapping[str, Any]) -> ParametersType:
     """
-    Check what does not show in one value alone.
+    Return the parameters with these values in place of defaults.
 
     Raises:
         InvalidParameter: the values do not go together.
     """
     try:
-        definition.from_mapping(values)
+        return definition.from_mapping(values)
     except InvalidParameter as error:
         raise InvalidParameter(f': {error}') from None
 

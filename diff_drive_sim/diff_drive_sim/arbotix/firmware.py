@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The wheel loop of the ArbotiX board: integers only, as its firmware computes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+import math
 
+from diff_drive_sim.geometry import Pair
 from diff_drive_sim.wheel_loop import Gains
 
 # The board looks at its milliseconds and waits until more than so many have passed.
@@ -82,6 +85,33 @@ class ArbotixFirmware:
             self._left.update(left_ticks, self._gains)
             self._right.update(right_ticks, self._gains)
             self._next_frame = milliseconds + FRAME_MILLISECONDS
+
+
+class ArbotixDrive:
+    """The board: its firmware, fed with the set-points that arbotix_driver sends."""
+
+    def __init__(self, gains: Gains, setpoints: Callable[[], tuple[int, int]]) -> None:
+        """Take what returns the set-points of now, left and right [ticks per 1/30 s]."""
+        self._setpoints = setpoints
+        self._firmware = ArbotixFirmware(gains)
+        self.reset()
+
+    def step(self, speeds: Pair, ticks: tuple[int, int], dt: float) -> Pair:
+        """Return duties, -1 to 1; `speeds` are implied by the set-points."""
+        self._time += dt
+        self._firmware.write(*self._setpoints(), *ticks)
+        self._firmware.update(math.floor(1e3 * self._time + 1e-6), *ticks)
+        pwm = self._firmware.pwm
+        return pwm[0] / FULL_PWM, pwm[1] / FULL_PWM
+
+    def set_gains(self, gains: Gains) -> None:
+        """Go on with other gains."""
+        self._firmware.setup(gains)
+
+    def reset(self) -> None:
+        """Be as after power-on."""
+        self._time = 0.0
+        self._firmware.reset()
 
 
 def truncated(value: int, divisor: int) -> int:

@@ -216,11 +216,10 @@ class LegacyController:
             self._new_age = None
         if self._now - self._looked_at >= LOOP:
             self._looked_at = self._now
-            geometry = self.geometry
             self.host.update(
                 self._now,
-                count_ticks(geometry.left_direction * left, self._scale),
-                count_ticks(geometry.right_direction * right, self._scale),
+                count_ticks(left, self._scale),
+                count_ticks(right, self._scale),
             )
         return self._wheel_speeds()
 
@@ -228,6 +227,6 @@ class LegacyController:
         left, right = self.host.setpoints
         speed = FRAMES_PER_SECOND / self._scale  # of one tick per frame [rad/s]
         return (
-            self.geometry.left_direction * left * speed,
-            self.geometry.right_direction * right * speed,
+            left * speed,
+            right * speed,
         )

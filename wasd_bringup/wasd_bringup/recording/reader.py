@@ -20,6 +20,8 @@ from wasd_bringup.options import RunOptions
 from wasd_bringup.recording.recorder import EVENTS
 from wasd_bringup.recording.writer import RECORD_NAME
 from wasd_bringup.recording.writer import RecordingError
+from wasd_bringup.robots import BOTH
+from wasd_bringup.robots import ROBOTS
 
 
 class Topic(NamedTuple):
@@ -126,7 +128,7 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
             package_path=tuple(map(Path, known['package_path'])),
             world=known['world'],
             # The Go2's own keys; those that became velocities are recorded as such.
-            preset='unitree' if known['robot'] == 'go2' else 'mbot',
+            preset='' if known['robot'] == BOTH else ROBOTS[known['robot']].preset,
             seed=known['seed'],
             estimator=known['estimator'],
             limits=known['limits'],
@@ -173,7 +175,7 @@ def robot_topics(bag: BagReader, name: str) -> dict[str, str]:
     A robot alone has none, whichever namespace ROS arguments gave it.
     """
     found = {}
-    is_alone = json.loads(bag.run['robot']) != 'both'
+    is_alone = json.loads(bag.run['robot']) != BOTH
     for topic in bag.topics:
         namespace, _, last = topic.name[1:].rpartition(name)
         if topic.name.endswith(f'/{name}') and not last and '/' not in namespace.rstrip('/'):

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot has a command of its own by a row in ROBOTS, and by nothing else."""
+
+import json
+from pathlib import Path
+
+import pytest
+from wasd_bringup.cli import main
+from wasd_bringup.options import RunOptions
+from wasd_bringup.robots import BOTH
+from wasd_bringup.robots import RobotRow
+from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import WHEELED
+
+TUG = RobotRow(
+    name='tug',
+    kind=WHEELED,
+    summary='pull trolleys',
+    description='mbot_kinect',
+    preset='wasd',
+    examples=(('tug --world room', 'around the pillars'),),
+)
+
+
+@pytest.fixture
+def tug(monkeypatch: pytest.MonkeyPatch) -> RobotRow:
+    """A robot more."""
+    monkeypatch.setitem(ROBOTS, 'tug', TUG)
+    return TUG
+
+
+def helped(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """Return what is printed by words that end in --help."""
+    with pytest.raises(SystemExit) as left:
+        main(words)
+    assert left.value.code == 0
+    return capsys.readouterr().out
+
+
+def test_the_legged_robot_is_named_first(capsys: pytest.CaptureFixture[str]) -> None:
+    text = helped(['--help'], capsys).partition('COMMAND')[2]
+    assert 0 < text.index('drive the legged robot') < text.index('drive the wheeled robot')
+
+
+def test_a_row_is_a_command_with_help(tug: RobotRow, capsys: pytest.CaptureFixture[str]) -> None:
+    assert 'pull trolleys' in helped(['--help'], capsys)
+    text = helped(['tug', '--help'], capsys)
+    assert text.partition('Pull trolleys.')[2]
+    assert 'wasd tug --world room  around the pillars' in text
+    assert 'keys of tug, --preset wasd' in text
+    assert '--mode' in text
+    assert '--estimator' not in text
+
+
+def test_a_robot_without_a_place_is_not_among_those_that_share_a_world(tug: RobotRow) -> None:
+    several = RunOptions(robot=BOTH, description=BOTH).per_robot()
+    assert [part.robot for part in several] == ['go2', 'mbot']
+    ROBOTS['tug'] = RobotRow(**{**vars(TUG), 'place': (1.0, 0.0)})
+    (*_, last) = RunOptions(robot=BOTH, description=BOTH).per_robot()
+    assert (last.robot, last.description, last.preset) == ('tug', 'mbot_kinect', 'wasd')
+
+
+def test_a_row_drives(
+    tug: RobotRow, tmp_path: Path, isolated_ros: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / 'script').write_text('0.2 w*20\n')
+    report = tmp_path / 'report.json'
+    words = f'tug --play {tmp_path}/script --speed 0 --viewer none --report {report}'
+    assert main(words.split()) == 0
+    assert 'tug at ' in capfd.readouterr().out
+    result = json.loads(report.read_text())
+    assert result['robot'] == 'tug'
+    assert result['samples']['position'][-1][0] > 0.1
