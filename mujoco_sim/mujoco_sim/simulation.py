@@ -2,6 +2,7 @@
 """The simulation loop: what is due when, how fast it may go, and for whom it waits."""
 
 from collections.abc import Callable
+import itertools
 import math
 import time
 from typing import NamedTuple
@@ -153,15 +154,12 @@ class Schedule:
     def _rates_near(self, rate: float) -> list[float]:
         """Return the legal rates around a rate [Hz] that can be typed, e.g. not 1000 / 17."""
         steps = 1.0 / (rate * self._time_step)
-        slower, faster = math.ceil(steps), math.floor(steps)
-        while not self._is_short(slower):
-            slower += 1
-        while faster > 0 and not self._is_short(faster):
-            faster -= 1
-        return [1.0 / (count * self._time_step) for count in (slower, faster) if count > 0]
+        slower = next(filter(self._is_short, itertools.count(math.ceil(steps))))
+        faster = next(filter(self._is_short, range(math.floor(steps), 0, -1)), None)
+        return [1.0 / (count * self._time_step) for count in (slower, faster) if count]
 
     def _is_short(self, steps: int) -> bool:
-        rate = 1.0 / (max(1, steps) * self._time_step)
+        rate = 1.0 / (steps * self._time_step)
         return math.isclose(float(f'{rate:g}'), rate, rel_tol=1e-9)
 
     @property

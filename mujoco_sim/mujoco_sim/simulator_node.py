@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulator's face on ROS: clock, joint states, truth, joint commands, services."""
 
+from collections.abc import Sequence
 import sys
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import KeyValue
+import numpy as np
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -32,8 +36,6 @@ from wasd_core.topics import has_listener
 from wasd_core.topics import RELIABLE
 from wasd_core.topics import SENSOR_DATA
 
-from mujoco_sim.conversions import to_diagnostics
-from mujoco_sim.conversions import to_foot_contacts
 from mujoco_sim.errors import SimulationError
 from mujoco_sim.executables import SIMULATOR
 from mujoco_sim.parameters import SimulatorParameters
@@ -267,6 +269,28 @@ class SimulatorNode(Node):
         self._sensors.resize(changed.camera_scale)
         self.simulation.pacer.speed = changed.speed
         self.simulation.pacer.restart()
+
+
+def to_foot_contacts(names: Sequence[str], forces: np.ndarray, stamp: Time) -> JointState:
+    """Return the normal force on each foot [N]: link names, and the forces as efforts."""
+    message = JointState()
+    message.header.stamp = stamp
+    message.name = list(names)
+    message.effort = forces.tolist()
+    return message
+
+
+def to_diagnostics(
+    name: str, text: str, values: dict[str, str], warn: bool, stamp: Time
+) -> DiagnosticArray:
+    """Return one diagnostic status with its values."""
+    message = DiagnosticArray()
+    message.header.stamp = stamp
+    status = DiagnosticStatus(name=name, message=text)
+    status.level = DiagnosticStatus.WARN if warn else DiagnosticStatus.OK
+    status.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+    message.status = [status]
+    return message
 
 
 def simulate(node: SimulatorNode, stop: StopSignals) -> None:

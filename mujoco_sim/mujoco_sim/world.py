@@ -105,10 +105,6 @@ class World:
         """How many commands were refused."""
         return self._actuation.rejected_commands
 
-    def body(self, link: str) -> int:
-        """Return the number of the body that is a link; -1 where it is welded into another."""
-        return self.parts.body(link)
-
     def read(self) -> Reading:
         """Return what the sensors measure now; asked twice in one instant, they say the same."""
         now = (self.physics.resets, self.tick)

@@ -2,8 +2,8 @@
 import math
 
 from builtin_interfaces.msg import Time
-from mujoco_sim.conversions import to_odometry_error
 from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.truth_publisher import to_odometry_error
 from nav_msgs.msg import Odometry
 import pytest
 from rclpy.node import Node

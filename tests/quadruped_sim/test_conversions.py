@@ -4,7 +4,7 @@
 import math
 
 from builtin_interfaces.msg import Time
-from mujoco_sim.conversions import to_ground_truth
+from mujoco_sim.truth_publisher import to_ground_truth
 import numpy as np
 import pytest
 from quadruped_sim.estimation.robot_state import LegOdometry

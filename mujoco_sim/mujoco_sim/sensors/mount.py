@@ -26,7 +26,7 @@ def find_mount(world: World, robot: Robot, link: str, pose: Pose) -> Mount:
     """Return where a frame with this pose in a link is in the compiled model."""
     joints = {joint.child: joint for joint in robot.joints.values()}
     while True:
-        body = world.body(link)
+        body = world.parts.body(link)
         if body >= 0:
             return Mount(body, pose)
         pose = joints[link].pose @ pose

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from dataclasses import replace
 import math
 import re
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -67,6 +67,10 @@ class CameraTag(SensorTag):
     noise: float  # standard deviation of colour, as a share of full brightness
 
 
+IMAGE_TOPICS = ('colour_topic', 'colour_info_topic', 'depth_topic', 'depth_info_topic')
+Tag = TypeVar('Tag', LidarTag, CameraTag)
+
+
 class SensorTags(NamedTuple):
     """Lidars and cameras of a description, and in words what of them is not simulated."""
 
@@ -103,7 +107,7 @@ def read_sensor_tags(robot: Robot) -> SensorTags:
                     notes.append(f'sensor {reader.name!r}: of its rows of rays, one is simulated')
             else:
                 cameras.append(_camera(reader, kind))
-    return SensorTags(_apart_lidars(lidars), _apart_cameras(cameras), notes)
+    return SensorTags(_separate(lidars, ('topic',)), _separate(cameras, IMAGE_TOPICS), notes)
 
 
 def has_camera(robot: Robot) -> bool:
@@ -246,23 +250,13 @@ def _legal(topic: str) -> str:
     return '/'.join(f'_{word}' if word[0].isdigit() else word for word in words)
 
 
-def _apart_lidars(lidars: Sequence[LidarTag]) -> list[LidarTag]:
-    topics = [lidar.topic for lidar in lidars]
-    return [
-        replace(lidar, topic=_legal(f'{lidar.name}/{lidar.topic}'))
-        if topics.count(lidar.topic) > 1
-        else lidar
-        for lidar in lidars
-    ]
-
-
-def _apart_cameras(cameras: Sequence[CameraTag]) -> list[CameraTag]:
-    names = ('colour_topic', 'colour_info_topic', 'depth_topic', 'depth_info_topic')
-    topics = [getattr(camera, name) for camera in cameras for name in names]
-    apart = []
-    for camera in cameras:
-        used = {name: getattr(camera, name) for name in names if getattr(camera, name)}
+def _separate(tags: Sequence[Tag], names: Sequence[str]) -> list[Tag]:
+    """Put the sensor's name before its topics where one of them, by field names, is another's."""
+    topics = [getattr(tag, name) for tag in tags for name in names]
+    separate = []
+    for tag in tags:
+        used = {name: getattr(tag, name) for name in names if getattr(tag, name)}
         if any(topics.count(topic) > 1 for topic in used.values()):
-            used = {name: _legal(f'{camera.name}/{topic}') for name, topic in used.items()}
-        apart.append(replace(camera, **used))
-    return apart
+            used = {name: _legal(f'{tag.name}/{topic}') for name, topic in used.items()}
+        separate.append(replace(tag, **used))
+    return separate

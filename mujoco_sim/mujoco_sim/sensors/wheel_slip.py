@@ -80,7 +80,7 @@ def _find_wheels(world: World, robot: Robot) -> list[_Wheel]:
     """Return the links that are cylinders turning about their own axis."""
     wheels = []
     for joint in robot.movable_joints:
-        body = world.body(joint.child)
+        body = world.parts.body(joint.child)
         for shape in robot.links[joint.child].collisions:
             along = shape.kind == 'cylinder' and abs(shape.pose.rotation[:, 2] @ joint.axis)
             if joint.kind == 'continuous' and body >= 0 and along > 1.0 - 1e-6:
