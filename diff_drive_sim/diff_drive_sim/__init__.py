@@ -3,4 +3,7 @@
 
 from wasd_core import quiet_start
 
+# How wheels are driven: a PID loop, the integer loop of the ArbotiX board, no physics.
+MODES = ('float', 'arbotix', 'fake')
+
 quiet_start(__name__, 'diff_drive_controller')

@@ -8,6 +8,7 @@ from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
+from diff_drive_sim import MODES
 from diff_drive_sim.limits import AxisLimits
 
 
@@ -205,9 +206,6 @@ class OdometryParameters(Parameters):
                 f'odom_frame_id must be a frame other than base_frame_id, got '
                 f'{self.odom_frame_id!r}'
             )
-
-
-MODES = ('float', 'arbotix', 'fake')
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from numba.core import event
 import numpy as np
 from wasd_core.errors import Stopped
+from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
@@ -17,7 +18,6 @@ from wasd_core.robot_io import Reading
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_model import GRAVITY
 from quadruped_sim.robot_model import RobotModel
 
 NOTICE = 'compiling, once: the leg controller, which takes some 15 s of a core'

@@ -15,6 +15,7 @@ from robot_description.morphology.quadruped import scale_of
 from robot_description.morphology.quadruped import similar_pose
 from robot_description.pinocchio_model import to_pinocchio
 from wasd_core.errors import DescriptionError
+from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
@@ -24,7 +25,6 @@ from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegGeometry
 
-GRAVITY = 9.81
 # The closed form may miss the feet by so much per leg length: descriptions round right angles.
 GEOMETRY_TOLERANCE = 2e-3
 # Three times the torque of the Go2's knees [N m]: descriptions without a limit say 1000.

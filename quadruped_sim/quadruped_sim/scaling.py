@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 
 from robot_description.morphology.quadruped import Scale
 from wasd_core.parameters import Parameters
+from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_model import GRAVITY
 
 # Costs of squared errors, so that their products stay comparable: units of each element.
 WEIGHT_UNITS = {

@@ -308,6 +308,54 @@ def test_every_python_file_says_its_licence():
     assert len((ROOT / 'wasd').read_text().splitlines()) <= 200
 
 
+# Facts of which some code has to know all values: the module in whose literals they stand.
+ONE_HOME = {
+    'worlds': ({'flat', 'room'}, 'mujoco_sim.scene'),
+    'terrains': ({'slope', 'stairs', 'step', 'boxes'}, 'mujoco_sim.scene'),
+    'drive modes': ({'float', 'arbotix', 'fake'}, 'diff_drive_sim.__init__'),
+    'opposite sides': ({'left', 'right', 'front', 'back'}, 'robot_description.joint_names'),
+}
+
+
+def literals(path: Path) -> Iterator[set[object]]:
+    """Yield the constants of each tuple, list and set in a module, and the keys of each dict."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Dict):
+            values = node.keys
+        elif isinstance(node, ast.Tuple | ast.List | ast.Set):
+            values = node.elts
+        else:
+            continue
+        yield {value.value for value in values if isinstance(value, ast.Constant)}
+
+
+def homes(words: set[str]) -> set[str]:
+    """Return the modules in which three or all of these words stand in one literal."""
+    return {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        if any(len(literal & words) >= min(3, len(words)) for literal in literals(path))
+    }
+
+
+@pytest.mark.parametrize('fact', ONE_HOME)
+def test_a_fact_has_one_home(fact):
+    words, home = ONE_HOME[fact]
+    assert homes(words) == {home}
+
+
+def test_gravity_has_one_home():
+    known = {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and node.value in (9.81, -9.81, 9.8, 9.80665)
+    }
+    assert known == {'wasd_core.robot_io'}
+
+
 @pytest.fixture(scope='module')
 def wheel(tmp_path_factory) -> Iterator[zipfile.ZipFile]:
     """The wheel, built from the checkout."""

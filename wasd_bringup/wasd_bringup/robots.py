@@ -14,6 +14,8 @@ from quadruped_sim.keys import STICK_KEYS
 from teleop_keyboard.key_names import on_layout
 from teleop_keyboard.keymap_file import load_preset
 
+from diff_drive_sim import MODES as DRIVE_MODES
+
 UNITREE_PRESET = 'unitree'
 UNITREE_HELP = (
     '2 stand   4 trot   5 move base (cmd_vel)   1 passive',
@@ -25,7 +27,8 @@ UNITREE_HELP = (
 UNITREE_FIRST_KEYS = (
     'press 2 to stand, 4 to trot; then {w} {s} {a} {d} walk, {j} {l} turn, space stops'
 )
-MODES = ('sim', 'fake', 'float', 'arbotix')
+# `sim` is the first of them, as a word for beginners.
+MODES = ('sim', *DRIVE_MODES)
 
 Parser = argparse.ArgumentParser
 

@@ -6,6 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+# What controllers reckon with and MuJoCo's worlds have [m/s^2].
+GRAVITY = 9.81
+
 
 class BaseState(NamedTuple):
     """The robot's root frame as physics knows it; without sensor noise."""

@@ -5,13 +5,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import rotate
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import EstimatorParameters
-from quadruped_sim.robot_model import GRAVITY
 
 # Variance added per second to the position of a foot that moves freely.
 _SWING_VARIANCE = 100.0

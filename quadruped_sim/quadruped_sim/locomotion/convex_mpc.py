@@ -4,11 +4,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.locomotion.friction_qp import FrictionPyramids
 from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
-from quadruped_sim.robot_model import GRAVITY
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 """Feedback around the plan: what the base shall accelerate at, what the joints shall hold."""
 
 import numpy as np
+from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 
 from quadruped_sim.algebra import cross3
@@ -17,7 +18,6 @@ from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
 from quadruped_sim.parameters import BalanceParameters
 from quadruped_sim.parameters import WholeBodyParameters
-from quadruped_sim.robot_model import GRAVITY
 from quadruped_sim.robot_model import RobotModel
 
 

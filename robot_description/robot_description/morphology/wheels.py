@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.robot_io import GRAVITY
 
 from robot_description.robot import Joint
 from robot_description.robot import Robot
@@ -23,7 +24,6 @@ FLOOR_GAP = 0.003
 # makes a wheel slip on a floor with friction 1.
 RIM_SPEED = 1.5
 TORQUE_SHARE = 2.0
-GRAVITY = 9.81
 TYRE_FRICTION = 1.0
 
 
