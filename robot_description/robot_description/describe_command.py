@@ -137,7 +137,8 @@ def _expand(options: argparse.Namespace) -> int:
     else:
         if identity(options.output) in {identity(file) for file in expansion.files}:
             raise UserError(f'--output {options.output}: is a source; it is not written over')
-        write_file(options.output, expansion.urdf)
+        data = expansion.urdf.encode(errors='backslashreplace')
+        OutputFile(options.output, '--output').write(data)
     return 0
 
 
@@ -199,16 +200,6 @@ def _info(options: argparse.Namespace) -> int:
 
         draw(info.robot.with_stand_in_masses(), info.meshes.files.get, options.picture)
     return 0
-
-
-def write_file(path: Path, text: str) -> None:
-    """
-    Write a result that was asked for.
-
-    Raises:
-        UserError: why it cannot be written.
-    """
-    OutputFile(path, '--output').write(text.encode(errors='backslashreplace'))
 
 
 def read_command_line(words: Sequence[str]) -> argparse.Namespace:

@@ -79,6 +79,12 @@ def guess_name(name: str, known: Collection[str]) -> str | None:
     return close[0] if len(close) == 1 else None
 
 
+def hint_at(name: str, known: Collection[str]) -> str:
+    """Return '; ... is', to be put behind `... is not there`, or nothing."""
+    probably = guess_name(name, known)
+    return f'; {probably!r} is' if probably else ''
+
+
 def unknown_joint_warning(name: str, known: Collection[str]) -> str:
     """Return what to say about a joint of `joint_states` that a description does not have."""
     probably = guess_name(name, known)

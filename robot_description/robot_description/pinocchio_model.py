@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """URDF to Pinocchio: the same joints as in MuJoCo, found by name."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -15,12 +15,9 @@ from robot_description.robot import ROOT_JOINT
 from robot_description.robot import WORLD_LINK
 from robot_description.urdf import INERTIA_COMPONENTS
 
-# All that kinematics and dynamics need.
-KEPT = {
-    'link': {'inertial'},
-    'joint': {'origin', 'parent', 'child', 'axis', 'limit', 'dynamics'},
-}
+# What an inertial is made of, and what is left out of it.
 INERTIAL_PARTS = ('origin', 'mass', 'inertia')
+ZEROS = {'mass': {'value': '0'}, 'inertia': dict.fromkeys(INERTIA_COMPONENTS, '0')}
 # A joint without limits goes as far as anybody will ask for.
 NO_LIMIT = {'lower': '-1e9', 'upper': '1e9', 'effort': '0', 'velocity': '0'}
 
@@ -82,69 +79,49 @@ def bare_urdf(urdf: str, for_control: bool = False) -> str:
     urdfdom also wants a name for the robot and all of a limit for joints that may have one. What
     `for_control` changes is said at `to_pinocchio`.
     """
-    tree = ElementTree.fromstring(urdf)
-    tree.set('name', tree.get('name') or 'robot')
-    for element in list(tree):
-        if element.tag not in KEPT or (for_control and _is_world(element)):
-            tree.remove(element)
-            continue
-        _keep_first(element, KEPT[element.tag])
-        if element.tag == 'joint':
-            if for_control and element.get('type') == 'continuous':
-                _bound(element)
-            _complete_joint(element)
-        elif (inertial := element.find('inertial')) is not None:
-            _keep_first(inertial, INERTIAL_PARTS)
-            _complete_inertial(element, inertial)
-    return ElementTree.tostring(tree, encoding='unicode')
+    source = ElementTree.fromstring(urdf)
+    bare = ElementTree.Element('robot', name=source.get('name') or 'robot')
+    for element in source:
+        if element.tag == 'link' and not (for_control and element.get('name') == WORLD_LINK):
+            _add_link(bare, element)
+        elif element.tag == 'joint' and not (for_control and _hangs_on_world(element)):
+            _add_joint(bare, element, for_control)
+    return ElementTree.tostring(bare, encoding='unicode')
 
 
-def _keep_first(element: ElementTree.Element, tags: Collection[str]) -> None:
-    """Leave the first child of each of these tags."""
-    first = {tag: element.find(tag) for tag in tags}
-    for child in list(element):
-        if child is not first.get(child.tag):
-            element.remove(child)
+def _add_link(robot: ElementTree.Element, link: ElementTree.Element) -> None:
+    """Add a link with its inertial, if that has all parts: else urdfdom refuses the file."""
+    bare = ElementTree.SubElement(robot, 'link', link.attrib)
+    inertial = link.find('inertial')
+    parts = [inertial.find(tag) for tag in INERTIAL_PARTS] if inertial is not None else []
+    if not parts or None in parts[1:]:
+        return
+    into = ElementTree.SubElement(bare, 'inertial')
+    for tag, part in zip(INERTIAL_PARTS, parts, strict=True):
+        if part is not None:
+            ElementTree.SubElement(into, tag, {**ZEROS.get(tag, {}), **part.attrib})
 
 
-def _is_world(element: ElementTree.Element) -> bool:
-    """Whether an element is the link `world` or a joint that holds the robot on it."""
-    if element.tag == 'link':
-        return element.get('name') == WORLD_LINK
-    parent = element.find('parent')
+def _hangs_on_world(joint: ElementTree.Element) -> bool:
+    """Whether a joint holds the robot on the link `world`."""
+    parent = joint.find('parent')
     return parent is not None and parent.get('link') == WORLD_LINK
 
 
-def _bound(joint: ElementTree.Element) -> None:
-    """Make a joint without stops one with stops that it never meets."""
-    joint.set('type', 'revolute')
+def _add_joint(robot: ElementTree.Element, joint: ElementTree.Element, bounded: bool) -> None:
+    """Add a joint; `bounded` gives one without stops some that it never meets."""
+    kind = joint.get('type', 'fixed')
+    is_movable, has_stops = kind in MOVABLE, not (bounded and kind == 'continuous')
+    bare = ElementTree.SubElement(robot, 'joint', joint.attrib)
+    bare.set('type', kind if has_stops else 'revolute')
+    for tag in ('origin', 'parent', 'child', 'axis', 'dynamics'):
+        part = joint.find(tag)
+        if part is not None and (tag != 'axis' or is_movable and 'xyz' in part.attrib):
+            bare.append(part)
     limit = joint.find('limit')
-    if limit is None:
-        limit = ElementTree.SubElement(joint, 'limit')
-    limit.attrib.update({end: NO_LIMIT[end] for end in ('lower', 'upper')})
-
-
-def _complete_joint(joint: ElementTree.Element) -> None:
-    joint.set('type', joint.get('type', 'fixed'))
-    is_movable = joint.get('type') in MOVABLE
-    axis, limit = joint.find('axis'), joint.find('limit')
-    if axis is not None and not (is_movable and 'xyz' in axis.attrib):
-        joint.remove(axis)
-    if limit is not None and float(limit.get('lower', '0')) == float(limit.get('upper', '0')):
-        limit.attrib.pop('lower', None)  # a limit of no width is none
-        limit.attrib.pop('upper', None)
-    if is_movable:
-        if limit is None:
-            limit = ElementTree.SubElement(joint, 'limit')
-        limit.attrib.update({**NO_LIMIT, **limit.attrib})
-
-
-def _complete_inertial(link: ElementTree.Element, inertial: ElementTree.Element) -> None:
-    """Say what is left out of an inertial; without a part urdfdom refuses the file: drop it."""
-    mass, inertia = inertial.find('mass'), inertial.find('inertia')
-    if mass is None or inertia is None:
-        link.remove(inertial)
-        return
-    mass.set('value', mass.get('value', '0'))
-    for component in INERTIA_COMPONENTS:
-        inertia.set(component, inertia.get(component, '0'))
+    said = dict(limit.attrib) if limit is not None else {}
+    if not has_stops or float(said.get('lower', '0')) == float(said.get('upper', '0')):
+        for end in ('lower', 'upper'):  # a limit of no width is none
+            said.pop(end, None)
+    if is_movable or limit is not None:
+        ElementTree.SubElement(bare, 'limit', {**NO_LIMIT, **said} if is_movable else said)

@@ -205,16 +205,14 @@ class Robot:
         }
         return replace(self, links=links)
 
-    def pose_of(self, link: str) -> Pose:
-        """Return a link's pose in the root with every joint at 0."""
-        chain = []
-        while link != self.root:
-            chain.append(self.parent_joints[link])
-            link = chain[-1].parent
-        pose = IDENTITY
-        for joint in reversed(chain):
-            pose = pose @ joint.pose
-        return pose
+    @cached_property
+    def rest_poses(self) -> dict[str, Pose]:
+        """The pose of every link in the root with every joint at 0."""
+        poses = {self.root: IDENTITY}
+        for link in self.links_from_root[1:]:
+            joint = self.parent_joints[link]
+            poses[link] = poses[joint.parent] @ joint.pose
+        return poses
 
 
 def _second_moments(inertia: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
-from robot_description.meshes.load import load
+from robot_description.meshes import load
 from robot_description.meshes.load import load_mesh
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.mujoco.geoms import VISUAL_GROUP

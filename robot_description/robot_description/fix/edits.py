@@ -13,7 +13,7 @@ from wasd_core.safe_files import Place
 
 from robot_description.fix.workspace import Edit
 from robot_description.fix.workspace import Workspace
-from robot_description.joint_names import guess_name
+from robot_description.joint_names import hint_at
 from robot_description.joint_names import OPPOSITE
 from robot_description.joint_names import sides
 from robot_description.lint.geometry import find_wheels
@@ -223,8 +223,7 @@ def rename_joints(workspace: Workspace, renames: Mapping[str, str]) -> Iterator[
     model = workspace.model()
     for old, new in renames.items():
         if old not in model.joints:
-            probably = guess_name(old, model.joints)
-            hint = f'; {probably!r} is' if probably else ''
+            hint = hint_at(old, model.joints)
             raise DescriptionError(f'--rename {old}: there is no such joint{hint}')
         if new in model.joints and new not in renames:
             raise DescriptionError(f'--rename {old}:={new}: there is a joint {new!r} already')

@@ -19,6 +19,7 @@ from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.packages import own_folder
 from robot_description.urdf import parse_urdf
+from robot_description.xacro.expand import Expansion
 from robot_description.xacro.expand import XacroSession
 
 
@@ -57,11 +58,7 @@ class Workspace:
         Raises:
             DescriptionError: they do not.
         """
-        session = self._session()
-        try:
-            return make_model(session.expand(), self.path, self._search)
-        finally:
-            self._remember(session)
+        return make_model(self._expand(), self.path, self._search)
 
     def meshes(self) -> MeshReport:
         """
@@ -70,11 +67,7 @@ class Workspace:
         Raises:
             DescriptionError: the files do not expand, or to no robot.
         """
-        session = self._session()
-        try:
-            return resolve_meshes(parse_urdf(session.expand().urdf), self.path, self._search)
-        finally:
-            self._remember(session)
+        return resolve_meshes(parse_urdf(self._expand().urdf), self.path, self._search)
 
     def lint(self) -> list[Finding]:
         """Return what is wrong with the files as they are now; told from memory if unchanged."""
@@ -115,6 +108,13 @@ class Workspace:
             data = self.changed.get(edit.path, sources[edit.path])
             text = edit.text.encode()
             self.changed[edit.path] = data[: edit.start] + text + data[edit.end :]
+
+    def _expand(self) -> Expansion:
+        session = self._session()
+        try:
+            return session.expand()
+        finally:
+            self._remember(session)
 
     def _session(self) -> XacroSession:
         return XacroSession(self.path, self._arguments, self._search, self.changed)

@@ -17,6 +17,7 @@ from wasd_core.rotations import rpy_matrix
 from wasd_core.safe_files import Place
 from wasd_core.safe_files import place_of
 
+from robot_description.robot import MOVABLE
 from robot_description.xacro.expand import Expansion
 
 # A start tag, up to its end; `>` may stand in quotes.
@@ -30,7 +31,7 @@ URDF_TAGS = {
     *('box', 'cylinder', 'sphere', 'mesh', 'color', 'texture', 'plugin', 'sensor', 'actuator'),
     *('ros2_control', 'hardware', 'param', 'dynamics', 'mimic', 'type', 'name', 'camera', 'ray'),
 }
-MOVABLE = ('revolute', 'continuous', 'prismatic', 'floating', 'planar')
+MOVING_KINDS = (*MOVABLE, 'floating', 'planar')
 
 
 @dataclass(eq=False)
@@ -216,7 +217,7 @@ class Model:
         return {
             link
             for link, joint in self.joint_above.items()
-            if joint.attributes.get('type') in MOVABLE
+            if joint.attributes.get('type') in MOVING_KINDS
         }
 
     @cached_property

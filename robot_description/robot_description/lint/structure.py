@@ -8,18 +8,18 @@ import math
 from wasd_core.safe_files import Place
 
 from robot_description.joint_names import guess_name
+from robot_description.joint_names import hint_at
 from robot_description.joint_names import sides
 from robot_description.joint_names import words
 from robot_description.lint.model import Element
 from robot_description.lint.model import end
 from robot_description.lint.model import Model
-from robot_description.lint.model import MOVABLE
+from robot_description.lint.model import MOVING_KINDS
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
 
-# Tag: what it may hold, and its attributes. After the URDF specification of urdfdom 4.
-SHAPES = ('box', 'cylinder', 'sphere', 'mesh', 'capsule')
-CHILDREN: dict[str, tuple[str, ...]] = {
+# Tag: what it may hold. After the URDF specification of urdfdom 4.
+CHILDREN = {
     'robot': ('link', 'joint', 'material', 'transmission', 'gazebo', 'ros2_control', 'sensor'),
     'link': ('inertial', 'visual', 'collision'),
     'joint': (
@@ -29,78 +29,52 @@ CHILDREN: dict[str, tuple[str, ...]] = {
     'inertial': ('origin', 'mass', 'inertia'),
     'visual': ('origin', 'geometry', 'material'),
     'collision': ('origin', 'geometry', 'material'),  # many have one; it is shown by some tools
-    'geometry': SHAPES,
+    'geometry': ('box', 'cylinder', 'sphere', 'mesh', 'capsule'),
     'material': ('color', 'texture'),
 }
-ATTRIBUTES: dict[str, tuple[str, ...]] = {
-    'robot': ('name', 'version'),
-    'link': ('name', 'type'),
-    'joint': ('name', 'type'),
-    'inertial': (),
-    'visual': ('name',),
-    'collision': ('name',),
-    'geometry': (),
-    'material': ('name',),
-    'origin': ('xyz', 'rpy', 'quat_xyzw'),
-    'parent': ('link',),
-    'child': ('link',),
-    'axis': ('xyz',),
-    'limit': ('lower', 'upper', 'effort', 'velocity', 'acceleration', 'deceleration', 'jerk'),
-    'dynamics': ('damping', 'friction'),
-    'mimic': ('joint', 'multiplier', 'offset'),
-    'calibration': ('rising', 'falling', 'reference_position'),
-    'safety_controller': ('soft_lower_limit', 'soft_upper_limit', 'k_position', 'k_velocity'),
-    'mass': ('value',),
-    'inertia': ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'),
-    'box': ('size',),
-    'cylinder': ('radius', 'length'),
-    'capsule': ('radius', 'length'),
-    'sphere': ('radius',),
-    'mesh': ('filename', 'scale'),
-    'color': ('rgba',),
-    'texture': ('filename',),
+# Tag: its attributes, each with how many numbers it is; `+` for sizes, which are above zero.
+ATTRIBUTES = {
+    tag: {name: count for name, _, count in (word.partition(':') for word in attributes.split())}
+    for tag, attributes in {
+        'robot': 'name version',
+        'link': 'name type',
+        'joint': 'name type',
+        'inertial': '',
+        'visual': 'name',
+        'collision': 'name',
+        'geometry': '',
+        'material': 'name',
+        'origin': 'xyz:3 rpy:3 quat_xyzw',
+        'parent': 'link',
+        'child': 'link',
+        'axis': 'xyz:3',
+        'limit': 'lower:1 upper:1 effort:1 velocity:1 acceleration deceleration jerk',
+        'dynamics': 'damping:1 friction:1',
+        'mimic': 'joint multiplier:1 offset:1',
+        'calibration': 'rising falling reference_position',
+        'safety_controller': 'soft_lower_limit soft_upper_limit k_position k_velocity',
+        'mass': 'value:1',
+        'inertia': 'ixx:1 ixy:1 ixz:1 iyy:1 iyz:1 izz:1',
+        'box': 'size:3+',
+        'cylinder': 'radius:1+ length:1+',
+        'capsule': 'radius:1+ length:1+',
+        'sphere': 'radius:1+',
+        'mesh': 'filename scale',
+        'color': 'rgba:4',
+        'texture': 'filename',
+    }.items()
 }
 # Extensions that a tool reads: MuJoCo, Bullet, Drake's loop joints, MoveIt, Isaac.
 EXTENSIONS = {
     *('mujoco', 'contact', 'verbose', 'self_collision_checking', 'collision_checking', 'group'),
-    *(
-        'hardwareInterface',
-        'loop',
-        'loop_joint',
-        'plugin',
-        'property',
-        'audio_source',
-        'compliance',
-    ),
+    *('hardwareInterface', 'loop', 'loop_joint', 'plugin', 'property', 'audio_source'),
     *('isaac_sim_config', 'sdf', 'frame', 'disable_collisions', 'version', 'camera', 'user_data'),
-}
-# Tag and attribute: how many numbers; `+` for sizes, which are above zero.
-NUMBERS: dict[tuple[str, str], str] = {
-    ('origin', 'xyz'): '3',
-    ('origin', 'rpy'): '3',
-    ('axis', 'xyz'): '3',
-    ('mass', 'value'): '1',
-    ('limit', 'lower'): '1',
-    ('limit', 'upper'): '1',
-    ('limit', 'effort'): '1',
-    ('limit', 'velocity'): '1',
-    ('dynamics', 'damping'): '1',
-    ('dynamics', 'friction'): '1',
-    ('mimic', 'multiplier'): '1',
-    ('mimic', 'offset'): '1',
-    ('box', 'size'): '3+',
-    ('cylinder', 'radius'): '1+',
-    ('cylinder', 'length'): '1+',
-    ('capsule', 'radius'): '1+',
-    ('capsule', 'length'): '1+',
-    ('sphere', 'radius'): '1+',
-    ('color', 'rgba'): '4',
-    **{('inertia', name): '1' for name in ATTRIBUTES['inertia']},
+    'compliance',
 }
 # Attributes without which the tag says nothing.
 REQUIRED = {'mass', 'inertia', 'box', 'cylinder', 'sphere', 'capsule', 'color'}
 ENDS = ('parent', 'child')
-JOINT_TYPES = (*MOVABLE, 'fixed')
+JOINT_TYPES = (*MOVING_KINDS, 'fixed')
 # More than this many names make no message clearer.
 MOST_NAMES = 5
 # Tags of Gazebo's drive plugins that hold the name of a joint.
@@ -144,14 +118,13 @@ def check_attributes(model: Model) -> Iterator[Finding]:
 def check_numbers(model: Model) -> Iterator[Finding]:
     """Numbers are numbers, as many as wanted, and sizes are positive."""
     for element in _urdf_elements(model.robot):
-        for (tag, attribute), wanted in NUMBERS.items():
-            if tag != element.tag:
-                continue
+        tag = element.tag
+        for attribute, wanted in ATTRIBUTES[tag].items():
             text = element.attributes.get(attribute)
             if text is None:
-                if tag in REQUIRED:
+                if wanted and tag in REQUIRED:
                     yield finding('bad-number', element.place, f'<{tag}> has no {attribute}')
-            elif (reason := _wrong(text, wanted)) is not None:
+            elif wanted and (reason := _wrong(text, wanted)) is not None:
                 message = f'<{tag} {attribute}="{text[:60]}">: {reason}'
                 yield finding('bad-number', element.place, message)
 
@@ -209,16 +182,11 @@ def check_links_exist(model: Model) -> Iterator[Finding]:
             name = end(joint, which)
             if name and name not in model.links:
                 text = f'{which} link {name!r} of joint {joint.name!r} is not defined'
-                yield finding('unknown-link', joint.place, text + _hint(name, model.links))
+                yield finding('unknown-link', joint.place, text + hint_at(name, model.links))
         child = end(joint, 'child')
         if child and (first := children.setdefault(child, joint)) is not joint:
             text = f'link {child!r} is the child of {first.name!r} and of {joint.name!r}'
             yield finding('two-parents', joint.place, text)
-
-
-def _hint(name: str, known: dict[str, Element]) -> str:
-    probably = guess_name(name, known)
-    return f'; {probably!r} is' if probably else ''
 
 
 def check_one_tree(model: Model) -> Iterator[Finding]:
@@ -268,7 +236,7 @@ def check_joints(model: Model) -> Iterator[Finding]:
             if not end(joint, which):
                 text = f'joint {joint.name!r} has no <{which} link="...">'
                 yield finding('bad-joint', joint.place, text)
-        if kind in MOVABLE and not joint.numbers('axis', 'xyz', '1 0 0').any():
+        if kind in MOVING_KINDS and not joint.numbers('axis', 'xyz', '1 0 0').any():
             axis = joint.find('axis')
             place = axis.place if axis else joint.place
             yield finding('bad-joint', place, f'the axis of joint {joint.name!r} is zero')
@@ -301,12 +269,9 @@ def check_joint_references(model: Model) -> Iterator[Finding]:
             continue
         seen.add((name, who))
         probably = guess_name(name, model.joints)
-        text = f'{who} names joint {name!r}, which is not there'
-        if probably:
-            cure = f'describe fix --rename {probably}:={name}'
-            yield finding('unknown-joint', place, f'{text}; {probably!r} is', cure)
-        else:
-            yield finding('unknown-joint', place, text)
+        cure = f'describe fix --rename {probably}:={name}' if probably else None
+        text = f'{who} names joint {name!r}, which is not there{hint_at(name, model.joints)}'
+        yield finding('unknown-joint', place, text, cure)
 
 
 def _referred_joints(model: Model) -> Iterator[tuple[str, Place, str]]:
@@ -346,8 +311,7 @@ def check_gazebo_references(model: Model) -> Iterator[Finding]:
     for gazebo in model.robot.all('gazebo'):
         name = gazebo.attributes.get('reference')
         if name and name not in model.links and name not in model.joints:
-            probably = guess_name(name, {**model.links, **model.joints})
-            hint = f'; {probably!r} is' if probably else ''
+            hint = hint_at(name, {**model.links, **model.joints})
             text = f'<gazebo> refers to {name!r}, which is neither link nor joint{hint}'
             yield finding('unknown-reference', gazebo.place, text)
 

@@ -97,11 +97,6 @@ def find_quadruped(robot: Robot) -> Quadruped:
     return Quadruped(trunk, _in_order(legs), robot.mass)
 
 
-def links_on_trunk(robot: Robot) -> tuple[str, ...]:
-    """Return the links that move as one with the base."""
-    return _rigid_groups(robot)[robot.base]
-
-
 def _rigid_groups(robot: Robot) -> dict[str, tuple[str, ...]]:
     """Return for each link the links that move as one with it."""
     members: dict[str, list[str]] = {}
@@ -147,7 +142,7 @@ def _describe(limbs: list[list[Joint]], base: str) -> str:
 
 def poses_in_base(robot: Robot) -> dict[str, Pose]:
     """Return where every link is in the base with all joints at zero."""
-    poses = {link: robot.pose_of(link) for link in robot.links}
+    poses = robot.rest_poses
     if not robot.is_fixed:
         return poses
     base = poses[robot.base]
@@ -157,7 +152,7 @@ def poses_in_base(robot: Robot) -> dict[str, Pose]:
 
 def find_imu(robot: Robot) -> str | None:
     """Return the link on the trunk that is an IMU by its name, or None."""
-    trunk = links_on_trunk(robot)
+    trunk = _rigid_groups(robot)[robot.base]
     by_name = [link for link in IMU_LINKS if link in trunk]
     return next(iter([*by_name, *(link for link in trunk if 'imu' in link.lower())]), None)
 

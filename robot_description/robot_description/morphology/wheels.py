@@ -98,7 +98,7 @@ def lowest_point(robot: Robot, link: str | None = None) -> float:
 
 
 def _lowest_of(robot: Robot, link: str, shape: Shape) -> float:
-    pose = robot.pose_of(link) @ shape.pose
+    pose = robot.rest_poses[link] @ shape.pose
     return float(pose.position[2]) - _reach_down(shape, pose.rotation[2])
 
 
@@ -115,14 +115,14 @@ def _reach_down(shape: Shape, up: np.ndarray) -> float:
 
 
 def _wheel(robot: Robot, joint: Joint) -> DriveWheel | None:
-    axis = robot.pose_of(joint.child).rotation @ joint.axis
+    axis = robot.rest_poses[joint.child].rotation @ joint.axis
     if joint.kind != 'continuous' or abs(axis[1]) < ALONG or not _is_held_by_base(robot, joint):
         return None
     link = robot.links[joint.child]
     for shape in (*link.collisions, *link.visuals):
         is_disc = shape.kind == 'cylinder' and abs(shape.pose.rotation[:, 2] @ joint.axis) > ALONG
         if is_disc or shape.kind == 'sphere':
-            centre = robot.pose_of(joint.child) @ shape.pose
+            centre = robot.rest_poses[joint.child] @ shape.pose
             direction = 1 if axis[1] > 0.0 else -1
             return DriveWheel(joint, centre.position, shape.size[0], direction)
     return None

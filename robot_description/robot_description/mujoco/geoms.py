@@ -61,25 +61,22 @@ class Meshes:
         """
         use = (shape.url, shape.scale, shape.collides)
         if use not in self._names:
-            try:
-                self._names[use] = self._load(shape)
-            except MissingMesh as error:
-                self._names[use] = error
+            self._names[use] = self._load(shape)
         name = self._names[use]
         if isinstance(name, MissingMesh):
             raise name
         return name
 
-    def _load(self, shape: Shape) -> str:
+    def _load(self, shape: Shape) -> str | MissingMesh:
         path = self._find(shape.url)
         if path is None:
-            raise MissingMesh(f'mesh {shape.url} not found')
+            return MissingMesh(f'mesh {shape.url} not found')
         try:
             mesh = load_mesh(path, None if shape.collides else PICTURE_FACES)
         except (OSError, ValueError) as error:
             if not shape.collides:
                 LOGGER.warning('description: visual mesh left out: %s', error)
-            raise MissingMesh(str(error)) from None
+            return MissingMesh(str(error))
         name = f'mesh_{len(self._names)}'
         self._spec.add_mesh(
             name=name,
