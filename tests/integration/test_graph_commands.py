@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`wasd topics`, `echo`, `hz`, `call` and `params` against a robot in another process."""
+"""`wasd topics`, `echo`, `hz`, `pub`, `call` and `params` against a robot in another process."""
 
 from collections.abc import Callable, Iterator
 import re
@@ -84,6 +84,41 @@ def test_call_pauses_the_simulation(ask: Ask) -> None:
     assert "message='running'" in ask('call', 'simulator/pause', '{data: false}').stdout
 
 
+def forward_speed(ask: Ask) -> float:
+    """Return what odometry says of mbot's speed [m/s]."""
+    done = ask('echo', '--once', '--field', 'twist.twist.linear.x', 'odom')
+    return float(done.stdout.partition('\n')[0])
+
+
+def test_pub_drives_until_ctrl_c(robot: Any, ask: Ask) -> None:
+    # Without a type, which the topic has, and without the leading slash.
+    words = ('pub', 'cmd_vel', '{linear: {x: 0.3}}', '--rate', '10')
+    process = robot.start(*words, stdout=subprocess.PIPE)
+    first = process.stdout.readline()
+    assert first.startswith('publishing #1: geometry_msgs.msg.Twist(linear=')
+    deadline = time.monotonic() + 30.0
+    while abs(forward_speed(ask) - 0.3) > 0.02:
+        assert time.monotonic() < deadline, 'it does not drive'
+    process.send_signal(signal.SIGINT)
+    assert process.wait(5.0) == 0
+    # The drive's time-out, not the last message, stops it.
+    deadline = time.monotonic() + 30.0
+    while abs(forward_speed(ask)) > 1e-3:
+        assert time.monotonic() < deadline, 'it does not stop'
+
+
+def test_pub_sends_so_many_once_somebody_listens(robot: Any, ask: Ask) -> None:
+    listener = robot.start('echo', 'told', 'std_msgs/String', stdout=subprocess.PIPE)
+    words = ('pub', '/told', 'std_msgs/msg/String', '{data: hi}', '--times', '2', '--rate', '50')
+    done = ask(*words)
+    assert done.returncode == 0
+    assert done.stdout.count('publishing #') == 2
+    heard = [listener.stdout.readline() for _ in range(2)]
+    listener.send_signal(signal.SIGINT)
+    listener.wait(5.0)
+    assert heard == ['data: hi\n', '---\n']
+
+
 def test_params_lists_gets_and_sets(ask: Ask) -> None:
     listed = ask('params', '/simulator').stdout.splitlines()
     assert '  state_rate' in listed
@@ -101,6 +136,8 @@ def test_params_lists_gets_and_sets(ask: Ask) -> None:
 MISSING = {
     ('echo', '/odon'): 'no topic /odon, did you mean /odom?',
     ('hz', 'joint_state'): 'no topic /joint_state, did you mean /joint_states?',
+    ('pub', 'cmd_val', '{}'): 'no topic /cmd_val, did you mean /cmd_vel?',
+    ('pub', 'deaf', 'std_msgs/String', '{data: a}', '--once'): 'nobody listens to /deaf as std_ms',
     ('call', '/simulator/paus'): 'no service /simulator/paus, did you mean /simulator/pause',
     ('params', '/simulater'): 'no node /simulater, did you mean /simulator?',
     ('params', 'simulator', 'sped', '1'): "no parameter 'sped', did you mean speed",
@@ -126,6 +163,10 @@ WRONG = {
     ('echo', 'odom', '--field', 'pose.pos'): '--field pose.pos',
     ('echo', 'not a name'): "'not a name'",
     ('hz', 'odom', '-w', '0'): '-w',
+    ('pub', 'cmd_vel', '{linear: {q: 1}}'): "Vector3 has no field 'q'",
+    ('pub', 'cmd_vel', '{linear: {x: fast}}'): "linear.x: wanted double, got 'fast'",
+    ('pub', 'cmd_vel', 'forward'): "Twist: wanted fields as {name: value}, got 'forward'",
+    ('pub', 'cmd_vel', '{}', '--rate', '0'): "--rate: got '0', wanted a number > 0",
 }
 
 

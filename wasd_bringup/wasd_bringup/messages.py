@@ -57,6 +57,12 @@ SHOWN_LENGTH = 128
 FindType = Callable[[str], Any]
 
 
+def type_name(kind: type[Any]) -> str:
+    """Return `package/msg/Name` of a message class."""
+    package, interface, *_ = kind.__module__.split('.')
+    return f'{package}/{interface}/{kind.__name__}'
+
+
 def to_yaml(value: Any, longest: int | None = SHOWN_LENGTH) -> str:
     """Return a message or one of its fields as YAML text, ending with a line break."""
     plain = to_plain(value, longest)

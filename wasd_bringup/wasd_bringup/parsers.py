@@ -217,15 +217,24 @@ def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--output', metavar='FILE', help='YAML to write, for --controller')
 
 
-def _window(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise ValueError
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f'got {text!r}, wanted a whole number >= 1')
+    return int(text)
+
+
+def _rate(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value < float('inf'):
+        raise argparse.ArgumentTypeError(f'got {text!r}, wanted a number > 0')
     return value
 
 
 def add_graph_commands(commands: Any) -> None:
-    """Declare `topics`, `echo`, `hz`, `call` and `params`."""
+    """Declare `topics`, `echo`, `hz`, `pub`, `call` and `params`."""
     topics = _add(commands, 'topics', 'list the topics of all running nodes')
     topics.add_argument('-t', '--show-types', action='store_true', help='with their types')
     echo = _add(commands, 'echo', 'print the messages of a topic')
@@ -239,7 +248,25 @@ def add_graph_commands(commands: Any) -> None:
     hz = _add(commands, 'hz', 'print how often messages come on a topic')
     hz.add_argument('topic', metavar='TOPIC')
     hz.add_argument(
-        '-w', '--window', type=_window, default=10000, metavar='N', help='over the last N messages'
+        '-w', '--window', type=_count, default=10000, metavar='N', help='over the last N messages'
+    )
+    pub = _add(commands, 'pub', 'publish messages on a topic')
+    pub.add_argument('topic', metavar='TOPIC')
+    pub.add_argument(
+        'rest',
+        nargs='*',
+        metavar='[TYPE] [VALUES]',
+        help='its type, that of the topic if left out, and the fields, e.g. "{linear: {x: 0.3}}"',
+    )
+    pub.add_argument(
+        '-r', '--rate', type=_rate, default=1.0, metavar='HZ', help='messages a second (default 1)'
+    )
+    times = pub.add_mutually_exclusive_group()
+    times.add_argument(
+        '-1', '--once', dest='times', action='store_const', const=1, help='one message, then exit'
+    )
+    times.add_argument(
+        '-t', '--times', type=_count, metavar='N', help='so many, once somebody listens, then exit'
     )
     call = _add(commands, 'call', 'call a service')
     call.add_argument('service', metavar='SERVICE')

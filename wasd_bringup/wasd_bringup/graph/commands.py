@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`wasd topics`, `echo`, `hz`, `call` and `params`: what ros2cli does, where there is none."""
+"""`wasd topics`, `echo`, `hz`, `pub`, `call`, `params`: what ros2cli does, where there is none."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import functools
+import itertools
 import re
 import sys
 import time
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.parameter import parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
@@ -18,6 +20,7 @@ from wasd_core.errors import UserError
 from wasd_core.safe_files import load_yaml
 from wasd_core.signals import last_status
 from wasd_core.streams import print_error
+from wasd_core.topics import RELIABLE
 import yaml
 
 from wasd_bringup.graph.ros_graph import find_type
@@ -25,6 +28,7 @@ from wasd_bringup.graph.ros_graph import full_name
 from wasd_bringup.graph.ros_graph import Interrupted
 from wasd_bringup.graph.ros_graph import NotFound
 from wasd_bringup.graph.ros_graph import PATIENCE
+from wasd_bringup.graph.ros_graph import POLL_PERIOD
 from wasd_bringup.graph.ros_graph import RateMeter
 from wasd_bringup.graph.ros_graph import RosGraph
 from wasd_bringup.graph.ros_graph import TopicListener
@@ -32,10 +36,13 @@ from wasd_bringup.messages import field_of
 from wasd_bringup.messages import fill
 from wasd_bringup.messages import SHOWN_LENGTH
 from wasd_bringup.messages import to_yaml
+from wasd_bringup.messages import type_name
 
 # A rate is printed so often [s].
 HZ_PERIOD = 1.0
-TYPE_NAME = re.compile(r'\w+(/srv)?/[A-Z]\w*')
+TYPE_NAME = re.compile(r'\w+(/(msg|srv))?/[A-Z]\w*')
+# The last message is on its way for no longer than this when there is nobody to confirm it [s].
+FAREWELL = 1.0
 # How `ros2 param get` calls the types of rcl_interfaces/ParameterType, in their order.
 KINDS = (
     'Parameter not set.',
@@ -121,18 +128,39 @@ def hz(graph: RosGraph, arguments: argparse.Namespace) -> int:
                 print(rate, flush=True)
 
 
+def pub(graph: RosGraph, arguments: argparse.Namespace) -> int:
+    """Publish a message at a rate of wall time, until Ctrl-C or so many times."""
+    topic, (given, text) = full_name(arguments.topic), _type_and_yaml('pub', arguments.rest)
+    values = _read_yaml(text)
+    kind = find_type(given or graph.topic_type(topic), 'msg')
+    message = kind()
+    fill(message, values, functools.partial(find_type, kind='msg'))
+    publisher = graph.node.create_publisher(kind, topic, RELIABLE)
+    heard = publisher.get_subscription_count
+    if arguments.times is not None and graph.wait(lambda: heard() or None) is None:
+        raise NotFound(f'nobody listens to {topic} as {type_name(kind)}')
+    due = time.monotonic()
+    for number in itertools.count(1):
+        print(f'publishing #{number}: {message!r}\n', flush=True)
+        publisher.publish(message)
+        if number == arguments.times:
+            break
+        due += 1.0 / arguments.rate
+        while (rest := due - time.monotonic()) > 0.0:
+            graph.spin(min(rest, POLL_PERIOD))
+    publisher.wait_for_all_acked(Duration(seconds=FAREWELL))
+    return 0
+
+
 def call(graph: RosGraph, arguments: argparse.Namespace) -> int:
     """Call a service and print what it answers."""
-    service, rest = full_name(arguments.service), list(arguments.rest)
-    given = rest.pop(0) if rest and TYPE_NAME.fullmatch(rest[0]) else None
-    if len(rest) > 1:
-        raise UserError(f'call: got {" ".join(rest)!r}, wanted [TYPE] [YAML]; quote the YAML')
+    service, (given, text) = full_name(arguments.service), _type_and_yaml('call', arguments.rest)
     offered = graph.service_type(service)
     kind: Any = find_type(given or offered, 'srv')
     if given is not None and find_type(offered, 'srv') is not kind:
         raise UserError(f'{service} is a {offered}, not a {given}')
     request = kind.Request()
-    fill(request, _read_yaml(rest[0] if rest else '{}'), functools.partial(find_type, kind='msg'))
+    fill(request, _read_yaml(text), functools.partial(find_type, kind='msg'))
     client = graph.node.create_client(kind, service)
     if not client.service_is_ready():
         print('waiting for service to become available...', flush=True)
@@ -166,7 +194,14 @@ def params(graph: RosGraph, arguments: argparse.Namespace) -> int:
     return _set(graph, client, change)
 
 
-COMMANDS = {'topics': list_topics, 'echo': echo, 'hz': hz, 'call': call, 'params': params}
+COMMANDS = {
+    'topics': list_topics,
+    'echo': echo,
+    'hz': hz,
+    'pub': pub,
+    'call': call,
+    'params': params,
+}
 
 
 def _set(graph: RosGraph, client: AsyncParameterClient, change: Parameter) -> int:
@@ -189,6 +224,15 @@ def _parameter(name: str, text: str, kind: type) -> Parameter:
         return Parameter(name, value=value)
     except TypeError:
         raise UserError(f'{name}: no parameter can be {text!r}') from None
+
+
+def _type_and_yaml(command: str, words: Sequence[str]) -> tuple[str | None, str]:
+    """Return the type, if it is among the words of a command, and the YAML behind it."""
+    rest = list(words)
+    given = rest.pop(0) if rest and TYPE_NAME.fullmatch(rest[0]) else None
+    if len(rest) > 1:
+        raise UserError(f'{command}: got {" ".join(rest)!r}, wanted [TYPE] [YAML]; quote the YAML')
+    return given, rest[0] if rest else '{}'
 
 
 def _read_yaml(text: str) -> Any:

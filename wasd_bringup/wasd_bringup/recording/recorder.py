@@ -23,6 +23,7 @@ from wasd_core.topics import LoopbackSubscription
 import yaml
 
 from wasd_bringup.messages import clear_padding
+from wasd_bringup.messages import type_name
 from wasd_bringup.recording.writer import BagWriter
 from wasd_bringup.recording.writer import RecordingError
 
@@ -125,12 +126,6 @@ def to_bytes(message: Any) -> bytes:
 def _find_message(name: str) -> Any:
     package, _, last = name.partition('/')
     return getattr(importlib.import_module(f'{package}.msg'), last)
-
-
-def type_name(kind: type[Any]) -> str:
-    """Return `package/msg/Name` of a message class."""
-    package, interface, *_ = kind.__module__.split('.')
-    return f'{package}/{interface}/{kind.__name__}'
 
 
 # The file on disk is at most so much older than the run [s of wall time].
