@@ -2,7 +2,6 @@
 """Whole runs of the command, each in a process and a ROS domain of its own."""
 
 from collections.abc import Callable, Iterator
-import contextlib
 import io
 import json
 import os
@@ -23,6 +22,7 @@ from PIL import Image
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from terminals import fill
 
 REPEAT_PERIOD = 1.0 / 30.0
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
@@ -279,16 +279,7 @@ class TerminalSession:
 
     def freeze(self) -> None:
         """Leave no room on the screen for another byte; `read` would make room again."""
-        filler = os.open(os.ttyname(self.slave), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
-        has_grown = True
-        while has_grown:  # the system passes bytes on behind our back, which makes room again
-            has_grown = False
-            with contextlib.suppress(BlockingIOError):
-                while True:
-                    os.write(filler, b'.')
-                    has_grown = True
-            time.sleep(0.1)
-        os.close(filler)
+        fill(self.slave)
 
     def end(self, timeout: float = 10.0) -> int:
         """Wait for the end, reading on so that it can write; return the exit status."""

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processes on pseudo-terminals, and a node that listens to them, on a ROS domain of their own."""
 
-import contextlib
 import os
 import pty
 import select
@@ -18,7 +17,10 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
+from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.twist_messages import from_twist
+from terminals import fill
+from terminals import wait_until
 
 # Makes the pseudo-terminal on standard input the controlling terminal, as a shell's terminal is:
 # then Ctrl-C, typed, is a signal.
@@ -29,14 +31,6 @@ TAKE_TERMINAL = (
 
 # How long a process may take to start or to end on a busy machine [s].
 PATIENCE = 20.0
-
-
-def wait_until(condition, timeout=PATIENCE):
-    """Wait until a condition holds; fail after `timeout` [s]."""
-    deadline = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < deadline, 'waited in vain'
-        time.sleep(0.01)
 
 
 class PtyProcess:
@@ -90,16 +84,7 @@ class PtyProcess:
         """Read no more, as a connection that has died, and leave no room for another byte."""
         self._is_read.clear()
         time.sleep(0.1)  # the reader's last look
-        filler = os.open(os.ttyname(self.slave), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
-        has_grown = True
-        while has_grown:  # the system passes bytes on behind our back, which makes room again
-            has_grown = False
-            with contextlib.suppress(BlockingIOError):
-                while True:
-                    os.write(filler, b'.')
-                    has_grown = True
-            time.sleep(0.1)
-        os.close(filler)
+        fill(self.slave)
 
     def thaw(self):
         """Read on."""
@@ -185,6 +170,32 @@ class Listener:
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._thread.start()
+
+    @property
+    def velocities(self):
+        """What came on `cmd_vel`."""
+        return [from_twist(message) for message in list(self.twists)]
+
+    @property
+    def stands(self):
+        """Whether the last command is to stand."""
+        return self.velocities[-1:] == [STANDSTILL]
+
+    def drive(self, process, key=b'i', seconds=0.0):
+        """Hold a key until the robot is told to move, and then so long; return the last press."""
+        last = 0.0
+
+        def press():
+            nonlocal last
+            process.type(key)
+            last = time.monotonic()
+            time.sleep(1 / 30)
+            return any(velocity.vx > 0.1 for velocity in self.velocities)
+
+        wait_until(press)
+        for _ in range(round(30 * seconds)):
+            press()
+        return last
 
     def probe(self, process, key='P', sequence=None, names=None):
         """

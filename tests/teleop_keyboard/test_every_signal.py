@@ -7,7 +7,10 @@ import time
 
 import pytest
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.twist_messages import from_twist
+from terminals import END_AFTER
+from terminals import name_of
+from terminals import usual_statuses
+from terminals import wait_until
 from wasd_core.signals import DEADLY
 
 pytestmark = pytest.mark.slow
@@ -23,8 +26,6 @@ ALONE = [
 # A process for each signal and state takes a while: WASD_TEST_SIGNALS=all has them all.
 SOME = (signal.SIGUSR1, signal.SIGABRT, signal.SIGALRM, signal.SIGQUIT, signal.SIGRTMIN)
 CHOSEN = ALONE if os.environ.get('WASD_TEST_SIGNALS') == 'all' else SOME
-# What it takes is well below; killed after a stuck write or never, it would be far beyond [s].
-SOON = 3.0
 
 # A terminal in raw mode and nothing else.
 HOLDER = """
@@ -33,7 +34,8 @@ from teleop_keyboard.terminal import Terminal
 with Terminal(0) as terminal:
     terminal.before_suspend.append(lambda: print('zero', flush=True))
     print('ready', flush=True)
-    time.sleep(60.0)
+    for _ in range(600):  # a signal that comes just before a sleep does not end it
+        time.sleep(0.1)
 """
 # Starts, and is stuck in its start for as long as it takes.
 STUCK = """
@@ -56,42 +58,11 @@ sys.exit(module.main())
 """
 
 
-def name_of(number):
-    return getattr(number, 'name', str(number))
-
-
-def usual(number):
-    """Return the statuses that a shell shows for a signal."""
-    return (0,) if number == signal.SIGINT else (-number, 128 + number)
-
-
-def wait_until(condition, timeout=20.0):
-    deadline = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < deadline, 'waited in vain'
-        time.sleep(0.005)
-
-
-def velocities(listener):
-    return [from_twist(message) for message in listener.twists]
-
-
-def drive(process, listener):
-    """Hold a key until the robot is told to move."""
-
-    def moves():
-        process.type(b'i')
-        time.sleep(1 / 30)
-        return any(velocity.vx > 0.1 for velocity in velocities(listener))
-
-    wait_until(moves)
-
-
 def end(process, number):
     """Send a signal; check how and how soon the process ends, and what is left."""
     sent = time.monotonic()
     process.process.send_signal(number)
-    assert process.process.wait(SOON) in usual(number)
+    assert process.process.wait(END_AFTER) in usual_statuses(number)
     print(f'{name_of(number)}: {time.monotonic() - sent:.2f} s')
     assert process.attributes == process.before
     assert b'Traceback' not in process.output
@@ -112,11 +83,11 @@ def test_each_gives_a_raw_terminal_back_and_ends_the_process(pty_process, number
 def test_each_stops_the_robot_while_it_is_driven(pty_process, listener, number):
     process = pty_process(*TELEOP)
     listener.probe(process)
-    drive(process, listener)
+    listener.drive(process)
     end(process, number)
-    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL])
+    wait_until(lambda: listener.stands)
     listener.settle()
-    assert velocities(listener)[-1] == STANDSTILL
+    assert listener.stands
     assert process.output.rstrip().endswith(b'\x1b[?1049l')
 
 
@@ -126,7 +97,7 @@ def test_each_ends_it_while_it_is_idle(pty_process, listener, number):
     listener.probe(process)
     end(process, number)
     listener.settle()
-    assert set(velocities(listener)) <= {STANDSTILL}
+    assert set(listener.velocities) <= {STANDSTILL}
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, *CHOSEN], ids=name_of)
@@ -140,12 +111,12 @@ def test_each_ends_it_while_it_is_stuck_in_its_start(ros_domain, pty_process, nu
 def test_a_loop_that_is_stuck_is_ended_with_a_zero(pty_process, listener):
     process = pty_process('-c', STUCK_LATER)
     listener.probe(process)
-    drive(process, listener)
+    listener.drive(process)
     process.type(b'X')
     time.sleep(0.3)
-    assert velocities(listener)[-1] != STANDSTILL
+    assert listener.velocities[-1] != STANDSTILL
     end(process, signal.SIGTERM)
-    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL])
+    wait_until(lambda: listener.stands)
 
 
 def test_signals_that_python_ignores_leave_a_driver_in_charge(pty_process, listener):
@@ -153,11 +124,11 @@ def test_signals_that_python_ignores_leave_a_driver_in_charge(pty_process, liste
     listener.probe(process)
     for number in (*IGNORED, signal.SIGWINCH, signal.SIGURG, signal.SIGCHLD):
         process.process.send_signal(number)
-    drive(process, listener)
+    listener.drive(process)
     assert process.is_raw
     process.type(b'\x03')
     assert process.wait() == 0
-    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL])
+    wait_until(lambda: listener.stands)
 
 
 @pytest.mark.parametrize('number', [signal.SIGTTIN, signal.SIGTTOU], ids=name_of)
@@ -184,14 +155,14 @@ def test_what_suspends_it_leaves_a_zero_and_the_terminal_and_it_goes_on(
     process.wait_for(b'JOB')
     listener.probe(process)
     job = int(process.output.split(b'JOB ')[1].split()[0])
-    drive(process, listener)
+    listener.drive(process)
     os.kill(job, number)
     wait_until(lambda: b'STOPPED' in process.output)
     assert process.attributes == process.before
-    wait_until(lambda: velocities(listener)[-1:] == [STANDSTILL])
+    wait_until(lambda: listener.stands)
     wait_until(lambda: process.is_raw)
     listener.settle()
-    assert velocities(listener)[-1] == STANDSTILL
+    assert listener.stands
     process.type(b'\x03')
     assert process.wait() == 0
     assert process.attributes == process.before

@@ -10,6 +10,7 @@ import time
 import pytest
 from std_msgs.msg import String
 from teleop_keyboard.key_script import parse_key_script
+from terminals import wait_until
 from wasd_core.topics import LATCHED
 
 pytestmark = pytest.mark.slow
@@ -29,14 +30,6 @@ def publish_or_raise(self, key):
 module.KeyPublisherNode.publish_key = publish_or_raise
 sys.exit(module.main())
 """
-
-
-def wait_until(condition):
-    """Wait until a condition holds; fail after some seconds."""
-    deadline = time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < deadline, 'waited in vain'
-        time.sleep(0.01)
 
 
 def processor_time(pid):

@@ -68,7 +68,7 @@ def test_a_killed_keyboard_is_a_zero_within_the_time_out(
     )
     process = pty_process(*KEYS)
     listener.probe(process)
-    drive(process, listener, key)
+    listener.drive(process, key)
     listener.twists.clear()
     process.process.send_signal(signal.SIGKILL)
     killed = time.time()
@@ -90,13 +90,7 @@ def test_a_keyboard_that_leaves_stops_a_robot_that_would_drive_for_ever(
     background('teleop_keyboard.keys_to_twist_node', *arguments.split())
     process = pty_process(*KEYS)
     listener.probe(process)
-    drive(process, listener, b'w')
+    listener.drive(process, b'w')
     process.type(b'\x03')
     assert process.wait() == 0
     listener.wait_for_twist(lambda velocity: velocity == STANDSTILL)
-
-
-def drive(process, listener, key):
-    """Type a key until the robot is told to move."""
-    process.type(key)
-    listener.wait_for_twist(lambda velocity: velocity.vx > 0.1, lambda: process.type(key))

@@ -8,8 +8,7 @@ import time
 
 from nav_msgs.msg import Odometry
 import pytest
-from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.twist_messages import from_twist
+from terminals import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -46,41 +45,15 @@ sys.exit(os.waitstatus_to_exitcode(status))
 """
 
 
-def wait_until(condition, timeout=20.0):
-    deadline = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < deadline, 'waited in vain'
-        time.sleep(0.01)
-
-
-def velocities(listener):
-    return [from_twist(message) for message in listener.twists]
-
-
-def drive(process, listener, key=b'i'):
-    """Hold a key until the robot is told to move."""
-
-    def moves():
-        process.type(key)
-        time.sleep(1 / 30)
-        return any(velocity.vx > 0.1 for velocity in velocities(listener))
-
-    wait_until(moves)
-
-
-def stands(listener):
-    return velocities(listener)[-1:] == [STANDSTILL]
-
-
 def test_ctrl_backslash_stops_the_robot_and_restores_the_terminal(pty_process, listener):
     process = pty_process(*TELEOP)
     listener.probe(process)
-    drive(process, listener)
+    listener.drive(process)
     process.type(b'\x1c')
     assert process.wait() == -signal.SIGQUIT
-    wait_until(lambda: stands(listener))
+    wait_until(lambda: listener.stands)
     listener.settle()
-    assert stands(listener)
+    assert listener.stands
     assert process.attributes == process.before
     assert process.output.rstrip().endswith(b'\x1b[?1049l')
 
@@ -88,12 +61,12 @@ def test_ctrl_backslash_stops_the_robot_and_restores_the_terminal(pty_process, l
 def test_a_closed_terminal_stops_the_robot(pty_process, listener):
     process = pty_process(*TELEOP)
     listener.probe(process)
-    drive(process, listener)
+    listener.drive(process)
     process.hang_up()
     assert process.wait() in (128 + signal.SIGHUP, 0, 1)
-    wait_until(lambda: stands(listener))
+    wait_until(lambda: listener.stands)
     listener.settle()
-    assert stands(listener)
+    assert listener.stands
 
 
 def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
@@ -101,12 +74,12 @@ def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
 ):
     process = pty_process('-c', SHELL, *TELEOP, environment={'FOLDER': str(tmp_path)})
     listener.probe(process)
-    drive(process, listener)
+    listener.drive(process)
     process.type(b'\x1a')
     wait_until(lambda: b'SUSPENDED' in process.output)
-    wait_until(lambda: stands(listener))
+    wait_until(lambda: listener.stands)
     listener.settle()
-    assert stands(listener)
+    assert listener.stands
     assert process.attributes == process.before
     assert b'\x1b[?1049l' in process.output[: process.output.index(b'SUSPENDED')]
     count = len(listener.twists)
@@ -122,18 +95,18 @@ def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
     # It neither draws nor reads, which would stop it again: what is typed is the shell's.
     assert process.output == b'X\r\n'
     assert Path(f'/proc/{job}/stat').read_text().rsplit(')', 1)[1].split()[0] != 'T'
-    assert stands(listener)
+    assert listener.stands
 
     process.output = b''
     (tmp_path / 'fg').touch()
     wait_until(lambda: process.is_raw)
     wait_until(lambda: b'\x1b[?1049h' in process.output)
-    assert stands(listener)
+    assert listener.stands
     listener.twists.clear()
-    drive(process, listener)
+    listener.drive(process)
     process.type(b'\x03')
     assert process.wait() == 0
-    wait_until(lambda: stands(listener))
+    wait_until(lambda: listener.stands)
     assert process.attributes == process.before
 
 
@@ -179,7 +152,7 @@ def test_the_robot_stops_when_keyboard_or_teleop_are_killed_outright(
     robot.drive(keyboard)
     keyboard.process.send_signal(signal.SIGKILL)
     # The other process says stop.
-    wait_until(lambda: stands(listener))
+    wait_until(lambda: listener.stands)
     robot.stops()
 
     # It hears the next keyboard, too, and would be the one to stop the robot.
@@ -193,7 +166,7 @@ def test_the_robot_stops_when_keyboard_or_teleop_are_killed_outright(
     process.process.wait()
     # Nobody says stop: the last command is the one to drive, and the controller's watchdog acts.
     listener.settle()
-    assert velocities(listener)[-1].vx > 0.0
+    assert listener.velocities[-1].vx > 0.0
     robot.stops()
 
 
@@ -205,9 +178,9 @@ def test_without_a_terminal_on_its_input_it_takes_the_controlling_one(pty_proces
     )
     process = pty_process('-c', inner, *TELEOP)
     listener.probe(process)
-    drive(process, listener, b'i')
+    listener.drive(process, b'i')
     process.type(b'\x03')
     # The signal goes to both processes; the inner one may be the last to leave.
     process.wait()
-    wait_until(lambda: stands(listener))
+    wait_until(lambda: listener.stands)
     wait_until(lambda: process.attributes == process.before)

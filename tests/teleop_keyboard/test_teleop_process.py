@@ -15,7 +15,6 @@ from rcl_interfaces.srv import ListParameters
 from rcl_interfaces.srv import SetParameters
 from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.twist_messages import from_twist
 
 pytestmark = pytest.mark.slow
 
@@ -40,23 +39,19 @@ def hold(process, key, seconds):
         time.sleep(1 / 30)
 
 
-def velocities(listener):
-    return [from_twist(message) for message in listener.twists]
-
-
 def test_a_held_key_drives_and_a_released_one_stops_with_one_zero(pty_process, listener):
     process = pty_process(*MODULE)
     listener.probe(process)
     hold(process, b'i', 1.0)
     released = time.monotonic()
-    while not velocities(listener) or velocities(listener)[-1] != STANDSTILL:
+    while not listener.velocities or listener.velocities[-1] != STANDSTILL:
         assert time.monotonic() - released < 1.3
         time.sleep(0.01)
     listener.settle()
-    speeds = [velocity.vx for velocity in velocities(listener)]
+    speeds = [velocity.vx for velocity in listener.velocities]
     assert max(speeds) == 0.2
-    assert velocities(listener).count(STANDSTILL) == 1
-    assert velocities(listener)[-1] == STANDSTILL
+    assert listener.velocities.count(STANDSTILL) == 1
+    assert listener.stands
     # The ramp up has no step back: nothing is handled twice or late.
     top = speeds.index(0.2)
     assert speeds[:top] == sorted(speeds[:top])
@@ -75,7 +70,7 @@ def test_every_way_out_stops_the_robot_and_restores_the_terminal(
     process = pty_process(*arguments)
     listener.probe(process)
     hold(process, b'u', 0.7)
-    assert velocities(listener)[-1].vx > 0.1
+    assert listener.velocities[-1].vx > 0.1
     if way_out == 'Ctrl-C':
         process.type(b'\x03')
     elif way_out == 'exception':
@@ -84,7 +79,7 @@ def test_every_way_out_stops_the_robot_and_restores_the_terminal(
         process.process.send_signal(getattr(signal, way_out))
     assert process.wait() == status
     listener.settle()
-    assert velocities(listener)[-1] == STANDSTILL
+    assert listener.stands
     assert process.attributes == process.before
     assert (b'Traceback' in process.output) == (way_out == 'exception')
 
@@ -113,12 +108,12 @@ def test_parameters_are_listed_and_set_while_it_drives(pty_process, listener):
     assert {field.name for field in fields(TeleopParameters)} <= set(listed)
     assert set_speed(0.3).successful
     hold(process, b'i', 1.0)
-    assert max(velocity.vx for velocity in velocities(listener)) == 0.3
+    assert max(velocity.vx for velocity in listener.velocities) == 0.3
     refused = set_speed(3.0)
     assert not refused.successful
     assert refused.reason == 'speed must be within 0.02 .. 1 (preset mbot), got 3'
     hold(process, b'i', 0.3)
-    assert max(velocity.vx for velocity in velocities(listener)) == 0.3
+    assert max(velocity.vx for velocity in listener.velocities) == 0.3
 
 
 def test_a_held_ctrl_c_ends_it_no_less_cleanly(pty_process, listener):
@@ -129,7 +124,7 @@ def test_a_held_ctrl_c_ends_it_no_less_cleanly(pty_process, listener):
         process.type(b'\x03')
         time.sleep(0.03)
     listener.settle()
-    assert velocities(listener)[-1] == STANDSTILL
+    assert listener.stands
     assert process.attributes == process.before
     assert b'Traceback' not in process.output
 
@@ -145,8 +140,8 @@ def test_keys_from_a_pipe_have_their_effect_before_the_end(listener):
     assert result.returncode == 0
     assert result.stderr == b''
     listener.settle()
-    assert max(velocity.vx for velocity in velocities(listener)) > 0.05
-    assert velocities(listener)[-1] == STANDSTILL
+    assert max(velocity.vx for velocity in listener.velocities) > 0.05
+    assert listener.stands
 
 
 def test_a_wrong_parameter_is_one_line(ros_domain, pty_process):
