@@ -85,7 +85,7 @@ class LegController:
         self.locomotion.tune(own)
         self.safety.params = own.safety
         self._detector.params = own.contact
-        self._kalman.params = own.kalman
+        self._kalman.tune(own.kalman)
 
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""

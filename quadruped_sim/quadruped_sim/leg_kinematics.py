@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Closed-form kinematics of four legs at once: hip about x, thigh and calf about y."""
 
-from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
@@ -17,8 +16,7 @@ LEFT = (1.0, -1.0, 1.0, -1.0)
 FRONT = (1.0, 1.0, -1.0, -1.0)
 
 
-@dataclass(frozen=True)
-class LegGeometry:
+class LegGeometry(NamedTuple):
     """
     Dimensions of the four legs, in base axes [m].
 
@@ -57,22 +55,14 @@ class LegMotion(NamedTuple):
 
 def leg_motion(leg: LegGeometry, angles: np.ndarray, rates: np.ndarray) -> LegMotion:
     """Feet at joint `angles` [rad] moving at `rates` [rad/s], both (12,)."""
-    return LegMotion(
-        *_leg_motion(leg.hip, leg.offset, leg.drop, leg.thigh, leg.calf, angles, rates)
-    )
+    return LegMotion(*_leg_motion(leg, angles, rates))
 
 
 @jit
 def _leg_motion(
-    hip: np.ndarray,
-    offset: np.ndarray,
-    drop: np.ndarray,
-    thigh: np.ndarray,
-    calf: np.ndarray,
-    angles: np.ndarray,
-    rates: np.ndarray,
+    leg: LegGeometry, angles: np.ndarray, rates: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    position = hip.copy()
+    position = leg.hip.copy()
     velocity = np.zeros((4, 3))
     jacobian = np.zeros((4, 3, 3))
     bias = np.zeros((4, 3))
@@ -83,13 +73,13 @@ def _leg_motion(
         calf_rate = thigh_rate + rates[3 * i + 2]
         s1, c1 = np.sin(angles[3 * i]), np.cos(angles[3 * i])
         bent = angles[3 * i + 1] + angles[3 * i + 2]
-        upper, lower = thigh[i], calf[i]
+        upper, lower = leg.thigh[i], leg.calf[i]
         ls2, lc2 = upper * np.sin(angles[3 * i + 1]), upper * np.cos(angles[3 * i + 1])
         ls3, lc3 = lower * np.sin(bent), lower * np.cos(bent)
         x, fall = -ls2 - ls3, -lc2 - lc3  # in the leg's plane, from where the thigh turns
-        z = fall - drop[i]
-        y_base = offset[i] * c1 - z * s1
-        z_base = offset[i] * s1 + z * c1
+        z = fall - leg.drop[i]
+        y_base = leg.offset[i] * c1 - z * s1
+        z_base = leg.offset[i] * s1 + z * c1
         position[i, 0] += x
         position[i, 1] += y_base
         position[i, 2] += z_base
@@ -113,8 +103,7 @@ def _leg_motion(
     return position, velocity, jacobian, bias, spin, axis
 
 
-@dataclass(frozen=True)
-class ContactPoints:
+class ContactPoints(NamedTuple):
     """
     Where the feet touch, in base axes.
 
@@ -155,6 +144,7 @@ def foot_positions(leg: LegGeometry, angles: np.ndarray) -> np.ndarray:
     return leg_motion(leg, angles, np.zeros(12)).position
 
 
+@jit
 def leg_angles(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarray, bool]:
     """
     Joint angles (3,) [rad] that bring one foot to `foot` (3,) in base axes.
@@ -162,23 +152,11 @@ def leg_angles(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarr
     A target out of reach is brought to the nearest radius the leg can have; the second value is
     False then.
     """
-    relative = foot - leg.hip[index]
-    return solve_leg(
-        relative,
-        float(leg.offset[index]),
-        float(leg.drop[index]),
-        float(leg.thigh[index]),
-        float(leg.calf[index]),
-        float(leg.bend[index]),
-    )
-
-
-@jit
-def solve_leg(
-    foot: np.ndarray, offset: float, drop: float, thigh: float, calf: float, bend: float
-) -> tuple[np.ndarray, bool]:
-    """Inverse kinematics of one leg; `foot` (3,) is relative to its hip. See `leg_angles`."""
-    x, y, z = foot[0], foot[1], foot[2]
+    offset, drop, bend = leg.offset[index], leg.drop[index], leg.bend[index]
+    thigh, calf = leg.thigh[index], leg.calf[index]
+    x = foot[0] - leg.hip[index, 0]
+    y = foot[1] - leg.hip[index, 1]
+    z = foot[2] - leg.hip[index, 2]
     squared = y * y + z * z - offset * offset
     reachable = squared > 1e-8
     plane_z = -math.sqrt(max(squared, 1e-8))

@@ -4,6 +4,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -54,8 +55,7 @@ class JointLimits:
     effort: np.ndarray
 
 
-@dataclass
-class Dynamics:
+class Dynamics(NamedTuple):
     """
     Terms of M dv + h = tau + J' f, with v = (base linear, base angular, legs), base axes.
 

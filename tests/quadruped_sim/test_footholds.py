@@ -3,10 +3,13 @@ import numpy as np
 import pytest
 from quadruped_sim.algebra import yaw_matrix
 from quadruped_sim.estimation.contacts import Ground
-from quadruped_sim.locomotion.swing import footholds
-from quadruped_sim.locomotion.swing import nominal_feet
+from quadruped_sim.estimation.robot_state import BaseMotion
+from quadruped_sim.locomotion.gait import GaitState
+from quadruped_sim.locomotion.reference import BaseReference
+from quadruped_sim.locomotion.swing import SwingLegs
 from quadruped_sim.parameters import FootholdParameters
 from quadruped_sim.parameters import GroundParameters
+from quadruped_sim.parameters import LegControllerParameters
 
 STANCE = 0.2
 
@@ -14,32 +17,24 @@ STANCE = 0.2
 @pytest.fixture
 def land(model):
     """Footholds of a Go2 on level ground at z 0; keywords replace standing still at the origin."""
-    nominal = nominal_feet(model.geometry.hip, model.geometry.offset)
-    ground = Ground(GroundParameters())
+    legs, ground = SwingLegs(model, LegControllerParameters()), Ground(GroundParameters())
+    schedule = GaitState(np.zeros(4, dtype=bool), np.ones(4), STANCE, 0.2)
 
-    def land(velocity=(0, 0, 0), command=None, yaw=0.0, yaw_rate=0.0, remaining=0.0):
+    def land(velocity=(0, 0, 0), command=None, yaw=0.0, yaw_rate=0.0):
         velocity = np.array(velocity, dtype=float)
         command = velocity if command is None else np.array(command, dtype=float)
-        return footholds(
-            FootholdParameters(),
-            nominal,
-            np.zeros(3),
-            yaw,
-            velocity,
-            command,
-            yaw_rate,
-            np.full(4, remaining),
-            STANCE,
-            ground,
-            0.02,
-        )
+        rpy = np.array((0.0, 0.0, yaw))
+        base = BaseMotion(np.zeros(3), velocity, yaw_matrix(yaw), rpy, np.zeros(3))
+        reference = BaseReference(np.zeros(3), rpy, command, yaw_rate)
+        return legs.landing(base, schedule, reference, ground)
 
-    land.nominal = nominal
+    land.nominal = legs.nominal
     return land
 
 
 def test_standing_still_the_feet_land_below_the_hips(land):
-    wanted = land.nominal + (0.0, 0.0, 0.02)
+    """Their centres a radius above the ground, less what they aim into it."""
+    wanted = land.nominal + (0.0, 0.0, 0.022 - 0.005)
     np.testing.assert_allclose(land(), wanted, atol=1e-12)
 
 

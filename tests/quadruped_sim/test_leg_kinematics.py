@@ -1,6 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-from dataclasses import replace
-
 import numpy as np
 from quadruped_sim.algebra import skew
 from quadruped_sim.leg_kinematics import all_leg_angles
@@ -85,8 +83,7 @@ def test_out_of_reach_foot_is_brought_to_the_sphere_and_reported(model):
 
 def test_legs_of_other_shapes_are_inverted_too(model, rng):
     """Below its hip axis the thigh turns, front and rear differ, rear knees point forward."""
-    leg = replace(
-        model.geometry,
+    leg = model.geometry._replace(
         drop=np.array((0.08, 0.08, 0.0, 0.0)),
         bend=np.array((1.0, 1.0, -1.0, -1.0)),
         thigh=np.array((0.2, 0.2, 0.25, 0.25)),

@@ -2,6 +2,7 @@
 """Which feet touch, by joint torques alone, and the plane on which they stand."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,13 +14,20 @@ from quadruped_sim.parameters import GroundParameters
 from quadruped_sim.robot_model import Dynamics
 
 
+class Observer(NamedTuple):
+    """State of the momentum observer, both (12,): its integral and J'f as far as it is seen."""
+
+    integral: np.ndarray
+    residual: np.ndarray
+
+
 class ContactDetector:
     """
     Estimates the force on each foot and whether it touches.
 
     The joint momentum p obeys dp/dt = tau + C'v - g + J'f. A residual driven by the part of p that
     the known terms do not explain is J'f low-passed at `bandwidth` [DeLuca2006].
-    State: the integral, the forces (4, 3) [N] in base axes, contact flags with hysteresis.
+    State: the observer, the forces (4, 3) [N] in base axes, contact flags with hysteresis.
     """
 
     def __init__(self, params: ContactParameters) -> None:
@@ -28,8 +36,7 @@ class ContactDetector:
 
     def reset(self) -> None:
         """Forget the past; the next step starts from zero force."""
-        self._integral: np.ndarray | None = None
-        self._residual = np.zeros(12)
+        self._observer: Observer | None = None
         self.forces = np.zeros((4, 3))
         self.normal_forces = np.zeros(4)
         self.is_contact = np.zeros(4, dtype=bool)
@@ -43,17 +50,9 @@ class ContactDetector:
         dt: float,
     ) -> None:
         """Update by the measured joint `torque` (12,) [N m]; `normal` (3,) is up in base axes."""
-        if self._integral is None:
-            self._integral = dynamics.momentum.copy()
-        self.forces = _observe(
-            self._integral,
-            self._residual,
-            torque + dynamics.momentum_drift,
-            dynamics.momentum,
-            self.params.bandwidth,
-            motion.jacobian,
-            dt,
-        )
+        if self._observer is None:
+            self._observer = Observer(dynamics.momentum.copy(), np.zeros(12))
+        self.forces = _observe(self._observer, torque, motion, dynamics, self.params.bandwidth, dt)
         self.normal_forces = self.forces @ normal
         threshold = np.where(self.is_contact, self.params.force_off, self.params.force_on)
         self.is_contact = self.normal_forces > threshold
@@ -61,23 +60,23 @@ class ContactDetector:
 
 @jit
 def _observe(
-    integral: np.ndarray,
-    residual: np.ndarray,
-    known: np.ndarray,
-    momentum: np.ndarray,
+    observer: Observer,
+    torque: np.ndarray,
+    motion: LegMotion,
+    dynamics: Dynamics,
     bandwidth: float,
-    jacobian: np.ndarray,
     dt: float,
 ) -> np.ndarray:
-    """Advance `integral` and `residual` (12,) in place; returns the foot forces (4, 3) [N]."""
+    """Advance the observer in place; returns the foot forces (4, 3) [N]."""
+    integral, residual = observer
     for k in range(12):
-        integral[k] += dt * (known[k] + residual[k])
-        residual[k] = bandwidth * (momentum[k] - integral[k])
+        integral[k] += dt * (torque[k] + dynamics.momentum_drift[k] + residual[k])
+        residual[k] = bandwidth * (dynamics.momentum[k] - integral[k])
     forces = np.empty((4, 3))
     damped = np.empty((3, 3))
     pull = np.empty((3, 1))
     for i in range(4):
-        J = jacobian[i]
+        J = motion.jacobian[i]
         # On a nearly straight leg J is nearly singular along the leg; the pull stays bounded.
         for row in range(3):
             pull[row, 0] = 0.0
@@ -90,6 +89,22 @@ def _observe(
         for k in range(3):
             forces[i, k] = pull[k, 0]
     return forces
+
+
+class Plane(NamedTuple):
+    """Where the feet stood last, (4, 3), and the plane's centre (2,) and gradient (2,) there."""
+
+    points: np.ndarray
+    centre: np.ndarray
+    gradient: np.ndarray
+
+
+class PlaneFilter(NamedTuple):
+    """How steep a slope is believed in, and the low-passes' shares of one tick."""
+
+    steepest: float
+    slope_share: float
+    height_share: float
 
 
 class Ground:
@@ -106,34 +121,31 @@ class Ground:
 
     def reset(self, feet: np.ndarray) -> None:
         """Take level ground at the mean height of the contact points `feet` (4, 3), world [m]."""
-        self._points = feet.copy()
-        self.centre = feet[:, :2].mean(axis=0)
+        self._plane = Plane(feet.copy(), feet[:, :2].mean(axis=0), np.zeros(2))
         self.height = float(feet[:, 2].mean())
-        self.gradient = np.zeros(2)
+
+    @property
+    def gradient(self) -> np.ndarray:
+        """Slope along world x and y (2,)."""
+        return self._plane.gradient
 
     def step(self, contacts: np.ndarray, is_contact: np.ndarray, dt: float) -> None:
         """Move the plane toward the contact points (4, 3) of the feet that stand, world [m]."""
-        slope_share = min(1.0, dt / self.params.slope_time)
-        height_share = min(1.0, dt / self.params.height_time)
-        self.height = _follow_plane(
-            self._points,
-            contacts,
-            is_contact,
-            self.centre,
-            self.gradient,
-            self.height,
-            math.tan(self.params.slope_max),
-            slope_share,
-            height_share,
+        params = self.params
+        low_pass = PlaneFilter(
+            math.tan(params.slope_max),
+            min(1.0, dt / params.slope_time),
+            min(1.0, dt / params.height_time),
         )
+        self.height = _follow_plane(self._plane, self.height, contacts, is_contact, low_pass)
 
     def heights(self, points: np.ndarray) -> np.ndarray:
         """Ground height below `points` (n, 2 or 3) [m], shape (n,)."""
-        return np.asarray(self.height + (points[:, :2] - self.centre) @ self.gradient)
+        return np.asarray(self.height + (points[:, :2] - self._plane.centre) @ self.gradient)
 
     def height_at(self, point: np.ndarray) -> float:
         """Ground height below one point [m]."""
-        return self.height + float((point[:2] - self.centre) @ self.gradient)
+        return self.height + float((point[:2] - self._plane.centre) @ self.gradient)
 
     def normal(self) -> np.ndarray:
         """Unit normal in world axes, pointing up, shape (3,)."""
@@ -153,17 +165,15 @@ class Ground:
 
 @jit
 def _follow_plane(
-    points: np.ndarray,
+    plane: Plane,
+    height: float,
     contacts: np.ndarray,
     is_contact: np.ndarray,
-    centre: np.ndarray,
-    gradient: np.ndarray,
-    height: float,
-    steepest: float,
-    slope_share: float,
-    height_share: float,
+    low_pass: PlaneFilter,
 ) -> float:
-    """Update `points`, `centre` and `gradient` in place; returns the new height at the centre."""
+    """Update the plane in place; returns the new height at its centre."""
+    points, centre, gradient = plane
+    steepest, slope_share, height_share = low_pass
     for i in range(4):
         for k in range(3):
             if is_contact[i]:

@@ -27,6 +27,35 @@ class ImuSample(NamedTuple):
     acceleration: np.ndarray
 
 
+class Footing(NamedTuple):
+    """How surely each foot stands, (4,) in [0, 1], and the ground's normal (3,), world axes."""
+
+    trust: np.ndarray
+    normal: np.ndarray
+
+
+class Gaussian(NamedTuple):
+    """Mean x (6, 3) and covariance P (6, 6): rows are base position, base velocity, four feet."""
+
+    x: np.ndarray
+    P: np.ndarray
+
+
+class SensorModel(NamedTuple):
+    """
+    Where the IMU is and how round the feet are [m], and the noises' standard deviations.
+
+    Those are of acceleration, standing foot, foot position by joint angles, velocity by a leg.
+    """
+
+    imu_offset: np.ndarray
+    radius: float
+    acceleration: float
+    foot: float
+    kinematics: float
+    velocity: float
+
+
 class KalmanEstimator:
     """
     18 states in world axes: base position, base velocity, four foot centres [Bloesch2012].
@@ -43,63 +72,53 @@ class KalmanEstimator:
     def __init__(
         self, params: EstimatorParameters, foot_radius: float, imu_offset: np.ndarray
     ) -> None:
-        self.params = params
         self._radius = foot_radius
         self._imu_offset = imu_offset
-        self._x = np.zeros((6, 3))
-        self._P = np.eye(6)
+        self.tune(params)
         self.reset(np.zeros(3), np.zeros((4, 3)))
+
+    def tune(self, params: EstimatorParameters) -> None:
+        """Take other noises; the estimate stays."""
+        self._params = params
+        self._sensors = SensorModel(
+            self._imu_offset,
+            self._radius,
+            params.acceleration_noise,
+            params.foot_noise,
+            params.kinematics_noise,
+            params.velocity_noise,
+        )
 
     def reset(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Start at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]."""
-        self._x = np.vstack((position, np.zeros(3), feet))
-        self._P = np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4))
+        x = np.vstack((position, np.zeros(3), feet))
+        self._estimate = Gaussian(x, np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4)))
 
     @property
     def position(self) -> np.ndarray:
         """Base position in world (3,) [m]."""
-        return np.asarray(self._x[0])
+        return np.asarray(self._estimate.x[0])
 
     @property
     def velocity(self) -> np.ndarray:
         """Base velocity in world axes (3,) [m/s]."""
-        return np.asarray(self._x[1])
+        return np.asarray(self._estimate.x[1])
 
     @property
     def feet(self) -> np.ndarray:
         """Foot centres in world (4, 3) [m]."""
-        return np.asarray(self._x[2:])
+        return np.asarray(self._estimate.x[2:])
 
     @property
     def variances(self) -> tuple[float, float]:
         """Variance of position [m^2] and of velocity [m^2/s^2] per axis."""
-        return float(self._P[0, 0]), float(self._P[1, 1])
+        return float(self._estimate.P[0, 0]), float(self._estimate.P[1, 1])
 
     def step(
         self, imu: ImuSample, motion: LegMotion, trust: np.ndarray, normal: np.ndarray, dt: float
     ) -> None:
         """Predict by the accelerometer, correct by the legs; `normal` is the ground's, world."""
-        params = self.params
-        _filter_step(
-            self._x,
-            self._P,
-            imu.R,
-            imu.omega,
-            imu.acceleration,
-            self._imu_offset,
-            motion.position,
-            motion.velocity,
-            motion.calf_rate,
-            trust,
-            self._radius * normal,
-            (
-                params.acceleration_noise,
-                params.foot_noise,
-                params.kinematics_noise,
-                params.velocity_noise,
-            ),
-            dt,
-        )
+        _filter_step(self._estimate, imu, motion, Footing(trust, normal), self._sensors, dt)
         self._anchor(trust, dt)
 
     def _anchor(self, trust: np.ndarray, dt: float) -> None:
@@ -112,78 +131,64 @@ class KalmanEstimator:
         total = float(trust.sum())
         if total < 1.0:
             return
-        level = float(trust @ self._x[2:, 2]) / total - self._radius
-        if math.fabs(level) < self.params.level_band:
-            self._x[0, 2] -= dt / self.params.level_time * level
-            self._x[2:, 2] -= dt / self.params.level_time * level
+        level = float(trust @ self._estimate.x[2:, 2]) / total - self._radius
+        if math.fabs(level) < self._params.level_band:
+            self._estimate.x[0, 2] -= dt / self._params.level_time * level
+            self._estimate.x[2:, 2] -= dt / self._params.level_time * level
 
 
 @jit
 def _filter_step(
-    x: np.ndarray,
-    P: np.ndarray,
-    R: np.ndarray,
-    omega: np.ndarray,
-    acceleration: np.ndarray,
-    imu_offset: np.ndarray,
-    foot: np.ndarray,
-    foot_velocity: np.ndarray,
-    calf_rate: np.ndarray,
-    trust: np.ndarray,
-    radius: np.ndarray,
-    deviations: tuple[float, float, float, float],
+    estimate: Gaussian,
+    imu: ImuSample,
+    motion: LegMotion,
+    footing: Footing,
+    sensors: SensorModel,
     dt: float,
 ) -> None:
-    """
-    Predict and correct `x` (6, 3) and `P` (6, 6) in place.
-
-    `deviations` are those of acceleration, standing foot, foot position and leg velocity;
-    `radius` (3,) [m] leads from a contact point to the centre of its foot, world axes.
-    """
-    sigma_acceleration, sigma_foot, sigma_position, sigma_velocity = deviations
-    _predict_base(x, P, R, omega, acceleration, imu_offset, sigma_acceleration, dt)
+    """Predict and correct `estimate` in place."""
+    x, P = estimate
+    R, omega, _ = imu
+    foot, trust = motion.position, footing.trust
+    _predict_base(estimate, imu, sensors, dt)
+    radius = np.empty(3)  # from a contact point to the centre of its foot, world axes
+    for k in range(3):
+        radius[k] = sensors.radius * footing.normal[k]
     velocity = np.empty((4, 3))
     calf = np.empty(3)
     for i in range(4):
         for k in range(3):
-            calf[k] = calf_rate[i, k] + omega[k]
+            calf[k] = motion.calf_rate[i, k] + omega[k]
         rolling = cross3(rotate(R, calf), radius)
         swept = cross3(omega, foot[i])
         for k in range(3):
-            swept[k] += foot_velocity[i, k]
+            swept[k] += motion.velocity[i, k]
         swept = rotate(R, swept)
         for k in range(3):
             velocity[i, k] = rolling[k] - swept[k]
             x[2 + i, k] += dt * trust[i] * rolling[k]
-        P[2 + i, 2 + i] += (sigma_foot * sigma_foot + (1.0 - trust[i]) * _SWING_VARIANCE) * dt
+        P[2 + i, 2 + i] += (sensors.foot * sensors.foot + (1.0 - trust[i]) * _SWING_VARIANCE) * dt
 
     # Independent noises: measurements may be taken one after the other.
     h = np.empty(6)
     for i in range(4):
         h[:] = 0.0
         h[0], h[2 + i] = -1.0, 1.0
-        _scalar_update(x, P, h, rotate(R, foot[i]), sigma_position * sigma_position)
+        _scalar_update(estimate, h, rotate(R, foot[i]), sensors.kinematics * sensors.kinematics)
     for i in range(4):
         h[:] = 0.0
         h[1] = 1.0
-        noise = sigma_velocity * sigma_velocity * (1.0 + (1.0 - trust[i]) * _SWING_FACTOR)
-        _scalar_update(x, P, h, velocity[i], noise)
+        noise = sensors.velocity * sensors.velocity * (1.0 + (1.0 - trust[i]) * _SWING_FACTOR)
+        _scalar_update(estimate, h, velocity[i], noise)
 
 
 @jit
-def _predict_base(
-    x: np.ndarray,
-    P: np.ndarray,
-    R: np.ndarray,
-    omega: np.ndarray,
-    acceleration: np.ndarray,
-    imu_offset: np.ndarray,
-    sigma: float,
-    dt: float,
-) -> None:
-    """Move base position and velocity by the accelerometer, whose deviation is `sigma`."""
+def _predict_base(estimate: Gaussian, imu: ImuSample, sensors: SensorModel, dt: float) -> None:
+    """Move base position and velocity by the accelerometer."""
+    x, P = estimate
+    R, omega, acceleration = imu
     # The IMU does not sit at the base's origin: take its centripetal part off.
-    whirl = cross3(omega, cross3(omega, imu_offset))
+    whirl = cross3(omega, cross3(omega, sensors.imu_offset))
     for k in range(3):
         whirl[k] = acceleration[k] - whirl[k]
     force = rotate(R, whirl)
@@ -195,7 +200,7 @@ def _predict_base(
         P[0, k] += dt * P[1, k]
     for k in range(6):
         P[k, 0] += dt * P[k, 1]
-    q = sigma * sigma * dt
+    q = sensors.acceleration * sensors.acceleration * dt
     P[0, 0] += q * dt * dt / 3.0
     P[0, 1] += q * dt / 2.0
     P[1, 0] += q * dt / 2.0
@@ -203,10 +208,9 @@ def _predict_base(
 
 
 @jit
-def _scalar_update(
-    x: np.ndarray, P: np.ndarray, h: np.ndarray, measured: np.ndarray, noise: float
-) -> None:
+def _scalar_update(estimate: Gaussian, h: np.ndarray, measured: np.ndarray, noise: float) -> None:
     """Take one measurement h x = `measured` (3,), of variance `noise` in each axis, in place."""
+    x, P = estimate
     Ph = np.zeros(6)
     for i in range(6):
         for j in range(6):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Feedback around the plan: what the base shall accelerate at, what the joints shall hold."""
 
+from typing import NamedTuple
+
 import numpy as np
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
@@ -12,8 +14,11 @@ from quadruped_sim.algebra import matrix_from_rpy
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import rotation_vector
+from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.estimation.robot_state import RobotState
-from quadruped_sim.leg_kinematics import solve_leg
+from quadruped_sim.leg_kinematics import leg_angles
+from quadruped_sim.leg_kinematics import LegGeometry
+from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
 from quadruped_sim.parameters import BalanceParameters
@@ -21,29 +26,63 @@ from quadruped_sim.parameters import WholeBodyParameters
 from quadruped_sim.robot_model import RobotModel
 
 
+class BaseGains(NamedTuple):
+    """Gains of one proportional-derivative law, each (3,) for the axes of the world."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    rotation: np.ndarray
+    rate: np.ndarray
+
+
+def gains_of(params: BalanceParameters | WholeBodyParameters) -> BaseGains:
+    """Return the gains that stand in a group of parameters."""
+    return BaseGains(
+        np.array(params.position_gains),
+        np.array(params.velocity_gains),
+        np.array(params.rotation_gains),
+        np.array(params.rate_gains),
+    )
+
+
+@jit
+def pd_law(
+    gains: BaseGains,
+    position_error: np.ndarray,
+    velocity_error: np.ndarray,
+    rotation_error: np.ndarray,
+    rate_error: np.ndarray,
+) -> np.ndarray:
+    """Acceleration (6,) against errors, each (3,): linear then angular, all in world axes."""
+    result = np.empty(6)
+    for k in range(3):
+        result[k] = gains.position[k] * position_error[k] + gains.velocity[k] * velocity_error[k]
+        result[3 + k] = gains.rotation[k] * rotation_error[k] + gains.rate[k] * rate_error[k]
+    return result
+
+
+def rotation_error(rpy: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """Axis times angle (3,) [rad], world axes, by which `R` is to turn to have `rpy` (3,)."""
+    return rotation_vector(matrix_from_rpy(*rpy.tolist()) @ R.T)
+
+
 def base_acceleration(
-    params: BalanceParameters,
-    state: RobotState,
-    position: np.ndarray,
-    rpy: np.ndarray,
+    params: BalanceParameters, base: BaseMotion, position: np.ndarray, rpy: np.ndarray
 ) -> np.ndarray:
     """
     Acceleration (6,) that brings the base to rest at a pose: linear then angular, world axes.
 
     `position` (3,) [m] and `rpy` (3,) [rad] are in the world. Each axis is limited.
     """
-    linear = np.array(params.position_gains) * (position - state.base.position)
-    linear -= np.array(params.velocity_gains) * state.base.velocity
-    R_wanted = matrix_from_rpy(*rpy.tolist())
-    error = rotation_vector(R_wanted @ state.base.R.T)
-    angular = np.array(params.rotation_gains) * error
-    angular -= np.array(params.rate_gains) * (state.base.R @ state.base.omega)
-    return np.concatenate(
-        (
-            np.clip(linear, -params.acceleration_max, params.acceleration_max),
-            np.clip(angular, -params.rotation_max, params.rotation_max),
-        )
+    wanted = pd_law(
+        gains_of(params),
+        position - base.position,
+        -base.velocity,
+        rotation_error(rpy, base.R),
+        -(base.R @ base.omega),
     )
+    most = np.repeat((params.acceleration_max, params.rotation_max), 3)
+    return np.asarray(np.clip(wanted, -most, most))
 
 
 def standing_forces(weight: float, is_stance: np.ndarray) -> np.ndarray:
@@ -53,76 +92,72 @@ def standing_forces(weight: float, is_stance: np.ndarray) -> np.ndarray:
     return forces
 
 
+class RigidBody(NamedTuple):
+    """Mass [kg] and inverse of the inertia (3, 3) about the centre of mass, base axes."""
+
+    mass: float
+    inverse_inertia: np.ndarray
+
+
+class Push(NamedTuple):
+    """Forces on the feet (4, 3) [N], world axes, and their arms about the CoM, base axes [m]."""
+
+    forces: np.ndarray
+    arms: np.ndarray
+
+
 class BaseTracking:
-    """Rigid-body acceleration by the planned forces, plus a proportional-derivative correction."""
+    """Rigid-body acceleration by the planned forces, plus the proportional-derivative law."""
 
     def __init__(
         self, params: WholeBodyParameters, model: RobotModel, inertia: np.ndarray
     ) -> None:
-        self._mass = model.mass
-        self._inverse_inertia = np.linalg.inv(inertia)
+        self._body = RigidBody(model.mass, np.linalg.inv(inertia))
         self.tune(params)
 
     def tune(self, params: WholeBodyParameters) -> None:
         """Take other gains."""
-        self._gains = np.array(
-            (
-                params.position_gains,
-                params.velocity_gains,
-                params.rotation_gains,
-                params.rate_gains,
-            )
-        )
+        self._gains = gains_of(params)
 
     def acceleration(
         self, state: RobotState, reference: BaseReference, forces: np.ndarray
     ) -> np.ndarray:
         """Linear then angular acceleration (6,), world axes; `forces` (4, 3) [N] by the feet."""
-        R_wanted = matrix_from_rpy(*reference.rpy.tolist())
-        return _acceleration(
-            self._mass,
-            self._inverse_inertia,
-            state.base.R,
-            state.contact.position - state.com,
-            forces,
-            self._gains,
-            reference.position - state.base.position,
-            reference.velocity - state.base.velocity,
-            rotation_vector(R_wanted @ state.base.R.T),
-            np.array((0.0, 0.0, reference.yaw_rate)),
-            state.base.omega,
-        )
+        base = state.base
+        push = Push(forces, state.contact.position - state.com)
+        error = rotation_error(reference.rpy, base.R)
+        return _acceleration(self._body, self._gains, base, reference, error, push)
 
 
 @jit
 def _acceleration(
-    mass: float,
-    inverse_inertia: np.ndarray,
-    R: np.ndarray,
-    arms: np.ndarray,
-    forces: np.ndarray,
-    gains: np.ndarray,
-    position_error: np.ndarray,
-    velocity_error: np.ndarray,
+    body: RigidBody,
+    gains: BaseGains,
+    base: BaseMotion,
+    reference: BaseReference,
     rotation_error: np.ndarray,
-    rate: np.ndarray,
-    omega: np.ndarray,
+    push: Push,
 ) -> np.ndarray:
-    """Arms (4, 3) and `omega` in base axes, everything else in world axes."""
+    R = base.R
     result = np.zeros(6)
     moment = np.zeros(3)
     for i in range(4):
-        turn = cross3(arms[i], rotate_back(R, forces[i]))
+        turn = cross3(push.arms[i], rotate_back(R, push.forces[i]))
         for k in range(3):
-            result[k] += forces[i, k] / mass
+            result[k] += push.forces[i, k] / body.mass
             moment[k] += turn[k]
     result[2] -= GRAVITY
-    angular = rotate(R, rotate(inverse_inertia, moment))
-    spin = rotate(R, omega)
+    angular = rotate(R, rotate(body.inverse_inertia, moment))
+    spin = rotate(R, base.omega)
+    position_error, velocity_error, rate_error = np.empty(3), np.empty(3), np.empty(3)
     for k in range(3):
-        result[k] += gains[0, k] * position_error[k] + gains[1, k] * velocity_error[k]
         result[3 + k] = angular[k]
-        result[3 + k] += gains[2, k] * rotation_error[k] + gains[3, k] * (rate[k] - spin[k])
+        position_error[k] = reference.position[k] - base.position[k]
+        velocity_error[k] = reference.velocity[k] - base.velocity[k]
+        rate_error[k] = (reference.yaw_rate if k == 2 else 0.0) - spin[k]
+    correction = pd_law(gains, position_error, velocity_error, rotation_error, rate_error)
+    for k in range(6):
+        result[k] += correction[k]
     return result
 
 
@@ -131,7 +166,6 @@ def joint_command(
     model: RobotModel,
     state: RobotState,
     reference: BaseReference,
-    is_stance: np.ndarray,
     swing: SwingTargets,
     effort: np.ndarray,
 ) -> JointCommand:
@@ -141,28 +175,10 @@ def joint_command(
     A standing leg is only damped, about the joint speeds at which the base moves as wanted; a leg
     in the air also has stiffness about its target.
     """
-    leg = model.geometry
     position, rates = _joint_targets(
-        state.joint_position,
-        state.motion.jacobian,
-        state.motion.position,
-        state.base.R,
-        state.base.position,
-        state.base.velocity,
-        state.base.omega,
-        reference.velocity,
-        reference.yaw_rate,
-        is_stance,
-        swing.position,
-        swing.velocity,
-        leg.hip,
-        leg.offset,
-        leg.drop,
-        leg.thigh,
-        leg.calf,
-        leg.bend,
+        model.geometry, state.joint_position, state.motion, state.base, reference, swing
     )
-    stands = is_stance.repeat(3)
+    stands = swing.is_stance.repeat(3)
     kp = np.where(stands, 0.0, params.swing_kp)
     kd = np.where(stands, params.stance_kd, params.swing_kd)
     return JointCommand(position, rates, effort, kp, kd)
@@ -170,51 +186,35 @@ def joint_command(
 
 @jit
 def _joint_targets(
+    leg: LegGeometry,
     angles: np.ndarray,
-    jacobian: np.ndarray,
-    foot: np.ndarray,
-    R: np.ndarray,
-    base_position: np.ndarray,
-    base_velocity: np.ndarray,
-    omega: np.ndarray,
-    wanted_velocity: np.ndarray,
-    wanted_yaw_rate: float,
-    is_stance: np.ndarray,
-    swing_position: np.ndarray,
-    swing_velocity: np.ndarray,
-    hip: np.ndarray,
-    offset: np.ndarray,
-    drop: np.ndarray,
-    thigh: np.ndarray,
-    calf: np.ndarray,
-    bend: np.ndarray,
+    motion: LegMotion,
+    base: BaseMotion,
+    reference: BaseReference,
+    swing: SwingTargets,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles and rates, both (12,); swing targets and base motion in world axes."""
+    """Joint angles and rates, both (12,)."""
+    R = base.R
     position, rates = angles.copy(), np.empty(12)
     turn, relative = np.empty(3), np.empty(3)
     for i in range(4):
-        for k in range(3):
-            if is_stance[i]:
-                turn[k] = R[2, k] * wanted_yaw_rate  # the yaw axis in base axes
-                relative[k] = -wanted_velocity[k]
-            else:
-                turn[k] = omega[k]
-                relative[k] = swing_velocity[i, k] - base_velocity[k]
-        if not is_stance[i]:
+        if swing.is_stance[i]:
             for k in range(3):
-                turn[k] = swing_position[i, k] - base_position[k]
-            target = rotate_back(R, turn)
+                turn[k] = R[2, k] * reference.yaw_rate  # the yaw axis in base axes
+                relative[k] = -reference.velocity[k]
+        else:
             for k in range(3):
-                target[k] -= hip[i, k]
-                turn[k] = omega[k]
-            solved = solve_leg(target, offset[i], drop[i], thigh[i], calf[i], bend[i])[0]
+                turn[k] = swing.position[i, k] - base.position[k]
+            solved = leg_angles(leg, i, rotate_back(R, turn))[0]
             for k in range(3):
                 position[3 * i + k] = solved[k]
+                turn[k] = base.omega[k]
+                relative[k] = swing.velocity[i, k] - base.velocity[k]
         seen = rotate_back(R, relative)
-        swept = cross3(turn, foot[i])
+        swept = cross3(turn, motion.position[i])
         for k in range(3):
             relative[k] = seen[k] - swept[k]
-        joint_rates = rotate(invert3(jacobian[i]), relative)
+        joint_rates = rotate(invert3(motion.jacobian[i]), relative)
         for k in range(3):
             rates[3 * i + k] = joint_rates[k]
     return position, rates

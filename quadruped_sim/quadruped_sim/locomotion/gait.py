@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gait clock: which foot stands when. It runs on the time it is given, on no other clock."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,8 +11,7 @@ from quadruped_sim.parameters import GaitParameters
 TROT_OFFSETS = np.array((0.0, 0.5, 0.5, 0.0))
 
 
-@dataclass(frozen=True)
-class GaitState:
+class GaitState(NamedTuple):
     """
     Schedule of this moment, legs in `LEGS` order.
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Desired motion of the base in trot, now and over the MPC's horizon."""
 
-from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 from robot_description.morphology.quadruped import Scale
@@ -20,8 +20,7 @@ _STEADY_ERROR = 0.3
 _YAW_LEASH = 0.3
 
 
-@dataclass(frozen=True)
-class BaseReference:
+class BaseReference(NamedTuple):
     """
     Where the base shall be now, world axes.
 

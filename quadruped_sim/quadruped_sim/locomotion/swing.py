@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The feet in the air: where they land, on which path, and what accelerations take them there."""
 
-from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from quadruped_sim.algebra import jit
 from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.parameters import FootholdParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
 
@@ -59,66 +59,27 @@ def swing_point(
     return position, velocity, acceleration
 
 
-def nominal_feet(hip: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Feet below their hips in the base's yaw frame, shape (4, 3), z 0 [m]."""
-    feet = hip.copy()
-    feet[:, 1] += offset
-    feet[:, 2] = 0.0
-    return feet
+class FootholdRule(NamedTuple):
+    """Feet below their hips in the base's yaw frame, (4, 3) [m]; gain [s] and reach [m]."""
 
-
-def footholds(
-    params: FootholdParameters,
-    nominal: np.ndarray,
-    position: np.ndarray,
-    yaw: float,
-    velocity: np.ndarray,
-    command: np.ndarray,
-    yaw_rate: float,
-    remaining: np.ndarray,
-    stance_time: float,
-    ground: Ground,
-    clearance: float,
-) -> np.ndarray:
-    """
-    Landing points of the foot centres in world axes, shape (4, 3) [m].
-
-    `nominal` (4, 3) are the feet in the yaw frame; `velocity` and `command` (3,) [m/s] the base's
-    real and commanded velocity in world axes; `remaining` (4,) [s] the time to touchdown.
-    `clearance` [m] is what they keep from the ground plane.
-    The shift is v T/2 + gain (v - command), limited to `reach`; the yaw motion to come until
-    the middle of the stance turns the nominal foot with it.
-    """
-    feet = _footholds(
-        nominal,
-        position,
-        yaw,
-        velocity,
-        command,
-        yaw_rate,
-        remaining,
-        stance_time,
-        params.velocity_gain,
-        params.reach,
-    )
-    feet[:, 2] = ground.heights(feet) + clearance
-    return feet
+    nominal: np.ndarray
+    velocity_gain: float
+    reach: float
 
 
 @jit
-def _footholds(
-    nominal: np.ndarray,
-    position: np.ndarray,
-    yaw: float,
-    velocity: np.ndarray,
-    command: np.ndarray,
-    yaw_rate: float,
-    remaining: np.ndarray,
-    stance_time: float,
-    gain: float,
-    reach: float,
+def find_footholds(
+    rule: FootholdRule, base: BaseMotion, reference: BaseReference, schedule: GaitState
 ) -> np.ndarray:
-    """Landing points without height, shape (4, 3)."""
+    """
+    Landing points of the feet in world axes, shape (4, 3) [m], without their height.
+
+    The shift from the place below the hip is v T/2 + gain (v - command) [Raibert1986], limited to
+    `reach`, with T the time of stance; the yaw motion to come until the middle of the stance turns
+    the place with it.
+    """
+    position, velocity, command = base.position, base.velocity, reference.velocity
+    stance_time, gain, reach = schedule.stance_time, rule.velocity_gain, rule.reach
     feet = np.zeros((4, 3))
     x = 0.5 * stance_time * velocity[0] + gain * (velocity[0] - command[0])
     y = 0.5 * stance_time * velocity[1] + gain * (velocity[1] - command[1])
@@ -127,11 +88,12 @@ def _footholds(
         x *= reach / length
         y *= reach / length
     for leg in range(4):
-        angle = yaw + yaw_rate * (remaining[leg] + 0.5 * stance_time)
+        remaining = (1.0 - schedule.phase[leg]) * schedule.swing_time
+        angle = base.rpy[2] + reference.yaw_rate * (remaining + 0.5 * stance_time)
         c, s = math.cos(angle), math.sin(angle)
-        nx, ny = nominal[leg, 0], nominal[leg, 1]
-        feet[leg, 0] = position[0] + remaining[leg] * velocity[0] + c * nx - s * ny + x
-        feet[leg, 1] = position[1] + remaining[leg] * velocity[1] + s * nx + c * ny + y
+        nx, ny = rule.nominal[leg, 0], rule.nominal[leg, 1]
+        feet[leg, 0] = position[0] + remaining * velocity[0] + c * nx - s * ny + x
+        feet[leg, 1] = position[1] + remaining * velocity[1] + s * nx + c * ny + y
     return feet
 
 
@@ -139,10 +101,9 @@ def _footholds(
 _PRESS = 0.005
 
 
-@dataclass(frozen=True)
-class SwingTargets:
+class SwingTargets(NamedTuple):
     """
-    Targets of the swing feet in world axes; rows of standing feet mean nothing.
+    Targets of the swing feet in world axes; rows of the feet in `is_stance` (4,) mean nothing.
 
     `position`, `velocity`, `acceleration` (4, 3); the acceleration holds the feedback already.
     """
@@ -150,17 +111,42 @@ class SwingTargets:
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
+    is_stance: np.ndarray
+
+
+class FootMotion(NamedTuple):
+    """Position [m] and velocity [m/s] of the foot centres, each (4, 3), world axes."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+
+
+class SwingGains(NamedTuple):
+    """Height of a step [m]; acceleration per error of position [1/s^2] and of velocity [1/s]."""
+
+    height: float
+    position: float
+    velocity: float
 
 
 class SwingLegs:
     """Leads the feet in the air to their footholds; keeps where they left the ground."""
 
     def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
-        self.params = params
-        self._radius = model.geometry.foot_radius
-        self._press = _PRESS * model.scale.of('m')
-        self.nominal = nominal_feet(model.geometry.hip, model.geometry.offset)
+        self._clearance = model.geometry.foot_radius - _PRESS * model.scale.of('m')
+        self.nominal = model.geometry.hip.copy()
+        self.nominal[:, 1] += model.geometry.offset
+        self.nominal[:, 2] = 0.0
         self._lift_off = np.zeros((4, 3))
+        self.tune(params)
+
+    def tune(self, params: LegControllerParameters) -> None:
+        """Take other gains and another height of steps."""
+        gains, rule = params.whole_body, params.foothold
+        self._rule = FootholdRule(self.nominal, rule.velocity_gain, rule.reach)
+        self._gains = SwingGains(
+            params.gait.step_height, gains.swing_position_gain, gains.swing_velocity_gain
+        )
 
     def reset(self, feet: np.ndarray) -> None:
         """Take the present feet (4, 3), world, as lift-off points."""
@@ -169,6 +155,14 @@ class SwingLegs:
     def lift(self, legs: np.ndarray, feet: np.ndarray) -> None:
         """Note where the feet of the mask `legs` (4,) leave the ground."""
         self._lift_off[legs] = feet[legs]
+
+    def landing(
+        self, base: BaseMotion, schedule: GaitState, reference: BaseReference, ground: Ground
+    ) -> np.ndarray:
+        """Where the foot centres land on the ground's plane, (4, 3), world axes [m]."""
+        feet = find_footholds(self._rule, base, reference, schedule)
+        feet[:, 2] = ground.heights(feet) + self._clearance
+        return feet
 
     def step(
         self,
@@ -179,35 +173,10 @@ class SwingLegs:
         ground: Ground,
     ) -> SwingTargets:
         """Targets of this tick."""
-        params = self.params
-        landing = footholds(
-            params.foothold,
-            self.nominal,
-            state.base.position,
-            float(state.base.rpy[2]),
-            state.base.velocity,
-            reference.velocity,
-            reference.yaw_rate,
-            (1.0 - schedule.phase) * schedule.swing_time,
-            schedule.stance_time,
-            ground,
-            self._radius - self._press,
-        )
-        gains = params.whole_body
-        return SwingTargets(
-            *_swing_targets(
-                self._lift_off,
-                landing,
-                params.gait.step_height,
-                schedule.phase,
-                schedule.swing_time,
-                is_stance,
-                state.feet,
-                foot_velocities(state),
-                gains.swing_position_gain,
-                gains.swing_velocity_gain,
-            )
-        )
+        landing = self.landing(state.base, schedule, reference, ground)
+        feet = FootMotion(state.feet, foot_velocities(state))
+        targets = _swing_targets(self._lift_off, landing, schedule, is_stance, feet, self._gains)
+        return SwingTargets(*targets, is_stance)
 
 
 def foot_velocities(state: RobotState) -> np.ndarray:
@@ -222,27 +191,26 @@ def foot_velocities(state: RobotState) -> np.ndarray:
 def _swing_targets(
     lift_off: np.ndarray,
     landing: np.ndarray,
-    height: float,
-    phase: np.ndarray,
-    swing_time: float,
+    schedule: GaitState,
     is_stance: np.ndarray,
-    feet: np.ndarray,
-    foot_velocity: np.ndarray,
-    position_gain: float,
-    velocity_gain: float,
+    feet: FootMotion,
+    gains: SwingGains,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    position = feet.copy()
+    position = feet.position.copy()
     velocity = np.zeros((4, 3))
     acceleration = np.zeros((4, 3))
     for leg in range(4):
         if is_stance[leg]:
             continue
-        p, v, a = swing_point(lift_off[leg], landing[leg], height, phase[leg], swing_time)
+        phase = schedule.phase[leg]
+        p, v, a = swing_point(
+            lift_off[leg], landing[leg], gains.height, phase, schedule.swing_time
+        )
         for k in range(3):
             position[leg, k], velocity[leg, k] = p[k], v[k]
             acceleration[leg, k] = (
                 a[k]
-                + position_gain * (p[k] - feet[leg, k])
-                + velocity_gain * (v[k] - foot_velocity[leg, k])
+                + gains.position * (p[k] - feet.position[leg, k])
+                + gains.velocity * (v[k] - feet.velocity[leg, k])
             )
     return position, velocity, acceleration

@@ -73,7 +73,7 @@ class Locomotion:
         self.gait.params = params.gait
         self.ground.params = params.ground
         self.reference.params = params.reference
-        self.swing_legs.params = params
+        self.swing_legs.tune(params)
         self.mpc.tune(params.mpc)
         self.whole_body.tune(params.whole_body, params.mpc)
         self._tracking.tune(params.whole_body)
@@ -118,7 +118,7 @@ class Locomotion:
         else:
             self._forces = standing_forces(self._model.weight, self.is_stance)
             acceleration = base_acceleration(
-                self._params.balance, state, reference.position, reference.rpy
+                self._params.balance, state.base, reference.position, reference.rpy
             )
             self._since_solution = math.inf
         task = WholeBodyTask(
@@ -130,7 +130,6 @@ class Locomotion:
             self._model,
             state,
             reference,
-            self.is_stance,
             swing,
             result.torque,
         )

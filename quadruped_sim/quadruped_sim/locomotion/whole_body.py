@@ -2,6 +2,7 @@
 """Whole-body QP: joint torques whose base acceleration and foot forces are the ones asked for."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,11 +13,15 @@ from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import solve_in_place
+from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.estimation.robot_state import RobotState
+from quadruped_sim.leg_kinematics import ContactPoints
+from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.locomotion.friction_qp import FrictionPyramids
 from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
+from quadruped_sim.robot_model import Dynamics
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,21 @@ class WholeBodyResult:
     is_solved: bool
 
 
+class LegTerms(NamedTuple):
+    """
+    What eliminates the joints' accelerations, leg by leg, base axes.
+
+    Jacobian `J` (4, 3, 3) of the point that counts and its `inverse`; `Jb` (4, 3, 6) from the
+    base's motion to that point's; its `wanted` acceleration (4, 3) less its drift. Of a standing
+    leg the contact point counts, of one in the air the foot's centre.
+    """
+
+    J: np.ndarray
+    inverse: np.ndarray
+    Jb: np.ndarray
+    wanted: np.ndarray
+
+
 class WholeBody:
     """
     Eliminates joint accelerations by the 3 x 3 leg Jacobians, so the QP has only stance forces.
@@ -71,34 +91,24 @@ class WholeBody:
 
         When the QP fails the wanted forces are applied as they are.
         """
-        R, omega, motion, contact = state.base.R, state.base.omega, state.motion, state.contact
-        velocity = R.T @ state.base.velocity
-        J, inverse, base_to_foot, wanted = _leg_terms(
-            R,
-            velocity,
-            omega,
-            task.is_stance,
-            contact.position,
-            motion.position,
-            contact.jacobian,
-            motion.jacobian,
-            motion.velocity,
-            motion.bias,
-            task.foot_acceleration,
+        base, R = state.base, state.base.R
+        velocity = R.T @ base.velocity
+        legs = LegTerms(
+            *_leg_terms(
+                base, velocity, state.motion, state.contact, task.is_stance, task.foot_acceleration
+            )
         )
-        mass, bias = state.dynamics.mass, state.dynamics.bias
-        ground = R.T @ task.ground
-        T, t = _reduce(mass, bias, ground, task.is_stance, inverse, base_to_foot, wanted)
+        T, t = _reduce(state.dynamics, legs, task.is_stance, R.T @ task.ground)
         goal = np.empty(6)
-        goal[:3] = R.T @ task.base_acceleration[:3] - cross(omega, velocity)
+        goal[:3] = R.T @ task.base_acceleration[:3] - cross(base.omega, velocity)
         goal[3:] = R.T @ task.base_acceleration[3:]
-        legs = np.flatnonzero(task.is_stance)
-        forces_wanted = (task.forces[legs] @ task.ground).ravel()
-        forces, is_solved = self._forces(T, t - goal, forces_wanted, len(legs))
+        stands = np.flatnonzero(task.is_stance)
+        forces_wanted = (task.forces[stands] @ task.ground).ravel()
+        forces, is_solved = self._forces(T, t - goal, forces_wanted, len(stands))
         in_world = np.zeros((4, 3))
-        in_world[legs] = forces.reshape(-1, 3) @ task.ground.T
+        in_world[stands] = forces.reshape(-1, 3) @ task.ground.T
         acceleration = T @ forces + t
-        torque = _torque(mass, bias, acceleration, inverse, wanted, base_to_foot, J, in_world @ R)
+        torque = _torque(state.dynamics, legs, acceleration, in_world @ R)
         return WholeBodyResult(torque, in_world, is_solved)
 
     def _forces(
@@ -117,38 +127,29 @@ class WholeBody:
 
 @jit
 def _leg_terms(
-    R: np.ndarray,
+    base: BaseMotion,
     velocity: np.ndarray,
-    omega: np.ndarray,
+    motion: LegMotion,
+    contact: ContactPoints,
     is_stance: np.ndarray,
-    contact: np.ndarray,
-    centre: np.ndarray,
-    contact_jacobian: np.ndarray,
-    centre_jacobian: np.ndarray,
-    foot_velocity: np.ndarray,
-    foot_bias: np.ndarray,
     foot_acceleration: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """
-    Leg Jacobians J (4, 3, 3) in use and their inverses, Jb (4, 3, 6), feet's accelerations (4, 3).
-
-    Of a standing leg the contact point counts, of one in the air the foot's centre. The wanted
-    accelerations come less their drift; all in base axes.
-    """
+    """`LegTerms`; `velocity` (3,) [m/s] is the base's in base axes."""
+    omega, centre = base.omega, motion.position
     J, inverse = np.empty((4, 3, 3)), np.empty((4, 3, 3))
     Jb, wanted = np.zeros((4, 3, 6)), np.empty((4, 3))
     for i in range(4):
         stands = is_stance[i]
-        arm = contact[i] if stands else centre[i]
-        source = contact_jacobian[i] if stands else centre_jacobian[i]
+        arm = contact.position[i] if stands else centre[i]
+        source = contact.jacobian[i] if stands else motion.jacobian[i]
         inverted = invert3(source)
         inner = cross3(omega, centre[i])
         for k in range(3):
-            inner[k] += velocity[k] + 2.0 * foot_velocity[i, k]
+            inner[k] += velocity[k] + 2.0 * motion.velocity[i, k]
         drift = cross3(omega, inner)
-        goal = rotate_back(R, foot_acceleration[i])
+        goal = rotate_back(base.R, foot_acceleration[i])
         for k in range(3):
-            wanted[i, k] = (0.0 if stands else goal[k]) - drift[k] - foot_bias[i, k]
+            wanted[i, k] = (0.0 if stands else goal[k]) - drift[k] - motion.bias[i, k]
             Jb[i, k, k] = 1.0
             for m in range(3):
                 J[i, k, m] = source[k, m]
@@ -161,22 +162,17 @@ def _leg_terms(
 
 @jit
 def _reduce(
-    mass: np.ndarray,
-    bias: np.ndarray,
-    ground: np.ndarray,
-    is_stance: np.ndarray,
-    inverse: np.ndarray,
-    Jb: np.ndarray,
-    wanted: np.ndarray,
+    dynamics: Dynamics, legs: LegTerms, is_stance: np.ndarray, ground: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """T (6, 3n) and t (6,): T f + t is the base acceleration by stance forces f, ground axes."""
+    mass = dynamics.mass
     count = 0
     for i in range(4):
         count += 3 if is_stance[i] else 0
     A = np.empty((6, 6))
     G = np.zeros((6, count + 1))  # by the stance forces, then what is there without them
     for row in range(6):
-        G[row, count] = -bias[row]
+        G[row, count] = -dynamics.bias[row]
         for k in range(6):
             A[row, k] = mass[row, k]
     column = 0
@@ -185,13 +181,13 @@ def _reduce(
             for k in range(3):
                 N = 0.0
                 for m in range(3):
-                    N += mass[row, 6 + 3 * i + m] * inverse[i, m, k]
-                G[row, count] -= N * wanted[i, k]
+                    N += mass[row, 6 + 3 * i + m] * legs.inverse[i, m, k]
+                G[row, count] -= N * legs.wanted[i, k]
                 for m in range(6):
-                    A[row, m] -= N * Jb[i, k, m]
+                    A[row, m] -= N * legs.Jb[i, k, m]
                 if is_stance[i]:
                     for m in range(3):
-                        G[row, column + k] += Jb[i, m, row] * ground[m, k]
+                        G[row, column + k] += legs.Jb[i, m, row] * ground[m, k]
         column += 3 if is_stance[i] else 0
     solve_in_place(A, G)
     return G[:, :count].copy(), G[:, count].copy()
@@ -199,14 +195,7 @@ def _reduce(
 
 @jit
 def _torque(
-    mass: np.ndarray,
-    bias: np.ndarray,
-    acceleration: np.ndarray,
-    inverse: np.ndarray,
-    wanted: np.ndarray,
-    Jb: np.ndarray,
-    J: np.ndarray,
-    forces: np.ndarray,
+    dynamics: Dynamics, legs: LegTerms, acceleration: np.ndarray, forces: np.ndarray
 ) -> np.ndarray:
     """Joint torques (12,) [N m] by the joint rows; `forces` (4, 3) are in base axes."""
     v = np.empty(18)
@@ -216,18 +205,18 @@ def _torque(
     rest = np.empty(3)
     for i in range(4):
         for k in range(3):
-            rest[k] = wanted[i, k]
+            rest[k] = legs.wanted[i, k]
             for m in range(6):
-                rest[k] -= Jb[i, k, m] * acceleration[m]
-        joints = rotate(inverse[i], rest)
+                rest[k] -= legs.Jb[i, k, m] * acceleration[m]
+        joints = rotate(legs.inverse[i], rest)
         for k in range(3):
             v[6 + 3 * i + k] = joints[k]
     for i in range(4):
-        push = rotate_back(J[i], forces[i])
+        push = rotate_back(legs.J[i], forces[i])
         for k in range(3):
             row = 6 + 3 * i + k
-            total = bias[row] - push[k]
+            total = dynamics.bias[row] - push[k]
             for m in range(18):
-                total += mass[row, m] * v[m]
+                total += dynamics.mass[row, m] * v[m]
             torque[3 * i + k] = total
     return torque

@@ -70,7 +70,7 @@ class State(ABC):
         """
         model, scale = self._parts.model, self._parts.model.scale
         acceleration = base_acceleration(
-            self._parts.params.balance, robot, position, np.array((0.0, 0.0, yaw))
+            self._parts.params.balance, robot.base, position, np.array((0.0, 0.0, yaw))
         )
         velocity = robot.base.velocity + (
             robot.motion.velocity @ robot.base.R.T
