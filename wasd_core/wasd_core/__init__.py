@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every package here shares: errors, parameters, nodes, records of the robot."""
 
+from collections.abc import Callable, Mapping
 import signal
 import sys
+
+# What type checkers take for true, without loading `typing`.
+MYPY = False
+if MYPY:
+    from typing import Any
 
 
 def quiet_start(package: str, *executables: str) -> None:
@@ -10,7 +16,7 @@ def quiet_start(package: str, *executables: str) -> None:
     Have Ctrl-C end one of a package's programs without a word while it is being loaded.
 
     Called first in a package; where it is imported into another program nothing happens. What
-    the program does with signals later is its own affair.
+    the program does with signals later is its own affair. So nothing heavy is imported here.
     """
     name = sys.argv[0].rpartition('/')[2] if sys.argv else ''
     if name == '-m':
@@ -20,3 +26,36 @@ def quiet_start(package: str, *executables: str) -> None:
         is_ours = name in executables
     if is_ours and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def load_lazily(package: str, homes: Mapping[str, str]) -> 'Callable[[str], Any]':
+    """Return a package's `__getattr__`: a public name is loaded from its home when asked for."""
+
+    def get(name: str) -> 'Any':
+        if name not in homes:
+            raise AttributeError(f'module {package!r} has no attribute {name!r}')
+        from importlib import import_module
+
+        return getattr(import_module(f'{package}.{homes[name]}'), name)
+
+    return get
+
+
+# Where each name is defined; ROS and numpy are loaded with those that need them.
+_HOMES = {
+    'BaseState': 'robot_io',
+    'Executable': 'command_line',
+    'JointCommand': 'robot_io',
+    'OutputFile': 'output_file',
+    'Parameters': 'parameters',
+    'Pose': 'rotations',
+    'Reading': 'robot_io',
+    'StopSignals': 'signals',
+    'UserError': 'errors',
+    'Watchdog': 'timing',
+    'declare_parameters': 'ros_parameters',
+    'parameter': 'parameters',
+    'run_node': 'node',
+}
+__all__ = ['load_lazily', 'quiet_start', *_HOMES]  # noqa: PLE0604
+__getattr__ = load_lazily(__name__, _HOMES)
