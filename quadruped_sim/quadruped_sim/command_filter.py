@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Makes any velocity command one the robot can follow: clamp, ramp, watchdog, no NaN."""
 
-from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 from robot_description.morphology.quadruped import GO2
@@ -12,8 +12,7 @@ from wasd_core.timing import Watchdog
 from quadruped_sim.parameters import CommandParameters
 
 
-@dataclass(frozen=True)
-class VelocityLimits:
+class VelocityLimits(NamedTuple):
     """Largest commanded speeds: forward, backward, sideways [m/s] and turning [rad/s]."""
 
     forward: float
@@ -42,12 +41,7 @@ def velocity_limits(
     )
     if name == 'sport':
         return sport
-    return VelocityLimits(
-        min(GUIDE.forward, sport.forward),
-        min(GUIDE.backward, sport.backward),
-        min(GUIDE.lateral, sport.lateral),
-        min(GUIDE.yaw, sport.yaw),
-    )
+    return VelocityLimits(*map(min, GUIDE, sport))
 
 
 class CommandFilter:

@@ -4,9 +4,5 @@
 from wasd_core.errors import UserError
 
 
-class QuadrupedError(UserError):
-    """Root of the package's errors."""
-
-
-class RobotModelError(QuadrupedError):
+class RobotModelError(UserError):
     """The description is not a robot this controller can walk; says what is missing or odd."""

@@ -43,7 +43,7 @@ TRANSITIONS = {
 }
 
 
-def path(state: StateName, wanted: StateName) -> tuple[str, ...]:
+def keys_between(state: StateName, wanted: StateName) -> tuple[str, ...]:
     """Return the fewest keys that lead from a state to another; none when it is the same."""
     ways: dict[StateName, tuple[str, ...]] = {state: ()}
     for source in (queue := [state]):
@@ -302,7 +302,7 @@ class KeyWords:
         purposes = dict(PURPOSES)
         if self.drive is StateName.MOVE_BASE:
             purposes[self.drive] = 'to drive'
-        words = [f'{key} {purposes[STATE_KEYS[key]]}' for key in path(state, wanted)]
+        words = [f'{key} {purposes[STATE_KEYS[key]]}' for key in keys_between(state, wanted)]
         return f'press {", then ".join(words)}'
 
     def _called(self, key: str) -> str:

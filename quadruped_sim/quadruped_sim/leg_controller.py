@@ -28,7 +28,7 @@ from quadruped_sim.locomotion.trot import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.safety import Safety
-from quadruped_sim.scaling import scaled
+from quadruped_sim.scaling import scale_parameters
 from quadruped_sim.states import make_states
 from quadruped_sim.states import Parts
 from quadruped_sim.states.driving import damping_command
@@ -58,7 +58,9 @@ class LegController:
         self._uses_truth = estimator == 'truth'
         self.model = model
         scale = model.scale
-        self._params = scaled(params or LegControllerParameters(), scale, self.model.friction)
+        self._params = scale_parameters(
+            params or LegControllerParameters(), scale, self.model.friction
+        )
         self.sticks = Sticks()
         self.words = KeyWords()
         self.command_filter = CommandFilter(
@@ -79,7 +81,7 @@ class LegController:
 
     def tune(self, params: LegControllerParameters) -> None:
         """Go on with other parameters, as for the Go2, from the next step; what it does stays."""
-        own = scaled(params, self.model.scale, self.model.friction)
+        own = scale_parameters(params, self.model.scale, self.model.friction)
         self._params = self._parts.params = own
         self.command_filter.tune(own.command)
         self.locomotion.tune(own)
@@ -179,7 +181,7 @@ class LegController:
 
     def _let_go(self, reason: str) -> None:
         for solver in self._solvers:
-            solver.forgive()
+            solver.restart_count()
         if self._machine.force(StateName.PASSIVE):
             self.event = reason
 

@@ -101,11 +101,7 @@ class LegControllerNode(Node):
             lambda: _warm_model(description), self.get_logger().info, stop_requested
         )
         self.controller = LegController(model, self.settings, self.settings.estimator)
-        if weak := model.overloaded:
-            needed = ', '.join(
-                f'{visible(joint)} {torque:.0f} N m' for joint, torque in weak.items()
-            )
-            self.get_logger().warning(f'motors too weak to trot, each leg needs: {needed}')
+        self._warn_of_weak_motors(model)
         # What is said to the driver. In lock-step whoever shows it lets its time pass.
         self.notice = Notice()
         self._refused: str | None = None
@@ -173,6 +169,12 @@ class LegControllerNode(Node):
     def close(self) -> None:
         """Leave the legs passive (the simulator's own watchdog brakes them, too)."""
         self.controller.e_stop()
+
+    def _warn_of_weak_motors(self, model: RobotModel) -> None:
+        weak = [f'{visible(joint)} {torque:.0f} N m' for joint, torque in model.overloaded.items()]
+        if weak:
+            needed = ', '.join(weak)
+            self.get_logger().warning(f'motors too weak to trot, each leg needs: {needed}')
 
     def _say(self, text: str | None) -> None:
         if self.notice.say(text) and text:

@@ -115,10 +115,7 @@ class WholeBodyParameters(Parameters):
         doc='Base acceleration per position error, x y z',
     )
     velocity_gains: tuple[float, ...] = parameter(
-        (2.0, 2.0, 6.0),
-        minimum=0.0,
-        unit='1/s',
-        doc='Base acceleration per velocity error, x y z',
+        (2.0, 2.0, 6.0), minimum=0.0, unit='1/s', doc='Base acceleration per velocity error, x y z'
     )
     rotation_gains: tuple[float, ...] = parameter(
         (80.0, 80.0, 20.0),

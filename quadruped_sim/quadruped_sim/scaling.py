@@ -38,7 +38,7 @@ GROUPS = fields(LegControllerParameters)
 Group = TypeVar('Group', bound=Parameters)
 
 
-def scaled(
+def scale_parameters(
     params: LegControllerParameters, scale: Scale, friction: float = math.inf
 ) -> LegControllerParameters:
     """
@@ -46,7 +46,7 @@ def scaled(
 
     On feet with little `friction` forces and accelerations keep inside it.
     """
-    groups = {field.name: _scaled(getattr(params, field.name), scale) for field in GROUPS}
+    groups = {field.name: _scale_group(getattr(params, field.name), scale) for field in GROUPS}
     result = replace(params, **groups)
     mpc, command = result.mpc, result.command
     grip = ACCELERATION_SHARE * friction * GRAVITY
@@ -61,7 +61,7 @@ def scaled(
     )
 
 
-def _scaled(group: Group, scale: Scale) -> Group:
+def _scale_group(group: Group, scale: Scale) -> Group:
     changed: dict[str, Any] = {}
     for field in fields(group):
         value, unit = getattr(group, field.name), field.metadata['unit']

@@ -63,6 +63,7 @@ ROSDEP_KEYS = {
 # Import packages beside the one that a package is named after: `import wasd`.
 ALSO_IN = {'wasd_bringup': ('wasd',)}
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
+MOST_KERNEL_ARGUMENTS = 6
 
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('*/package.xml'))
 
@@ -354,6 +355,25 @@ def test_gravity_has_one_home():
         if isinstance(node, ast.Constant) and node.value in (9.81, -9.81, 9.8, 9.80665)
     }
     assert known == {'wasd_core.robot_io'}
+
+
+def library_functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
+    """Yield each function of the packages with the module that it stands in."""
+    for package in PACKAGES:
+        for module, path in modules(package).items():
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                    yield module, node
+
+
+def test_no_compiled_kernel_takes_more_than_six_arguments():
+    wide = {
+        f'{module}.{node.name}': len(node.args.args)
+        for module, node in library_functions()
+        if any('jit' in ast.unparse(decorator) for decorator in node.decorator_list)
+        and len(node.args.args) > MOST_KERNEL_ARGUMENTS
+    }
+    assert not wide
 
 
 @pytest.fixture(scope='module')

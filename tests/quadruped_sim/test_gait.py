@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 from quadruped_sim.locomotion.gait import Gait
+from quadruped_sim.locomotion.gait import GAITS
 from quadruped_sim.parameters import GaitParameters
 
 DT = 0.002
@@ -65,3 +66,21 @@ def test_forecast_is_what_happens():
         np.testing.assert_array_equal(stance[row], state.is_stance)
         stands = state.is_stance
         np.testing.assert_allclose(phase[row][stands], state.phase[stands], atol=1e-9)
+
+
+def test_a_row_of_offsets_is_a_gait(monkeypatch):
+    """In a walk one foot after the other begins to stand, a quarter of a period apart."""
+    monkeypatch.setitem(GAITS, 'walk', (0.0, 0.5, 0.75, 0.25))
+    params = GaitParameters(slow_period=0.8, slow_duty=0.75)
+    states = run(Gait(params, 'walk'), 3 * params.slow_period)
+    stance = np.array([state.is_stance for state in states])
+    assert (stance.sum(axis=1) == 3).mean() > 0.98
+    rises = [
+        DT * (1 + np.flatnonzero(~before & after))
+        for before, after in zip(stance[:-1].T, stance[1:].T, strict=True)
+    ]
+    for touches, offset in zip(rises, GAITS['walk'], strict=True):
+        np.testing.assert_allclose(
+            (touches / params.slow_period + offset + 0.005) % 1.0, 0.005, atol=0.006
+        )
+    assert states[-1].stance_time == 0.75 * 0.8

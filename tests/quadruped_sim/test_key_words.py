@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from quadruped_sim.keys import ARROWS
+from quadruped_sim.keys import keys_between
 from quadruped_sim.keys import KeyWords
-from quadruped_sim.keys import path
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateMachine
 from quadruped_sim.keys import StateName
@@ -131,7 +131,7 @@ def test_a_refused_state_begins_with_the_keys_that_lead_there(in_state):
             elif wanted is state:
                 assert said == f'{state.value} already'
             else:
-                assert said.startswith(f'press {path(state, wanted)[0]} ')
+                assert said.startswith(f'press {keys_between(state, wanted)[0]} ')
                 assert said.endswith(f'({wanted.value} cannot follow {state.value})')
 
 
@@ -156,7 +156,7 @@ def test_cmd_vel_says_which_keys_lead_to_move_base(in_state):
         if state is StateName.MOVE_BASE:
             assert said is None
         else:
-            assert said.startswith(f'press {path(state, StateName.MOVE_BASE)[0]} ')
+            assert said.startswith(f'press {keys_between(state, StateName.MOVE_BASE)[0]} ')
             assert len(brief(said)) <= 42
     assert in_state(StateName.MOVE_BASE).set_velocity(math.nan, 0.0, 0.0)
 

@@ -8,7 +8,7 @@ import pytest
 from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.scaling import NOT_SCALED
-from quadruped_sim.scaling import scaled
+from quadruped_sim.scaling import scale_parameters
 from quadruped_sim.scaling import WEIGHT_UNITS
 from robot_description.morphology.quadruped import GO2
 from robot_description.morphology.quadruped import Scale
@@ -17,14 +17,14 @@ PARAMETERS = LegControllerParameters()
 
 
 def test_the_go2s_parameters_stay_as_they_are():
-    assert scaled(PARAMETERS, GO2) == PARAMETERS
+    assert scale_parameters(PARAMETERS, GO2) == PARAMETERS
 
 
 @pytest.mark.parametrize('length', [0.7, 1.6])
 def test_a_similar_robot_moves_alike(length):
     """Of the same stuff: mass grows with the cube of length."""
     mass, root = length**3, math.sqrt(length)
-    other = scaled(PARAMETERS, Scale(length, mass))
+    other = scale_parameters(PARAMETERS, Scale(length, mass))
     gait, mpc = other.gait, other.mpc
     assert gait.slow_period == pytest.approx(0.45 * root)
     assert gait.slow_speed == pytest.approx(0.4 * root)
@@ -42,7 +42,7 @@ def test_a_similar_robot_moves_alike(length):
 
 
 def test_the_wire_has_no_size():
-    assert scaled(PARAMETERS, Scale(2.0, 8.0)).command.timeout == 0.5
+    assert scale_parameters(PARAMETERS, Scale(2.0, 8.0)).command.timeout == 0.5
 
 
 @pytest.mark.parametrize('error', [('rad', 0), ('m', 3), ('m', 5)])
@@ -50,9 +50,9 @@ def test_errors_that_are_alike_cost_the_same(error):
     """So that the forces of the MPC on a similar robot are the Go2's times its mass."""
     unit, index = error
     scale = Scale(1.6, 4.0)
-    weight = scaled(PARAMETERS, scale).mpc.pose_weights[index]
+    weight = scale_parameters(PARAMETERS, scale).mpc.pose_weights[index]
     assert weight * scale.of(unit) ** 2 == pytest.approx(PARAMETERS.mpc.pose_weights[index])
-    force = scaled(PARAMETERS, scale).mpc.force_weight
+    force = scale_parameters(PARAMETERS, scale).mpc.force_weight
     assert force * scale.of('N') ** 2 == pytest.approx(PARAMETERS.mpc.force_weight)
 
 
@@ -69,10 +69,10 @@ def test_every_number_has_a_unit_a_weight_or_a_reason():
 
 
 def test_slippery_feet_push_and_speed_up_less():
-    wet = scaled(PARAMETERS, GO2, friction=0.2)
+    wet = scale_parameters(PARAMETERS, GO2, friction=0.2)
     assert wet.mpc.friction == pytest.approx(0.16)
     assert wet.command.forward_acceleration == pytest.approx(0.4 * 0.2 * 9.81)
-    assert scaled(PARAMETERS, GO2, friction=0.6) == PARAMETERS
+    assert scale_parameters(PARAMETERS, GO2, friction=0.6) == PARAMETERS
 
 
 def test_speed_limits_grow_by_froude_and_shrink_with_slow_motors():

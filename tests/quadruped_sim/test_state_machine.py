@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from quadruped_sim.keys import path
+from quadruped_sim.keys import keys_between
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateMachine
 from quadruped_sim.keys import StateName
@@ -56,7 +56,7 @@ def test_key_leads_where_the_table_says(state, key, wanted):
 @pytest.mark.parametrize('state', list(StateName))
 def test_the_path_from_each_state_to_each_is_legal_and_leads_there(state, wanted):
     machine = machine_in(state)
-    keys = path(state, wanted)
+    keys = keys_between(state, wanted)
     assert len(keys) <= 2
     for key in keys:
         assert machine.press(key)

@@ -62,7 +62,7 @@ class QpSolver:
         self.failures = 0
         self.failures_in_a_row = 0
 
-    def forgive(self) -> None:
+    def restart_count(self) -> None:
         """Start counting failures in a row anew; the totals stay."""
         self.failures_in_a_row = 0
 

@@ -7,8 +7,10 @@ import numpy as np
 
 from quadruped_sim.parameters import GaitParameters
 
-# FL FR RL RR; a trot moves diagonal pairs together.
-TROT_OFFSETS = np.array((0.0, 0.5, 0.5, 0.0))
+# When in a period each foot begins to stand, FL FR RL RR; a row is a gait.
+GAITS = {
+    'trot': (0.0, 0.5, 0.5, 0.0),  # diagonal pairs together
+}
 
 
 class GaitState(NamedTuple):
@@ -27,17 +29,18 @@ class GaitState(NamedTuple):
 
 class Gait:
     """
-    Trot whose period and duty follow the speed; stands still when it may.
+    Gait of `GAITS` whose period and duty follow the speed; stands still when it may.
 
     State: one phase in [0, 1) for all legs and whether the legs move. `step(dt, ...)` advances it.
     """
 
-    def __init__(self, params: GaitParameters) -> None:
+    def __init__(self, params: GaitParameters, name: str = 'trot') -> None:
         self.params = params
+        self._offsets = np.array(GAITS[name])
         self.reset()
 
     def reset(self) -> None:
-        """Stand on four feet; the first step will lift FR and RL."""
+        """Stand on four feet; the first step of a trot will lift FR and RL."""
         self._phase = 0.0
         self.is_stepping = False
         self._period = self.params.slow_period
@@ -67,7 +70,7 @@ class Gait:
         self._duty = params.slow_duty + share * (params.fast_duty - params.slow_duty)
 
     def _leg_phases(self, phase: float) -> np.ndarray:
-        return np.asarray((phase + TROT_OFFSETS) % 1.0)
+        return np.asarray((phase + self._offsets) % 1.0)
 
     def _stance_at(self, phase: float) -> np.ndarray:
         return self._leg_phases(phase) < self._duty
@@ -92,5 +95,5 @@ class Gait:
         if not self.is_stepping:
             shape = (len(times), 4)
             return np.ones(shape, dtype=bool), np.full(shape, 0.5)
-        legs = (self._phase + times[:, None] / self._period + TROT_OFFSETS) % 1.0
+        legs = (self._phase + times[:, None] / self._period + self._offsets) % 1.0
         return legs < self._duty, legs / self._duty

@@ -126,12 +126,7 @@ class Locomotion:
         )
         result = self.whole_body.solve(task, state)
         return joint_command(
-            self._params.whole_body,
-            self._model,
-            state,
-            reference,
-            swing,
-            result.torque,
+            self._params.whole_body, self._model, state, reference, swing, result.torque
         )
 
     def _settle_height(self, dt: float) -> float:
