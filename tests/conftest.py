@@ -25,6 +25,12 @@ for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
         is_interrupt = number == signal.SIGINT
         signal.signal(number, signal.default_int_handler if is_interrupt else signal.SIG_DFL)
 
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Return how many workers `-n auto` means: one more than processors, for tests wait, too."""
+    return len(os.sched_getaffinity(0)) + 1
+
+
 # Domains up to 101 have their ports below the ephemeral ones; 0 is everybody's. Two test runs on
 # one machine keep apart with a part each: WASD_TEST_DOMAINS=1-50 for one, 51-100 for the other.
 _ALL_DOMAINS = os.environ.get('WASD_TEST_DOMAINS', '1-100')

@@ -69,7 +69,7 @@ class Runner:
             text=True,
             capture_output=True,
             start_new_session=True,
-            timeout=options.pop('timeout', 60),
+            timeout=options.pop('timeout', 120),
             check=False,
             **{'stdin': subprocess.DEVNULL, **options},
         )
@@ -106,7 +106,7 @@ class Runner:
             if text is not None:
                 (self.folder / f'{option[2:]}.txt').write_text(text)
                 words += [option, f'{option[2:]}.txt']
-        done = self(*words, timeout=120)
+        done = self(*words, timeout=240)
         assert done.returncode == 0, done.stderr
         report: dict[str, Any] = json.loads((self.folder / 'report.json').read_text())
         return report

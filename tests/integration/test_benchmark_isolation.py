@@ -72,7 +72,7 @@ def distance_beside_another(new_runner: Any, domain: int, *words: str) -> float:
     process = other.start(*driving, '--discovery', 'localhost', stdout=subprocess.PIPE)
     try:
         time.sleep(3.0)  # it has been driving for a while
-        # Some seconds of wall time: enough for two processes to meet.
+        # Seconds of wall time beside another run: enough for two processes to meet.
         report = runner.report('mbot', '--duration', '150', *words, twist=STANDS)
     finally:
         process.terminate()
