@@ -11,6 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 import itertools
 import multiprocessing
 import os
+import statistics
 from typing import Any
 
 from cycled_nodes import Held
@@ -61,8 +62,10 @@ def judge_program(cycled: Cycled) -> Row:
 def judge_node(name: str, holds: Sequence[Held]) -> Row:
     """Return the row of a node made and destroyed in one process."""
     steady = holds[round(SETTLED * len(holds)) :]
-    cycles = len(steady) - 1
-    growth = (steady[-1].memory - steady[0].memory) / cycles
+    # What leaks, leaks all along; free memory in pieces is a step now and then, of 2 MB, say.
+    span = max(1, len(steady) // 4)
+    pairs = zip(steady, steady[span:], strict=False)
+    growth = statistics.median((after.memory - before.memory) / span for before, after in pairs)
     counts = {(held.threads, held.descriptors) for held in steady}
     threads, descriptors = (sorted({pair[index] for pair in counts}) for index in (0, 1))
     # Too few cycles say nothing of memory: a page here or there is all that is seen.
