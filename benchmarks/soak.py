@@ -24,7 +24,7 @@ from table import Row
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 FULL, SETTLED = 1800.0, 300.0  # how long, and after how long it is flat [s of simulated time]
-QUICK, QUICK_SETTLED = 180.0, 60.0
+QUICK, QUICK_SETTLED = 90.0, 30.0
 FLAT = 0.02  # largest over smallest memory, less one
 LOOK_PERIOD = 1.0  # of wall time [s]
 

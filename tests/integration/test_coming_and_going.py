@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starts and ends leave nothing: `cycles` of the benchmark, in short."""
+"""Starts, ends and staying leave nothing: `cycles` and `soak` of the benchmark, in short."""
 
 from pathlib import Path
 from typing import Any
@@ -25,3 +25,11 @@ def test_programs_started_and_stopped_leave_nothing(benchmarks: Any) -> None:
     rows = cycles.measure(True, lambda text: None, programs, 8, workers=1)
     assert [(row.what, row.measured) for row in rows if not row.passed] == []
     assert len(rows) == len(programs) + 9
+
+
+@pytest.mark.slow
+def test_both_robots_under_random_keys_hold_what_they_hold(benchmarks: Any) -> None:
+    import soak
+
+    (row,) = soak.measure(True, lambda text: None)
+    assert row.passed, row.measured
