@@ -8,6 +8,7 @@ from pathlib import Path
 import re
 import signal
 import sys
+from typing import Any
 
 from wasd_core.command_line import OneLineParser
 from wasd_core.errors import UserError
@@ -54,15 +55,17 @@ def _add(
 ) -> OneLineParser:
     parser = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
     parser.add_argument('path', metavar='PATH', help='a xacro or URDF file, or go2, or mbot')
-    parser.add_argument(
-        '--package-path',
-        action='append',
-        default=[],
-        type=_folder,
-        metavar='DIR',
-        help='where package:// and $(find) look first (repeatable)',
-    )
+    text = 'where package:// and $(find) look first'
+    _add_repeatable(parser, '--package-path', 'DIR', text, type=_folder)
     return parser
+
+
+def _add_repeatable(
+    parser: OneLineParser, option: str, metavar: str, text: str, **more: Any
+) -> None:
+    parser.add_argument(
+        option, action='append', default=[], metavar=metavar, help=f'{text} (repeatable)', **more
+    )
 
 
 def _add_expand(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
@@ -75,33 +78,16 @@ def _add_lint(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
     parser = _add(commands, 'lint', 'say what is wrong, where, and how to cure it')
     parser.add_argument('--json', action='store_true', help='print JSON')
     parser.add_argument('--strict', action='store_true', help='status 1 on warnings, too')
-    parser.add_argument(
-        '--expect',
-        action='append',
-        default=[],
-        metavar='JOINT',
-        help='a joint name that a controller looks for (repeatable)',
-    )
+    _add_repeatable(parser, '--expect', 'JOINT', 'a joint name that a controller looks for')
     parser.set_defaults(run=_lint)
 
 
 def _add_fix(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
     parser = _add(commands, 'fix', 'mend what can be mended; prints a diff, writes nothing')
-    parser.add_argument(
-        '--rename',
-        action='append',
-        default=[],
-        metavar='OLD:=NEW',
-        help='another name for a joint, wherever it is named (repeatable)',
-    )
-    parser.add_argument(
-        '--only',
-        action='append',
-        default=[],
-        choices=MENDABLE,
-        metavar='CODE',
-        help=f'mend only that (repeatable): {", ".join(MENDABLE)}',
-    )
+    text = 'another name for a joint, wherever it is named'
+    _add_repeatable(parser, '--rename', 'OLD:=NEW', text)
+    text = f'mend only that: {", ".join(MENDABLE)}'
+    _add_repeatable(parser, '--only', 'CODE', text, choices=MENDABLE)
     parser.add_argument(
         '--output', type=Path, metavar='PATH', help='a new file, or a folder for the whole package'
     )

@@ -14,7 +14,7 @@ from wasd_core.rotations import Origin
 from wasd_core.rotations import Pose
 
 Colour = tuple[float, ...]
-# Of what has no colour, or one that is none.
+# The colour of what has none, or none that is valid.
 GREY = (0.7, 0.7, 0.7, 1.0)
 MOVABLE = ('revolute', 'continuous', 'prismatic')
 JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
@@ -22,7 +22,7 @@ JOINT_KINDS = (*MOVABLE, 'fixed', 'floating', 'planar')
 WORLD_LINK = 'world'
 # The joint by which a robot floats, where a library wants a name for it.
 ROOT_JOINT = 'root'
-# Of a link in a description that is only there to be looked at, as in the first URDF lessons.
+# Of links without an inertial where nothing is simulated, as in the first lessons on URDF.
 STAND_IN_MASS, STAND_IN_INERTIA = 1.0, 0.01  # [kg], [kg m^2]
 # A second moment below this share of their sum counts as impossible: MuJoCo refuses it.
 SMALLEST_SHARE = 1e-9

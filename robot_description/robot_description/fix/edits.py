@@ -20,7 +20,6 @@ from robot_description.lint.geometry import find_wheels
 from robot_description.lint.geometry import FOOTPRINT
 from robot_description.lint.geometry import swapped_pairs
 from robot_description.lint.model import Element
-from robot_description.lint.model import Model
 from robot_description.lint.model import PREFIX
 from robot_description.lint.model import SourceTag
 from robot_description.lint.model import unprefixed_calls
@@ -111,16 +110,10 @@ def add_footprint(workspace: Workspace) -> Iterator[Edit]:
     if robot.children:
         before = data[: robot.children[0].start].rpartition(b'\n')[2].decode()
         indent = before if not before.strip() else indent
-    text = TEXT.format(
-        indent=indent, footprint=FOOTPRINT, height=_ground_clearance(model), root=roots[0]
-    )
+    # How far below the root the wheels touch the ground [m].
+    height = max(wheel.radius - wheel.z for wheel in find_wheels(model))
+    text = TEXT.format(indent=indent, footprint=FOOTPRINT, height=height, root=roots[0])
     yield Edit(workspace.path, at, at, text if is_alone else '\n' + text)
-
-
-def _ground_clearance(model: Model) -> float:
-    """Return how far below the root the wheels touch the ground [m]."""
-    heights = [wheel.radius - wheel.z for wheel in find_wheels(model)]
-    return max(heights)
 
 
 def swap_sides(workspace: Workspace, side: str) -> Iterator[Edit]:

@@ -17,6 +17,7 @@ from robot_description.lint.model import end
 from robot_description.lint.model import Model
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
+from robot_description.urdf import INERTIA_COMPONENTS
 
 # Osmium has 22 590 kg/m^3; shapes are drawn a little small.
 DENSEST = 30_000.0
@@ -99,7 +100,7 @@ def check_masses(model: Model) -> Iterator[Finding]:
         name, place = body.link.name, body.element('mass').place
         if body.mass < 0.0 or (body.mass == 0.0 and name in model.moving_links):
             yield finding('bad-mass', place, f'link {name!r} has a mass of {body.mass:g} kg')
-        # Under a mesh, feet collide as points and heads as marbles.
+        # A link that is drawn as a mesh may collide as something much smaller.
         is_mesh = any(visual.find('geometry/mesh') for visual in body.link.all('visual'))
         volume = _volume(body.link)
         if body.mass > max(DENSEST * volume, LEAST_HEAVY) and volume > 0.0 and not is_mesh:
@@ -170,9 +171,7 @@ def _bodies(model: Model) -> Iterator[Body]:
         inertial = link.find('inertial')
         if inertial is None:
             continue
-        xx, xy, xz, yy, yz, zz = (
-            inertial.number('inertia', name) for name in ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
-        )
+        xx, xy, xz, yy, yz, zz = (inertial.number('inertia', c) for c in INERTIA_COMPONENTS)
         tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         rotation = inertial.origin().rotation
         yield Body(

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A description as lint sees it, wrong or not: its files as text, its elements after xacro."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import field
 from functools import cached_property
@@ -97,17 +97,12 @@ def parse_source(data: bytes) -> SourceTag:
     return top[0]
 
 
-def defined_macros(roots: Iterable[SourceTag]) -> set[str]:
-    """Return the names of the macros that files define."""
-    tags = (tag for root in roots for tag in root.walk())
-    names = (tag.attributes.get('name', '') for tag in tags if tag.name == f'{PREFIX}macro')
-    return {name.removeprefix(PREFIX) for name in names}
-
-
 def unprefixed_calls(sources: Mapping[Path, bytes]) -> Iterator[tuple[Path, SourceTag]]:
     """Yield the calls, each with its file, of macros that these files define."""
     roots = {path: parse_source(data) for path, data in sources.items()}
-    macros = defined_macros(roots.values()) - URDF_TAGS
+    tags = (tag for root in roots.values() for tag in root.walk())
+    names = (tag.attributes.get('name', '') for tag in tags if tag.name == f'{PREFIX}macro')
+    macros = {name.removeprefix(PREFIX) for name in names} - URDF_TAGS
     for path, root in roots.items():
         for tag in root.walk():
             if tag.name in macros and not any(above.name == 'gazebo' for above in tag.above):

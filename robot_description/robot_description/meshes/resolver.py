@@ -224,7 +224,7 @@ class MeshResolver:
         for place in inside:
             if place.folder != ROOT and (found := self._moved(place)) is not None:
                 return found
-        # An absolute path that is not there leads nowhere: it is somebody else's.
+        # An absolute path that is not there is one of another machine, and leads nowhere here.
         outside = [place for place in places if place not in inside]
         if any(place.folder != ROOT or place.file.is_file() for place in outside):
             raise self._refusal(url, link)

@@ -58,8 +58,8 @@ def equip_drive(robot: Robot) -> Robot:
     """
     Return the robot with what its two driven wheels need and its description leaves out.
 
-    That are motors, tyres that hold, and casters that slide: what is not said to rub on the floor
-    and touches it beside the wheels. What the description says stays.
+    It adds motors, tyres with grip, and casters without friction, which are the links that touch
+    the floor beside the wheels. What the description says is kept.
     """
     wheels = drive_wheels(robot)
     if len(wheels) != 2:
@@ -90,16 +90,12 @@ def lowest_point(robot: Robot, link: str | None = None) -> float:
     collides = any(each.collisions for each in robot.links.values())
     links = [robot.links[link]] if link is not None else robot.links.values()
     heights = (
-        _lowest_of(robot, each.name, shape)
+        float(pose.position[2]) - _reach_down(shape, pose.rotation[2])
         for each in links
         for shape in (each.collisions if collides else each.visuals)
+        for pose in [robot.rest_poses[each.name] @ shape.pose]
     )
     return min(heights, default=math.inf)
-
-
-def _lowest_of(robot: Robot, link: str, shape: Shape) -> float:
-    pose = robot.rest_poses[link] @ shape.pose
-    return float(pose.position[2]) - _reach_down(shape, pose.rotation[2])
 
 
 def _reach_down(shape: Shape, up: np.ndarray) -> float:

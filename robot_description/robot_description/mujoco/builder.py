@@ -2,10 +2,11 @@
 """
 A robot as MuJoCo's specification: a floating tree, with motors where it has effort limits.
 
-What MuJoCo's own reader of URDF does without a word is said here: angles are radians, joints have
-their range, damping and dry friction, some mimic others, and links that are welded on become one
-body. Inertias are mended in `masses`, not balanced by the compiler; what is drawn is left out or
-not as `geoms` is asked, and meshes come as triangles, so that no path or scale is interpreted.
+MuJoCo's own reader of URDF does much silently; here each step is explicit: angles are radians,
+joints have their range, damping and dry friction, some mimic others, and links that are welded on
+become one body. Impossible inertias become the nearest possible, instead of being balanced by the
+compiler. What is drawn can be left out, and meshes come as triangles, so that MuJoCo interprets
+neither path nor scale.
 """
 
 from collections.abc import Iterator, Mapping
@@ -181,16 +182,11 @@ def _drive(spec: mujoco.MjSpec, robot: Robot) -> None:
         if joint.effort > 0.0 and not joint.mimics:
             _add_motor(spec, joint)
         other = robot.joints.get(joint.mimics)
-        if other is not None and other.is_movable:
-            _couple(spec, joint)
-
-
-def _couple(spec: mujoco.MjSpec, joint: Joint) -> None:
-    """Make a joint follow the one that it mimics: position = multiplier * other + offset."""
-    equality = spec.add_equality(
-        type=mujoco.mjtEq.mjEQ_JOINT, name1=joint.name, name2=joint.mimics
-    )
-    equality.data[:2] = joint.offset, joint.multiplier
+        if other is not None and other.is_movable:  # position = multiplier * other + offset
+            equality = spec.add_equality(
+                type=mujoco.mjtEq.mjEQ_JOINT, name1=joint.name, name2=joint.mimics
+            )
+            equality.data[:2] = joint.offset, joint.multiplier
 
 
 def _add_motor(spec: mujoco.MjSpec, joint: Joint) -> None:
