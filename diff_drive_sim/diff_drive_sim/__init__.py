@@ -1,9 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
 """Differential drive controller: limits, wheel commands, odometry."""
 
+from importlib import import_module
+from typing import Any
+
 from wasd_core import quiet_start
+
+quiet_start(__name__, 'diff_drive_controller')
 
 # How wheels are driven: a PID loop, the integer loop of the ArbotiX board, no physics.
 MODES = ('float', 'arbotix', 'fake')
+# Where each name is defined; loaded when it is asked for, as ROS takes a while.
+_HOMES = {
+    'DiffDrive': 'drive',
+    'DiffDriveController': 'controller',
+    'DiffDriveControllerNode': 'diff_drive_controller_node',
+    'DiffDriveError': 'geometry',
+    'DiffDriveGeometry': 'geometry',
+    'DiffDriveParameters': 'parameters',
+    'WheelOdometry': 'odometry',
+    'find_wheels': 'geometry',
+    'read_controller_file': 'controller_file',
+}
+__all__ = ['MODES', *_HOMES]  # noqa: PLE0604
 
-quiet_start(__name__, 'diff_drive_controller')
+
+def __getattr__(name: str) -> Any:
+    """
+    Return a public name from where it is defined.
+
+    Raises:
+        AttributeError: it is none.
+    """
+    if name not in _HOMES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)

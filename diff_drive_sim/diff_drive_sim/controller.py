@@ -129,7 +129,7 @@ class DiffDriveController:
         linear, angular = self._wanted
         limits = self._ramp.linear.limits, self._ramp.angular.limits
         share = min(limits[0].share(linear), limits[1].share(angular))
-        return self._slowed(Velocity(share * linear, share * angular))
+        return self._slow_down(Velocity(share * linear, share * angular))
 
     @property
     def timed_out(self) -> bool:
@@ -195,7 +195,7 @@ class DiffDriveController:
         """How often the wheel angles have jumped."""
         return self.odometry.restarts
 
-    def _slowed(self, velocity: Velocity) -> Velocity:
+    def _slow_down(self, velocity: Velocity) -> Velocity:
         """Return the velocity, slowed down as a whole to what the faster wheel can do."""
         fastest = max(map(abs, self.geometry.wheel_speeds(*velocity)))
         limit = self.geometry.speed_limit

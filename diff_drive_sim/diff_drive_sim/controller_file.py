@@ -3,6 +3,7 @@
 
 from typing import Any, NamedTuple
 
+from wasd_core.parameter_file import build_checked
 from wasd_core.parameter_file import checked
 from wasd_core.parameter_file import children
 from wasd_core.parameter_file import entries_of
@@ -11,7 +12,6 @@ from wasd_core.parameter_file import flat
 from wasd_core.parameter_file import line_of
 from wasd_core.parameter_file import NodeKind
 from wasd_core.parameter_file import read_mapping
-from wasd_core.parameter_file import together
 from wasd_core.parameters import InvalidParameter
 import yaml
 
@@ -83,7 +83,7 @@ def _read(root: yaml.MappingNode) -> ControllerFile:
         values[outward] = checked(DiffDriveParameters, outward, value, key, entry.line, ALIASES)
     if is_arbotix:
         values = {**ARBOTIX_DEFAULTS, **values}
-    parameters = together(DiffDriveParameters, values)
+    parameters = build_checked(DiffDriveParameters, values)
     return ControllerFile(values, parameters, name, tuple(unused))
 
 

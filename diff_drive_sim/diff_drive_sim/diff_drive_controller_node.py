@@ -40,7 +40,7 @@ from diff_drive_sim.controller_file import ControllerFile
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.controller_file import translate
 from diff_drive_sim.controller_file import UNUSED
-from diff_drive_sim.drive import DriveUnit
+from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.executables import DIFF_DRIVE_CONTROLLER
 from diff_drive_sim.geometry import DiffDriveError
 from diff_drive_sim.messages import from_pose
@@ -145,7 +145,7 @@ class DiffDriveControllerNode(Node):
         self._root = robot.root
         self.settings = self._with_base_frame(declared)
         # Over topics the answer to a state is in force from the next one on.
-        self.unit = DriveUnit(robot, self.settings, delay=0 if lock_step else 1)
+        self.unit = DiffDrive(robot, self.settings, delay=0 if lock_step else 1)
         self.controller = self.unit.controller
         for note in (*self.unit.notes, *self._frame_notes(robot)):
             self.get_logger().warning(visible(note))

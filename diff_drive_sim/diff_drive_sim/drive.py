@@ -89,7 +89,7 @@ class KinematicBase:
         self._rolling.step(*self.angles, dt)
 
 
-class DriveUnit:
+class DiffDrive:
     """
     Wheel angles in, speeds of the unloaded motors out.
 
@@ -106,7 +106,7 @@ class DriveUnit:
         described = find_wheels(
             robot, (*parameters.left_wheel_names, *parameters.right_wheel_names)
         )
-        geometry, self.notes = configured(described, parameters)
+        geometry, self.notes = configure_wheels(described, parameters)
         # Ticks belong to the wheel that is there, whatever radius it is believed to have.
         self._scale = parameters.ticks_meter * described.wheel_radius
         self.motor = wheel_motor(robot, described)
@@ -191,7 +191,7 @@ class DriveUnit:
         return speeds
 
 
-def configured(
+def configure_wheels(
     geometry: DiffDriveGeometry, parameters: WheelParameters
 ) -> tuple[DiffDriveGeometry, tuple[str, ...]]:
     """Return the geometry that the parameters ask for, and in words what is odd."""

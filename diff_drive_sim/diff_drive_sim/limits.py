@@ -141,7 +141,7 @@ class AxisRamp:
             return velocity, velocity + acceleration**2 / (2.0 * self.limits.fall)
         return velocity - acceleration**2 / (2.0 * self.limits.rise), velocity
 
-    def confined(self, motion: Motion, low: float, high: float, dt: float) -> Motion:
+    def confine(self, motion: Motion, low: float, high: float, dt: float) -> Motion:
         """
         Return the motion nearest to one whose span is within bounds.
 
@@ -278,11 +278,11 @@ class PlanarRamp:
     def _within_wheels(self, forward: Motion, turn: Motion, dt: float) -> tuple[Motion, Motion]:
         """Return what the wheels can do of two motions, each between it and easing off."""
         span = self.angular.span(self.angular.hold(dt))
-        eased = self.linear.confined(forward, *self._forward_bounds(span), dt)
-        turn = self.angular.confined(turn, *self._turn_bounds(self.linear.span(eased)), dt)
+        eased = self.linear.confine(forward, *self._forward_bounds(span), dt)
+        turn = self.angular.confine(turn, *self._turn_bounds(self.linear.span(eased)), dt)
         # What the turn has given up, or freed, is there for the speed.
         bounds = self._forward_bounds(self.angular.span(turn))
-        return self.linear.confined(forward, *bounds, dt), turn
+        return self.linear.confine(forward, *bounds, dt), turn
 
     def _forward_bounds(self, turn: Span) -> Span:
         """Return the slowest and fastest speed [m/s] that the wheels can do with a turn."""

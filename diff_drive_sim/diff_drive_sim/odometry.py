@@ -32,7 +32,7 @@ class Growth(NamedTuple):
     drift: float = 0.0
 
 
-def grown(
+def grow_covariance(
     before: PlanarCovariance,
     growth: Growth,
     forward: float,
@@ -173,7 +173,7 @@ class WheelOdometry:
         sin = math.sin(before.yaw) - math.sin(yaw)
         x = before.x + chord * math.cos(heading) + cos * offset_x - sin * offset_y
         y = before.y + chord * math.sin(heading) + sin * offset_x + cos * offset_y
-        self.covariance = grown(
+        self.covariance = grow_covariance(
             self.covariance,
             self.growth,
             move.forward,

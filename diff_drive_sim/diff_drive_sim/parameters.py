@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How fast the robot may go and how fast that may change; names of ros2_controllers."""
+"""Parameters of the drive controller: wheels, limits, odometry; names of ros2_controllers."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -9,8 +9,8 @@ more than the ticks of the frame, e' the one before and S the sum of the errors 
 import math
 
 from diff_drive_sim.arbotix.firmware import ArbotixFirmware
+from diff_drive_sim.arbotix.firmware import divide_like_c
 from diff_drive_sim.arbotix.firmware import int16
-from diff_drive_sim.arbotix.firmware import truncated
 from diff_drive_sim.arbotix.host import setpoints_of
 from diff_drive_sim.wheel_loop import Gains
 import pytest
@@ -79,7 +79,7 @@ def test_16_bits_wrap(value, kept):
 
 @pytest.mark.parametrize('value', range(-120, 121, 7))
 def test_division_is_that_of_c(value):
-    assert truncated(value, 50) == math.trunc(value / 50)
+    assert divide_like_c(value, 50) == math.trunc(value / 50)
 
 
 def test_both_at_zero_cut_the_motors_at_once_and_forget():

@@ -4,7 +4,7 @@
 import math
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
-from diff_drive_sim.drive import DriveUnit
+from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.drive import KinematicBase
 from diff_drive_sim.parameters import DiffDriveParameters
 from geometry_msgs.msg import Twist
@@ -33,7 +33,7 @@ def test_half_a_circle_ends_on_the_circle(geometry):
 
 def test_after_the_last_command_the_robot_brakes_and_stands(mbot):
     # arbotix's drives on for ever.
-    unit = DriveUnit(mbot, DiffDriveParameters(mode='fake'))
+    unit = DiffDrive(mbot, DiffDriveParameters(mode='fake'))
     unit.controller.command(0.4, 0.0)
     speeds = []
     for _ in range(round(2.0 / DT)):
@@ -49,7 +49,7 @@ def test_after_the_last_command_the_robot_brakes_and_stands(mbot):
 
 
 def test_odometry_is_where_the_wheels_have_rolled(mbot):
-    unit = DriveUnit(mbot, DiffDriveParameters(mode='fake'))
+    unit = DiffDrive(mbot, DiffDriveParameters(mode='fake'))
     for _ in range(300):
         unit.controller.command(0.3, -0.7)
         unit.step_fake(DT)
@@ -58,7 +58,7 @@ def test_odometry_is_where_the_wheels_have_rolled(mbot):
 
 
 def test_the_wheels_have_turned_as_far_as_the_path_is_long(mbot):
-    unit = DriveUnit(mbot, DiffDriveParameters(mode='fake'))
+    unit = DiffDrive(mbot, DiffDriveParameters(mode='fake'))
     for _ in range(400):
         unit.controller.command(0.5, 0.0)
         unit.step_fake(DT)
@@ -66,7 +66,7 @@ def test_the_wheels_have_turned_as_far_as_the_path_is_long(mbot):
 
 
 def test_a_reset_puts_it_back(mbot):
-    unit = DriveUnit(mbot, DiffDriveParameters(mode='fake'))
+    unit = DiffDrive(mbot, DiffDriveParameters(mode='fake'))
     unit.controller.command(0.3, 1.0)
     for _ in range(50):
         unit.step_fake(DT)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
-from diff_drive_sim.drive import configured
-from diff_drive_sim.drive import DriveUnit
+from diff_drive_sim.drive import configure_wheels
+from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.geometry import DiffDriveError
 from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.geometry import find_wheels
@@ -59,11 +59,11 @@ def test_left_is_the_wheel_on_the_left_whatever_its_name():
 
 def test_swapped_names_are_said():
     geometry = find_wheels(robot(wheel('left', -0.2), wheel('right', 0.2)))
-    _, notes = configured(geometry, WheelParameters())
+    _, notes = configure_wheels(geometry, WheelParameters())
     assert notes == (
         'right_joint is on the left and left_joint on the right: their names are swapped',
     )
-    assert configured(find_wheels(load_robot('mbot').robot), WheelParameters())[1] == ()
+    assert configure_wheels(find_wheels(load_robot('mbot').robot), WheelParameters())[1] == ()
 
 
 def test_a_calibration_corrects_each_wheel_and_the_track():
@@ -72,7 +72,7 @@ def test_a_calibration_corrects_each_wheel_and_the_track():
         left_wheel_radius_multiplier=1.02,
         right_wheel_radius_multiplier=0.98,
     )
-    geometry, notes = configured(find_wheels(load_robot('mbot').robot), parameters)
+    geometry, notes = configure_wheels(find_wheels(load_robot('mbot').robot), parameters)
     assert notes == ()
     assert geometry.wheel_speeds(0.3, 0.0) == pytest.approx((5.0 / 1.02, 5.0 / 0.98))
     # A turn in place: each wheel goes half the corrected track times the angle.
@@ -184,7 +184,7 @@ def test_a_left_turn_lets_the_right_wheel_go_faster(geometry):
 
 def test_a_separation_that_has_been_calibrated_is_used_without_a_word():
     parameters = WheelParameters(wheel_separation=0.26, wheel_separation_multiplier=1.461538)
-    geometry, notes = configured(find_wheels(load_robot('mbot').robot), parameters)
+    geometry, notes = configure_wheels(find_wheels(load_robot('mbot').robot), parameters)
     assert notes == ()
     assert geometry.wheel_separation == pytest.approx(0.38, abs=1e-6)
 
@@ -202,7 +202,7 @@ def test_a_drive_is_the_same_whichever_way_a_joint_counts(parameters):
     urdf = load_robot('mbot').urdf
     before, right = urdf.split('<joint name="right_wheel_joint"')
     other = before + '<joint name="right_wheel_joint"' + right.replace('0 1 0', '0 -1 0', 1)
-    plain, flipped = (DriveUnit(parse_urdf(text), parameters) for text in (urdf, other))
+    plain, flipped = (DiffDrive(parse_urdf(text), parameters) for text in (urdf, other))
     for unit in (plain, flipped):
         unit.controller.command(0.3, 0.8)
     for step in range(200):

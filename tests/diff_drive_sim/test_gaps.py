@@ -4,7 +4,7 @@
 import time
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
-from diff_drive_sim.drive import DriveUnit
+from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
 from geometry_msgs.msg import Twist
 import pytest
@@ -43,7 +43,7 @@ class Wheel:
 
 @pytest.fixture(params=DRIVES)
 def unit(request, mbot):
-    return DriveUnit(mbot, DiffDriveParameters(cmd_vel_timeout=0.5, **DRIVES[request.param]))
+    return DiffDrive(mbot, DiffDriveParameters(cmd_vel_timeout=0.5, **DRIVES[request.param]))
 
 
 @pytest.mark.parametrize('gap', [0.2, 1.0, 4.2, 60.0])
@@ -60,7 +60,7 @@ def test_wheels_that_stood_in_a_gap_do_not_catch_up(unit, gap):
 
 @pytest.mark.parametrize('gap', [0.6, 4.2])
 def test_a_stop_that_was_due_in_a_gap_is_over_after_it(mbot, gap):
-    unit = DriveUnit(mbot, DiffDriveParameters(cmd_vel_timeout=0.1))
+    unit = DiffDrive(mbot, DiffDriveParameters(cmd_vel_timeout=0.1))
     unit.controller.command(0.3, 0.0)
     Wheel(unit).run(10, 0.005)
     unit.step(0.0, 0.0, gap)
@@ -70,7 +70,7 @@ def test_a_stop_that_was_due_in_a_gap_is_over_after_it(mbot, gap):
 
 @pytest.mark.parametrize('period', PERIODS)
 def test_a_command_times_out_by_the_time_that_has_passed_in_fake_mode(mbot, period):
-    unit = DriveUnit(mbot, DiffDriveParameters(mode='fake', cmd_vel_timeout=0.5))
+    unit = DiffDrive(mbot, DiffDriveParameters(mode='fake', cmd_vel_timeout=0.5))
     unit.step_fake(period)
     unit.controller.command(0.3, 0.0)
     passed = 0.0

@@ -3,7 +3,7 @@
 
 import math
 
-from diff_drive_sim.drive import DriveUnit
+from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest
 
@@ -15,7 +15,7 @@ LEGACY = DiffDriveParameters(
 
 @pytest.fixture
 def unit(mbot):
-    return DriveUnit(mbot, LEGACY)
+    return DiffDrive(mbot, LEGACY)
 
 
 def setpoints(unit, duration):
@@ -48,7 +48,7 @@ def test_time_out_and_ramp_may_change_while_it_drives(unit):
 
 
 def test_without_an_accel_limit_it_is_that_of_arbotix(mbot):
-    unit = DriveUnit(mbot, DiffDriveParameters(mode='arbotix', legacy=True))
+    unit = DiffDrive(mbot, DiffDriveParameters(mode='arbotix', legacy=True))
     unit.controller.command(0.5, 0.0)
     assert setpoints(unit, 0.2)[-1] == (0.11, (41, 41))
 

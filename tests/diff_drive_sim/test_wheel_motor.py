@@ -4,7 +4,7 @@
 from dataclasses import replace
 import math
 
-from diff_drive_sim.drive import DriveUnit
+from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.geometry import find_wheels
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.wheel_loop import STALL_SHARE
@@ -45,12 +45,12 @@ def test_without_limits_it_has_no_torque(mbot):
 
 
 class Rig:
-    """mbot in its world, stepped by a DriveUnit."""
+    """mbot in its world, stepped by a DiffDrive."""
 
     def __init__(self, **parameters):
         loaded = load_robot('mbot')
         self.world = build_world(loaded)
-        self.unit = DriveUnit(loaded.robot, DiffDriveParameters(**parameters))
+        self.unit = DiffDrive(loaded.robot, DiffDriveParameters(**parameters))
         names = ('left_wheel_joint', 'right_wheel_joint')
         self._joints = [self.world.joint_names.index(name) for name in names]
         self._motors = [self.world.motor_names.index(name) for name in names]

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.driven_robot import build_worlds
 from wasd_bringup.options import RunOptions
 from wasd_bringup.recording.reader import BagReader
 from wasd_bringup.recording.reader import describe_run
@@ -17,6 +16,7 @@ from wasd_bringup.recording.recorder import BagRecorder
 from wasd_bringup.recording.replay import ReplayView
 from wasd_bringup.recording.writer import BagWriter
 from wasd_bringup.session import Session
+from wasd_bringup.session_robot import build_worlds
 
 KEYS = '0.5 i*40\n2.5 j*30'
 PUSH = '1 20 5 0 0.3'

@@ -7,7 +7,7 @@ from pathlib import Path
 import time
 from typing import Any
 
-from diff_drive_sim.drive import DriveUnit
+from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.pictures import take_picture
 from mujoco_sim.pictures import Viewpoint
@@ -231,7 +231,7 @@ class Mbot(Robot):
         super().__init__(description, world, seed, package_path)
         parameters = DiffDriveParameters()
         self._period = 1.0 / parameters.update_rate
-        self._unit = DriveUnit(self._loaded.robot, parameters)
+        self._unit = DiffDrive(self._loaded.robot, parameters)
         self._keys = KeysToTwist(load_preset(preset))
         geometry = self._unit.controller.geometry
         wheels = (geometry.left_joint, geometry.right_joint)

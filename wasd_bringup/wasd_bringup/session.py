@@ -8,6 +8,7 @@ from typing import Any, cast, Protocol, TYPE_CHECKING
 
 from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.input import LOST
+from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.viewer.page import WebView
 from mujoco_sim.world import World
 from rclpy.clock import ROSClock
@@ -23,8 +24,6 @@ from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
 from wasd_core.node import MessagePump
 
-from wasd_bringup.driven_robot import build_robots
-from wasd_bringup.driven_robot import DrivenRobot
 from wasd_bringup.inputs import Command
 from wasd_bringup.inputs import KEY_LINE
 from wasd_bringup.inputs import KeySwitch
@@ -38,6 +37,8 @@ from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import join_reports
 from wasd_bringup.report import write_report
+from wasd_bringup.session_robot import build_robots
+from wasd_bringup.session_robot import SessionRobot
 from wasd_bringup.stack import Stack
 
 if TYPE_CHECKING:
@@ -61,6 +62,24 @@ class View(Protocol):
 
     def close(self) -> None:
         """End it."""
+
+
+def start_view(
+    kind: str, world: World, camera: CameraView, panel: Panel, port: int
+) -> tuple[View, str]:
+    """
+    Start a viewer, `web` or `native`, on a world; return it and where it is.
+
+    Raises:
+        SimulationError: the port is taken, or there is no display.
+    """
+    if kind == 'native':
+        # Here, because it loads a window system.
+        from mujoco_sim.viewer.native import NativeView
+
+        return NativeView(world, camera), 'a window on this display'
+    web = WebView(world, camera, panel, port=port)
+    return web, web.url
 
 
 class Session:
@@ -120,7 +139,7 @@ class Session:
             self.simulation.on_reset.append(lambda: recorder.event('reset'))
 
     @property
-    def robot(self) -> DrivenRobot:
+    def robot(self) -> SessionRobot:
         """The robot that the keys drive."""
         return self.robots[self._switch.active]
 
@@ -167,18 +186,10 @@ class Session:
         Raises:
             SimulationError: the port is taken, or there is no display.
         """
-        if kind == 'web':
+        if kind != 'none':
             panel = Panel(self._status_words, ['Click the scene first.', *self.help_lines])
-            web = WebView(self.world, self.stack.camera, panel, port=self._options.port)
-            self._view = web
-            self._where = web.url
-            return web.url
-        if kind == 'native':
-            # Here, because it loads a window system.
-            from mujoco_sim.viewer.native import NativeView
-
-            self._view = NativeView(self.world, self.stack.camera)
-            self._where = 'a window on this display'
+            camera, port = self.stack.camera, self._options.port
+            self._view, self._where = start_view(kind, self.world, camera, panel, port)
         return self._where
 
     def run(self, stop: Any) -> None:

@@ -53,7 +53,7 @@ def read_parameters(path: str, definition: type[Parameters], kind: NodeKind) -> 
             for key, entry in entries.items()
             if key != USE_SIM_TIME
         }
-        together(definition, values)
+        build_checked(definition, values)
         return values
 
     values: dict[str, Any] = read_mapping(path, read)
@@ -134,7 +134,7 @@ def checked(
         raise InvalidParameter(f':{line}: {str(error).replace(outward, key, 1)}') from None
 
 
-def together(definition: type[ParametersType], values: Mapping[str, Any]) -> ParametersType:
+def build_checked(definition: type[ParametersType], values: Mapping[str, Any]) -> ParametersType:
     """
     Return the parameters with these values in place of defaults.
 

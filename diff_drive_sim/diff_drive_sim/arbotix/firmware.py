@@ -32,7 +32,7 @@ class _Wheel:
         correction = kp * error + kd * (error - self.error_before) + int16(ki * self.error_sum)
         self.error_before = int16(error)
         self.encoder_before = encoder
-        pwm = self.pwm + truncated(correction, ko)
+        pwm = self.pwm + divide_like_c(correction, ko)
         if abs(pwm) >= FULL_PWM:
             self.pwm = FULL_PWM if pwm > 0 else -FULL_PWM
         else:
@@ -114,7 +114,7 @@ class ArbotixDrive:
         self._firmware.reset()
 
 
-def truncated(value: int, divisor: int) -> int:
+def divide_like_c(value: int, divisor: int) -> int:
     """Return a quotient without its fraction, as C divides; `divisor` > 0."""
     quotient = abs(value) // divisor
     return quotient if value >= 0 else -quotient

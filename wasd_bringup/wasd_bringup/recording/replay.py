@@ -13,7 +13,6 @@ from typing import Any
 
 from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.page import CameraView
-from mujoco_sim.viewer.page import WebView
 from mujoco_sim.world import pose_base
 from mujoco_sim.world import pose_joints
 from mujoco_sim.world import update_bodies
@@ -26,7 +25,6 @@ from std_msgs.msg import String
 from wasd_core.node import init_ros
 from wasd_core.signals import StopSignals
 
-from wasd_bringup.driven_robot import build_worlds
 from wasd_bringup.options import keep_alone
 from wasd_bringup.options import read_number
 from wasd_bringup.options import RunOptions
@@ -43,7 +41,9 @@ from wasd_bringup.recording.writer import RecordingError
 from wasd_bringup.run_command import with_own_frames
 from wasd_bringup.session import FRAME_PERIOD
 from wasd_bringup.session import Session
+from wasd_bringup.session import start_view
 from wasd_bringup.session import View
+from wasd_bringup.session_robot import build_worlds
 
 
 class PathComparison:
@@ -140,16 +140,9 @@ class ReplayView:
         Raises:
             SimulationError: the port is taken, or there is no display.
         """
-        if kind == 'native':
-            # Here, because it loads a window system.
-            from mujoco_sim.viewer.native import NativeView
-
-            self._view = NativeView(self._world, CAMERA)
-            return 'a window on this display'
         panel = Panel(self._status, ['Ctrl-C in the terminal quits.'])
-        web = WebView(self._world, CAMERA, panel, port=port)
-        self._view = web
-        return web.url
+        self._view, where = start_view(kind, self._world, CAMERA, panel, port)
+        return where
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Show it all, then the last picture until `stop`."""

@@ -37,7 +37,7 @@ from wasd_bringup.robots import ROBOTS
 from wasd_bringup.stack import make_stack
 
 
-class DrivenRobot:
+class SessionRobot:
     """
     A robot with the nodes that simulate and drive it; `keys.publish_key` presses a key for it.
 
@@ -131,17 +131,17 @@ class DrivenRobot:
         self._static.send([to_transform(start, WORLD_FRAME, frame, Time())])
 
 
-def build_robots(options: RunOptions, visuals: bool) -> list[DrivenRobot]:
+def build_robots(options: RunOptions, visuals: bool) -> list[SessionRobot]:
     """
     Load what the options name into one world, with its nodes.
 
     Raises:
         UserError: what is wrong with what was asked for, in one line.
     """
-    robots: list[DrivenRobot] = []
+    robots: list[SessionRobot] = []
     for part, loaded, world in build_worlds(options, visuals):
         shared = robots[0].simulator.simulation if robots else None
-        robots.append(DrivenRobot(part, loaded, world, shared))
+        robots.append(SessionRobot(part, loaded, world, shared))
     return robots
 
 
