@@ -63,6 +63,7 @@ ROSDEP_KEYS = {
 # Import packages beside the one that a package is named after: `import wasd`.
 ALSO_IN = {'wasd_bringup': ('wasd',)}
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
+LONGEST_FUNCTION = 50  # lines
 MOST_KERNEL_ARGUMENTS = 6
 
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('*/package.xml'))
@@ -364,6 +365,15 @@ def library_functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFuncti
             for node in ast.walk(ast.parse(path.read_text())):
                 if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                     yield module, node
+
+
+def test_no_function_is_longer_than_a_page():
+    long = {
+        f'{module}.{node.name}': length
+        for module, node in library_functions()
+        if (length := (node.end_lineno or 0) - node.lineno + 1) > LONGEST_FUNCTION
+    }
+    assert not long
 
 
 def test_no_compiled_kernel_takes_more_than_six_arguments():

@@ -105,6 +105,17 @@ def declare_parameters(
             raise InvalidParameter(f'{name}: {error}') from None
         values[name] = _from_ros(declared.value)
     current = before.changed(values)
+    _take_changes(node, current, known, on_change)
+    return current
+
+
+def _take_changes(
+    node: Node,
+    current: ParametersType,
+    known: Mapping[str, Known],
+    on_change: Callable[[ParametersType], None] | None,
+) -> None:
+    """Have changes at run time checked against the current set, and told of."""
     # A node that its own callback holds would stay, with all it has, until garbage is collected.
     listener = WeakMethod(on_change) if isinstance(on_change, MethodType) else lambda: on_change
 
@@ -126,7 +137,6 @@ def declare_parameters(
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(set_parameters)
-    return current
 
 
 def _refuse_unknown(node: Node, definition: type[Parameters], known: Mapping[str, Known]) -> None:
