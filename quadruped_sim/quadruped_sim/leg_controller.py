@@ -5,9 +5,9 @@ import numpy as np
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
+from wasd_core.rotations import matrix_from_quaternion
+from wasd_core.rotations import rpy_from_matrix
 
-from quadruped_sim.algebra import matrix_from_quaternion
-from quadruped_sim.algebra import rpy_from_matrix
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.estimation.contacts import ContactDetector
 from quadruped_sim.estimation.kalman import ImuSample

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.algebra import yaw_matrix
 from quadruped_sim.estimation.kalman import ImuSample
 from quadruped_sim.estimation.kalman import KalmanEstimator
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.parameters import EstimatorParameters
+from wasd_core.rotations import yaw_matrix
 
 DT = 0.002
 UP = np.array((0.0, 0.0, 1.0))

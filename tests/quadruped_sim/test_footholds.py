@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.algebra import yaw_matrix
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.locomotion.gait import GaitState
@@ -10,6 +9,7 @@ from quadruped_sim.locomotion.swing import SwingLegs
 from quadruped_sim.parameters import FootholdParameters
 from quadruped_sim.parameters import GroundParameters
 from quadruped_sim.parameters import LegControllerParameters
+from wasd_core.rotations import yaw_matrix
 
 STANCE = 0.2
 

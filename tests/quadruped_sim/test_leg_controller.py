@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.algebra import quaternion_from_rpy
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
+from wasd_core.rotations import rpy_matrix
+from wasd_core.rotations import to_quaternion
 
 DT = 0.002
 # unitree_guide's stand.
@@ -82,7 +83,7 @@ def test_tipping_over_goes_passive_in_the_same_tick_and_key_2_waits(
     run(controller, 2)
     controller.press('2')
     run(controller, 5)
-    orientation = quaternion_from_rpy(1.2, 0.0, 0.0)
+    orientation = np.array(to_quaternion(rpy_matrix(1.2, 0.0, 0.0)))
     tipped = standing._replace(imu=standing.imu._replace(orientation=orientation))
     command = run(controller, 1, tipped, truth._replace(orientation=orientation))
     assert controller.state == 'passive'

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
-from quadruped_sim.algebra import matrix_from_rpy
 from quadruped_sim.parameters import SafetyParameters
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.safety import Safety
+from wasd_core.rotations import rpy_matrix
 
 ANGLES = np.tile((0.0, 0.8, -1.6), 4)
 
@@ -27,10 +27,8 @@ def test_a_broken_reading_is_replaced_by_the_last_good_one(model, standing):
 
 def test_tilt_beyond_sixty_degrees_lets_go(model):
     safety = make(model)
-    assert safety.reason_to_let_go(matrix_from_rpy(np.radians(59), 0, 0), ANGLES, 0) is None
-    assert 'tilt 61 deg' in safety.reason_to_let_go(
-        matrix_from_rpy(0, np.radians(61), 0), ANGLES, 0
-    )
+    assert safety.reason_to_let_go(rpy_matrix(np.radians(59), 0, 0), ANGLES, 0) is None
+    assert 'tilt 61 deg' in safety.reason_to_let_go(rpy_matrix(0, np.radians(61), 0), ANGLES, 0)
 
 
 def test_joint_out_of_range_and_failing_solvers_let_go(model):

@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.algebra import matrix_from_quaternion
-from quadruped_sim.algebra import quaternion_from_rpy
-from quadruped_sim.algebra import skew
 from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import contact_points
@@ -12,11 +9,14 @@ from quadruped_sim.locomotion.whole_body import WholeBody
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
+from wasd_core.rotations import matrix_from_quaternion
+from wasd_core.rotations import rpy_matrix
+from wasd_core.rotations import to_quaternion
 
 
 def solve(model, angles, rng, stance, force_weight=1e-9):
     """Solve for a random state; returns all that the checks need."""
-    orientation = quaternion_from_rpy(0.1, -0.05, 0.7)
+    orientation = np.array(to_quaternion(rpy_matrix(0.1, -0.05, 0.7)))
     R = matrix_from_quaternion(orientation)
     rates = 0.5 * rng.normal(size=12)
     velocity, omega = rng.normal(size=3), 0.5 * rng.normal(size=3)
@@ -63,7 +63,7 @@ def test_torques_bring_about_the_wanted_accelerations(model, angles, rng, stance
     for leg in np.flatnonzero(~stance):
         p = motion.position[leg]
         foot = acceleration[:3] + np.cross(omega, velocity) + np.cross(acceleration[3:6], p)
-        foot += skew(omega) @ (skew(omega) @ p + 2.0 * motion.velocity[leg]) + motion.bias[leg]
+        foot += np.cross(omega, np.cross(omega, p) + 2.0 * motion.velocity[leg]) + motion.bias[leg]
         foot += motion.jacobian[leg] @ acceleration[6 + 3 * leg : 9 + 3 * leg]
         np.testing.assert_allclose(R @ foot, task.foot_acceleration[leg], atol=1e-6)
 

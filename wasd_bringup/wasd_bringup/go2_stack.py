@@ -4,8 +4,6 @@
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
-from quadruped_sim.algebra import matrix_from_quaternion
-from quadruped_sim.algebra import rpy_from_matrix
 from quadruped_sim.keys import KeyWords
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateName
@@ -24,6 +22,8 @@ from teleop_keyboard.dashboard import Status
 from teleop_keyboard.key_names import on_layout
 from teleop_keyboard.key_names import on_qwerty
 from teleop_keyboard.key_names import STOP_KEY
+from wasd_core.rotations import matrix_from_quaternion
+from wasd_core.rotations import rpy_from_matrix
 
 from wasd_bringup.inputs import RESET_KEY
 from wasd_bringup.options import RunOptions

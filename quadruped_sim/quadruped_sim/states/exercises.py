@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 from wasd_core.robot_io import JointCommand
+from wasd_core.rotations import yaw_matrix
 
-from quadruped_sim.algebra import yaw_matrix
 from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import FR
 from quadruped_sim.leg_kinematics import FRONT
