@@ -8,23 +8,18 @@ import re
 
 # Words and leg codes, and the sides they stand for.
 SIDES = {
-    'left': ('left',),
-    'right': ('right',),
-    'front': ('front',),
-    'fore': ('front',),
-    'back': ('back',),
-    'rear': ('back',),
-    'hind': ('back',),
-    'fl': ('front', 'left'),
-    'fr': ('front', 'right'),
-    'lf': ('front', 'left'),
-    'rf': ('front', 'right'),
-    'rl': ('back', 'left'),
-    'rr': ('back', 'right'),
-    'hl': ('back', 'left'),
-    'hr': ('back', 'right'),
-    'lh': ('back', 'left'),
-    'rh': ('back', 'right'),
+    word: tuple(names.split())
+    for names, words_for in {
+        'left': 'left',
+        'right': 'right',
+        'front': 'front fore',
+        'back': 'back rear hind',
+        'front left': 'fl lf',
+        'front right': 'fr rf',
+        'back left': 'rl hl lh',
+        'back right': 'rr hr rh',
+    }.items()
+    for word in words_for.split()
 }
 # Single letters mean a side at wheels, as in base_l_wheel_joint; elsewhere `r` may be `roll`.
 LETTERS = {'l': ('left',), 'r': ('right',)}

@@ -119,13 +119,9 @@ class MeshReport:
             if record.file is None and record.use == 'collision' or strict and not record.is_exact
         ]
         if wrong:
-            raise DescriptionError(_first_of(wrong, strict))
-
-
-def _first_of(records: Sequence[MeshRecord], strict: bool) -> str:
-    rest = len({record.url for record in records}) - 1
-    more = f' (and {rest} more)' if rest else ''
-    return f'{"--strict: " if strict else ""}{records[0].line()}{more}'
+            rest = len({record.url for record in wrong}) - 1
+            more = f' (and {rest} more)' if rest else ''
+            raise DescriptionError(f'{"--strict: " if strict else ""}{wrong[0].line()}{more}')
 
 
 class MeshPlace(NamedTuple):
