@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Differential drive controller: limits, wheel commands, odometry."""
 
-from importlib import import_module
-from typing import Any
-
+from wasd_core import load_lazily
 from wasd_core import quiet_start
 
 quiet_start(__name__, 'diff_drive_controller')
@@ -23,15 +21,4 @@ _HOMES = {
     'read_controller_file': 'controller_file',
 }
 __all__ = ['MODES', *_HOMES]  # noqa: PLE0604
-
-
-def __getattr__(name: str) -> Any:
-    """
-    Return a public name from where it is defined.
-
-    Raises:
-        AttributeError: it is none.
-    """
-    if name not in _HOMES:
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)
+__getattr__ = load_lazily(__name__, _HOMES)

@@ -3,6 +3,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from wasd_bringup.cli import main
@@ -11,6 +12,7 @@ from wasd_bringup.robots import BOTH
 from wasd_bringup.robots import RobotRow
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.robots import WHEELED
+from wasd_core.parameter_file import read_mapping
 
 TUG = RobotRow(
     name='tug',
@@ -71,3 +73,23 @@ def test_a_row_drives(
     result = json.loads(report.read_text())
     assert result['robot'] == 'tug'
     assert result['samples']['position'][-1][0] > 0.1
+
+
+def test_a_drives_file_is_read_once(
+    tmp_path: Path, isolated_ros: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = []
+
+    def count(path: str, *rest: Any) -> Any:
+        read.append(path)
+        return read_mapping(path, *rest)
+
+    monkeypatch.setattr('diff_drive_sim.controller_file.read_mapping', count)
+    file = tmp_path / 'drive.yaml'
+    file.write_text('linear.x.max_velocity: 0.2\n')
+    (tmp_path / 'script').write_text('0 1 0 0\n')
+    report = tmp_path / 'report.json'
+    words = f'mbot --controller {file} --twist {tmp_path}/script --speed 0 --report {report}'
+    assert main([*words.split(), '--viewer', 'none', '--duration', '0.5']) == 0
+    assert json.loads(report.read_text())['samples']['command'][-1][0] == 0.2
+    assert read == [str(file)]
