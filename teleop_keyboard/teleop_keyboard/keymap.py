@@ -12,6 +12,8 @@ from wasd_core.parameters import InvalidParameter
 MODES = ('hold', 'latch', 'step')
 OTHER_KEYS = ('stop', 'ignore')
 IDLE_POLICIES = ('silent', 'zeros', 'repeat')
+# What keymaps and parameters may ask for: [Hz], [m/s] or [rad/s], [m/s^2] or [rad/s^2].
+HIGHEST_RATE, HIGHEST_SPEED, HIGHEST_ACCEL = 500.0, 100.0, 1000.0
 
 
 class KeymapError(InvalidParameter):

@@ -25,6 +25,9 @@ from teleop_keyboard.key_names import on_layout
 from teleop_keyboard.key_names import SIGNAL_KEYS
 from teleop_keyboard.keymap import Direction
 from teleop_keyboard.keymap import help_table
+from teleop_keyboard.keymap import HIGHEST_ACCEL
+from teleop_keyboard.keymap import HIGHEST_RATE
+from teleop_keyboard.keymap import HIGHEST_SPEED
 from teleop_keyboard.keymap import IDLE_POLICIES
 from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import KeymapError
@@ -131,8 +134,6 @@ def list_presets() -> list[str]:
 
 Value = TypeVar('Value')
 
-# What the parameters of the same names allow, too: [Hz], [m/s] or [rad/s], [m/s^2] or [rad/s^2].
-HIGHEST_RATE, HIGHEST_SPEED, HIGHEST_ACCEL = 500.0, 100.0, 1000.0
 REQUIRED = ('motion', 'speed', 'turn', 'linear_accel', 'angular_accel')
 OPTIONAL = (
     *('help', 'mode', 'other_keys', 'first_character_only', 'idle', 'rate'),

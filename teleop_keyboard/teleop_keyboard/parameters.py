@@ -2,11 +2,15 @@
 """Parameters of the teleoperation's nodes, under the names that the tutorials use."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
 from teleop_keyboard.key_names import LAYOUTS
+from teleop_keyboard.keymap import HIGHEST_ACCEL
+from teleop_keyboard.keymap import HIGHEST_RATE
+from teleop_keyboard.keymap import HIGHEST_SPEED
 from teleop_keyboard.keymap import IDLE_POLICIES
 from teleop_keyboard.keymap import MODES
 
@@ -16,6 +20,11 @@ AS_PRESET = 'preset'
 # Names for one quantity: what is set last counts.
 SPEED_NAMES = ('speed', 'scale_linear', 'linear_scale')
 TURN_NAMES = ('turn', 'scale_angular', 'angular_scale')
+
+
+def _number(doc: str, unit: str, highest: float) -> Any:
+    """Return the field of a number that 0 leaves to the preset, or to another parameter."""
+    return parameter(0.0, doc=doc, unit=unit, minimum=0.0, maximum=highest)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,56 +77,26 @@ class TeleopParameters(Parameters):
     step_share: float = parameter(
         0.1, doc='What a press adds in mode step, of full speed.', above=0.0, maximum=1.0
     )
-    speed: float = parameter(
-        0.0, doc='Full speed; 0: as the preset says.', unit='m/s', minimum=0.0, maximum=100.0
+    speed: float = _number('Full speed; 0: as the preset says.', 'm/s', HIGHEST_SPEED)
+    turn: float = _number('Full turn rate; 0: as the preset says.', 'rad/s', HIGHEST_SPEED)
+    scale_linear: float = _number("mbot_teleop's name of speed.", 'm/s', HIGHEST_SPEED)
+    scale_angular: float = _number("mbot_teleop's name of turn.", 'rad/s', HIGHEST_SPEED)
+    linear_scale: float = _number("keys_to_twist's name of speed.", 'm/s', HIGHEST_SPEED)
+    angular_scale: float = _number("keys_to_twist's name of turn.", 'rad/s', HIGHEST_SPEED)
+    linear_accel: float = _number('Speeding up; 0: as the preset says.', 'm/s^2', HIGHEST_ACCEL)
+    angular_accel: float = _number('Turning up; 0: as the preset says.', 'rad/s^2', HIGHEST_ACCEL)
+    linear_decel: float = _number('Slowing down; 0: as speeding up.', 'm/s^2', HIGHEST_ACCEL)
+    angular_decel: float = _number('Turning down; 0: as turning up.', 'rad/s^2', HIGHEST_ACCEL)
+    linear_stop: float = _number(
+        'Slowing down to a stop with no key; 0: as slowing down.', 'm/s^2', HIGHEST_ACCEL
     )
-    turn: float = parameter(
-        0.0, doc='Full turn rate; 0: as the preset says.', unit='rad/s', minimum=0.0, maximum=100.0
-    )
-    scale_linear: float = parameter(
-        0.0, doc="mbot_teleop's name of speed.", unit='m/s', minimum=0.0, maximum=100.0
-    )
-    scale_angular: float = parameter(
-        0.0, doc="mbot_teleop's name of turn.", unit='rad/s', minimum=0.0, maximum=100.0
-    )
-    linear_scale: float = parameter(
-        0.0, doc="keys_to_twist's name of speed.", unit='m/s', minimum=0.0, maximum=100.0
-    )
-    angular_scale: float = parameter(
-        0.0, doc="keys_to_twist's name of turn.", unit='rad/s', minimum=0.0, maximum=100.0
-    )
-    linear_accel: float = parameter(
-        0.0, doc='Speeding up; 0: as the preset says.', unit='m/s^2', minimum=0.0, maximum=1000.0
-    )
-    angular_accel: float = parameter(
-        0.0, doc='Turning up; 0: as the preset says.', unit='rad/s^2', minimum=0.0, maximum=1000.0
-    )
-    linear_decel: float = parameter(
-        0.0, doc='Slowing down; 0: as speeding up.', unit='m/s^2', minimum=0.0, maximum=1000.0
-    )
-    angular_decel: float = parameter(
-        0.0, doc='Turning down; 0: as turning up.', unit='rad/s^2', minimum=0.0, maximum=1000.0
-    )
-    linear_stop: float = parameter(
-        0.0,
-        doc='Slowing down to a stop with no key; 0: as slowing down.',
-        unit='m/s^2',
-        minimum=0.0,
-        maximum=1000.0,
-    )
-    angular_stop: float = parameter(
-        0.0,
-        doc='Turning down to a stop with no key; 0: as turning down.',
-        unit='rad/s^2',
-        minimum=0.0,
-        maximum=1000.0,
+    angular_stop: float = _number(
+        'Turning down to a stop with no key; 0: as turning down.', 'rad/s^2', HIGHEST_ACCEL
     )
     keep_direction: bool = parameter(
         False, doc='Ramp all axes at the pace of the slowest: the path of the robot stays.'
     )
-    rate: float = parameter(
-        0.0, doc='Messages a second; 0: as the preset says.', unit='Hz', minimum=0.0, maximum=500.0
-    )
+    rate: float = _number('Messages a second; 0: as the preset says.', 'Hz', HIGHEST_RATE)
     idle: str = parameter(
         AS_PRESET,
         doc='While the robot stands: one zero and then silence, zeros, or the last command.',
