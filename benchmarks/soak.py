@@ -88,7 +88,7 @@ def judge(looks: list[Look], report: dict[str, Any], duration: float, settled: f
     falls = sum(report['falls'].values())
     trials = [one._asdict() for one in looks]
     must = f'{100 * FLAT:.0f} %, no fall, threads and descriptors constant'
-    what = f'both, {duration / 60:.0f} min: memory of the last {(duration - settled) / 60:.0f} min'
+    what = f'both, {duration / 60:g} min: memory of the last {(duration - settled) / 60:g} min'
     if len(steady) < 5:
         return Row(what=what, measured='too few looks', must=must, passed=False, trials=trials)
     memory = [one.memory for one in steady]
