@@ -7,13 +7,14 @@ and are as fast for sizes up to 6.
 """
 
 from collections.abc import Callable
-from typing import cast, ParamSpec, TypeVar
+from typing import Any, cast, ParamSpec, TypeVar
 
 import numba
 import numpy as np
 
 _P = ParamSpec('_P')
 _R = TypeVar('_R')
+_T = TypeVar('_T', bound=tuple[Any, ...])
 
 
 def jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -22,6 +23,16 @@ def jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
         return cast('Callable[_P, _R]', numba.njit(cache=True)(function))
     except RuntimeError:  # neither the package's folder nor a user cache can be written
         return cast('Callable[_P, _R]', numba.njit(function))
+
+
+def plain(record: _T) -> _T:
+    """
+    Return a NamedTuple as the tuple that it is, for a call of a compiled function from Python.
+
+    numba takes 10 us to see what a NamedTuple holds, and one for a tuple. The function names the
+    fields again, at no cost: `base = BaseMotion(*base)`.
+    """
+    return cast('_T', tuple(record))
 
 
 @jit
@@ -71,9 +82,9 @@ def invert3(A: np.ndarray) -> np.ndarray:
 
 @jit
 def solve_in_place(A: np.ndarray, B: np.ndarray) -> None:
-    """Replace `B` (n, m) by A^-1 B; `A` (n, n) is symmetric positive definite and is destroyed."""
+    """Replace `B` (n, m) by A^-1 B; `A` (n, n), which needs no pivots, is destroyed."""
     n, m = B.shape
-    for k in range(n):  # elimination without pivoting is stable for such matrices
+    for k in range(n):  # elimination without pivoting
         for i in range(k + 1, n):
             factor = A[i, k] / A[k, k]
             for j in range(k + 1, n):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
 
 LEGS = ('FL', 'FR', 'RL', 'RR')
 FL, FR, RL, RR = range(4)
@@ -55,13 +56,14 @@ class LegMotion(NamedTuple):
 
 def leg_motion(leg: LegGeometry, angles: np.ndarray, rates: np.ndarray) -> LegMotion:
     """Feet at joint `angles` [rad] moving at `rates` [rad/s], both (12,)."""
-    return LegMotion(*_leg_motion(leg, angles, rates))
+    return LegMotion(*_leg_motion(plain(leg), angles, rates))
 
 
 @jit
 def _leg_motion(
     leg: LegGeometry, angles: np.ndarray, rates: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    leg = LegGeometry(*leg)
     position = leg.hip.copy()
     velocity = np.zeros((4, 3))
     jacobian = np.zeros((4, 3, 3))
@@ -144,7 +146,6 @@ def foot_positions(leg: LegGeometry, angles: np.ndarray) -> np.ndarray:
     return leg_motion(leg, angles, np.zeros(12)).position
 
 
-@jit
 def leg_angles(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarray, bool]:
     """
     Joint angles (3,) [rad] that bring one foot to `foot` (3,) in base axes.
@@ -152,6 +153,13 @@ def leg_angles(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarr
     A target out of reach is brought to the nearest radius the leg can have; the second value is
     False then.
     """
+    return solve_leg(plain(leg), index, foot)
+
+
+@jit
+def solve_leg(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Compiled `leg_angles`."""
+    leg = LegGeometry(*leg)
     offset, drop, bend = leg.offset[index], leg.drop[index], leg.bend[index]
     thigh, calf = leg.thigh[index], leg.calf[index]
     x = foot[0] - leg.hip[index, 0]

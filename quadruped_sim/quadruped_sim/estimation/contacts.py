@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import solve_in_place
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import ContactParameters
@@ -52,7 +53,14 @@ class ContactDetector:
         """Update by the measured joint `torque` (12,) [N m]; `normal` (3,) is up in base axes."""
         if self._observer is None:
             self._observer = Observer(dynamics.momentum.copy(), np.zeros(12))
-        self.forces = _observe(self._observer, torque, motion, dynamics, self.params.bandwidth, dt)
+        self.forces = _observe(
+            plain(self._observer),
+            torque + dynamics.momentum_drift,
+            dynamics.momentum,
+            motion.jacobian,
+            self.params.bandwidth,
+            dt,
+        )
         self.normal_forces = self.forces @ normal
         threshold = np.where(self.is_contact, self.params.force_off, self.params.force_on)
         self.is_contact = self.normal_forces > threshold
@@ -61,22 +69,22 @@ class ContactDetector:
 @jit
 def _observe(
     observer: Observer,
-    torque: np.ndarray,
-    motion: LegMotion,
-    dynamics: Dynamics,
+    known: np.ndarray,
+    momentum: np.ndarray,
+    jacobian: np.ndarray,
     bandwidth: float,
     dt: float,
 ) -> np.ndarray:
     """Advance the observer in place; returns the foot forces (4, 3) [N]."""
     integral, residual = observer
     for k in range(12):
-        integral[k] += dt * (torque[k] + dynamics.momentum_drift[k] + residual[k])
-        residual[k] = bandwidth * (dynamics.momentum[k] - integral[k])
+        integral[k] += dt * (known[k] + residual[k])
+        residual[k] = bandwidth * (momentum[k] - integral[k])
     forces = np.empty((4, 3))
     damped = np.empty((3, 3))
     pull = np.empty((3, 1))
     for i in range(4):
-        J = motion.jacobian[i]
+        J = jacobian[i]
         # On a nearly straight leg J is nearly singular along the leg; the pull stays bounded.
         for row in range(3):
             pull[row, 0] = 0.0
@@ -137,7 +145,9 @@ class Ground:
             min(1.0, dt / params.slope_time),
             min(1.0, dt / params.height_time),
         )
-        self.height = _follow_plane(self._plane, self.height, contacts, is_contact, low_pass)
+        self.height = _follow_plane(
+            plain(self._plane), self.height, contacts, is_contact, plain(low_pass)
+        )
 
     def heights(self, points: np.ndarray) -> np.ndarray:
         """Ground height below `points` (n, 2 or 3) [m], shape (n,)."""

@@ -9,6 +9,7 @@ from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import EstimatorParameters
@@ -118,7 +119,10 @@ class KalmanEstimator:
         self, imu: ImuSample, motion: LegMotion, trust: np.ndarray, normal: np.ndarray, dt: float
     ) -> None:
         """Predict by the accelerometer, correct by the legs; `normal` is the ground's, world."""
-        _filter_step(self._estimate, imu, motion, Footing(trust, normal), self._sensors, dt)
+        footing = plain(Footing(trust, normal))
+        _filter_step(
+            plain(self._estimate), plain(imu), plain(motion), footing, plain(self._sensors), dt
+        )
         self._anchor(trust, dt)
 
     def _anchor(self, trust: np.ndarray, dt: float) -> None:
@@ -147,6 +151,9 @@ def _filter_step(
     dt: float,
 ) -> None:
     """Predict and correct `estimate` in place."""
+    motion = LegMotion(*motion)
+    footing = Footing(*footing)
+    sensors = SensorModel(*sensors)
     x, P = estimate
     R, omega, _ = imu
     foot, trust = motion.position, footing.trust

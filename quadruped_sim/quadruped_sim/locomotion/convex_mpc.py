@@ -35,9 +35,8 @@ class ConvexMpc:
     """
     Foot forces that bring a rigid body along a reference over N steps.
 
-    The body is a double integrator of u = (angular, linear acceleration): pose and rates at the
-    end of step k are linear in u_0..u_k. With u = B f - (0, g) and f the stance forces only, the
-    cost's Hessian is B'KB + R with a constant K (equation 31 of the paper, states eliminated).
+    The body is a double integrator of u = B f + gravity; with the states eliminated the cost's
+    Hessian is B'KB + R with a constant K. docs/legs_math.md derives it, signs included.
     """
 
     def __init__(self, params: MpcParameters, mass: float, inertia: np.ndarray) -> None:

@@ -12,13 +12,14 @@ from wasd_core.rotations import rpy_matrix
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import invert3
 from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.estimation.robot_state import RobotState
-from quadruped_sim.leg_kinematics import leg_angles
 from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.leg_kinematics import solve_leg
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
 from quadruped_sim.parameters import BalanceParameters
@@ -26,28 +27,16 @@ from quadruped_sim.parameters import WholeBodyParameters
 from quadruped_sim.robot_model import RobotModel
 
 
-class BaseGains(NamedTuple):
-    """Gains of one proportional-derivative law, each (3,) for the axes of the world."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-    rotation: np.ndarray
-    rate: np.ndarray
-
-
-def gains_of(params: BalanceParameters | WholeBodyParameters) -> BaseGains:
-    """Return the gains that stand in a group of parameters."""
-    return BaseGains(
-        np.array(params.position_gains),
-        np.array(params.velocity_gains),
-        np.array(params.rotation_gains),
-        np.array(params.rate_gains),
+def gains_of(params: BalanceParameters | WholeBodyParameters) -> np.ndarray:
+    """Gains (4, 3) of the law: rows are position, velocity, rotation and rate."""
+    return np.array(
+        (params.position_gains, params.velocity_gains, params.rotation_gains, params.rate_gains)
     )
 
 
 @jit
 def pd_law(
-    gains: BaseGains,
+    gains: np.ndarray,
     position_error: np.ndarray,
     velocity_error: np.ndarray,
     rotation_error: np.ndarray,
@@ -56,8 +45,8 @@ def pd_law(
     """Acceleration (6,) against errors, each (3,): linear then angular, all in world axes."""
     result = np.empty(6)
     for k in range(3):
-        result[k] = gains.position[k] * position_error[k] + gains.velocity[k] * velocity_error[k]
-        result[3 + k] = gains.rotation[k] * rotation_error[k] + gains.rate[k] * rate_error[k]
+        result[k] = gains[0, k] * position_error[k] + gains[1, k] * velocity_error[k]
+        result[3 + k] = gains[2, k] * rotation_error[k] + gains[3, k] * rate_error[k]
     return result
 
 
@@ -126,18 +115,29 @@ class BaseTracking:
         base = state.base
         push = Push(forces, state.contact.position - state.com)
         error = rotation_error(reference.rpy, base.R)
-        return _acceleration(self._body, self._gains, base, reference, error, push)
+        return _acceleration(
+            plain(self._body),
+            self._gains,
+            plain(base),
+            plain(reference),
+            error,
+            plain(push),
+        )
 
 
 @jit
 def _acceleration(
     body: RigidBody,
-    gains: BaseGains,
+    gains: np.ndarray,
     base: BaseMotion,
     reference: BaseReference,
     rotation_error: np.ndarray,
     push: Push,
 ) -> np.ndarray:
+    body = RigidBody(*body)
+    base = BaseMotion(*base)
+    reference = BaseReference(*reference)
+    push = Push(*push)
     R = base.R
     result = np.zeros(6)
     moment = np.zeros(3)
@@ -176,7 +176,12 @@ def joint_command(
     in the air also has stiffness about its target.
     """
     position, rates = _joint_targets(
-        model.geometry, state.joint_position, state.motion, state.base, reference, swing
+        plain(model.geometry),
+        state.joint_position,
+        plain(state.motion),
+        plain(state.base),
+        plain(reference),
+        plain(swing),
     )
     stands = swing.is_stance.repeat(3)
     kp = np.where(stands, 0.0, params.swing_kp)
@@ -194,6 +199,10 @@ def _joint_targets(
     swing: SwingTargets,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Joint angles and rates, both (12,)."""
+    motion = LegMotion(*motion)
+    base = BaseMotion(*base)
+    reference = BaseReference(*reference)
+    swing = SwingTargets(*swing)
     R = base.R
     position, rates = angles.copy(), np.empty(12)
     turn, relative = np.empty(3), np.empty(3)
@@ -205,7 +214,7 @@ def _joint_targets(
         else:
             for k in range(3):
                 turn[k] = swing.position[i, k] - base.position[k]
-            solved = leg_angles(leg, i, rotate_back(R, turn))[0]
+            solved = solve_leg(leg, i, rotate_back(R, turn))[0]
             for k in range(3):
                 position[3 * i + k] = solved[k]
                 turn[k] = base.omega[k]

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.estimation.robot_state import RobotState
@@ -78,6 +79,10 @@ def find_footholds(
     `reach`, with T the time of stance; the yaw motion to come until the middle of the stance turns
     the place with it.
     """
+    rule = FootholdRule(*rule)
+    base = BaseMotion(*base)
+    reference = BaseReference(*reference)
+    schedule = GaitState(*schedule)
     position, velocity, command = base.position, base.velocity, reference.velocity
     stance_time, gain, reach = schedule.stance_time, rule.velocity_gain, rule.reach
     feet = np.zeros((4, 3))
@@ -160,7 +165,7 @@ class SwingLegs:
         self, base: BaseMotion, schedule: GaitState, reference: BaseReference, ground: Ground
     ) -> np.ndarray:
         """Where the foot centres land on the ground's plane, (4, 3), world axes [m]."""
-        feet = find_footholds(self._rule, base, reference, schedule)
+        feet = find_footholds(plain(self._rule), plain(base), plain(reference), plain(schedule))
         feet[:, 2] = ground.heights(feet) + self._clearance
         return feet
 
@@ -175,7 +180,9 @@ class SwingLegs:
         """Targets of this tick."""
         landing = self.landing(state.base, schedule, reference, ground)
         feet = FootMotion(state.feet, foot_velocities(state))
-        targets = _swing_targets(self._lift_off, landing, schedule, is_stance, feet, self._gains)
+        targets = _swing_targets(
+            self._lift_off, landing, plain(schedule), is_stance, plain(feet), plain(self._gains)
+        )
         return SwingTargets(*targets, is_stance)
 
 
@@ -196,6 +203,9 @@ def _swing_targets(
     feet: FootMotion,
     gains: SwingGains,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    schedule = GaitState(*schedule)
+    feet = FootMotion(*feet)
+    gains = SwingGains(*gains)
     position = feet.position.copy()
     velocity = np.zeros((4, 3))
     acceleration = np.zeros((4, 3))

@@ -10,10 +10,10 @@ from wasd_core.rotations import cross
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import invert3
 from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import solve_in_place
-from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import ContactPoints
 from quadruped_sim.leg_kinematics import LegMotion
@@ -50,6 +50,21 @@ class WholeBodyResult:
     is_solved: bool
 
 
+class BodyRates(NamedTuple):
+    """R (3, 3) base to world; velocity [m/s] and angular velocity [rad/s] (3,) in base axes."""
+
+    R: np.ndarray
+    velocity: np.ndarray
+    omega: np.ndarray
+
+
+class Feet(NamedTuple):
+    """Which feet stand, (4,), and what those in the air shall accelerate at (4, 3), world axes."""
+
+    is_stance: np.ndarray
+    acceleration: np.ndarray
+
+
 class LegTerms(NamedTuple):
     """
     What eliminates the joints' accelerations, leg by leg, base axes.
@@ -69,10 +84,8 @@ class WholeBody:
     """
     Eliminates joint accelerations by the 3 x 3 leg Jacobians, so the QP has only stance forces.
 
-    With a the base acceleration and d_i the foot acceleration left after its drift,
-    ddq_i = J_i^-1 (d_i - Jb_i a). The base rows of the dynamics become A a = Jb' f - c, and
-    |T f + t - a_wanted|^2 + w |f - f_wanted|^2 is minimised inside the friction pyramids, as
-    [Kim2019] relaxes both. Keeps the last good forces for when the QP fails.
+    Base acceleration a = T f + t; |T f + t - a_wanted|^2 + w |f - f_wanted|^2 is minimised inside
+    the friction pyramids, as [Kim2019] relaxes both. docs/legs_math.md derives it, signs included.
     """
 
     def __init__(self, params: WholeBodyParameters, mpc: MpcParameters) -> None:
@@ -93,12 +106,14 @@ class WholeBody:
         """
         base, R = state.base, state.base.R
         velocity = R.T @ base.velocity
-        legs = LegTerms(
-            *_leg_terms(
-                base, velocity, state.motion, state.contact, task.is_stance, task.foot_acceleration
-            )
+        T, t, *terms = _reduce(
+            plain(BodyRates(R, velocity, base.omega)),
+            plain(state.motion),
+            plain(state.contact),
+            dynamics := plain(state.dynamics),
+            plain(Feet(task.is_stance, task.foot_acceleration)),
+            R.T @ task.ground,
         )
-        T, t = _reduce(state.dynamics, legs, task.is_stance, R.T @ task.ground)
         goal = np.empty(6)
         goal[:3] = R.T @ task.base_acceleration[:3] - cross(base.omega, velocity)
         goal[3:] = R.T @ task.base_acceleration[3:]
@@ -108,7 +123,7 @@ class WholeBody:
         in_world = np.zeros((4, 3))
         in_world[stands] = forces.reshape(-1, 3) @ task.ground.T
         acceleration = T @ forces + t
-        torque = _torque(state.dynamics, legs, acceleration, in_world @ R)
+        torque = _torque(dynamics, plain(LegTerms(*terms)), acceleration, in_world @ R)
         return WholeBodyResult(torque, in_world, is_solved)
 
     def _forces(
@@ -126,28 +141,20 @@ class WholeBody:
 
 
 @jit
-def _leg_terms(
-    base: BaseMotion,
-    velocity: np.ndarray,
-    motion: LegMotion,
-    contact: ContactPoints,
-    is_stance: np.ndarray,
-    foot_acceleration: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """`LegTerms`; `velocity` (3,) [m/s] is the base's in base axes."""
-    omega, centre = base.omega, motion.position
+def _leg_terms(body: BodyRates, motion: LegMotion, contact: ContactPoints, feet: Feet) -> LegTerms:
+    omega, centre = body.omega, motion.position
     J, inverse = np.empty((4, 3, 3)), np.empty((4, 3, 3))
     Jb, wanted = np.zeros((4, 3, 6)), np.empty((4, 3))
     for i in range(4):
-        stands = is_stance[i]
+        stands = feet.is_stance[i]
         arm = contact.position[i] if stands else centre[i]
         source = contact.jacobian[i] if stands else motion.jacobian[i]
         inverted = invert3(source)
         inner = cross3(omega, centre[i])
         for k in range(3):
-            inner[k] += velocity[k] + 2.0 * motion.velocity[i, k]
+            inner[k] += body.velocity[k] + 2.0 * motion.velocity[i, k]
         drift = cross3(omega, inner)
-        goal = rotate_back(base.R, foot_acceleration[i])
+        goal = rotate_back(body.R, feet.acceleration[i])
         for k in range(3):
             wanted[i, k] = (0.0 if stands else goal[k]) - drift[k] - motion.bias[i, k]
             Jb[i, k, k] = 1.0
@@ -157,14 +164,26 @@ def _leg_terms(
         Jb[i, 0, 4], Jb[i, 0, 5] = arm[2], -arm[1]
         Jb[i, 1, 3], Jb[i, 1, 5] = -arm[2], arm[0]
         Jb[i, 2, 3], Jb[i, 2, 4] = arm[1], -arm[0]
-    return J, inverse, Jb, wanted
+    return LegTerms(J, inverse, Jb, wanted)
 
 
 @jit
 def _reduce(
-    dynamics: Dynamics, legs: LegTerms, is_stance: np.ndarray, ground: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """T (6, 3n) and t (6,): T f + t is the base acceleration by stance forces f, ground axes."""
+    body: BodyRates,
+    motion: LegMotion,
+    contact: ContactPoints,
+    dynamics: Dynamics,
+    feet: Feet,
+    ground: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """
+    T (6, 3n) and t (6,), then the fields of `LegTerms`.
+
+    T f + t is the base acceleration by stance forces f in ground axes.
+    """
+    dynamics, feet = Dynamics(*dynamics), Feet(*feet)
+    is_stance = feet.is_stance
+    legs = _leg_terms(BodyRates(*body), LegMotion(*motion), ContactPoints(*contact), feet)
     mass = dynamics.mass
     count = 0
     for i in range(4):
@@ -190,7 +209,8 @@ def _reduce(
                         G[row, column + k] += legs.Jb[i, m, row] * ground[m, k]
         column += 3 if is_stance[i] else 0
     solve_in_place(A, G)
-    return G[:, :count].copy(), G[:, count].copy()
+    T, t = G[:, :count].copy(), G[:, count].copy()
+    return T, t, legs.J, legs.inverse, legs.Jb, legs.wanted
 
 
 @jit
@@ -198,6 +218,8 @@ def _torque(
     dynamics: Dynamics, legs: LegTerms, acceleration: np.ndarray, forces: np.ndarray
 ) -> np.ndarray:
     """Joint torques (12,) [N m] by the joint rows; `forces` (4, 3) are in base axes."""
+    dynamics = Dynamics(*dynamics)
+    legs = LegTerms(*legs)
     v = np.empty(18)
     torque = np.empty(12)
     for k in range(6):
