@@ -81,13 +81,19 @@ def modules(package: str) -> dict[str, Path]:
 
 
 @functools.cache
+def parsed(path: Path) -> ast.Module:
+    """Return the syntax tree of a module."""
+    return ast.parse(path.read_text())
+
+
+@functools.cache
 def imports(path: Path) -> tuple[str, ...]:
     """Return the dotted names that a module imports anywhere in it, also by `import_module`."""
     return tuple(_imports(path))
 
 
 def _imports(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -321,7 +327,7 @@ ONE_HOME = {
 
 def literals(path: Path) -> Iterator[set[object]]:
     """Yield the constants of each tuple, list and set in a module, and the keys of each dict."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Dict):
             values = node.keys
         elif isinstance(node, ast.Tuple | ast.List | ast.Set):
@@ -352,7 +358,7 @@ def test_gravity_has_one_home():
         module
         for package in PACKAGES
         for module, path in modules(package).items()
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.Constant) and node.value in (9.81, -9.81, 9.8, 9.80665)
     }
     assert known == {'wasd_core.robot_io'}
@@ -362,7 +368,7 @@ def library_functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFuncti
     """Yield each function of the packages with the module that it stands in."""
     for package in PACKAGES:
         for module, path in modules(package).items():
-            for node in ast.walk(ast.parse(path.read_text())):
+            for node in ast.walk(parsed(path)):
                 if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                     yield module, node
 
