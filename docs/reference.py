@@ -90,7 +90,7 @@ description gives them; here are those of the robots that come along.
 *Quality*: every publisher offers reliable delivery, so every tool gets every topic, whatever it
 asks for. *Best effort* is what the subscriber here asks for: a consumer of sensor data must not
 wait for what was lost (REP 2003). A *latched* topic (transient local) gives its last message to
-who comes late. The profiles are in `wasd_core/qos.py`.
+who comes late. The profiles are in `wasd_core/topics.py`.
 
 `/tf` and `/tf_static` need the package tf2_msgs: see [install](install.md).
 
