@@ -24,7 +24,7 @@ def test_a_replay_of_a_drive_is_the_drive(pty_process, ros_domain, tmp_path):
     for key in 'iiiiijjjjéuuqii':
         process.type(key.encode())
         time.sleep(0.04)
-    time.sleep(0.5)
+    time.sleep(1.5)  # a second of simulated time on a busy machine
     process.type(b'\x03')
     assert process.wait() == 0
     keys = [press.key for press in parse_key_script(saved.read_text())]
