@@ -26,6 +26,7 @@ for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
         signal.signal(number, signal.default_int_handler if is_interrupt else signal.SIG_DFL)
 
 
+@pytest.hookimpl(optionalhook=True)  # not every place that runs tests has xdist
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """Return how many workers `-n auto` means: one more than processors, for tests wait, too."""
     return len(os.sched_getaffinity(0)) + 1
