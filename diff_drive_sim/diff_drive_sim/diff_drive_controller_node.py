@@ -64,9 +64,8 @@ def read_given(node: Node, file: ControllerFile | None = None) -> GivenParameter
     """
     Read the file that the parameter `controller` names, unless its content is given.
 
-    Overrides get their names here.
-
-    What ROS was given comes before the file. What means nothing here is said once.
+    What ROS was given comes before the file, under the names of this node. What means nothing
+    here is said once.
 
     Raises:
         InvalidParameter: what is wrong with the file, with its line.
@@ -129,7 +128,9 @@ class DiffDriveControllerNode(Node):
         file: ControllerFile | None = None,
     ) -> None:
         """
-        Take a robot, or load the one that the parameter `description` names; the same of a file.
+        Take a robot, or load the one that the parameter `description` names.
+
+        `file` is what the parameter `controller` names, where that was read before.
 
         Raises:
             InvalidParameter, DescriptionError, DiffDriveError: what is wrong, in one line.

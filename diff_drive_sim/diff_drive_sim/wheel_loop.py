@@ -54,7 +54,7 @@ FRAME = 1.0 / 30.0
 # Without ticks for longer than a few frames nobody knows what the wheel has done, or why [s].
 LONGEST_SILENCE = 4.0 * FRAME
 # The firmware's full duty.
-FULL_PWM = 255.0
+FULL_PWM = 255
 # An encoder knows the wheel to one tick: less is no reason to do anything.
 DEAD_TICKS = 1.0
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a world, rendered without a display; see `renderer_choice` for with what."""
+"""Pictures of a world, without a display; robot_description.mujoco chooses what renders."""
 
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path

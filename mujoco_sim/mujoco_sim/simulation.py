@@ -154,7 +154,7 @@ class Schedule:
     def _rates_near(self, rate: float) -> list[float]:
         """Return the legal rates around a rate [Hz] that can be typed, e.g. not 1000 / 17."""
         steps = 1.0 / (rate * self._time_step)
-        slower = next(filter(self._is_short, itertools.count(math.ceil(steps))))
+        slower = next(filter(self._is_short, itertools.count(max(1, math.ceil(steps)))))
         faster = next(filter(self._is_short, range(math.floor(steps), 0, -1)), None)
         return [1.0 / (count * self._time_step) for count in (slower, faster) if count]
 

@@ -158,7 +158,11 @@ class SimulatorNode(Node):
         self._sensors.close()
 
     def destroy_node(self) -> None:
-        """Leave ROS, and let go of the world: ROS' own circles keep a node for a while."""
+        """
+        Leave ROS, and let go of the world: ROS' own circles keep a node for a while.
+
+        `close` comes before.
+        """
         super().destroy_node()  # type: ignore[no-untyped-call]
         for name in ('_world', 'simulation', 'truth', '_sensors'):
             self.__dict__.pop(name, None)

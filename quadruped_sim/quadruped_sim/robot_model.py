@@ -43,6 +43,8 @@ WALKING = (0.8, -1.6)
 
 # A command of leg angles by which no motor pushes; others are made of it.
 NO_TORQUE = JointCommand(*(np.zeros(12) for _ in JointCommand._fields))
+for _part in NO_TORQUE:
+    _part.flags.writeable = False  # every damped and passive command shares them
 
 
 @dataclass(frozen=True)

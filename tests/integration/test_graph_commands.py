@@ -107,6 +107,21 @@ def test_pub_drives_until_ctrl_c(robot: Any, ask: Ask) -> None:
         assert time.monotonic() < deadline, 'it does not stop'
 
 
+def test_pub_that_was_stopped_does_not_make_up_for_it(robot: Any) -> None:
+    words = ('pub', 'nobody', 'std_msgs/String', '{data: hi}', '--rate', '100')
+    process = robot.start(*words, stdout=subprocess.PIPE)
+    before = process.stdout.readline()
+    process.send_signal(signal.SIGSTOP)
+    time.sleep(3.0)
+    process.send_signal(signal.SIGCONT)
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    said = before + process.communicate(timeout=5.0)[0]
+    assert process.returncode == 0
+    # Made up for, these would be 300.
+    assert 2 <= said.count('publishing #') < 200
+
+
 def test_pub_sends_so_many_once_somebody_listens(robot: Any, ask: Ask) -> None:
     listener = robot.start('echo', 'told', 'std_msgs/String', stdout=subprocess.PIPE)
     words = ('pub', '/told', 'std_msgs/msg/String', '{data: hi}', '--times', '2', '--rate', '50')

@@ -54,6 +54,7 @@ def test_a_period_between_physics_steps_is_refused(schedule, period):
         (999.0, '500 or 1000 Hz'),
         (5000.0, '1000 Hz'),
         (0.3, '0.25 or 0.3125 Hz'),
+        (math.inf, '1000 Hz'),
     ],
 )
 def test_a_rate_that_does_not_fit_names_its_parameter_and_rates_that_do(schedule, rate, nearest):

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
+import pytest
 from quadruped_sim.parameters import SafetyParameters
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.safety import Safety
@@ -45,3 +46,10 @@ def test_efforts_are_limited_and_nan_never_reaches_the_motors(model):
         safety.filter_command(NO_TORQUE._replace(effort=np.full(12, np.nan)), damping) is damping
     )
     assert safety.broken_commands == 1
+
+
+def test_what_no_motor_pushes_by_cannot_be_written_into():
+    # Every command that damps shares these numbers.
+    for part in NO_TORQUE:
+        with pytest.raises(ValueError, match='read-only'):
+            part[:] = 100.0

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import dataclass
+import gc
 import os
 import signal
 import time
+from typing import ClassVar
 
 import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
@@ -53,6 +55,20 @@ def arm(spawn):
 def test_what_is_declared_is_the_definition(arm):
     assert arm.settings == Arm()
     assert arm.get_parameter('speed').value == 1.0
+
+
+def test_whoever_is_told_of_changes_lives_as_long_as_the_node(spawn):
+    class Tuner:
+        changes: ClassVar[list[Arm]] = []
+
+        def tune(self, changed):
+            self.changes.append(changed)
+
+    node = spawn(Node('tuned'))
+    declare_parameters(node, Arm, Tuner().tune)
+    gc.collect()
+    node.set_parameters([Parameter('speed', value=2.0)])
+    assert Tuner.changes == [Arm(speed=2.0)]
 
 
 def test_what_is_given_at_start_counts(spawn):

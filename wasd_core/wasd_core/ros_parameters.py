@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import dataclasses
 import math
 from types import MethodType
-from typing import Any, TypeVar
+from typing import Any, cast, TypeVar
 from weakref import WeakMethod
 
 from rcl_interfaces.msg import FloatingPointRange
@@ -116,8 +116,9 @@ def _take_changes(
     on_change: Callable[[ParametersType], None] | None,
 ) -> None:
     """Have changes at run time checked against the current set, and told of."""
-    # A node that its own callback holds would stay, with all it has, until garbage is collected.
-    listener = WeakMethod(on_change) if isinstance(on_change, MethodType) else lambda: on_change
+    # A node that its own method holds would stay, with all it has, until garbage is collected.
+    is_own = isinstance(on_change, MethodType) and on_change.__self__ is node
+    listener = WeakMethod(cast(MethodType, on_change)) if is_own else lambda: on_change
 
     def set_parameters(changes: 'Sequence[Parameter]') -> SetParametersResult:
         nonlocal current

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import math
 
 from diff_drive_sim.geometry import Pair
+from diff_drive_sim.wheel_loop import FULL_PWM
 from diff_drive_sim.wheel_loop import Gains
 
 # The board looks at its milliseconds and waits until more than so many have passed.
 FRAME_MILLISECONDS = 33
-FULL_PWM = 255
 # What the board believes a second has: set-points are ticks in one of these.
 FRAMES_PER_SECOND = 30.0
 

@@ -226,7 +226,4 @@ class LegacyController:
     def _wheel_speeds(self) -> tuple[float, float]:
         left, right = self.host.setpoints
         speed = FRAMES_PER_SECOND / self._scale  # of one tick per frame [rad/s]
-        return (
-            left * speed,
-            right * speed,
-        )
+        return left * speed, right * speed

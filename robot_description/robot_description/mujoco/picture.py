@@ -29,7 +29,7 @@ def draw(robot: Robot, find_mesh: FindMesh, path: Path) -> None:
     """
     Write a picture of the robot as a PNG: joints at 0, or as near to it as their limits allow.
 
-    To be called with MUJOCO_GL set, see `renderer_choice`.
+    To be called with MUJOCO_GL set, see `robot_description.mujoco.choose_renderer`.
 
     Raises:
         DescriptionError: nothing renders here, the robot does not load, or `path` is no place.

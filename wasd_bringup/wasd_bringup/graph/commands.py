@@ -145,7 +145,9 @@ def pub(graph: RosGraph, arguments: argparse.Namespace) -> int:
         publisher.publish(message)
         if number == arguments.times:
             break
-        due += 1.0 / arguments.rate
+        # What was missed while the process was stopped is not made up for.
+        due = max(due + 1.0 / arguments.rate, time.monotonic())
+        graph.spin(0.0)
         while (rest := due - time.monotonic()) > 0.0:
             graph.spin(min(rest, POLL_PERIOD))
     publisher.wait_for_all_acked(Duration(seconds=FAREWELL))
