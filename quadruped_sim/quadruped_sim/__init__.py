@@ -19,7 +19,7 @@ _HOMES = {
     'LegControllerNode': 'leg_controller_node',
     'LegControllerParameters': 'parameters',
     'LegNodeParameters': 'parameters',
-    'LegOdometry': 'estimation.robot_state',
+    'LegOdometry': 'robot_model',
     'RobotModel': 'robot_model',
     'RobotModelError': 'errors',
     'WholeBody': 'locomotion.whole_body',

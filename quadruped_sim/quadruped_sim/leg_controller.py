@@ -12,10 +12,6 @@ from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.estimation.contacts import ContactDetector
 from quadruped_sim.estimation.kalman import ImuSample
 from quadruped_sim.estimation.kalman import KalmanEstimator
-from quadruped_sim.estimation.robot_state import BaseMotion
-from quadruped_sim.estimation.robot_state import LegOdometry
-from quadruped_sim.estimation.robot_state import make_odometry
-from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.keys import KeyWords
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateMachine
@@ -26,7 +22,11 @@ from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.locomotion.trot import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.robot_model import BaseMotion
+from quadruped_sim.robot_model import LegOdometry
+from quadruped_sim.robot_model import make_odometry
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import RobotState
 from quadruped_sim.safety import Safety
 from quadruped_sim.scaling import scale_parameters
 from quadruped_sim.states import make_states
@@ -99,6 +99,7 @@ class LegController:
         self._detector.reset()
         self._is_started = False
         self.robot: RobotState | None = None
+        self.is_fallen = False  # whether the robot lies on its side or back
         self.event: str | None = None
         self._odometry: LegOdometry | None = None
 
@@ -111,11 +112,6 @@ class LegController:
     def coming_state(self) -> str:
         """Name of the state that a pressed key leads to, or of the present one."""
         return self._machine.coming.value
-
-    @property
-    def is_fallen(self) -> bool:
-        """Whether the robot lies on its side or back."""
-        return self.robot is not None and self.safety.is_fallen(self.robot.base.R)
 
     @property
     def odometry(self) -> LegOdometry | None:
@@ -164,6 +160,7 @@ class LegController:
             return damping_command(self.model.scale, np.zeros(12))
         robot = self._estimate(good, dt, truth)
         self.robot = robot
+        self.is_fallen = self.safety.is_fallen(robot.base.R)
         reason = self.safety.reason_to_let_go(
             robot.base.R, robot.joint_position, self._failures_in_a_row()
         )

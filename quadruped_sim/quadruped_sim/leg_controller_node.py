@@ -45,12 +45,12 @@ from wasd_core.topics import TfBroadcaster
 
 from quadruped_sim.compilation import compile_once
 from quadruped_sim.compilation import warm_up
-from quadruped_sim.estimation.robot_state import LegOdometry
 from quadruped_sim.executables import LEG_CONTROLLER
 from quadruped_sim.keys import StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.robot_model import JointMap
+from quadruped_sim.robot_model import LegOdometry
 from quadruped_sim.robot_model import RobotModel
 
 # Longest step of gait and estimate between two readings [s]; a request is as old as it is.

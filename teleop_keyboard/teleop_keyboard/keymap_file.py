@@ -16,8 +16,8 @@ from typing import Any, NoReturn, TypeVar
 
 from wasd_core.errors import did_you_mean
 from wasd_core.errors import one_line
-from wasd_core.safe_files import compose_yaml
-from wasd_core.safe_files import read_text
+from wasd_core.parameter_file import compose_yaml
+from wasd_core.parameter_file import read_text
 import yaml
 
 from teleop_keyboard.key_names import canonical_key

@@ -7,11 +7,11 @@ from builtin_interfaces.msg import Time
 from mujoco_sim.truth_publisher import to_ground_truth
 import numpy as np
 import pytest
-from quadruped_sim.estimation.robot_state import LegOdometry
 from quadruped_sim.leg_controller_node import Frames
 from quadruped_sim.leg_controller_node import to_odometry
 from quadruped_sim.leg_controller_node import to_transform
 from quadruped_sim.robot_model import JointMap
+from quadruped_sim.robot_model import LegOdometry
 from sensor_msgs.msg import JointState
 from wasd_core.messages import to_base_state
 from wasd_core.messages import to_imu

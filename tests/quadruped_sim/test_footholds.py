@@ -2,13 +2,13 @@
 import numpy as np
 import pytest
 from quadruped_sim.estimation.contacts import Ground
-from quadruped_sim.estimation.robot_state import BaseMotion
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingLegs
 from quadruped_sim.parameters import FootholdParameters
 from quadruped_sim.parameters import GroundParameters
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.robot_model import BaseMotion
 from wasd_core.rotations import yaw_matrix
 
 STANCE = 0.2

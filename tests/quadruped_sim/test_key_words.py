@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 from quadruped_sim.keys import ARROWS
 from quadruped_sim.keys import keys_between
@@ -52,12 +50,11 @@ def in_state(legs):
         legs.reset()
         legs.words = words
         legs._machine.force(state)
-        if is_fallen:
-            legs.robot = SimpleNamespace(base=SimpleNamespace(R=np.diag((1.0, -1.0, -1.0))))
+        legs.is_fallen = is_fallen
         return legs
 
     yield put
-    legs.robot = None
+    legs.reset()
 
 
 def answers(in_state):

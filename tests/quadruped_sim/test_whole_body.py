@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.estimation.robot_state import BaseMotion
-from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.locomotion.whole_body import WholeBody
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
+from quadruped_sim.robot_model import BaseMotion
+from quadruped_sim.robot_model import RobotState
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion

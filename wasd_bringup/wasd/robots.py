@@ -15,12 +15,12 @@ from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.world import build_world
 import numpy as np
-from quadruped_sim.estimation.robot_state import LegOdometry
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import CommandParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap
+from quadruped_sim.robot_model import LegOdometry
 from quadruped_sim.robot_model import RobotModel
 from robot_description.description import load_robot
 from teleop_keyboard.keymap_file import load_preset

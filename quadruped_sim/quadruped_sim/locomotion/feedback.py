@@ -15,8 +15,6 @@ from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
-from quadruped_sim.estimation.robot_state import BaseMotion
-from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.leg_kinematics import solve_leg
@@ -24,7 +22,9 @@ from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
 from quadruped_sim.parameters import BalanceParameters
 from quadruped_sim.parameters import WholeBodyParameters
+from quadruped_sim.robot_model import BaseMotion
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import RobotState
 
 
 def gains_of(params: BalanceParameters | WholeBodyParameters) -> np.ndarray:

@@ -9,12 +9,12 @@ import numpy as np
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.estimation.contacts import Ground
-from quadruped_sim.estimation.robot_state import BaseMotion
-from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.robot_model import BaseMotion
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import RobotState
 
 
 @jit

@@ -8,7 +8,6 @@ from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import yaw_matrix
 
 from quadruped_sim.estimation.contacts import Ground
-from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.locomotion.convex_mpc import ConvexMpc
 from quadruped_sim.locomotion.convex_mpc import MpcProblem
 from quadruped_sim.locomotion.feedback import base_acceleration
@@ -24,6 +23,7 @@ from quadruped_sim.locomotion.whole_body import WholeBody
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import RobotState
 
 # On the Go2: how fast the base sinks or rises to its height on entry [m/s],
 _HEIGHT_RATE = 0.15

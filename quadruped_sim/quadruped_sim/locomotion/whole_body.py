@@ -14,7 +14,6 @@ from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import solve_in_place
-from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import ContactPoints
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.locomotion.friction_qp import FrictionPyramids
@@ -22,6 +21,7 @@ from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
 from quadruped_sim.robot_model import Dynamics
+from quadruped_sim.robot_model import RobotState
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ import numpy as np
 from wasd_core.robot_io import JointCommand
 
 from quadruped_sim.command_filter import CommandFilter
-from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.keys import Sticks
 from quadruped_sim.locomotion.feedback import base_acceleration
 from quadruped_sim.locomotion.feedback import standing_forces
@@ -18,6 +17,7 @@ from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import RobotState
 
 # On the Go2: acceleration of a led foot per position error [1/s^2] and per velocity [1/s],
 _FOOT_GAINS = (300.0, 30.0)

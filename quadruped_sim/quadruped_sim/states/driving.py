@@ -9,11 +9,11 @@ from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import rotation_vector
 from wasd_core.rotations import rpy_matrix
 
-from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import all_leg_angles
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import RobotState
 from quadruped_sim.states.base import approach
 from quadruped_sim.states.base import State
 

@@ -11,10 +11,10 @@ import numpy as np
 from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import yaw_matrix
 
-from quadruped_sim.estimation.robot_state import RobotState
 from quadruped_sim.leg_kinematics import FR
 from quadruped_sim.leg_kinematics import FRONT
 from quadruped_sim.leg_kinematics import LEFT
+from quadruped_sim.robot_model import RobotState
 from quadruped_sim.states.base import approach
 from quadruped_sim.states.base import State
 

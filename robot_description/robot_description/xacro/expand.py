@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 from xml.dom import minidom
 
 from wasd_core.errors import DescriptionError
+from wasd_core.parameter_file import read_yaml
 from wasd_core.safe_files import check_xml
 from wasd_core.safe_files import LocatedError
 from wasd_core.safe_files import parse_with_places
 from wasd_core.safe_files import Place
 from wasd_core.safe_files import place_of
 from wasd_core.safe_files import read_file
-from wasd_core.safe_files import read_yaml
 import xacro
 from xacro import substitution_args
 

@@ -17,7 +17,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from wasd_core.errors import one_line
 from wasd_core.errors import suggest
 from wasd_core.errors import UserError
-from wasd_core.safe_files import load_yaml
+from wasd_core.parameter_file import load_yaml
 from wasd_core.signals import last_status
 from wasd_core.streams import print_error
 from wasd_core.topics import RELIABLE
