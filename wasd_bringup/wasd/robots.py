@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot, its world and its controller as one object that a script steps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+import logging
 import os
 from pathlib import Path
 import time
+from types import MappingProxyType
 from typing import Any
 
+from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.pictures import take_picture
@@ -29,6 +32,8 @@ from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import JointCommand
 
+# Without a handler Python writes warnings to standard error, a line each.
+LOGGER = logging.getLogger(__name__)
 # Rate of the leg controller [Hz], as of its node.
 LEG_RATE = 500.0
 # Where a picture is taken from: distance as a multiple of the robot's [m], angles [degrees].
@@ -53,8 +58,10 @@ class Robot:
         world: str,
         seed: int,
         package_path: Sequence[str | os.PathLike[str]],
+        xacro_arguments: Mapping[str, str],
     ) -> None:
-        self._loaded = load_robot(description, [Path(folder) for folder in package_path])
+        search = [Path(folder) for folder in package_path]
+        self._loaded = load_robot(description, search, xacro_arguments)
         setup = usual_setup(self._loaded, noise=self._with_noise)
         self._world = build_world(self._loaded, world, seed, setup, visuals=True)
         self._simulation = Simulation(self._world, speed=0.0)
@@ -139,11 +146,12 @@ class Go2(Robot):
         *,
         description: str = 'go2',
         package_path: Sequence[str | os.PathLike[str]] = (),
+        xacro_arguments: Mapping[str, str] = MappingProxyType({}),
         estimator: str = 'kalman',
         limits: str = 'sport',
     ) -> None:
         self._with_noise = estimator == 'kalman'
-        super().__init__(description, world, seed, package_path)
+        super().__init__(description, world, seed, package_path, xacro_arguments)
         parameters = LegControllerParameters(command=CommandParameters(limits=limits))
         model = RobotModel(self._loaded)
         self._controller = LegController(model, parameters, estimator)
@@ -211,7 +219,8 @@ class Mbot(Robot):
     """
     mbot, or any robot with two driven wheels, with its drive controller: keys u i o j k l m , .
 
-    `drive` commands a velocity; a key takes over from it, as long as it is held.
+    `drive` commands a velocity; a key takes over from it, as long as it is held. `controller` is a
+    YAML file with the drive's parameters.
 
     Raises:
         UserError: what is wrong with the description, the world or an option, in one line.
@@ -226,12 +235,20 @@ class Mbot(Robot):
         *,
         description: str = 'mbot',
         package_path: Sequence[str | os.PathLike[str]] = (),
+        xacro_arguments: Mapping[str, str] = MappingProxyType({}),
         preset: str = 'mbot',
+        controller: str | os.PathLike[str] = '',
     ) -> None:
-        super().__init__(description, world, seed, package_path)
+        super().__init__(description, world, seed, package_path, xacro_arguments)
         parameters = DiffDriveParameters()
+        if controller:
+            parameters = read_controller_file(str(controller)).parameters
+        if parameters.mode != 'float':
+            raise UserError(f"mode: got {parameters.mode!r}, a script drives mode 'float' only")
         self._period = 1.0 / parameters.update_rate
         self._unit = DiffDrive(self._loaded.robot, parameters)
+        for note in self._unit.notes:
+            LOGGER.warning('wheels: %s', note)
         self._keys = KeysToTwist(load_preset(preset))
         geometry = self._unit.controller.geometry
         wheels = (geometry.left_joint, geometry.right_joint)

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The catalogue: small descriptions as other people write them, and what becomes of each.
+
+A folder holds descriptions of one sort and `expected.yaml`, a row for each:
+
+    file       the description, beside the table; a file may have several rows
+    kind       what `describe info` calls it; left out where it cannot be read at all
+    verdict    `loads`, or `refused` with one line
+    words      all of these are in that line; of one that loads, in what is said while it does
+    info       all of these are in what `describe info` prints
+    lint       all of these are in what `describe lint` prints
+    drives     true: it goes where it is sent, by its own controller, in the real physics
+    command    `go2` or `mbot`, where it is another than its kind's (its folder's, without one)
+    arguments  of xacro
+    controller YAML of the controller, beside the table
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from robot_description.description import read_description
+from robot_description.info import print_info
+from robot_description.lint import lint
+from robot_description.packages import description_path
+import wasd
+from wasd_core.rotations import matrix_from_quaternion
+from wasd_core.rotations import rpy_from_matrix
+import yaml
+
+HERE = Path(__file__).parent
+FOLDERS = ('wheels', 'legs', 'meshes', 'words')
+SUFFIXES = ('.urdf', '.xacro', '.sdf', '.xml', '.html')
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A row of a table; see above."""
+
+    folder: str
+    file: str
+    verdict: str
+    kind: str = ''
+    words: tuple[str, ...] = ()
+    info: tuple[str, ...] = ()
+    lint: tuple[str, ...] = ()
+    drives: bool = False
+    command: str = ''
+    arguments: dict[str, str] = field(default_factory=dict)
+    controller: str = ''
+
+    @property
+    def path(self) -> Path:
+        """The description."""
+        return HERE / self.folder / self.file
+
+    def load(self) -> Any:
+        """Return the robot with its controller in its world, as `wasd --description` makes it."""
+        legged = self.kind == 'quadruped' or (not self.kind and self.folder == 'legs')
+        more = {'controller': self.path.with_name(self.controller)} if self.controller else {}
+        make: Any = wasd.Go2 if (self.command or 'go2' * legged) == 'go2' else wasd.Mbot
+        return make(description=str(self.path), xacro_arguments=self.arguments, **more)
+
+
+def rows() -> list[Row]:
+    """Return the rows of all tables."""
+    return [
+        Row(folder=folder, **{k: tuple(v) if isinstance(v, list) else v for k, v in row.items()})
+        for folder in FOLDERS
+        if (table := HERE / folder / 'expected.yaml').exists()
+        for row in yaml.safe_load(table.read_text())
+    ]
+
+
+ROWS = rows()
+
+
+def each(*chosen: Row) -> Any:
+    """Return the mark that runs a test for these rows."""
+    return pytest.mark.parametrize('row', chosen, ids=lambda row: f'{row.folder}/{row.file}')
+
+
+def test_every_description_has_a_row_and_every_row_a_description() -> None:
+    files = {p for name in FOLDERS for p in (HERE / name).iterdir() if p.suffix in SUFFIXES}
+    assert files == {row.path for row in ROWS}
+
+
+@each(*(row for row in ROWS if row.verdict == 'loads'))
+def test_it_loads_and_says_what_it_makes_of_it(row: Row, caplog: pytest.LogCaptureFixture) -> None:
+    row.load()
+    for word in row.words:
+        assert word in caplog.text
+
+
+@each(*(row for row in ROWS if row.verdict == 'refused'))
+def test_it_is_refused_in_one_line_with_the_reason(row: Row) -> None:
+    assert row.words
+    with pytest.raises(wasd.UserError) as refusal:
+        row.load()
+    line = str(refusal.value)
+    assert '\n' not in line
+    for word in row.words:
+        assert word in line
+
+
+@each(*(row for row in ROWS if row.kind or row.info))
+def test_info_calls_it_what_it_is(row: Row, capsys: pytest.CaptureFixture[str]) -> None:
+    described = read_description(description_path(str(row.path)), (), row.arguments)
+    assert described.kind == row.kind
+    print_info(described)
+    printed = ' '.join(capsys.readouterr().out.split())
+    for word in row.info:
+        assert word in printed
+
+
+@each(*(row for row in ROWS if row.lint))
+def test_lint_says_it(row: Row) -> None:
+    findings = '\n'.join(each.line() for each in lint(row.path, row.arguments))
+    for word in row.lint:
+        assert word in findings
+
+
+# What a robot drives, by its kind: so far [m] at a speed [m/s], a turn at a rate [rad/s], and how
+# far off it may be, as a share.
+WAY, SPEED, TURN, RATE, OFF = 1.0, 0.25, 2.0 * math.pi, 1.0, 0.01
+REST = 1.0
+
+
+def yaw_of(robot: Any) -> float:
+    """Return the true heading [rad]."""
+    return float(rpy_from_matrix(matrix_from_quaternion(robot.truth.orientation))[2])
+
+
+def drive_wheels(row: Row) -> None:
+    """Go 1 m ahead, then turn by 360 degrees on the spot."""
+    robot = row.load()
+    robot.run(REST)
+    start, ahead = robot.truth.position.copy(), yaw_of(robot)
+    robot.drive(SPEED)
+    robot.run(WAY / SPEED)
+    robot.drive(0.0)
+    robot.run(REST)
+    went = robot.truth.position - start
+    goal = WAY * np.array([math.cos(ahead), math.sin(ahead)])
+    assert went[:2] == pytest.approx(goal, abs=OFF * WAY)
+    robot.drive(0.0, RATE)
+    yaws = [yaw_of(robot)]
+    for _ in range(8):  # in parts, in which the angle has but one meaning
+        robot.run(TURN / RATE / 8)
+        yaws.append(yaw_of(robot))
+    robot.drive(0.0)
+    robot.run(REST)
+    yaws.append(yaw_of(robot))
+    assert float(np.unwrap(yaws)[-1]) - yaws[0] == pytest.approx(TURN, rel=OFF)
+
+
+# The drive of a quadruped goes here.
+DRIVES: dict[str, Callable[[Row], None]] = {'diff-drive': drive_wheels}
+
+
+@each(*(row for row in ROWS if row.drives))
+def test_it_goes_where_it_is_sent(row: Row) -> None:
+    DRIVES[row.kind](row)
