@@ -120,7 +120,8 @@ def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Des
     """
     try:
         robot = parse_urdf(urdf)
-        return Description(path, urdf, robot, resolve_meshes(robot, path, search))
+        meshes = resolve_meshes(robot, path, search)
+        return Description(path, urdf, replace(robot, mesh_files=meshes.files), meshes)
     except DescriptionError as error:
         raise DescriptionError(f'{path}: {error}') from None
 

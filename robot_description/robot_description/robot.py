@@ -3,8 +3,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from dataclasses import field
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -127,7 +129,8 @@ class Robot:
     A kinematic tree.
 
     `friction` and `self_collide` map a link to what its gazebo tag says, where it does; `gazebo`
-    are these tags, for what a simulator looks for in them.
+    are these tags, for what a simulator looks for in them. `mesh_files` maps the URL of a mesh to
+    its file, as far as these were looked for and found.
     """
 
     name: str
@@ -137,6 +140,7 @@ class Robot:
     friction: dict[str, float]
     self_collide: dict[str, bool]
     gazebo: tuple[ElementTree.Element, ...]
+    mesh_files: Mapping[str, Path] = field(default_factory=dict)
 
     @property
     def mass(self) -> float:

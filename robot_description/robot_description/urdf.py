@@ -26,6 +26,7 @@ from robot_description.robot import Shape
 SIZES = {
     'box': (('size',), 3),
     'cylinder': (('radius', 'length'), 2),
+    'capsule': (('radius', 'length'), 2),  # the length is that between its balls
     'sphere': (('radius',), 1),
     'mesh': ((), 0),
 }

@@ -9,6 +9,8 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
+from robot_description.description import parse_description
+from robot_description.meshes.load import mesh_points
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import share_directory
 from robot_description.robot import impossible_inertias
@@ -221,3 +223,20 @@ def test_a_point_mass_loads():
     assert model.body_mass.sum() == 1.0
     assert (model.body_inertia[1] > 0.0).all()
     assert mujoco.MjData(model).qpos.shape == (7,)
+
+
+def test_a_capsule_is_as_long_as_its_cylinder_and_two_balls():
+    model = load(
+        link('a', INERTIAL + '<collision><geometry><capsule radius="0.1" length="0.4"/></geometry>'
+             '</collision>')
+    )  # fmt: skip
+    assert model.geom_type.tolist() == [mujoco.mjtGeom.mjGEOM_CAPSULE]
+    np.testing.assert_allclose(model.geom_aabb[0, 3:], [0.1, 0.1, 0.3])
+
+
+def test_the_points_of_a_mesh_are_those_of_its_file_scaled(tetrahedron):
+    text = f'<robot name="r">{link("a", mesh("visual", "tetrahedron.obj", "1 1 -2"))}</robot>'
+    robot = parse_description(text, tetrahedron.parent / 'r.urdf').robot
+    points = mesh_points(robot, robot.links['a'].visuals[0])
+    np.testing.assert_allclose(points.min(axis=0), (0.0, 0.0, -2.0))
+    assert mesh_points(parse_urdf(text), robot.links['a'].visuals[0]) is None

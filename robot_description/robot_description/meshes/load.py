@@ -17,6 +17,9 @@ import zipfile
 import numpy as np
 from wasd_core.errors import one_line
 
+from robot_description.robot import Robot
+from robot_description.robot import Shape
+
 # Raise it when what is cached changes.
 CACHE_VERSION = 4
 # Points nearer than this are one point of a surface that is thinned [decimals of a metre].
@@ -67,6 +70,16 @@ def load_mesh(path: Path, most_faces: int | None = None) -> Mesh:
             mesh = _thin(mesh, most_faces)
         _write_cache(cached, mesh)
     return mesh
+
+
+def mesh_points(robot: Robot, shape: Shape) -> np.ndarray | None:
+    """Return the points (n, 3) [m] of a mesh in its frame, scaled; None of one not to be had."""
+    path = robot.mesh_files.get(shape.url)
+    try:
+        mesh = load_mesh(path) if path is not None else None
+    except (OSError, ValueError):
+        return None
+    return None if mesh is None else mesh.vertices.astype(float) * np.array(shape.scale)
 
 
 def _read_mesh(path: Path) -> Mesh:

@@ -104,6 +104,9 @@ def _reach_down(shape: Shape, up: np.ndarray) -> float:
         return shape.size[0]
     if shape.kind == 'box':
         return 0.5 * float(np.abs(up) @ np.array(shape.size))
+    if shape.kind == 'capsule':
+        radius, length = shape.size
+        return radius + 0.5 * length * abs(float(up[2]))
     if shape.kind == 'cylinder':
         radius, length = shape.size
         return radius * math.hypot(up[0], up[1]) + 0.5 * length * abs(float(up[2]))

@@ -24,10 +24,12 @@ LOGGER = logging.getLogger(__name__)
 PICTURE_FACES = 3000
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
-# What a kind of shape is, and its size: halves of a box's edges and of a cylinder's length.
+# What a kind of shape is, and its size: halves of a box's edges and of a cylinder's or
+# capsule's length.
 TYPES: dict[str, tuple[int, Callable[..., list[float]]]] = {
     'box': (mujoco.mjtGeom.mjGEOM_BOX, lambda x, y, z: [x / 2.0, y / 2.0, z / 2.0]),
     'cylinder': (mujoco.mjtGeom.mjGEOM_CYLINDER, lambda radius, h: [radius, h / 2.0, 0.0]),
+    'capsule': (mujoco.mjtGeom.mjGEOM_CAPSULE, lambda radius, h: [radius, h / 2.0, 0.0]),
     'sphere': (mujoco.mjtGeom.mjGEOM_SPHERE, lambda radius: [radius, 0.0, 0.0]),
     'mesh': (mujoco.mjtGeom.mjGEOM_MESH, lambda: [0.0, 0.0, 0.0]),
 }
