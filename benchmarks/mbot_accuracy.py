@@ -15,8 +15,8 @@ from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.sensors.camera import Camera
 from mujoco_sim.sensors.camera import Offscreen
 from mujoco_sim.sensors.lidar import Lidar
-from mujoco_sim.sensors.mount import Snapshot
-from mujoco_sim.sensors.tags import read_sensor_tags
+from mujoco_sim.sensors.mount import Site
+from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import build_world
 import numpy as np
 from robot_description.description import load_robot
@@ -123,9 +123,9 @@ def sensors(scans: int) -> list[Row]:
     """Measure the wall ahead with lidar and depth camera, and how long pictures take."""
     loaded = load_robot('mbot')
     world = build_world(loaded, 'room')
-    (lidar_tag,), (colour_tag, depth_tag), _ = read_sensor_tags(loaded.robot)
-    snapshot = Snapshot(world)
-    lidar = Lidar(lidar_tag, world, loaded.robot, snapshot)
+    ((lidar_tag,), (colour_tag, depth_tag)), _ = read_sensor_tags(loaded.robot)
+    site = Site(world, loaded.robot)
+    lidar = Lidar(lidar_tag, site)
     wall = 0.5 * ROOM_SIZE
     ray = round((0.0 - lidar_tag.min_angle) / lidar.angle_increment)
     angle = lidar_tag.min_angle + ray * lidar.angle_increment
@@ -136,7 +136,7 @@ def sensors(scans: int) -> list[Row]:
         offscreen = Offscreen(world, colour_tag.width, colour_tag.height)
     except SimulationError as reason:
         return [*rows, Row(what='cameras', measured=str(reason), must='pictures', passed=False)]
-    camera, depth = (Camera(tag, world, loaded.robot, snapshot) for tag in (colour_tag, depth_tag))
+    camera, depth = (Camera(tag, site) for tag in (colour_tag, depth_tag))
     pixels = depth.take(offscreen, False, True, None).depths
     x = float(loaded.robot.rest_poses[depth_tag.link].position[0])
     middle = pixels[depth.height // 2, depth.width // 2]

@@ -42,7 +42,7 @@ from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.robot_setup import foot_links
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.sensors.publisher import SensorPublisher
-from mujoco_sim.sensors.tags import has_camera
+from mujoco_sim.sensors.table import has_camera
 from mujoco_sim.simulation import AnswerHold
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulation import TickStatistics

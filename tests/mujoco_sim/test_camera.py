@@ -8,8 +8,8 @@ from mujoco_sim.errors import SimulationError
 from mujoco_sim.scene import add_scene
 from mujoco_sim.sensors.camera import Camera
 from mujoco_sim.sensors.camera import Offscreen
-from mujoco_sim.sensors.mount import Snapshot
-from mujoco_sim.sensors.tags import read_sensor_tags
+from mujoco_sim.sensors.mount import Site
+from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import World
 import numpy as np
 import pytest
@@ -55,8 +55,8 @@ def make(kinect, scene):
     """Return a function that puts the Kinect, changed as wanted, on the robot."""
 
     def make(scale=1.0, **changes):
-        _, (tag,), _ = read_sensor_tags(kinect.robot)
-        return Camera(replace(tag, **changes), scene, kinect.robot, Snapshot(scene), scale)
+        (_, (tag,)), _ = read_sensor_tags(kinect.robot)
+        return Camera(replace(tag, **changes), Site(scene, kinect.robot, scale))
 
     return make
 

@@ -4,8 +4,8 @@ import math
 
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.sensors.lidar import Lidar
-from mujoco_sim.sensors.mount import Snapshot
-from mujoco_sim.sensors.tags import read_sensor_tags
+from mujoco_sim.sensors.mount import Site
+from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
@@ -24,8 +24,8 @@ def make(loaded):
     """Return a function that puts mbot's lidar, changed as wanted, into a world."""
 
     def make(world, robot=loaded, **changes):
-        ((tag,), _, _) = read_sensor_tags(robot.robot)
-        return Lidar(replace(tag, **changes), world, robot.robot, Snapshot(world))
+        ((tag,), _), _ = read_sensor_tags(robot.robot)
+        return Lidar(replace(tag, **changes), Site(world, robot.robot))
 
     return make
 

@@ -2,7 +2,7 @@
 import math
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.sensors.tags import read_sensor_tags
+from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
 import pytest
 from robot_description.description import load_robot
@@ -35,7 +35,7 @@ def mbot():
 
 
 def test_mbots_lidar_is_the_courses(mbot):
-    ((lidar,), _, _) = mbot
+    ((lidar,), _), _ = mbot
     assert (lidar.topic, lidar.frame, lidar.rate, lidar.samples) == (
         'scan',
         'laser_link',
@@ -48,7 +48,7 @@ def test_mbots_lidar_is_the_courses(mbot):
 
 
 def test_mbots_camera_is_the_courses_with_depth_beside_it(mbot):
-    colour, depth = mbot[1]
+    (_, (colour, depth)), _ = mbot
     assert (colour.colour_topic, colour.colour_info_topic) == (
         'camera/image_raw',
         'camera/camera_info',
@@ -67,7 +67,7 @@ def test_mbots_camera_is_the_courses_with_depth_beside_it(mbot):
 
 def test_a_kinect_has_colour_and_depth():
     loaded = load_robot('mbot_kinect')
-    _, (kinect,), _ = read_sensor_tags(loaded.robot)
+    (_, (kinect,)), _ = read_sensor_tags(loaded.robot)
     assert kinect.colour_topic == 'kinect/rgb/image_raw'
     assert kinect.colour_info_topic == 'kinect/rgb/camera_info'
     assert kinect.depth_topic == 'kinect/depth/image_raw'
@@ -75,7 +75,7 @@ def test_a_kinect_has_colour_and_depth():
 
 def test_a_robot_without_sensors_has_none():
     loaded = load_robot('mbot_bare')
-    assert read_sensor_tags(loaded.robot) == ([], [], [])
+    assert read_sensor_tags(loaded.robot) == ([[], []], [])
 
 
 @pytest.mark.parametrize(
@@ -107,19 +107,19 @@ def test_a_robot_without_sensors_has_none():
     ],
 )
 def test_a_lidar_is_read_in_gazebos_dialects(kind, word, plugin, topic, frame):
-    ((found,), _, _) = read(lidar(kind, word, plugin, yaw=math.pi / 2))
+    ((found,), _), _ = read(lidar(kind, word, plugin, yaw=math.pi / 2))
     assert (found.topic, found.frame, found.samples) == (topic, frame, 3)
     np.testing.assert_allclose(found.pose.position, [0.0, 0.0, 0.1])
     np.testing.assert_allclose(found.pose.rotation[:, 0], [0.0, 1.0, 0.0], atol=1e-12)
 
 
 def test_two_lidars_of_one_topic_are_kept_apart_by_their_names():
-    lidars, _, _ = read(lidar(name='left') + lidar(name='right'))
+    (lidars, _), _ = read(lidar(name='left') + lidar(name='right'))
     assert [found.topic for found in lidars] == ['left/scan', 'right/scan']
 
 
 def test_a_camera_without_a_plugin_is_called_as_its_sensor():
-    _, (found,), _ = read('<sensor type="rgbd_camera" name="eye"><camera/></sensor>')
+    (_, (found,)), _ = read('<sensor type="rgbd_camera" name="eye"><camera/></sensor>')
     assert (found.colour_topic, found.depth_topic) == ('eye/image_raw', 'eye/depth/image_raw')
     assert (found.colour_info_topic, found.depth_info_topic) == (
         'eye/camera_info',
@@ -128,7 +128,10 @@ def test_a_camera_without_a_plugin_is_called_as_its_sensor():
 
 
 def test_other_sensors_are_left_to_others():
-    assert read('<sensor type="imu" name="imu"/><sensor type="contact" name="c"/>') == ([], [], [])
+    assert read('<sensor type="imu" name="imu"/><sensor type="contact" name="c"/>') == (
+        [[], []],
+        [],
+    )
 
 
 @pytest.mark.parametrize(
@@ -158,22 +161,21 @@ def test_what_cannot_be_is_one_line_that_names_the_sensor(sensors, link, words):
 
 def test_a_sensor_on_no_link_is_left_out_and_said_so():
     assert read(lidar(), link='tail') == (
-        [],
-        [],
+        [[], []],
         ["sensor 'eye' is on 'tail', which is no link: left out"],
     )
 
 
 def test_of_a_lidar_with_many_rows_one_is_simulated_and_that_is_said():
     rows = '<vertical><samples>16</samples></vertical></scan>'
-    found, _, notes = read(lidar().replace('</scan>', rows))
+    (found, _), notes = read(lidar().replace('</scan>', rows))
     assert len(found) == 1
     assert notes == ["sensor 'eye': of its rows of rays, one is simulated"]
 
 
 def test_topics_are_made_of_what_ros_allows():
     plugin = '<plugin><topicName>/2d lidar//front-left</topicName></plugin>'
-    ((found,), _, _) = read(lidar(plugin=plugin))
+    ((found,), _), _ = read(lidar(plugin=plugin))
     assert found.topic == '_2d_lidar/front_left'
-    _, (camera,), _ = read('<sensor type="camera" name="front-camera"><camera/></sensor>')
+    (_, (camera,)), _ = read('<sensor type="camera" name="front-camera"><camera/></sensor>')
     assert camera.colour_topic == 'front_camera/image_raw'

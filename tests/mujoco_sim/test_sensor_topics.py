@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import dataclass
 import math
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.sensors import publisher
+from mujoco_sim.sensors import camera
+from mujoco_sim.sensors.table import SensorKind
+from mujoco_sim.sensors.table import SENSORS
+from mujoco_sim.sensors.tags import SensorTag
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.world import build_world
 import numpy as np
@@ -15,6 +19,7 @@ from robot_description.mujoco.geoms import VISUAL_GROUP
 from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import Range
 
 SMALL = Parameter('camera_scale', value=0.25)
 
@@ -119,7 +124,7 @@ def test_nothing_is_measured_or_rendered_while_nobody_listens(start, run, monkey
     def fail(*_):
         raise AssertionError('nobody has asked for that')
 
-    monkeypatch.setattr(publisher, 'Offscreen', fail)
+    monkeypatch.setattr(camera, 'Offscreen', fail)
     monkeypatch.setattr('mujoco_sim.sensors.lidar.Lidar.scan', fail)
     run(start(), 500)
 
@@ -127,7 +132,7 @@ def test_nothing_is_measured_or_rendered_while_nobody_listens(start, run, monkey
 def test_what_is_known_of_the_lens_needs_no_renderer(
     start, listen, run, spawn, spin_until, monkeypatch
 ):
-    monkeypatch.setattr(publisher, 'Offscreen', None)
+    monkeypatch.setattr(camera, 'Offscreen', None)
     node = start()
     infos = listen(CameraInfo, 'camera/camera_info')
     run(node, 100, ['camera/camera_info'])
@@ -176,13 +181,59 @@ def test_without_a_renderer_it_says_so_once_and_goes_on(start, listen, run, monk
     def fail(*_):
         raise SimulationError('no EGL or OSMesa library')
 
-    monkeypatch.setattr(publisher, 'Offscreen', fail)
+    monkeypatch.setattr(camera, 'Offscreen', fail)
     node = start()
     listen(Image, 'camera/image_raw')
     run(node, 200, ['camera/image_raw'])
     said = capfd.readouterr().err
     assert said.count('cameras have no pictures: no EGL or OSMesa library') == 1
     assert node.simulation.world.tick == 200
+
+
+BUOY = """<robot name="buoy"><link name="hull">
+<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+<gazebo reference="hull"><sensor type="sonar" name="echo"><update_rate>20</update_rate>
+<pose>0 0 -0.1 0 0 0</pose><topic>depth</topic></sensor></gazebo></robot>"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SonarTag(SensorTag):
+    topic: str
+
+
+def read_sonar(reader):
+    return SonarTag(**reader.common(10.0), topic=reader.word('topic'))
+
+
+class Sonar:
+    def __init__(self, tag, site):
+        self._site, self._mount = site, site.find_mount(tag.link, tag.pose)
+
+    def measure(self, wanted, random):
+        height = self._mount.in_world(self._site.snapshot.take()).position[2]
+        yield 'topic', {'range': float(height), 'max_range': 9.0}
+
+
+@pytest.fixture
+def sonar_row():
+    row = SensorKind(('sonar',), read_sonar, Sonar, {'topic': 'Range'})
+    SENSORS.append(row)
+    yield
+    SENSORS.remove(row)
+
+
+def test_a_sensor_is_a_file_and_a_row(sonar_row, spawn, listen, run, spin_until, tmp_path):
+    (file := tmp_path / 'buoy.urdf').write_text(BUOY)
+    path = Parameter('description', value=str(file))
+    node = spawn(SimulatorNode(parameter_overrides=[path]))
+    node.schedule_publishing()
+    heard = listen(Range, 'depth')
+    run(node, 200, ['depth'])
+    spin_until(spawn.pump, lambda: len(heard) == 4)
+    np.testing.assert_allclose([seconds(m) for m in heard], np.arange(4) / 20.0, atol=0.0011)
+    assert heard[0].header.frame_id == 'hull'
+    assert heard[-1].range == pytest.approx(node._world.data.qpos[2] - 0.1, abs=1e-3)
 
 
 @pytest.mark.parametrize(('robot', 'drawn'), [('mbot', True), ('mbot_bare', False)])

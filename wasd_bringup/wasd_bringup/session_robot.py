@@ -7,7 +7,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
-from mujoco_sim.sensors.tags import has_camera
+from mujoco_sim.sensors.table import has_camera
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulator_node import SimulatorNode

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A camera for colour, depth or both, rendered off-screen: quickly, without shadows."""
 
+import array
+from collections.abc import Collection, Iterator
 import contextlib
+from dataclasses import dataclass
 import importlib
+import math
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -10,21 +14,84 @@ import mujoco
 import numpy as np
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco import NO_RENDERER
-from robot_description.robot import Robot
 from wasd_core.errors import one_line
 from wasd_core.rotations import Pose
 
 from mujoco_sim.errors import SimulationError
-from mujoco_sim.sensors.mount import find_mount
-from mujoco_sim.sensors.mount import Snapshot
-from mujoco_sim.sensors.tags import CameraTag
+from mujoco_sim.sensors.mount import Fields
+from mujoco_sim.sensors.mount import Random
+from mujoco_sim.sensors.mount import Site
+from mujoco_sim.sensors.tags import legal_topic
+from mujoco_sim.sensors.tags import SensorTag
+from mujoco_sim.sensors.tags import TagReader
 from mujoco_sim.world import World
 
+# Words for one thing in Gazebo Classic and in its successor.
+COLOUR_TYPES = ('camera',)
+DEPTH_TYPES = ('depth', 'depth_camera')
+CAMERA_TYPES = (*COLOUR_TYPES, *DEPTH_TYPES, 'rgbd', 'rgbd_camera')
+# More pixels of an image's side than this are a typing error.
+LARGEST_IMAGE = 4096
 MOST_GEOMS = 10_000
 
 # The middles of 256 equally likely parts of a normal distribution: one for each random byte.
 _NORMAL = np.array([NormalDist().inv_cdf((byte + 0.5) / 256.0) for byte in range(256)])
 _NORMAL /= _NORMAL.std()
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraTag(SensorTag):
+    """A camera that looks along x of its frame; a topic is empty where it makes no such image."""
+
+    colour_topic: str
+    colour_info_topic: str
+    depth_topic: str
+    depth_info_topic: str
+    width: int  # [pixels]
+    height: int
+    field_of_view: float  # horizontal [rad]
+    near: float  # what is nearer is not seen [m]
+    far: float
+    noise: float  # standard deviation of colour, as a share of full brightness
+
+
+def read_camera(reader: TagReader) -> CameraTag:
+    """
+    Return what a tag says of a camera.
+
+    Raises:
+        SimulationError: a value that cannot be; names the sensor.
+    """
+    kind = reader.tag.get('type', '')
+    name = reader.word('cameraName', 'camera_name') or reader.name
+    colour = reader.word('imageTopicName')
+    if kind not in DEPTH_TYPES:
+        colour = colour or 'image_raw'
+    depth = reader.word('depthImageTopicName') or 'depth/image_raw'
+    if kind in COLOUR_TYPES:
+        depth = ''
+
+    def topic(image: str) -> str:
+        return legal_topic(f'{name}/{image}') if image else ''
+
+    def info(element: str, image: str) -> str:
+        beside = image.rpartition('/')[0]
+        return topic(reader.word(element) or f'{beside}/camera_info'.strip('/')) if image else ''
+
+    near = reader.number('camera/clip/near', 0.05, 0.001)
+    return CameraTag(
+        **reader.common(30.0),
+        colour_topic=topic(colour),
+        colour_info_topic=info('cameraInfoTopicName', colour),
+        depth_topic=topic(depth),
+        depth_info_topic=info('depthImageCameraInfoTopicName', depth),
+        width=int(reader.number('camera/image/width', 640, 1, LARGEST_IMAGE)),
+        height=int(reader.number('camera/image/height', 480, 1, LARGEST_IMAGE)),
+        field_of_view=reader.number('camera/horizontal_fov', math.pi / 3.0, 0.01, 3.0),
+        near=near,
+        far=reader.number('camera/clip/far', 100.0, 1.01 * near),
+        noise=reader.number('camera/noise/stddev noise/stddev', 0.0, 0.0),
+    )
 
 
 class Frustum:
@@ -155,6 +222,41 @@ def _quick_quality(model: mujoco.MjModel, width: int, height: int) -> Any:
         size.offwidth, size.offheight, quality.offsamples, quality.shadowsize = before
 
 
+class SharedRenderer:
+    """The one renderer of all cameras of a site, made when the first picture is wanted."""
+
+    def __init__(self, site: Site) -> None:
+        self._world, self._say = site.world, site.say
+        self._size = 0, 0
+        self._offscreen: Offscreen | None = None
+        self._works = True
+
+    @classmethod
+    def of(cls, tag: CameraTag, site: Site) -> 'SharedRenderer':
+        """Return a site's renderer, which is now large enough for the pictures of a camera."""
+        shared: SharedRenderer = site.renderer or cls(site)
+        width, height = shared._size
+        shared._size = max(width, tag.width), max(height, tag.height)
+        site.renderer = shared
+        return shared
+
+    def open(self) -> Offscreen | None:
+        """Return the renderer; None, and one line in the log, where there cannot be one."""
+        if self._offscreen is None and self._works:
+            try:
+                self._offscreen = Offscreen(self._world, *self._size)
+            except SimulationError as error:
+                self._works = False
+                self._say(f'cameras have no pictures: {error}')
+        return self._offscreen
+
+    def close(self) -> None:
+        """Release it."""
+        if self._offscreen is not None:
+            self._offscreen.close()
+            self._offscreen = None
+
+
 class Picture(NamedTuple):
     """What a camera has seen: colours (height, width, 3) of bytes, depths (height, width) [m]."""
 
@@ -164,39 +266,53 @@ class Picture(NamedTuple):
 
 class Camera:
     """
-    Renders what a camera sees; `scale` makes its pictures smaller, not their angle.
+    Renders what a camera sees; the site's `scale` makes its pictures smaller, not their angle.
 
     `focal_length` and `centre` are the pinhole's [pixels]: a point (x, y, z) in the optical frame
     is seen at `focal_length (x, y) / z + centre`, counted from the middle of the first pixel.
     """
 
-    def __init__(
-        self, tag: CameraTag, world: World, robot: Robot, snapshot: Snapshot, scale: float = 1.0
-    ) -> None:
+    def __init__(self, tag: CameraTag, site: Site) -> None:
         self.tag = tag
-        self._snapshot = snapshot
-        self._mount = find_mount(world, robot, tag.link, tag.pose)
-        self.resize(scale)
+        self._site = site
+        self._mount = site.find_mount(tag.link, tag.pose)
+        self._renderer = SharedRenderer.of(tag, site)
 
-    def resize(self, scale: float) -> None:
-        """Take pictures of so much of the size that the description has, from now on."""
+    @property
+    def width(self) -> int:
+        """Width of its pictures [pixels]."""
+        return max(1, round(self._site.scale * self.tag.width))
+
+    @property
+    def height(self) -> int:
+        """Height of its pictures [pixels]."""
+        return max(1, round(self._site.scale * self.tag.height))
+
+    @property
+    def focal_length(self) -> float:
+        """Focal length [pixels]."""
+        return 0.5 * self.width / self._frustum.half_width
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Where the optical axis is in a picture [pixels]."""
+        return 0.5 * (self.width - 1), 0.5 * (self.height - 1)
+
+    @property
+    def _frustum(self) -> Frustum:
         tag = self.tag
-        self.width = max(1, round(scale * tag.width))
-        self.height = max(1, round(scale * tag.height))
-        self._frustum = Frustum(tag.field_of_view, self.width, self.height, tag.near, tag.far)
-        self.focal_length = 0.5 * self.width / self._frustum.half_width
-        self.centre = (0.5 * (self.width - 1), 0.5 * (self.height - 1))
+        return Frustum(tag.field_of_view, self.width, self.height, tag.near, tag.far)
 
     def take(
         self,
         offscreen: Offscreen,
         colour: bool,
         depth: bool,
-        random: np.random.Generator | None,
+        random: Random,
     ) -> Picture:
         """Return a picture of now: colours, with noise if `random` is given, and true depths."""
-        data = self._snapshot.take()
-        view = (data, self._mount.in_world(data), self._frustum, (self.width, self.height))
+        data, frustum = self._site.snapshot.take(), self._frustum
+        view = (data, self._mount.in_world(data), frustum, (self.width, self.height))
         colours = depths = None
         if colour:
             offscreen.look(*view)
@@ -205,11 +321,50 @@ class Camera:
                 colours = self._noisy(colours, random)
         if depth:
             offscreen.look(*view, sky=False)
-            depths = offscreen.depths(self._frustum)
+            depths = offscreen.depths(frustum)
         return Picture(colours, depths)
+
+    def measure(self, wanted: Collection[str], random: Random) -> Iterator[tuple[str, Fields]]:
+        """Yield the fields of a CameraInfo and of an Image of sensor_msgs for what is wanted."""
+        for name in ('colour_info_topic', 'depth_info_topic'):
+            if name in wanted:
+                yield name, self._lens()
+        colour, depth = 'colour_topic' in wanted, 'depth_topic' in wanted
+        offscreen = self._renderer.open() if colour or depth else None
+        if offscreen is not None:
+            picture = self.take(offscreen, colour, depth, random)
+            if picture.colours is not None:
+                yield 'colour_topic', _image(picture.colours, 'rgb8')
+            if picture.depths is not None:
+                yield 'depth_topic', _image(picture.depths, '32FC1')  # [m], by REP 118
+
+    def _lens(self) -> Fields:
+        """Return the fields of a sensor_msgs/CameraInfo of a pinhole without distortion."""
+        focal, (x, y) = self.focal_length, self.centre
+        return {
+            'height': self.height,
+            'width': self.width,
+            'distortion_model': 'plumb_bob',
+            'd': [0.0] * 5,
+            'k': [focal, 0.0, x, 0.0, focal, y, 0.0, 0.0, 1.0],
+            'r': [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            'p': [focal, 0.0, x, 0.0, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0],
+        }
 
     def _noisy(self, colours: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """Add noise by table: a picture has millions of values, 30 times a second."""
         errors = np.round(255.0 * self.tag.noise * _NORMAL).astype(np.int16)
         added = errors[np.frombuffer(random.bytes(colours.size), dtype=np.uint8)]
         return np.clip(colours + added.reshape(colours.shape), 0, 255).astype(np.uint8)
+
+
+def _image(pixels: np.ndarray, encoding: str) -> Fields:
+    """Return the fields of a sensor_msgs/Image of (height, width[, channels]) pixels."""
+    return {
+        'height': pixels.shape[0],
+        'width': pixels.shape[1],
+        'encoding': encoding,
+        'is_bigendian': 0,
+        'step': pixels[0].nbytes,
+        'data': array.array('B', pixels.tobytes()),
+    }

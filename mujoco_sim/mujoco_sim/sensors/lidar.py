@@ -1,28 +1,86 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planar lidar: rays from one point against everything that collides."""
 
+import array
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+import math
+
 import mujoco
 import numpy as np
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.robot import Robot
 
-from mujoco_sim.sensors.mount import find_mount
-from mujoco_sim.sensors.mount import Snapshot
-from mujoco_sim.sensors.tags import LidarTag
-from mujoco_sim.world import World
+from mujoco_sim.sensors.mount import Fields
+from mujoco_sim.sensors.mount import Random
+from mujoco_sim.sensors.mount import Site
+from mujoco_sim.sensors.tags import legal_topic
+from mujoco_sim.sensors.tags import SensorTag
+from mujoco_sim.sensors.tags import TagReader
+
+# Words for one thing in Gazebo Classic and in its successor.
+LIDAR_TYPES = ('ray', 'gpu_ray', 'lidar', 'gpu_lidar')
+# More than this is a typing error.
+MOST_RAYS = 100_000
 
 # What is there to be looked at only is not there for a lidar: it sees the same without a viewer.
 SEEN_GROUPS = np.array([group != VISUAL_GROUP for group in range(mujoco.mjNGROUP)], dtype=np.uint8)
 
 
+@dataclass(frozen=True, kw_only=True)
+class LidarTag(SensorTag):
+    """A planar lidar: rays from `min_angle` to `max_angle`, both included, about z [rad]."""
+
+    topic: str
+    samples: int
+    min_angle: float
+    max_angle: float
+    min_range: float  # [m]
+    max_range: float  # [m]
+    resolution: float  # what ranges are rounded to [m]; 0 is not at all
+    noise: float  # standard deviation [m]
+
+
+def _ray(tail: str) -> str:
+    """Return where both Gazebos have something of a lidar."""
+    return f'ray/{tail} lidar/{tail}'
+
+
+def _scan(tail: str) -> str:
+    return _ray(f'scan/{tail}')
+
+
+def read_lidar(reader: TagReader) -> LidarTag:
+    """
+    Return what a tag says of a lidar.
+
+    Raises:
+        SimulationError: a value that cannot be; names the sensor.
+    """
+    if reader.number(_scan('vertical/samples'), 1) > 1:
+        reader.notes.append(f'sensor {reader.name!r}: of its rows of rays, one is simulated')
+    low = reader.number(_scan('horizontal/min_angle'), -math.pi)
+    nearest = reader.number(_ray('range/min'), 0.0, 0.0)
+    return LidarTag(
+        **reader.common(10.0),
+        topic=legal_topic(reader.word('topicName', 'topic') or reader.remapped() or 'scan'),
+        samples=int(reader.number(_scan('horizontal/samples'), 360, 1, MOST_RAYS)),
+        min_angle=low,
+        max_angle=reader.number(_scan('horizontal/max_angle'), math.pi, low),
+        min_range=nearest,
+        max_range=reader.number(_ray('range/max'), 10.0, nearest),
+        resolution=reader.number(_ray('range/resolution'), 0.0, 0.0),
+        noise=reader.number(f'{_ray("noise/stddev")} noise/stddev', 0.0, 0.0),
+    )
+
+
 class Lidar:
     """Measures ranges; the body that carries it is transparent to its rays."""
 
-    def __init__(self, tag: LidarTag, world: World, robot: Robot, snapshot: Snapshot) -> None:
+    def __init__(self, tag: LidarTag, site: Site) -> None:
         self.tag = tag
-        self._model = world.model
-        self._snapshot = snapshot
-        self._mount = find_mount(world, robot, tag.link, tag.pose)
+        self._model = site.world.model
+        self._snapshot = site.snapshot
+        self._mount = site.find_mount(tag.link, tag.pose)
         angles = np.linspace(tag.min_angle, tag.max_angle, tag.samples)
         self._directions = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)))
         self._hits = np.empty(tag.samples, dtype=np.int32)
@@ -53,7 +111,7 @@ class Lidar:
         )
         return np.where(self._hits >= 0, self._distances, np.inf)
 
-    def scan(self, random: np.random.Generator | None) -> np.ndarray:
+    def scan(self, random: Random) -> np.ndarray:
         """
         Return measured ranges [m], shape (samples,), by REP 117.
 
@@ -68,3 +126,19 @@ class Lidar:
             ranges = np.round(ranges / tag.resolution) * tag.resolution
         ranges = np.where(ranges > tag.max_range, np.inf, ranges)
         return np.where(ranges < tag.min_range, -np.inf, ranges)
+
+    def measure(self, wanted: Collection[str], random: Random) -> Iterator[tuple[str, Fields]]:
+        """Yield the fields of a sensor_msgs/LaserScan; all rays are of one instant."""
+        tag = self.tag
+        yield (
+            'topic',
+            {
+                'angle_min': tag.min_angle,
+                'angle_max': tag.max_angle,
+                'angle_increment': self.angle_increment,
+                'scan_time': 1.0 / tag.rate,
+                'range_min': tag.min_range,
+                'range_max': tag.max_range,
+                'ranges': array.array('f', self.scan(random).astype(np.float32).tobytes()),
+            },
+        )

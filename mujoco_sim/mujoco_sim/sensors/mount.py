@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a sensor is, and the instant that it sees: links may be welded into others."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import mujoco
+import numpy as np
 from robot_description.robot import Robot
 from wasd_core.rotations import Pose
 
 from mujoco_sim.world import World
+
+# What noise is drawn with; None where sensors tell the truth.
+Random = np.random.Generator | None
+# What a message says, by the names of its fields; the header is the publisher's affair.
+Fields = dict[str, Any]
 
 
 class Mount(NamedTuple):
@@ -20,17 +27,6 @@ class Mount(NamedTuple):
         """Return the frame's pose in the world, by the bodies' poses in `data`."""
         rotation = data.xmat[self.body].reshape(3, 3)
         return Pose(data.xpos[self.body].copy(), rotation) @ self.pose
-
-
-def find_mount(world: World, robot: Robot, link: str, pose: Pose) -> Mount:
-    """Return where a frame with this pose in a link is in the compiled model."""
-    joints = {joint.child: joint for joint in robot.joints.values()}
-    while True:
-        body = world.parts.body(link)
-        if body >= 0:
-            return Mount(body, pose)
-        pose = joints[link].pose @ pose
-        link = joints[link].parent
 
 
 class Snapshot:
@@ -60,3 +56,40 @@ class Snapshot:
             mujoco.mj_comVel(model, self._data)
             mujoco.mj_camlight(model, self._data)
         return self._data
+
+
+class Site:
+    """
+    What the sensors of one robot share: its world, one snapshot an instant, one renderer.
+
+    `scale` makes all pictures smaller, also while it runs. `say` is told what cannot be measured.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        robot: Robot,
+        scale: float = 1.0,
+        say: Callable[[str], Any] = lambda text: None,
+    ) -> None:
+        self.world = world
+        self.snapshot = Snapshot(world)
+        self.scale = scale
+        self.say = say
+        self.renderer: Any = None  # a SharedRenderer, where there is a camera
+        self._robot = robot
+
+    def find_mount(self, link: str, pose: Pose) -> Mount:
+        """Return where a frame with this pose in a link is in the compiled model."""
+        joints = {joint.child: joint for joint in self._robot.joints.values()}
+        while True:
+            body = self.world.parts.body(link)
+            if body >= 0:
+                return Mount(body, pose)
+            pose = joints[link].pose @ pose
+            link = joints[link].parent
+
+    def close(self) -> None:
+        """Release the renderer, if there is one."""
+        if self.renderer is not None:
+            self.renderer.close()

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The kinds of sensors that there are, a row each, and those that a URDF declares."""
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple, Protocol
+
+from robot_description.robot import Robot
+
+from mujoco_sim.sensors.camera import Camera
+from mujoco_sim.sensors.camera import CAMERA_TYPES
+from mujoco_sim.sensors.camera import read_camera
+from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.lidar import LIDAR_TYPES
+from mujoco_sim.sensors.lidar import read_lidar
+from mujoco_sim.sensors.mount import Fields
+from mujoco_sim.sensors.mount import Random
+from mujoco_sim.sensors.mount import Site
+from mujoco_sim.sensors.tags import legal_topic
+from mujoco_sim.sensors.tags import SensorTag
+from mujoco_sim.sensors.tags import TagReader
+
+
+class Sensor(Protocol):
+    """What measures."""
+
+    def measure(self, wanted: Collection[str], random: Random) -> Iterator[tuple[str, Fields]]:
+        """
+        Measure now for the `wanted` topics, names of fields of the tag.
+
+        Yields:
+            The topic's field and what its message says, in the order of publishing.
+        """
+
+
+class SensorKind(NamedTuple):
+    """
+    A row of SENSORS.
+
+    `types` are the words of `<sensor type="...">`; `read` makes a tag of one, `build` a sensor of
+    a tag and a site. `topics` has the fields of the tag that name topics, and the type of
+    sensor_msgs that is published there; one that is empty in a tag is not.
+    """
+
+    types: tuple[str, ...]
+    read: Callable[[TagReader], SensorTag]
+    build: Callable[[Any, Site], Sensor]
+    topics: dict[str, str]
+
+
+_IMAGES = {'colour_topic': 'Image', 'depth_topic': 'Image'}
+_LENSES = {'colour_info_topic': 'CameraInfo', 'depth_info_topic': 'CameraInfo'}
+SENSORS = [
+    SensorKind(LIDAR_TYPES, read_lidar, Lidar, {'topic': 'LaserScan'}),
+    SensorKind(CAMERA_TYPES, read_camera, Camera, {**_IMAGES, **_LENSES}),
+]
+
+
+class SensorTags(NamedTuple):
+    """The tags of a description for each row of SENSORS, and in words what is not simulated."""
+
+    kinds: list[list[SensorTag]]
+    notes: list[str]
+
+
+def read_sensor_tags(robot: Robot) -> SensorTags:
+    """
+    Return the sensors of a robot; those of kinds that have no row are left to others.
+
+    Topics are relative, so that a namespace prefixes them; what ROS does not allow in a name
+    becomes `_`. Where two sensors would publish one topic, both get their sensor's name before it.
+
+    Raises:
+        SimulationError: a value that cannot be; names the sensor.
+    """
+    found = SensorTags([[] for _ in SENSORS], [])
+    for gazebo in robot.gazebo:
+        link = gazebo.get('reference', '')
+        for tag in gazebo.findall('sensor'):
+            reader = TagReader(tag, link, found.notes)
+            for kind, tags in zip(SENSORS, found.kinds, strict=True):
+                if tag.get('type', '') not in kind.types:
+                    continue
+                if link in robot.links:
+                    tags.append(kind.read(reader))
+                else:
+                    found.notes.append(
+                        f'sensor {reader.name!r} is on {link!r}, which is no link: left out'
+                    )
+    pairs = zip(found.kinds, SENSORS, strict=True)
+    return found._replace(kinds=[_separate(tags, kind.topics) for tags, kind in pairs])
+
+
+def has_camera(robot: Robot) -> bool:
+    """Return whether a robot needs others, and itself, to be there to be looked at."""
+    pairs = zip(read_sensor_tags(robot).kinds, SENSORS, strict=True)
+    return any(tags and 'Image' in kind.topics.values() for tags, kind in pairs)
+
+
+def _separate(tags: Sequence[SensorTag], names: Collection[str]) -> list[SensorTag]:
+    """Put the sensor's name before its topics where one of them, by field names, is another's."""
+    topics = [getattr(tag, name) for tag in tags for name in names]
+    separate = []
+    for tag in tags:
+        used = {name: getattr(tag, name) for name in names if getattr(tag, name)}
+        if any(topics.count(topic) > 1 for topic in used.values()):
+            used = {name: legal_topic(f'{tag.name}/{topic}') for name, topic in used.items()}
+        separate.append(replace(tag, **used))
+    return separate
