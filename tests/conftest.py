@@ -18,6 +18,10 @@ pytest_plugins = ['marking']
 # How long a message may take to arrive on a busy machine [s].
 PATIENCE = 10.0
 
+# Hundreds of processes start here, and each would compile the project anew.
+os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
+sys.dont_write_bytecode = False
+
 # A shell starts what goes to the background deaf to these, nohup to the last, and children inherit
 # that.
 for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):

@@ -197,6 +197,7 @@ MODES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('parameters', MODES.values(), ids=MODES)
 def test_a_drive_is_the_same_whichever_way_a_joint_counts(parameters):
     urdf = load_robot('mbot').urdf

@@ -130,6 +130,7 @@ def count_violations(seed, robots):
     return violations, saturated
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(2))
 def test_no_limit_is_broken_by_any_command_in_any_step(seed):
     violations, saturated = count_violations(seed, robots=50)
@@ -145,6 +146,7 @@ def test_no_limit_is_broken_in_two_million_steps(seed):
     assert saturated > 5000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('jerk', [math.inf, 20.0])
 @pytest.mark.parametrize('seed', range(10))
 def test_whatever_went_before_it_arrives_at_what_the_wheels_can_do(seed, jerk):

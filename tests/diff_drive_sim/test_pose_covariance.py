@@ -59,6 +59,7 @@ def test_it_only_grows_and_does_not_depend_on_the_rate(geometry):
     np.testing.assert_allclose(coarse, whole, atol=0.02 * np.abs(whole).max())
 
 
+@pytest.mark.slow
 def test_it_is_what_many_disturbed_drives_scatter_by(geometry):
     """Draw the errors that the model speaks of, drive by them, and compare."""
     random = np.random.default_rng(1)

@@ -81,9 +81,9 @@ def modules(package: str) -> dict[str, Path]:
 
 
 @functools.cache
-def parsed(path: Path) -> ast.Module:
-    """Return the syntax tree of a module."""
-    return ast.parse(path.read_text())
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """Return every node of a module's syntax tree."""
+    return tuple(ast.walk(ast.parse(path.read_text())))
 
 
 @functools.cache
@@ -93,14 +93,20 @@ def imports(path: Path) -> tuple[str, ...]:
 
 
 def _imports(path: Path) -> Iterator[str]:
-    for node in ast.walk(parsed(path)):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert not node.level, f'{path}: imports are absolute here'
             yield from (f'{node.module}.{alias.name}' for alias in node.names)
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith('import_module'):
+        elif isinstance(node, ast.Call) and is_import_module(node.func):
             yield from (a.value for a in node.args if isinstance(a, ast.Constant))
+
+
+def is_import_module(function: ast.expr) -> bool:
+    """Return whether what is called is `import_module`, by that name or as importlib's."""
+    name = getattr(function, 'attr', None) or getattr(function, 'id', '')
+    return bool(name == 'import_module')
 
 
 def roots(package: str) -> set[str]:
@@ -325,16 +331,15 @@ ONE_HOME = {
 }
 
 
-def literals(path: Path) -> Iterator[set[object]]:
-    """Yield the constants of each tuple, list and set in a module, and the keys of each dict."""
-    for node in ast.walk(parsed(path)):
-        if isinstance(node, ast.Dict):
-            values = node.keys
-        elif isinstance(node, ast.Tuple | ast.List | ast.Set):
-            values = node.elts
-        else:
-            continue
-        yield {value.value for value in values if isinstance(value, ast.Constant)}
+@functools.cache
+def literals(path: Path) -> tuple[set[object], ...]:
+    """Return the constants of each tuple, list and set in a module, and the keys of each dict."""
+    found = []
+    for node in nodes(path):
+        if isinstance(node, ast.Dict | ast.Tuple | ast.List | ast.Set):
+            values = node.keys if isinstance(node, ast.Dict) else node.elts
+            found.append({value.value for value in values if isinstance(value, ast.Constant)})
+    return tuple(found)
 
 
 def homes(words: set[str]) -> set[str]:
@@ -358,7 +363,7 @@ def test_gravity_has_one_home():
         module
         for package in PACKAGES
         for module, path in modules(package).items()
-        for node in ast.walk(parsed(path))
+        for node in nodes(path)
         if isinstance(node, ast.Constant) and node.value in (9.81, -9.81, 9.8, 9.80665)
     }
     assert known == {'wasd_core.robot_io'}
@@ -368,7 +373,7 @@ def library_functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFuncti
     """Yield each function of the packages with the module that it stands in."""
     for package in PACKAGES:
         for module, path in modules(package).items():
-            for node in ast.walk(parsed(path)):
+            for node in nodes(path):
                 if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                     yield module, node
 

@@ -106,6 +106,7 @@ def test_what_is_not_legal_says_why():
         dog.run(-1.0)
 
 
+@pytest.mark.slow
 def test_mbot_drives_by_velocity_and_a_key_takes_over():
     import wasd
 

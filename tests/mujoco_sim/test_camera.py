@@ -61,6 +61,7 @@ def make(kinect, scene):
     return make
 
 
+@pytest.mark.slow
 def test_a_wall_is_as_far_as_it_is_over_the_whole_picture(make, offscreen):
     camera = make(field_of_view=0.4)  # narrow: nothing but the wall and some floor is in it
     depths = camera.take(offscreen, colour=False, depth=True, random=None).depths
@@ -69,6 +70,7 @@ def test_a_wall_is_as_far_as_it_is_over_the_whole_picture(make, offscreen):
     np.testing.assert_allclose(depths[:400], WALL - 0.15, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_floor_is_where_the_pinhole_has_it(make, offscreen):
     camera = make(field_of_view=1.2)
     depths = camera.take(offscreen, colour=False, depth=True, random=None).depths
@@ -113,6 +115,7 @@ def test_a_smaller_picture_shows_the_same(make, offscreen):
     assert picture.depths[60, 80] == pytest.approx(WALL - 0.15, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_noise_has_its_spread_and_is_drawn_from_the_generator(make, offscreen):
     camera = make(noise=0.02, field_of_view=0.4)
     clean = camera.take(offscreen, True, False, None).colours.astype(int)

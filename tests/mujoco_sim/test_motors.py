@@ -75,6 +75,7 @@ def push(effort, count=12):
     )
 
 
+@pytest.mark.slow
 def test_a_motor_never_gives_more_than_its_limit(floating):
     floating.apply(push(500.0))
     floating.step(1)
@@ -83,6 +84,7 @@ def test_a_motor_never_gives_more_than_its_limit(floating):
     np.testing.assert_allclose(floating.take_peak_effort(), expected)
 
 
+@pytest.mark.slow
 def test_a_motor_that_is_fast_drives_no_further(floating):
     joint = floating.joint_names.index('FL_thigh_joint')
     floating.data.qvel[6 + joint] = 35.0
@@ -94,6 +96,7 @@ def test_a_motor_that_is_fast_drives_no_further(floating):
     assert floating.joints().effort[joint] == pytest.approx(-20.0)
 
 
+@pytest.mark.slow
 def test_the_largest_effort_is_kept_until_it_is_taken(floating):
     floating.apply(push(5.0))
     floating.step(2)
@@ -104,6 +107,7 @@ def test_the_largest_effort_is_kept_until_it_is_taken(floating):
     np.testing.assert_allclose(floating.take_peak_effort(), 1.0)
 
 
+@pytest.mark.slow
 def test_a_command_takes_effect_after_the_delay():
     loaded = load_robot('go2')
     world = build_world(loaded, setup=RobotSetup(height=50.0, command_delay=0.002))
@@ -114,6 +118,7 @@ def test_a_command_takes_effect_after_the_delay():
     np.testing.assert_array_equal(world.data.ctrl, 5.0)
 
 
+@pytest.mark.slow
 def test_braking_does_not_wait_for_a_command_on_its_way():
     world = build_world(load_robot('go2'), setup=RobotSetup(height=50.0, command_delay=0.002))
     world.apply(push(5.0))

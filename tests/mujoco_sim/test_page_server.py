@@ -138,6 +138,7 @@ def drop(port: int, megabytes: int) -> None:
                 other.send(data)
 
 
+@pytest.mark.slow
 def test_a_file_that_is_dropped_is_refused_and_not_kept(view, port):
     with PagePuppet(view.url) as page:
         time.sleep(0.5)
@@ -228,6 +229,7 @@ def test_input_that_is_none_of_studios_drives_nothing_and_is_told(view, port, ca
     assert 'the page cannot drive' in caplog.text
 
 
+@pytest.mark.slow
 def test_a_panel_that_fails_costs_nothing_but_itself(view, caplog, monkeypatch):
     monkeypatch.setattr(STATUS, 'fails', True)
     with PagePuppet(view.url) as page:

@@ -41,6 +41,7 @@ def spread(values, deviation):
     return abs(np.std(values) / deviation - 1.0)
 
 
+@pytest.mark.slow
 def test_noise_has_the_deviation_that_was_asked_for(readings):
     # The deviation of n samples is off by 1/sqrt(2n) at one sigma; five of them here.
     for name, values, deviation in (
@@ -53,6 +54,7 @@ def test_noise_has_the_deviation_that_was_asked_for(readings):
         assert abs(np.mean(values)) < 5.0 * deviation / math.sqrt(np.size(values)), name
 
 
+@pytest.mark.slow
 def test_the_accelerometer_has_a_constant_bias_besides(readings):
     errors = np.array([r.imu.linear_acceleration - IMU.linear_acceleration for r in readings])
     bias = errors.mean(axis=0)
@@ -116,6 +118,7 @@ def go2():
     return load_robot('go2')
 
 
+@pytest.mark.slow
 def test_the_simulated_imu_feels_gravity_upward_and_no_turning_at_rest(go2):
     world = build_world(go2, setup=usual_setup(go2, noise=False))
     world.step(2000)
@@ -126,6 +129,7 @@ def test_the_simulated_imu_feels_gravity_upward_and_no_turning_at_rest(go2):
     np.testing.assert_allclose(imu.angular_velocity, 0.0, atol=0.02)
 
 
+@pytest.mark.slow
 def test_a_falling_imu_feels_nothing(go2):
     # Calves within their limits, which would push else.
     angles = {f'{leg}_calf_joint': -1.5 for leg in ('FL', 'FR', 'RL', 'RR')}

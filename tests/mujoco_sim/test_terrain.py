@@ -44,6 +44,7 @@ def height(go2):
 WORLDS = ['slope:15', 'slope:-15', 'stairs:0.1', 'step:0.08', 'boxes:0.05', 'rough:0.05']
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('world', WORLDS)
 @pytest.mark.parametrize('x', [-1.0, -0.4, 0.0, 0.4, 0.75])
 def test_the_robot_starts_on_a_plane(height, world, x):
@@ -111,6 +112,7 @@ def test_rough_ground_has_no_edges(height):
     assert steps.max() < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('world', ['boxes:0.05', 'stairs:0.1', 'slope:20'])
 def test_a_robot_let_fall_on_it_stays_on_top(height, world):
     # Physics sees what rays see: a robot lands on the ground, not in it.

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
+import pytest
 from quadruped_sim.estimation.contacts import ContactDetector
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.parameters import ContactParameters
@@ -19,6 +20,7 @@ def hold(model, detector, forces, seconds=0.2):
         detector.step(torque, motion, dynamics, UP, DT)
 
 
+@pytest.mark.slow
 def test_static_forces_are_recovered(model):
     detector = ContactDetector(ContactParameters())
     forces = np.array(((5.0, 1.0, 60.0), (0.0, 0.0, 0.0), (-3.0, 2.0, 30.0), (0.0, 0.0, 90.0)))

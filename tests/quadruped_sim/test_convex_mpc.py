@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
+import pytest
 from quadruped_sim.locomotion.convex_mpc import ConvexMpc
 from quadruped_sim.locomotion.convex_mpc import MpcProblem
 from quadruped_sim.locomotion.friction_qp import FrictionPyramids
@@ -54,6 +55,7 @@ def test_solutions_satisfy_the_optimality_conditions(rng):
     assert solver.failures == 0
 
 
+@pytest.mark.slow
 def test_solutions_equal_those_of_an_independent_solver(rng):
     solver, pyramids = QpSolver(), FrictionPyramids(0.5, 5.0, 260.0)
     for _ in range(3):

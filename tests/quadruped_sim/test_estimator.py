@@ -30,6 +30,7 @@ def rolling_rates(model, angles, velocity):
     return np.linalg.solve(J, np.tile(-velocity, (4, 1))[:, :, None]).ravel()
 
 
+@pytest.mark.slow
 def test_at_rest_a_biased_accelerometer_does_not_carry_it_away(model):
     estimator = make(model)
     motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
@@ -79,6 +80,7 @@ def test_velocity_converges_within_its_own_bounds(model, rng):
     assert np.abs(estimator.velocity).max() < 0.02
 
 
+@pytest.mark.slow
 def test_height_error_is_drawn_back_near_the_start_level_only(model):
     motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
     imu = ImuSample(np.eye(3), np.zeros(3), np.array((0.0, 0.0, 9.81)))

@@ -47,6 +47,7 @@ def test_passive_takes_energy_out_whatever_the_motion(controller, rng, standing,
         assert torque @ rates <= 0.0
 
 
+@pytest.mark.slow
 def test_stand_up_is_a_straight_line_of_two_seconds(controller, run, standing):
     run(controller, 2)
     controller.press('2')
@@ -117,6 +118,7 @@ def test_every_state_gives_finite_commands_inside_the_limits(controller, state_k
     assert controller.solver_failures == 0
 
 
+@pytest.mark.slow
 def test_reset_gives_the_same_commands_again(controller, run):
     def script():
         run(controller, 2)
@@ -149,6 +151,7 @@ def test_keys_it_does_not_know_are_named(controller):
     assert "'x'" in controller.press('x')
 
 
+@pytest.mark.slow
 def test_key_2_ends_a_trot_before_the_legs_stiffen(model, run):
     params = LegControllerParameters(gait=GaitParameters(step_in_place=True))
     controller = LegController(model, params, estimator='truth')
@@ -164,6 +167,7 @@ def test_key_2_ends_a_trot_before_the_legs_stiffen(model, run):
     np.testing.assert_allclose(stiff.position, STAND_ANGLES, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_free_stand_leans_and_returns(controller, run):
     run(controller, 2)
     for key in '23':

@@ -209,6 +209,7 @@ def test_new_limits_hold_for_the_present_request_too():
     assert command.step(PERIOD)[0] == 0.4
 
 
+@pytest.mark.slow
 def test_another_horizon_is_taken_while_it_trots(model, trot):
     params = LegControllerParameters().changed({'step_in_place': True})
     controller = LegController(model, params)

@@ -88,6 +88,7 @@ def test_a_robot_of_example_robot_data_loads_with_its_mass(name, tmp_path, monke
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('name', 'said'), REFUSED.items())
 def test_what_cannot_be_loaded_is_said_in_one_line(name, said):
     with pytest.raises(DescriptionError) as caught:
@@ -107,6 +108,7 @@ def test_a_quadruped_floats_on_twelve_motors_and_shows_its_meshes(name):
     assert model.nmesh >= len(wanted - {''})
 
 
+@pytest.mark.slow
 def test_what_collides_with_a_mesh_does_so_unseen_too(tetrahedron):
     elements = [link('a', INERTIAL + mesh('collision', scale='0.1 0.1 0.1'))]
     for visuals in (False, True):

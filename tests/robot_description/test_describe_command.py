@@ -13,6 +13,7 @@ def test_expand_prints_the_urdf(capsys):
     assert '<link name="left_wheel_link">' in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_xacro_arguments_may_stand_anywhere(capsys, tmp_path):
     main(['expand', 'DEBUG:=true', 'go2', '--output', str(tmp_path / 'go2.urdf')])
     assert '<link name="world"/>' in (tmp_path / 'go2.urdf').read_text()

@@ -26,6 +26,7 @@ def bare():
     return replace(robot, joints=joints, friction={})
 
 
+@pytest.mark.slow
 def test_what_a_description_says_stays():
     for name in ('mbot', 'go2'):
         before, after = parsed(name), load_robot(name).robot
@@ -53,6 +54,7 @@ def test_tyres_hold_and_what_else_touches_the_floor_slides(bare):
     }
 
 
+@pytest.mark.slow
 def test_a_robot_without_such_wheels_is_left_alone():
     robot = parsed('go2')
     assert equip_drive(robot) is robot

@@ -48,6 +48,7 @@ def mended_text(path, **options):
     return mend(path, **options).after[path].decode()
 
 
+@pytest.mark.slow
 def test_the_courses_mbot_gets_its_six_links_and_all_wheels(courses_mbot, tmp_path, capsys):
     (tmp_path / 'out').mkdir()
     assert main(['fix', str(courses_mbot), '--output', str(tmp_path / 'out')]) == 0
@@ -64,6 +65,7 @@ def test_the_courses_mbot_gets_its_six_links_and_all_wheels(courses_mbot, tmp_pa
     assert not [one.line() for one in lint(written) if one.is_error]
 
 
+@pytest.mark.slow
 def test_the_sources_stay_as_they_are(courses_mbot):
     files = [courses_mbot, courses_mbot.with_name('mbot_base.xacro')]
     before = [file.read_bytes() for file in files]
@@ -77,6 +79,7 @@ def test_only_what_is_mended_changes(courses_mbot):
         assert after.count(b'<xacro:') > path.read_bytes().count(b'<xacro:')
 
 
+@pytest.mark.slow
 def test_the_diff_is_what_patch_applies(courses_mbot, capsys, monkeypatch):
     monkeypatch.chdir(courses_mbot.parents[2])
     assert main(['fix', str(courses_mbot)]) == 0
@@ -182,6 +185,7 @@ def test_a_joint_is_renamed_wherever_it_is_named(write):
     assert '<leftJoint> left_wheel_joint </leftJoint>' in text
 
 
+@pytest.mark.slow
 def test_joints_that_a_macro_makes_are_renamed_to_arbotix_and_back(courses_mbot):
     path = courses_mbot.with_name('mbot_base.xacro')
     path.write_text(path.read_text().replace('</robot>', '<xacro:mbot_base/></robot>'))
@@ -262,6 +266,7 @@ def test_another_packages_file_is_not_changed(tmp_path):
     assert 'unprefixed-macro' in {one.rule.code for one in fixes.left}
 
 
+@pytest.mark.slow
 def test_a_sound_robot_is_left_alone(capsys):
     assert main(['fix', 'go2']) == 0
     assert capsys.readouterr() == ('', '')

@@ -25,6 +25,7 @@ def test_a_file_gets_the_mended_text(tmp_path):
     assert len(lint(tmp_path / 'mended.urdf')) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('spelling', ['{0}/mbot.xacro', '{0}/../urdf/mbot.xacro', 'link'])
 def test_a_source_is_not_written_over(courses_mbot, tmp_path, capsys, spelling):
     before = courses_mbot.read_bytes()
@@ -35,12 +36,14 @@ def test_a_source_is_not_written_over(courses_mbot, tmp_path, capsys, spelling):
     assert courses_mbot.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_an_included_file_is_not_written_over(courses_mbot, capsys):
     base = courses_mbot.with_name('mbot_base.xacro')
     assert main(['fix', str(courses_mbot), '--output', str(base)]) == 2
     assert 'is a source' in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_several_files_need_a_folder(courses_mbot, tmp_path, capsys):
     output = tmp_path / 'mended.xacro'
     assert main(['fix', str(courses_mbot), '--output', str(output)]) == 2
@@ -48,11 +51,13 @@ def test_several_files_need_a_folder(courses_mbot, tmp_path, capsys):
     assert not output.exists()
 
 
+@pytest.mark.slow
 def test_a_folder_that_holds_the_package_already_is_refused(courses_mbot, tmp_path, capsys):
     assert main(['fix', str(courses_mbot), '--output', str(tmp_path)]) == 2
     assert 'is there already' in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_folder_within_the_package_is_refused(courses_mbot, capsys):
     inside = courses_mbot.parent
     assert main(['fix', str(courses_mbot), '--output', str(inside)]) == 2

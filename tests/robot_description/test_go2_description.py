@@ -78,6 +78,7 @@ def pose(request, mujoco_model, pinocchio_model):
     return Pose(mujoco_model, pinocchio_model, request.param)
 
 
+@pytest.mark.slow
 def test_it_has_unitrees_links_and_joints(go2, others):
     links = {tag.get('name') for tag in others.findall('link')} - {'radar'}
     joints = {tag.get('name') for tag in others.findall('joint')} - {'radar_joint'}

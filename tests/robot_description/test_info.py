@@ -57,6 +57,7 @@ def test_a_world_without_a_robot_is_none():
     assert parse_description(world, Path('world.urdf')).kind == 'other'
 
 
+@pytest.mark.slow
 def test_json_has_the_tree_masses_limits_and_meshes(capsys):
     found = info(capsys, 'go2')
     assert found['mass'] == pytest.approx(16.086)
@@ -96,6 +97,7 @@ def test_what_was_repaired_and_what_is_missing_is_said(capsys, make_package, tmp
     assert 'left out' in said
 
 
+@pytest.mark.slow
 def test_a_robot_that_hangs_says_so(capsys):
     found = info(capsys, 'go2', 'DEBUG:=true')
     assert (found['kind'], found['floating']) == ('quadruped', False)

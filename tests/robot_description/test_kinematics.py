@@ -33,6 +33,7 @@ def test_every_link_is_where_the_urdf_says_in_three_libraries(name):
     assert max(deviation.distance for deviation in deviations) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_wrong_link_is_found():
     loaded = load_robot('go2')
     shifted = replace(loaded, urdf=loaded.urdf.replace('-0.213"', '-0.214"'))
@@ -46,6 +47,7 @@ def go2():
     return loaded.robot, to_pinocchio(loaded)
 
 
+@pytest.mark.slow
 def test_pinocchio_has_mujocos_joints_and_the_urdfs_mass(go2):
     robot, model = go2
     assert (model.nq, model.nv) == (19, 18)
@@ -72,12 +74,14 @@ def test_a_joint_without_limits_is_a_cosine_and_a_sine():
     np.testing.assert_allclose(q[joint.idx_q : joint.idx_q + 2], [0.0, 1.0], atol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_robot_that_hangs_on_the_world_is_fixed_in_pinocchio_too():
     hung = read_description(description_path('go2'), arguments={'DEBUG': 'true'})
     assert to_pinocchio(hung).nq == 12
     assert max(deviation.distance for deviation in check_kinematics(hung)) < 1e-6
 
 
+@pytest.mark.slow
 def test_for_control_a_robot_is_free_and_each_joint_one_number():
     hung = read_description(description_path('go2'), arguments={'DEBUG': 'true'})
     assert (to_pinocchio(hung, for_control=True).nq, to_pinocchio(hung).nq) == (19, 12)

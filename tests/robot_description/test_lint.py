@@ -47,6 +47,7 @@ def test_every_rule_has_a_fixture():
     assert codes == set(RULES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['go2', 'mbot'])
 def test_our_own_robots_have_no_finding(name, capsys):
     assert main(['lint', name, '--strict']) == 0

@@ -155,6 +155,7 @@ def test_a_thinned_surface_keeps_its_shape_and_has_no_gaps(tmp_path, cache):
     assert surface.volume == pytest.approx(4.0 / 3.0 * np.pi, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_thinned_surface_and_the_whole_one_are_both_cached(tmp_path, cache):
     path = big_mesh(tmp_path)
     counts = [len(load_mesh(path, most).faces) for most in (None, 2000, None, 2000)]

@@ -46,6 +46,7 @@ def shown(model, body):
     return [int(model.geom_type[g]) for g in geoms if model.geom_group[g] == VISUAL_GROUP]
 
 
+@pytest.mark.slow
 def test_our_own_robots_meshes_are_where_their_descriptions_say():
     for name, count in (('go2', 7), ('mbot', 0)):
         report = load_robot(name, strict=True).meshes
@@ -60,6 +61,7 @@ def test_a_mesh_is_triangles_in_metres(tetrahedron):
     np.testing.assert_array_equal(mesh.vertices.max(axis=0), [1.0, 1.0, 1.0])
 
 
+@pytest.mark.slow
 def test_the_go2s_trunk_has_the_size_of_a_go2():
     path = load_robot('go2').meshes.files[URL.format('base')]
     size = np.ptp(load_mesh(path).vertices, axis=0)
@@ -104,6 +106,7 @@ def test_what_is_no_mesh_is_a_value_error_in_one_line(tmp_path, name):
     assert '\n' not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_every_link_of_the_go2_is_drawn_with_its_mesh():
     world = build_world(load_robot('go2'), visuals=True)
     assert shown(world.model, 'base') == [mujoco.mjtGeom.mjGEOM_MESH]
@@ -114,6 +117,7 @@ def test_every_link_of_the_go2_is_drawn_with_its_mesh():
     assert world.model.nmesh == 7
 
 
+@pytest.mark.slow
 def test_meshes_weigh_nothing_and_touch_nothing():
     plain, drawn = (build_world(load_robot('go2'), visuals=v).model for v in (False, True))
     np.testing.assert_array_equal(plain.body_mass, drawn.body_mass)
@@ -124,6 +128,7 @@ def test_meshes_weigh_nothing_and_touch_nothing():
     assert plain.nmesh == 0
 
 
+@pytest.mark.slow
 def test_drawing_does_not_change_what_happens():
     def fall(visuals):
         world = build_world(load_robot('go2'), visuals=visuals)
@@ -134,6 +139,7 @@ def test_drawing_does_not_change_what_happens():
     np.testing.assert_array_equal(fall(False), fall(True))
 
 
+@pytest.mark.slow
 def test_a_missing_mesh_shows_primitives_instead(urdf):
     files = load_robot('go2').meshes.files
 

@@ -67,6 +67,7 @@ def found(text: str) -> Quadruped:
     return find_quadruped(parse_urdf(text))
 
 
+@pytest.mark.slow
 def test_the_go2_is_found_as_its_makers_name_it() -> None:
     go2 = found(expand(description_path('go2')))
     names = [f'{leg}_{part}_joint' for leg in HIPS for part in ('hip', 'thigh', 'calf')]

@@ -59,6 +59,7 @@ def test_an_unknown_unit_is_an_error() -> None:
         Scale().of('furlong/s')
 
 
+@pytest.mark.slow
 def test_the_go2_is_the_measure(go2: Quadruped) -> None:
     assert scale_of(go2) == GO2
     larger = scale_of(resized(go2, 1.5))

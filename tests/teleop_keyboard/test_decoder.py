@@ -166,6 +166,7 @@ def test_an_endless_sequence_is_not_collected_for_ever():
     assert decoder.feed(b'i') == ['i']
 
 
+@pytest.mark.slow
 def test_any_bytes_whatever_leave_a_working_decoder():
     decoder = KeyDecoder()
     for first in range(256):

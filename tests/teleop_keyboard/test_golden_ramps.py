@@ -44,6 +44,7 @@ class SeedRamps:
         return self.last
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('scales', 'ramps'), [((0.5, 0.5), (1.0, 1.0)), ((0.7, 0.3), (0.9, 0.35))]
 )

@@ -34,6 +34,7 @@ def published(trace):
     return [message for _, _, message in trace if message is not None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('dt', [0.001, 0.002, 0.01, 0.02])
 @pytest.mark.parametrize('script', ['0 i*90', '0 i\n0.5 i*76'])
 def test_holding_i_for_three_seconds_drives_speed_times_time(dt, script):
@@ -193,6 +194,7 @@ def test_repeat_publishes_always_at_its_rate():
     assert len(messages) == pytest.approx(40, abs=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('dt', [0.001, 0.0031, 0.02, 0.049, 0.05])
 def test_the_rate_is_kept_whatever_the_step(dt):
     messages = published(run(teleop('ramps'), '', 10.0, dt))

@@ -144,6 +144,7 @@ def test_two_keys_are_an_arc_opposites_cancel_and_diagonals_are_no_faster():
     assert math.hypot(*logic.velocity[:2]) == pytest.approx(logic.speed)
 
 
+@pytest.mark.slow
 def test_the_sum_of_any_directions_stays_within_full_speed():
     ways = [Direction(*way) for way in itertools.product((-1, 0, 1), repeat=4)]
     for first in ways:

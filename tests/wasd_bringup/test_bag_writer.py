@@ -62,6 +62,7 @@ def write_some(path: Path, saves: int) -> list[tuple[str, int, bytes]]:
     return written
 
 
+@pytest.mark.slow
 def test_whenever_it_is_saved_the_file_is_complete(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

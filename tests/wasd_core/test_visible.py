@@ -30,6 +30,7 @@ def test_lines_stay_lines():
     assert visible_lines('a: 1\n\tb: \x1b[2J\r\n') == 'a: 1\n\tb: ^[[2J^M\n'
 
 
+@pytest.mark.slow
 def test_no_character_of_unicode_that_controls_gets_through():
     characters = map(chr, range(0x110000))
     acting = [c for c in characters if unicodedata.category(c) in ('Cc', 'Cf', 'Cs', 'Zl', 'Zp')]
