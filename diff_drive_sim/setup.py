@@ -30,9 +30,4 @@ setup(
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
     zip_safe=False,
-    entry_points={
-        'console_scripts': [
-            'diff_drive_controller = diff_drive_sim.executables:diff_drive_controller',
-        ],
-    },
 )

@@ -3,6 +3,8 @@
 
 from collections.abc import Callable
 import functools
+from importlib import import_module
+from importlib import metadata
 from typing import Any, NamedTuple
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
@@ -12,11 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import ReliabilityPolicy
-from robot_description.state_publisher_node import StatePublisherNode
-from teleop_keyboard.key_publisher_node import KeyPublisherNode
-from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
-from teleop_keyboard.teleop_node import RobotMonitorNode
-from teleop_keyboard.twist_mux_node import TwistMuxNode
+from wasd_core.command_line import Executable
 
 # What rclpy gives every node.
 USUAL_PARAMETERS = ('use_sim_time', 'start_type_description_service')
@@ -63,17 +61,25 @@ def make(kind: Callable[..., Node], **values: Any) -> Callable[[], Node]:
     return functools.partial(kind, parameter_overrides=overrides)
 
 
+def nodes_of_programs() -> dict[Callable[[], Node], str]:
+    """Return the nodes that the project's programs run, and the package of each."""
+    scripts = metadata.distribution('wasd').entry_points.select(group='console_scripts')
+    nodes: dict[Callable[[], Node], str] = {}
+    for home in sorted({script.module for script in scripts}):
+        for program in vars(import_module(home)).values():
+            if isinstance(program, Executable):
+                for kind in vars(import_module(program.module)).values():
+                    if getattr(kind, '__module__', '') == program.module and _is_node(kind):
+                        nodes[kind] = home.partition('.')[0]
+    return nodes
+
+
+def _is_node(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Node)
+
+
 # All nodes with their package, then those again whose parameters give them more topics.
-NODES: dict[Callable[[], Node], str] = {
-    DiffDriveControllerNode: 'diff_drive_sim',
-    SimulatorNode: 'mujoco_sim',
-    LegControllerNode: 'quadruped_sim',
-    StatePublisherNode: 'robot_description',
-    KeyPublisherNode: 'teleop_keyboard',
-    KeysToTwistNode: 'teleop_keyboard',
-    RobotMonitorNode: 'teleop_keyboard',
-    TwistMuxNode: 'teleop_keyboard',
-}
+NODES = nodes_of_programs()
 VARIANTS: dict[Callable[[], Node], str] = {
     make(DiffDriveControllerNode, publish_limited_velocity=True): 'diff_drive_sim',
     make(SimulatorNode, description='go2'): 'mujoco_sim',

@@ -30,9 +30,4 @@ setup(
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
     zip_safe=False,
-    entry_points={
-        'console_scripts': [
-            'leg_controller = quadruped_sim.executables:leg_controller',
-        ],
-    },
 )

@@ -36,10 +36,4 @@ setup(
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
     zip_safe=False,
-    entry_points={
-        'console_scripts': [
-            'describe = robot_description.describe_command:main',
-            'state_publisher = robot_description.executables:state_publisher',
-        ],
-    },
 )

@@ -30,12 +30,4 @@ setup(
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
     zip_safe=False,
-    entry_points={
-        'console_scripts': [
-            'key_publisher = teleop_keyboard.executables:key_publisher',
-            'keys_to_twist = teleop_keyboard.executables:keys_to_twist',
-            'teleop = teleop_keyboard.executables:teleop',
-            'twist_mux = teleop_keyboard.executables:twist_mux',
-        ],
-    },
 )

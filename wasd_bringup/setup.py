@@ -33,9 +33,4 @@ setup(
     install_requires=['setuptools'],
     extras_require={'test': ['pytest']},
     zip_safe=False,
-    entry_points={
-        'console_scripts': [
-            'wasd = wasd_bringup.cli:main',
-        ],
-    },
 )

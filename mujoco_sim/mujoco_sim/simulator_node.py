@@ -163,7 +163,7 @@ class SimulatorNode(Node):
 
         `close` comes before.
         """
-        super().destroy_node()  # type: ignore[no-untyped-call]
+        super().destroy_node()
         for name in ('_world', 'simulation', 'truth', '_sensors'):
             self.__dict__.pop(name, None)
 

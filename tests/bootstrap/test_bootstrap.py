@@ -64,7 +64,13 @@ def test_a_later_start_says_nothing_and_starts_no_other_python(checkout):
 
 
 @pytest.mark.parametrize(
-    'changed', ['pyproject.toml', 'package/package.xml', 'package/package/build_tf2_msgs.py']
+    'changed',
+    [
+        'pyproject.toml',
+        'package/package.xml',
+        'package/setup.cfg',
+        'package/package/build_tf2_msgs.py',
+    ],
 )
 def test_a_changed_project_is_installed_again_into_the_same_environment(changed, checkout):
     (checkout.folder / 'package/package').mkdir()

@@ -3,9 +3,9 @@
 
 import json
 from pathlib import Path
-import tomllib
 import uuid
 
+from executables import SCRIPTS
 import pytest
 from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters
@@ -13,7 +13,6 @@ from rcl_interfaces.srv import ListParameters
 from rclpy.node import Node
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
 EXECUTABLES = {name: target.partition('.')[0] for name, target in SCRIPTS.items()}
 PACKAGES = sorted(set(EXECUTABLES.values()))
 # Where the node is not called like its executable.

@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ctrl-C while a program is still loading: it ends without a word."""
 
-from pathlib import Path
 import signal
 import subprocess
 import sys
-import tomllib
 
+from executables import SCRIPTS
 import pytest
-
-PROJECT = tomllib.loads((Path(__file__).resolve().parents[2] / 'pyproject.toml').read_text())
-SCRIPTS = PROJECT['project']['scripts']
 
 # A program as its script starts it, with a Ctrl-C at the moment when a module is looked for.
 PROGRAM = """

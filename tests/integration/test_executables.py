@@ -6,15 +6,14 @@ import os
 from pathlib import Path
 import subprocess
 import sys
-import tomllib
 
+from executables import SCRIPTS
 import pytest
 from wasd_core.command_line import Executable
 from wasd_core.command_line import split_ros_words
 from wasd_core.parameters import known_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
 PROGRAMS = {
     name: getattr(import_module(target.partition(':')[0]), name.upper())
     for name, target in SCRIPTS.items()

@@ -6,9 +6,9 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-import tomllib
 from typing import Any
 
+from executables import SCRIPTS
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 import pytest
@@ -16,7 +16,6 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
 
 
 @pytest.fixture

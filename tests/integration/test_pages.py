@@ -4,14 +4,13 @@
 import argparse
 from pathlib import Path
 import re
-import tomllib
 
+from executables import SCRIPTS
 import pytest
 from wasd_bringup.cli import make_parser
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted((ROOT / 'docs').glob('*.md'))
-SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
 ROOT_PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md']
 # Commands of `wasd` that are no subparsers.
 OTHER_COMMANDS = {'COMMAND', 'test', 'bench', 'lint'}

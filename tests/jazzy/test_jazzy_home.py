@@ -5,17 +5,15 @@ import os
 from pathlib import Path
 import signal
 import subprocess
-import tomllib
 import xml.etree.ElementTree as ElementTree
 
+from executables import SCRIPTS
 import pytest
 from rclpy.node import Node
 from sourced_jazzy import FROM_APT
-from sourced_jazzy import ROOT
 
 pytestmark = pytest.mark.slow
 
-SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
 EXECUTABLES = {name: target.partition('.')[0] for name, target in SCRIPTS.items()}
 SOURCED = '. ~/ros2_ws/install/setup.bash; '
 MODULES = (

@@ -4,9 +4,9 @@
 import importlib
 from pathlib import Path
 import re
-import tomllib
 
 from diff_drive_sim.parameters import DiffDriveParameters
+from executables import SCRIPTS
 from mujoco_sim.parameters import SimulatorParameters
 import pytest
 from quadruped_sim.parameters import LegNodeParameters
@@ -19,7 +19,6 @@ import yaml
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / 'wasd_bringup/launch'
 FILES = sorted(path.name for path in FOLDER.glob('*.launch.py'))
-SCRIPTS = tomllib.loads((ROOT / 'pyproject.toml').read_text())['project']['scripts']
 DEFINITIONS = {
     'diff_drive_controller': DiffDriveParameters,
     'key_publisher': KeyParameters,

@@ -229,7 +229,7 @@ class BoundedLoader(yaml.SafeLoader):
         """Compose a node and all within it."""
         self._depth += 1
         if self._depth > DEEPEST_YAML:
-            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            mark = self.peek_event().start_mark
             problem = f'nested more than {DEEPEST_YAML} deep'
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
         node: yaml.Node | None = super().compose_node(parent, index)

@@ -293,5 +293,5 @@ def _as_recording_error() -> Iterator[None]:
 def _encoded(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
-    data: bytes = builder.end()  # type: ignore[no-untyped-call]
+    data: bytes = builder.end()
     return data
