@@ -73,6 +73,23 @@ def own_folder(description: Path) -> Path:
     return folder.parent if folder.name.lower() in DESCRIPTION_FOLDERS else folder
 
 
+def own_folders(description: Path) -> tuple[Path, ...]:
+    """Return `own_folder` of a description, and that of the file it links to, if another."""
+    return tuple(dict.fromkeys(own_folder(path) for path in linked(description)))
+
+
+def linked(description: Path) -> tuple[Path, ...]:
+    """Return the absolute path of a description, and of the file it links to, if another."""
+    return tuple(dict.fromkeys((description.absolute(), _resolved(description))))
+
+
+def source_of(description: Path) -> Path:
+    """Return the file that a description links to, where that is in another package."""
+    target = _resolved(description)
+    is_here = target.is_relative_to(_resolved(own_folder(description)))
+    return description if is_here else target
+
+
 def workspaces(description: Path) -> list[Path]:
     """
     Return the folders in which a description's neighbours lie, the closest first.
@@ -139,16 +156,18 @@ class PackageFinder:
     Finds the folders that `$(find name)` and `package://name` mean; keeps what it has looked at.
 
     `search` are folders given by the user: each is the package itself, or holds it anywhere.
-    Then come the ament index of AMENT_PREFIX_PATH and of this Python's prefix, the workspace
-    around `description`, ROS_PACKAGE_PATH, and the robots of example-robot-data. Our own
-    packages come first for our own descriptions, and behind the workspace for others'.
+    Then come the description's own package, the ament index of AMENT_PREFIX_PATH and of this
+    Python's prefix, the workspace around `description`, ROS_PACKAGE_PATH, and the robots of
+    example-robot-data. Our own packages come first for our own descriptions, and behind the
+    workspace for others'.
     """
 
     def __init__(self, search: Sequence[Path] = (), description: Path | None = None) -> None:
         self.search = tuple(Path(folder).resolve() for folder in search)
         self._description = description
-        self._own = own_folder(description) if description is not None else None
-        self._around = workspaces(description) if description is not None else []
+        self.own = own_folders(description) if description is not None else ()
+        paths = linked(description) if description is not None else ()
+        self._around = list(dict.fromkeys(folder for p in paths for folder in workspaces(p)))
         self._below = cache(packages_below)
 
     def folders(self, name: str) -> Iterator[Path]:
@@ -173,6 +192,10 @@ class PackageFinder:
             f'package {name!r} not found; looked in {places}; --package-path DIR adds a folder'
         )
 
+    def own_named(self, name: str) -> list[Path]:
+        """Return the description's own folders of that name, also without a package.xml."""
+        return [own for own in self.own if name in (own.name, manifest_name(own))]
+
     def _candidates(self, name: str) -> Iterator[Path]:
         if not name or '/' in name or name.startswith('.'):
             return
@@ -181,14 +204,12 @@ class PackageFinder:
         own = _import_folder(name) if name in OWN_PACKAGES else None
         if own is not None and self._is_ours(own):
             yield own
+        yield from self.own_named(name)
         for prefix in _ament_prefixes():
             if own is not None and prefix == Path(sys.prefix):
                 continue  # what the wheel put there is a copy of our own, which has its turn
             if (prefix / 'share/ament_index/resource_index/packages' / name).is_file():
                 yield prefix / 'share' / name
-        # Before those around it, and also in a copy without its package.xml.
-        if self._own is not None and name in (self._own.name, manifest_name(self._own)):
-            yield self._own
         for folder in (*self._around, *_ros_package_path()):
             yield from self._below(folder).get(name, [])
         if own is not None:
@@ -285,8 +306,7 @@ class AllowedPaths:
         self.finder = PackageFinder(search, description)
         self._folders: set[Path] = set()
         # A link to a description (colcon's symlink install) leads to its package as well.
-        own = own_folder(description), own_folder(_resolved(description))
-        for folder in (*own, *self.finder.search, *installed_folders()):
+        for folder in (*self.finder.own, *self.finder.search, *installed_folders()):
             self.add(folder)
 
     def add(self, folder: Path) -> None:

@@ -21,21 +21,32 @@ def test_a_package_url_is_looked_up_in_the_packages_around_the_description(
     assert first(resolve('package://cat/m/a.stl')) == ('exact', other)
 
 
-def test_the_users_folder_comes_before_ament_the_workspace_and_ros_package_path(
+def test_the_users_folder_comes_before_the_own_package_and_that_before_ament(
     resolve, package, tmp_path, monkeypatch, put, make_package
 ):
     put(package / 'm/a.stl')
-    installed = make_package(tmp_path / 'prefix/share/dog', 'm/a.stl')
+    make_package(tmp_path / 'prefix/share/dog', 'm/a.stl')
     put(tmp_path / 'prefix/share/ament_index/resource_index/packages/dog')
     given = make_package(tmp_path / 'given/some/where/dog', 'm/a.stl')
-    make_package(tmp_path / 'old/cat', 'm/a.stl')
     url = 'package://dog/m/a.stl'
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'prefix'))
     assert resolve(url).files[url] == package / 'm/a.stl'
+    assert resolve(url, search=[tmp_path / 'given']).files[url] == given / 'm/a.stl'
+
+
+def test_ament_comes_before_the_workspace_and_that_before_ros_package_path(
+    resolve, package, tmp_path, monkeypatch, put, make_package
+):
+    url = 'package://cat/m/a.stl'
+    old = make_package(tmp_path / 'old/cat', 'm/a.stl')
+    monkeypatch.setenv('ROS_PACKAGE_PATH', str(tmp_path / 'old'))
+    assert resolve(url).files[url] == old / 'm/a.stl'
+    around = make_package(package.parent / 'cat', 'm/a.stl')
+    assert resolve(url).files[url] == around / 'm/a.stl'
+    installed = make_package(tmp_path / 'prefix/share/cat', 'm/a.stl')
+    put(tmp_path / 'prefix/share/ament_index/resource_index/packages/cat')
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path / 'prefix'))
     assert resolve(url).files[url] == installed / 'm/a.stl'
-    assert resolve(url, search=[tmp_path / 'given']).files[url] == given / 'm/a.stl'
-    monkeypatch.setenv('ROS_PACKAGE_PATH', str(tmp_path / 'old'))
-    assert resolve('package://cat/m/a.stl').records[0].file == tmp_path / 'old/cat/m/a.stl'
 
 
 def test_what_an_install_leaves_out_is_found_in_the_source(
@@ -189,6 +200,21 @@ def test_two_near_names_are_not_decided_between(resolve, package, put):
     (record,) = resolve('package://dog/m/trunk.stl').records
     assert record.kind == 'ambiguous'
     assert [path.name for path in record.candidates] == ['base.stl', 'body.stl']
+
+
+@pytest.mark.parametrize('missing', ['body', 'trunk', 'base'])
+def test_the_base_of_an_arm_is_no_stand_in_for_the_trunk(resolve, package, missing, put):
+    put(package / 'meshes/arm/base.stl')
+    (record,) = resolve(f'package://dog/meshes/{missing}.stl').records
+    assert (record.kind, record.file) == ('ambiguous', None)
+    assert record.candidates == (package / 'meshes/arm/base.stl',)
+    put(package / 'meshes/visual/base.stl')
+    assert first(resolve(f'package://dog/meshes/{missing}.stl'))[1].parent.name == 'visual'
+
+
+def test_a_near_name_in_a_folder_of_another_robot_is_not_taken(resolve, package, put):
+    put(package / 'z1/link2.stl')
+    assert first(resolve('package://dog/m/link_2.stl')) == ('ambiguous', None)
 
 
 def test_the_same_name_in_two_packages_stays_two_files(resolve, package, put, make_package):

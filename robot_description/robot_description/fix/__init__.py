@@ -24,6 +24,7 @@ from robot_description.fix.workspace import Edit
 from robot_description.fix.workspace import Workspace
 from robot_description.lint.rules import Finding
 from robot_description.packages import own_folder
+from robot_description.packages import source_of
 
 # What diff and patch call a line; Python's splitlines knows other ends, too.
 LINE = re.compile(r'[^\n]*\n|[^\n]+')
@@ -69,7 +70,7 @@ def mend(
     Raises:
         DescriptionError: the file cannot be opened, or a rename cannot be done.
     """
-    workspace = Workspace(path, arguments or {}, search)
+    workspace = Workspace(source_of(path), arguments or {}, search)
     mended = []
     for code, fix in FIXES.items():
         if (not only or code in only) and _mend(workspace, code, fix):
@@ -128,6 +129,7 @@ def write_mended(fixes: Fixes, description: Path, output: Path) -> Path:
     Raises:
         DescriptionError: that would write over something, or cannot be written.
     """
+    description = source_of(description)
     if identity(output) in {identity(file) for file in fixes.before}:
         raise DescriptionError(f'--output {output}: is a source; it is not written over')
     others = [file for file in fixes.after if file != description]

@@ -23,7 +23,6 @@ from robot_description.lint.model import Element
 from robot_description.lint.model import PREFIX
 from robot_description.lint.model import SourceTag
 from robot_description.lint.model import unprefixed_calls
-from robot_description.meshes.files import better_url
 
 QUOTES = {'"': '&quot;', "'": '&apos;'}
 TEXT = """{indent}<link name="{footprint}"/>
@@ -75,15 +74,18 @@ def _without(path: Path, data: bytes, tag: SourceTag) -> Edit:
 
 
 def correct_mesh_paths(workspace: Workspace) -> Iterator[Edit]:
-    """Replace the paths that were repaired while searching, where they are written out."""
-    repairs = workspace.meshes().repairs
-    found = {record.url: record.file for record in repairs if record.file is not None}
+    """Replace the paths that are good here only, or not at all, where they are written out."""
+    records = {record.url: record for record in workspace.meshes().records}
     for path, data in workspace.sources().items():
         for tag in workspace.tags(path).walk():
-            file = found.get(tag.attributes.get('filename', '')) if tag.name == 'mesh' else None
-            span = tag.value_span(data, 'filename')
-            if file is not None and span is not None:
-                yield Edit(path, *span, escape(better_url(file), QUOTES))
+            span = tag.value_span(data, 'filename') if tag.name == 'mesh' else None
+            if span is None:
+                continue
+            written = tag.attributes['filename']
+            record = records.get(url := workspace.with_folders(written))
+            if record is None or record.better is None or record.is_exact and url != written:
+                continue
+            yield Edit(path, *span, escape(record.better, QUOTES))
 
 
 def add_footprint(workspace: Workspace) -> Iterator[Edit]:

@@ -4,9 +4,11 @@
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
+import re
 from typing import NamedTuple
 
 from wasd_core.errors import DescriptionError
+from wasd_core.errors import PackageNotFound
 from wasd_core.safe_files import Place
 
 from robot_description.lint import lint_session
@@ -18,9 +20,12 @@ from robot_description.lint.rules import Finding
 from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.packages import own_folder
+from robot_description.packages import PackageFinder
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import Expansion
 from robot_description.xacro.expand import XacroSession
+
+FIND = re.compile(r'\$\(find\s+([^\s)]+)\s*\)')
 
 
 class Edit(NamedTuple):
@@ -68,6 +73,14 @@ class Workspace:
             DescriptionError: the files do not expand, or to no robot.
         """
         return resolve_meshes(parse_urdf(self._expand().urdf), self.path, self._search)
+
+    def with_folders(self, text: str) -> str:
+        """Return a text with the folders that its `$(find)` mean."""
+        finder = PackageFinder(self._search, self.path)
+        try:
+            return FIND.sub(lambda match: str(finder.find(match[1])), text)
+        except PackageNotFound:
+            return text
 
     def lint(self) -> list[Finding]:
         """Return what is wrong with the files as they are now; told from memory if unchanged."""

@@ -16,7 +16,6 @@ from robot_description.lint.model import Model
 from robot_description.lint.model import unprefixed_calls
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
-from robot_description.meshes.files import better_url
 from robot_description.meshes.resolver import MeshRecord
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.urdf import parse_urdf
@@ -42,6 +41,8 @@ CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     geometry.check_wheels,
     geometry.check_footprint,
 )
+# The cure where a mesh lies in a package that happens to be installed here.
+COPY = "copy the file to where the path says, in the description's own package"
 # What a check finds again and again is told so often; the file has other problems then.
 MOST_FINDINGS = 200
 
@@ -81,7 +82,7 @@ def lint_session(session: XacroSession, expected_joints: Sequence[str] = ()) -> 
         model = make_model(expansion, session.path, session.search, expected_joints)
         for check in CHECKS:
             found += islice(check(model), MOST_FINDINGS)
-        found += _check_meshes(model, expansion.urdf)
+        found += _check_meshes(model, expansion.urdf, session.sources)
     calls = list(_check_macro_calls(session.sources))
     told = {call.place for call in calls}
     found = [one for one in found if one.rule.code != 'unknown-tag' or one.place not in told]
@@ -94,8 +95,8 @@ def _in_order(found: list[Finding]) -> list[Finding]:
     return sorted(unique.values(), key=lambda one: (one.place, one.rule.code))
 
 
-def _check_meshes(model: Model, urdf: str) -> Iterator[Finding]:
-    """Every mesh is where its path says."""
+def _check_meshes(model: Model, urdf: str, sources: Mapping[Path, bytes]) -> Iterator[Finding]:
+    """Every mesh is where its path says, here and on other machines."""
     try:
         robot = parse_urdf(urdf)
     except DescriptionError:  # which other checks have told about, with lines
@@ -112,8 +113,14 @@ def _check_meshes(model: Model, urdf: str) -> Iterator[Finding]:
         elif 'foreign-package' in record.kind.split('+'):
             yield finding('foreign-mesh', place, f'{record.url!r} is the mesh of another robot')
         else:
-            cure = f'write {better_url(record.file)}'
+            cure = f'write {record.better}' if record.better else COPY
             yield finding('wrong-mesh-path', place, record.line(), cure)
+    for record in report.records:
+        # $(find) makes absolute paths, too, and is good anywhere.
+        is_written = any(record.url.encode() in data for data in sources.values())
+        if record.is_exact and record.better is not None and is_written:
+            text = f'mesh {record.url!r} is an absolute path: other machines do not have it'
+            yield finding('wrong-mesh-path', _place(model, record), text, f'write {record.better}')
 
 
 def _place(model: Model, record: MeshRecord) -> Place:

@@ -87,7 +87,7 @@ RULES = {
         Rule('missing-mesh', ERROR, 'a mesh file is not there, and no other can stand for it',
              'correct the path, or add the folder by --package-path'),
         Rule('wrong-mesh-path', WARNING,
-             'a mesh is not where the path says, but was found; other programs will not find it',
+             'a mesh was found, but not where the path says, or only on this machine',
              'write the path that was found; `describe fix` does it'),
         Rule('foreign-mesh', WARNING,
              'a mesh belongs to another robot, in a package that package.xml does not name',

@@ -27,6 +27,18 @@ ALIASES = {'trunk': 'base', 'body': 'base', 'base_link': 'base', 'base': 'base'}
 MARKS = {'upper', 'lower', 'mirror', 'inner', 'outer', 'top', 'bottom', 'bl', 'br', 'lr', 'l', 'r'}
 # difflib's ratio; thigh and thigh1 have 0.91, calf and calf_mirror 0.53, thigh and shank 0.2.
 LEAST_LIKENESS = 0.75
+# Words for folders that hold the meshes of a whole robot.
+WHOLE = {
+    *('mesh', 'meshes', 'visual', 'visuals', 'collision', 'collisions', 'model', 'models', 'cad'),
+    *('geometry', 'geometries', 'asset', 'assets', 'media', 'resource', 'resources', 'robot'),
+    *('robots', 'description', 'data', 'urdf', 'high', 'low'),
+    *(extension.removeprefix('.') for extension in EXTENSIONS),
+}  # fmt: skip
+# Words for a folder with the meshes of a part that may have a base of its own.
+PARTS = {
+    *('arm', 'arms', 'gripper', 'grippers', 'hand', 'hands', 'finger', 'leg', 'legs', 'wheel'),
+    *('wheels', 'head', 'camera', 'cameras', 'sensor', 'sensors', 'lidar', 'lidars', 'payload'),
+}
 # A mesh with the URL in it; comments and what is no mesh stay as they are.
 MESH = re.compile(r"""<!--.*?-->|(<mesh\b[^<>]*?\bfilename\s*=\s*)("[^"]*"|'[^']*')""", re.DOTALL)
 PACKAGE = 'package://'
@@ -177,6 +189,21 @@ def guess_files(missing: str, unused: Collection[Path], carries: bool) -> tuple[
     return tuple(path for path in unused if _likeness(missing, path.stem) >= LEAST_LIKENESS)
 
 
+def is_carrier(stem: str) -> bool:
+    """Whether a mesh's name means what carries the others: that of a robot, or of a part of it."""
+    return _without_alias(stem) == 'base'
+
+
+def part_words(file: Path, folder: Path, wanted: PurePosixPath) -> set[str]:
+    """
+    Return the words by which the folders of a file below `folder` tell of one part of a robot.
+
+    They are not in the wanted path, nor in the folder's own name, nor such as any robot has.
+    """
+    known = words(' '.join((*wanted.parts[:-1], folder.name)))
+    return set(words(' '.join(file.relative_to(folder).parts[:-1]))) - set(known) - WHOLE
+
+
 def _without_alias(stem: str) -> str:
     parts = re.split(r'[_\-. ]+', re.sub(r'base[_\- ]link', 'base', stem.lower()))
     return '_'.join(ALIASES.get(word, word) for word in parts)
@@ -237,8 +264,8 @@ def _share(package: str) -> Path | None:
     return None
 
 
-def better_url(file: Path) -> str:
-    """Return how a file is named in a description: by its package, if it has one."""
+def package_url(file: Path) -> str | None:
+    """Return the URL of a file by its package; None for a file in none."""
     package = own_package(file)
     name = manifest_name(package) if package else None
-    return f'package://{name}/{file.relative_to(package)}' if package and name else str(file)
+    return f'{PACKAGE}{name}/{file.relative_to(package)}' if package and name else None
