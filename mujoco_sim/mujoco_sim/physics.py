@@ -6,6 +6,7 @@ import math
 
 import mujoco
 import numpy as np
+from robot_description.mujoco.builder import holding
 from wasd_core.errors import one_line
 from wasd_core.robot_io import JointCommand
 
@@ -171,6 +172,7 @@ class Actuation:
         self._parts, self._setup = parts, setup
         self._motors = parts.motors
         self._motor_velocity = parts.velocity[parts.motor_joint]
+        self._holds = self._find_holds()
         self.rejected_commands = 0
         self.is_kinematic = False
         self._time_step = float(model.opt.timestep)
@@ -264,13 +266,25 @@ class Actuation:
         self._model.actuator_biasprm[self._motors, 1] = -kp
         self._model.actuator_biasprm[self._motors, 2] = -kd
         self._data.ctrl[self._motors] = effort + kp * position + kd * velocity
+        for motor, hold in self._holds:
+            if command[:, motor].any():
+                self._data.eq_active[hold] = False
+
+    def _find_holds(self) -> list[tuple[int, int]]:
+        """Return the motors of held joints, each with the constraint that holds it."""
+        found = []
+        for motor, joint in enumerate(self._parts.motor_names):
+            if joint in self._setup.held:
+                name = self._parts.prefix + holding(joint)
+                found.append((motor, int(self._model.eq(name).id)))
+        return found
 
     def _torque_speed_curve(self) -> TorqueSpeedCurve | None:
         limits, names = self._setup.speed_limits, self._parts.motor_names
-        if not all(limits.get(name, 0.0) > 0.0 for name in names):
+        if not limits or not all(limits.get(name, math.inf) > 0.0 for name in names):
             return None
         torque = self._model.actuator_forcerange[self._motors, 1].copy()
-        return TorqueSpeedCurve(torque, np.array([limits[name] for name in names]))
+        return TorqueSpeedCurve(torque, np.array([limits.get(name, math.inf) for name in names]))
 
 
 def put_at_start(

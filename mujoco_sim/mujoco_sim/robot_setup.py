@@ -7,7 +7,7 @@ from dataclasses import field
 import math
 
 from robot_description.description import Description
-from robot_description.morphology.leg import NotAQuadruped
+from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
 from robot_description.morphology.quadruped import scale_of
@@ -39,6 +39,8 @@ class RobotSetup:
     A robot of which more than `sink` [m] would begin below z = 0 is raised out of the floor.
     `reflected_inertia` [kg m^2] is what rotors add to joints, instead of the usual. With `imu`
     the robot has one even when its description names none.
+
+    `held` joints [rad] or [m] stay there until a command names them.
     """
 
     joint_positions: Mapping[str, float] = field(default_factory=dict)
@@ -50,6 +52,7 @@ class RobotSetup:
     sink: float = math.inf
     reflected_inertia: Mapping[str, float] = field(default_factory=dict)
     imu: bool = False
+    held: Mapping[str, float] = field(default_factory=dict)
 
 
 def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
@@ -69,7 +72,7 @@ def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
     inertia = REFLECTED_INERTIA * scale.of('kg m^2')
     hips = sum(float(leg.hip[2]) for leg in quadruped.legs) / len(quadruped.legs)
     return RobotSetup(
-        joint_positions=lying_positions(quadruped),
+        joint_positions=lying_positions(quadruped) | dict(quadruped.held),
         height=LYING_HEIGHT * scale.of('m') - hips,
         sink=LYING_SINK * scale.of('m'),
         speed_limits={joint.name: joint.velocity for joint in quadruped.joints},
@@ -77,6 +80,7 @@ def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
         noise=SensorNoise() if noise else None,
         reflected_inertia=dict.fromkeys(quadruped.joint_names, inertia),
         imu=True,
+        held=quadruped.held,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from robot_description.description import Description
 from robot_description.morphology.quadruped import find_imu
 from robot_description.mujoco.builder import add_imu
+from robot_description.mujoco.builder import hold_joints
 from robot_description.mujoco.builder import to_mujoco
 from wasd_core.errors import DescriptionError
 from wasd_core.robot_io import BaseState
@@ -207,6 +208,7 @@ def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) ->
         raise DescriptionError(f'{loaded.path}: {error}') from None
     for joint, inertia in setup.reflected_inertia.items():
         spec.joint(joint).armature = inertia
+    hold_joints(spec, loaded.robot, setup.held)
     if setup.imu and find_imu(loaded.robot) is None:
         add_imu(spec, loaded.robot)
     return spec

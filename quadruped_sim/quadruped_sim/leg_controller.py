@@ -9,6 +9,7 @@ from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_from_matrix
 
 from quadruped_sim.command_filter import CommandFilter
+from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.estimation.contacts import ContactDetector
 from quadruped_sim.estimation.kalman import ImuSample
 from quadruped_sim.estimation.kalman import KalmanEstimator
@@ -58,9 +59,7 @@ class LegController:
         self._uses_truth = estimator == 'truth'
         self.model = model
         scale = model.scale
-        self._params = scale_parameters(
-            params or LegControllerParameters(), scale, self.model.friction
-        )
+        self._params = self._scaled(params or LegControllerParameters())
         self.sticks = Sticks()
         self.words = KeyWords()
         self.command_filter = CommandFilter(
@@ -81,13 +80,24 @@ class LegController:
 
     def tune(self, params: LegControllerParameters) -> None:
         """Go on with other parameters, as for the Go2, from the next step; what it does stays."""
-        own = scale_parameters(params, self.model.scale, self.model.friction)
+        own = self._scaled(params)
         self._params = self._parts.params = own
         self.command_filter.tune(own.command)
         self.locomotion.tune(own)
         self.safety.params = own.safety
         self._detector.params = own.contact
         self._kalman.tune(own.kalman)
+
+    def _scaled(self, params: LegControllerParameters) -> LegControllerParameters:
+        """Return the Go2's parameters as they are on this robot."""
+        model = self.model
+        return scale_parameters(params, model.scale, model.friction, model.motor_speed)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the driver should know of the motors, a line each."""
+        model = self.model
+        return model.motor_notes(velocity_limits('sport', model.scale, model.agility).forward)
 
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""

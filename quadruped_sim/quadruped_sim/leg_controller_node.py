@@ -101,7 +101,8 @@ class LegControllerNode(Node):
             lambda: _warm_model(description), self.get_logger().info, stop_requested
         )
         self.controller = LegController(model, self.settings, self.settings.estimator)
-        self._warn_of_weak_motors(model)
+        for note in self.controller.notes:
+            self.get_logger().warning(note)
         # What is said to the driver. In lock-step whoever shows it lets its time pass.
         self.notice = Notice()
         self._refused: str | None = None
@@ -169,12 +170,6 @@ class LegControllerNode(Node):
     def close(self) -> None:
         """Leave the legs passive (the simulator's own watchdog brakes them, too)."""
         self.controller.e_stop()
-
-    def _warn_of_weak_motors(self, model: RobotModel) -> None:
-        weak = [f'{visible(joint)} {torque:.0f} N m' for joint, torque in model.overloaded.items()]
-        if weak:
-            needed = ', '.join(weak)
-            self.get_logger().warning(f'motors too weak to trot, each leg needs: {needed}')
 
     def _say(self, text: str | None) -> None:
         if self.notice.say(text) and text:

@@ -14,12 +14,15 @@ from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
 from robot_description.morphology.quadruped import scale_of
 from robot_description.morphology.quadruped import similar_pose
+from robot_description.pinocchio_model import configuration
 from robot_description.pinocchio_model import to_pinocchio
+from robot_description.robot import Robot
 from wasd_core.errors import DescriptionError
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
+from wasd_core.streams import visible
 
 from quadruped_sim.errors import RobotModelError
 from quadruped_sim.leg_kinematics import ContactPoints
@@ -169,6 +172,7 @@ class RobotModel:
     def _read(self, description: Description) -> None:
         robot = description.robot
         self.quadruped = description.quadruped
+        _check_feet(robot, self.quadruped)
         self.scale = scale_of(self.quadruped)
         self.limits = _limits(self.quadruped, EFFORT_MAX * self.scale.of('N m'))
         self.geometry = _geometry(self.quadruped)
@@ -183,7 +187,10 @@ class RobotModel:
 
     def _build(self, description: Description) -> None:
         """Have Pinocchio build its model, and note how its joints are ordered and turned."""
-        self._model = to_pinocchio(description, for_control=True)
+        whole = to_pinocchio(description, for_control=True)
+        held = self.quadruped.held
+        ids = [whole.getJointId(name) for name in held]
+        self._model = pin.buildReducedModel(whole, ids, configuration(whole, held))
         if self._model.nv != 18:
             raise RobotModelError(f'12 moving joints wanted, got {self._model.nv - 6}')
         self._data = self._model.createData()
@@ -218,10 +225,21 @@ class RobotModel:
     @property
     def agility(self) -> float:
         """How fast it may walk, for its size, as a share of the Go2's; at most 1."""
-        pitching = self.limits.velocity.reshape(4, 3)[:, 1:]
-        motors = float(pitching.min()) / (GO2_KNEE_SPEED * self.scale.of('rad/s'))
         knees = 1.0 if (self.geometry.bend > 0.0).all() else FORWARD_KNEES
-        return knees * min(1.0, motors)
+        return knees * self.motor_speed
+
+    @property
+    def motor_speed(self) -> float:
+        """No-load speed of its slowest thigh or knee, for its size, as a share of the Go2's."""
+        speed = float(self.limits.velocity[self._slowest])
+        return min(1.0, speed / (GO2_KNEE_SPEED * self.scale.of('rad/s')))
+
+    @property
+    def _slowest(self) -> int:
+        """The thigh or calf joint whose motor is the slowest."""
+        speeds = self.limits.velocity.copy()
+        speeds[::3] = math.inf
+        return int(np.argmin(speeds))
 
     @property
     def turning(self) -> float:
@@ -231,13 +249,38 @@ class RobotModel:
         farthest = float(np.linalg.norm(hips - hips.mean(axis=0), axis=1).max())
         return min(1.0, GO2_HIP_DISTANCE * self.scale.of('m') / farthest)
 
-    @property
-    def overloaded(self) -> dict[str, float]:
-        """Joints too weak to carry half the weight on one leg, as in trot; the torque [N m]."""
-        motion = leg_motion(self.geometry, self.walking_pose, np.zeros(12))
-        torque = 0.5 * self.weight * np.abs(motion.jacobian[:, 2]).reshape(12)
+    def overloaded(self, legs: int) -> dict[str, float]:
+        """
+        Joints too weak to carry the weight on so many legs at once; the torque they need [N m].
+
+        On 4 it stands, on 2 it trots.
+        """
+        pose = self.standing_pose if legs == 4 else self.walking_pose
+        motion = leg_motion(self.geometry, pose, np.zeros(12))
+        torque = self.weight / legs * np.abs(motion.jacobian[:, 2]).reshape(12)
         names = self.quadruped.joint_names
         return {names[i]: float(torque[i]) for i in np.flatnonzero(torque > self.limits.effort)}
+
+    def motor_notes(self, forward: float) -> tuple[str, ...]:
+        """Return what its motors cannot do, with numbers; `forward` [m/s] is full stick."""
+        notes, names = [], self.quadruped.joint_names
+        if self.motor_speed < 1.0:
+            speed, name = self.limits.velocity[self._slowest], names[self._slowest]
+            notes.append(
+                f'motors of {speed:.3g} rad/s (joint {visible(name)}) allow {forward:.2g} m/s; '
+                'full stick lowered'
+            )
+        for legs, deed in ((4, 'stand'), (2, 'trot')):
+            weak = self.overloaded(legs)
+            if weak:
+                efforts = dict(zip(names, self.limits.effort.tolist(), strict=True))
+                shown = ', '.join(
+                    f'{visible(name)} needs {torque:.3g} N m, has {efforts[name]:.3g} N m'
+                    for name, torque in weak.items()
+                )
+                notes.append(f'motors too weak to {deed}: {shown}')
+                break
+        return tuple(notes)
 
     def foot_positions(self, angles: np.ndarray) -> np.ndarray:
         """Foot centres in base axes [m], shape (4, 3), by Pinocchio."""
@@ -309,6 +352,22 @@ class RobotModel:
         )
 
 
+def _check_feet(robot: Robot, quadruped: Quadruped) -> None:
+    """
+    Check that there is something to stand on.
+
+    Raises:
+        RobotModelError: a lower leg that nothing of collides.
+    """
+    for leg in quadruped.legs:
+        carrier = robot.carriers[leg.foot]
+        if not any(robot.links[k].collisions for k, v in robot.carriers.items() if v == carrier):
+            raise RobotModelError(
+                f'nothing of foot {leg.foot!r} collides: it would sink into the floor; '
+                'give it a <collision> with a <sphere>'
+            )
+
+
 def _limits(quadruped: Quadruped, effort_max: float) -> JointLimits:
     """
     Return the limits of the leg angles; no torque is above `effort_max` [N m].
@@ -347,7 +406,7 @@ class JointMap:
     Between joints as a description has them and leg angles as the controller has them.
 
     `joint_names` are the joints of a reading and `motor_names` those of a command, in their
-    order; both hold the twelve leg joints.
+    order; both hold the twelve leg joints. Other motors get no command.
     """
 
     def __init__(
@@ -355,7 +414,11 @@ class JointMap:
     ) -> None:
         names = quadruped.joint_names
         self._joints = np.array([joint_names.index(name) for name in names])
-        self._motors = np.array([names.index(name) for name in motor_names])
+        others = len(names)  # where a command has a zero added
+        self._motors = np.array(
+            [names.index(name) if name in names else others for name in motor_names]
+        )
+        self._has_others = others in self._motors
         self._sign, self._zero = quadruped.sign, quadruped.zero
         self._is_plain = quadruped.is_plain
 
@@ -373,7 +436,7 @@ class JointMap:
         if not self._is_plain:
             position = self._sign * (position - self._zero)
             velocity, effort = self._sign * velocity, self._sign * effort
-        motors = self._motors
-        return JointCommand(
-            position[motors], velocity[motors], effort[motors], kp[motors], kd[motors]
-        )
+        parts = [position, velocity, effort, kp, kd]
+        if self._has_others:
+            parts = [np.append(part, 0.0) for part in parts]
+        return JointCommand(*(part[self._motors] for part in parts))

@@ -30,6 +30,8 @@ WEIGHT_UNITS = {
 # Of the friction that the feet have: what forces may use, and what speeding up may.
 FRICTION_SHARE = 0.8
 ACCELERATION_SHARE = 0.4
+# A step takes so much of the speed of the Go2's knees: up 0.1 m and down again in 0.2 s.
+LIFT_SHARE = 0.5
 # What belongs to the one who drives or to the wire, not to the body.
 NOT_SCALED = {'timeout'}
 
@@ -39,19 +41,25 @@ Group = TypeVar('Group', bound=Parameters)
 
 
 def scale_parameters(
-    params: LegControllerParameters, scale: Scale, friction: float = math.inf
+    params: LegControllerParameters,
+    scale: Scale,
+    friction: float = math.inf,
+    motor_speed: float = 1.0,
 ) -> LegControllerParameters:
     """
     Return parameters tuned on the Go2 as they are on a robot of this scale.
 
-    On feet with little `friction` forces and accelerations keep inside it.
+    On feet with little `friction` forces and accelerations keep inside it. Motors of a share
+    `motor_speed` of the Go2's lift the feet lower, so that these are up and down in time.
     """
     groups = {field.name: _scale_group(getattr(params, field.name), scale) for field in GROUPS}
     result = replace(params, **groups)
-    mpc, command = result.mpc, result.command
+    mpc, command, gait = result.mpc, result.command, result.gait
+    lift = min(1.0, motor_speed / LIFT_SHARE)
     grip = ACCELERATION_SHARE * friction * GRAVITY
     return replace(
         result,
+        gait=replace(gait, step_height=lift * gait.step_height),
         mpc=replace(mpc, friction=min(mpc.friction, FRICTION_SHARE * friction)),
         command=replace(
             command,

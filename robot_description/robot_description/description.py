@@ -13,8 +13,8 @@ from wasd_core.errors import DescriptionError
 
 from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
-from robot_description.morphology.leg import NotAQuadruped
 from robot_description.morphology.quadruped import find_quadruped
+from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.wheels import drive_wheels
 from robot_description.morphology.wheels import equip_drive
@@ -59,7 +59,7 @@ class Description:
         """
         if isinstance(self._quadruped, NotAQuadruped):
             # A new one: what is raised holds on to its callers, and this is kept.
-            raise NotAQuadruped(str(self._quadruped))
+            raise NotAQuadruped(str(self._quadruped), self._quadruped.limbs)
         return self._quadruped
 
     @cached_property

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 from pathlib import Path
+import re
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -144,10 +145,19 @@ def test_a_joint_without_a_motor_is_named(urdf):
 
 
 def test_motors_are_weighed_against_the_robot(urdf, model):
-    assert model.overloaded == {}
-    assert set(make_model(urdf.replace('effort="35.55"', 'effort="8"')).overloaded) == {
-        f'{leg}_calf_joint' for leg in LEGS
-    }
+    assert model.overloaded(legs=4) == model.overloaded(legs=2) == {}
+    assert model.motor_notes(2.0) == ()
+    weak = make_model(urdf.replace('effort="35.55"', 'effort="8"'))
+    assert set(weak.overloaded(legs=2)) == {f'{leg}_calf_joint' for leg in LEGS}
+    (note,) = weak.motor_notes(2.0)
+    assert note.startswith('motors too weak to trot: FL_calf_joint needs ')
+    assert 'N m, has 8 N m, FR_calf_joint needs ' in note
+    limp = make_model(urdf.replace('effort="35.55"', 'effort="2"'))
+    torque = model.weight / 4 * 0.213 * np.sin(1.3 - 0.67)  # a quarter, on the calf's lever
+    assert limp.overloaded(legs=4)['RR_calf_joint'] == pytest.approx(torque)
+    assert limp.motor_notes(2.0)[0].startswith(
+        'motors too weak to stand: FL_calf_joint needs 4.95 N m'
+    )
 
 
 def test_slow_motors_make_a_slow_robot(urdf, model):
@@ -155,3 +165,36 @@ def test_slow_motors_make_a_slow_robot(urdf, model):
     slow = make_model(urdf.replace('velocity="15.7"', 'velocity="7.85"'))
     assert slow.agility == pytest.approx(0.5)
     assert slow.friction == model.friction == 0.6
+    assert slow.motor_notes(1.0) == (
+        'motors of 7.85 rad/s (joint FL_calf_joint) allow 1 m/s; full stick lowered',
+    )
+
+
+def test_an_arm_is_weighed_where_it_is_held(urdf, model, angles):
+    """As if its joint were fixed there: at the limit next to 0."""
+    arm = (
+        '<link name="arm"><inertial><origin xyz="0 0 0.3"/><mass value="2"/><inertia ixx="0.01" '
+        'iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="elbow" '
+        'type="{}"><parent link="base"/><child link="arm"/><origin xyz="0.1 0 0.05" rpy="0 {} 0"/>'
+        '<axis xyz="0 1 0"/><limit lower="0.5" upper="2" effort="9" velocity="9"/></joint></robot>'
+    )
+    turned = make_model(urdf.replace('</robot>', arm.format('revolute', 0)))
+    fixed = make_model(urdf.replace('</robot>', arm.format('fixed', 0.5)))
+    assert turned.mass == pytest.approx(model.mass + 2.0)
+    np.testing.assert_allclose(
+        turned.centre_of_mass(angles), fixed.centre_of_mass(angles), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        turned.inertia_about_com(angles)[0], fixed.inertia_about_com(angles)[0], atol=1e-12
+    )
+    names = (*model.quadruped.joint_names[:6], 'elbow', *model.quadruped.joint_names[6:])
+    command = JointMap(turned.quadruped, names, names).command(
+        NO_TORQUE._replace(effort=np.arange(1.0, 13.0))
+    )
+    assert command.effort.tolist() == [1, 2, 3, 4, 5, 6, 0, 7, 8, 9, 10, 11, 12]
+
+
+def test_feet_that_sink_into_the_floor_are_refused(urdf):
+    bare = re.sub(r'<collision>.*?</collision>', '', urdf, flags=re.DOTALL)
+    with pytest.raises(RobotModelError, match="nothing of foot 'FL_foot' collides"):
+        make_model(bare)

@@ -75,6 +75,14 @@ def test_slippery_feet_push_and_speed_up_less():
     assert scale_parameters(PARAMETERS, GO2, friction=0.6) == PARAMETERS
 
 
+def test_slow_motors_lift_the_feet_lower():
+    heights = [
+        scale_parameters(PARAMETERS, GO2, motor_speed=share).gait.step_height
+        for share in (1.0, 0.5, 0.1)
+    ]
+    assert heights == pytest.approx([0.10, 0.10, 0.02])
+
+
 def test_speed_limits_grow_by_froude_and_shrink_with_slow_motors():
     sport = velocity_limits('sport', Scale(2.25, 10.0))
     assert (sport.forward, sport.yaw) == pytest.approx((3.0, 2.0 / 1.5))

@@ -3,19 +3,22 @@
 
 from collections.abc import Callable
 import math
+from pathlib import Path
 import re
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from robot_description.morphology.leg import NotAQuadruped
+from robot_description.description import parse_description
 from robot_description.morphology.quadruped import find_imu
 from robot_description.morphology.quadruped import find_quadruped
 from robot_description.morphology.quadruped import imu_position
+from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import expand
+import trimesh
 
 HIPS = {'FL': (0.2, 0.05), 'FR': (0.2, -0.05), 'RL': (-0.2, 0.05), 'RR': (-0.2, -0.05)}
 
@@ -151,14 +154,95 @@ def test_a_range_of_many_turns_is_not_wound_up() -> None:
     assert front.zero[2] == 0.0
 
 
+CAPSULE = '<capsule radius="0.015" length="0.21"/>'
+
+
+@pytest.mark.parametrize(
+    ('shape', 'down', 'radius'),
+    [
+        (CAPSULE, 0.225, 0.015),
+        # A sole and a roller across the leg.
+        ('<box size="0.1 0.05 0.02"/>', 0.12, 0.01),
+        ('<cylinder radius="0.03" length="0.02"/>', 0.12, 0.01),
+    ],
+)
+def test_the_lowest_point_of_a_foot_is_that_of_its_shape(
+    shape: str, down: float, radius: float
+) -> None:
+    text = f'<collision><origin xyz="0 0 -0.12"/><geometry>{shape}</geometry></collision>'
+    front = found(dog(shape=text)).legs[0]
+    assert (front.calf, front.foot_radius) == pytest.approx((down, radius), abs=1e-9)
+
+
+@pytest.mark.parametrize('named', [False, True])
+def test_the_lowest_point_of_a_mesh_is_the_foot(tmp_path: Path, named: bool) -> None:
+    """A shin that ends in a ball: its lowest point, and the ball's radius, within a millimetre."""
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.02)
+    ball.apply_translation((0.01, 0.0, -0.24))
+    shin = trimesh.creation.box((0.02, 0.02, 0.2))
+    shin.apply_translation((0.0, 0.0, -0.12))
+    trimesh.util.concatenate([shin, ball]).apply_scale(1000.0).export(tmp_path / 'shin.stl')
+    shape = (
+        '<collision><geometry><mesh filename="shin.stl" scale="0.001 0.001 0.001"/></geometry>'
+        '</collision>'
+    )
+    text = dog(shape=shape)
+    front = parse_description(text.replace('FL_3', 'FL_foot' if named else 'FL_3'),
+                              tmp_path / 'dog.urdf').quadruped.legs[0]  # fmt: skip
+    assert front.foot_radius == pytest.approx(0.02, abs=0.002)
+    lowest = front.foot_centre[2] - front.foot_radius
+    assert lowest == pytest.approx(-0.2 - 0.26, abs=1e-3)
+    assert front.foot_centre[0] == pytest.approx(0.2 + 0.01, abs=2e-3)
+
+
+def test_what_is_no_leg_is_held_where_it_is() -> None:
+    arm = (
+        joint('yaw', 'body', 'turret', '0 0 0.1', '0 0 1')
+        + joint('elbow', 'turret', 'hand', '0 0 0.1', '0 1 0', limit='lower="0.5" upper="2"')
+        + joint('finger', 'hand', 'claw', '0 0 0.1', '0 1 0', limit='lower="-1" upper="-0.2"')
+        + joint('spin', 'body', 'lidar', '0 0 0.2', '0 0 1', kind='continuous', limit='')
+        + joint('lift', 'body', 'mast', '0 0 0.2', '0 0 1', kind='prismatic')
+    )
+    quadruped = found(dog(extra=arm))
+    assert quadruped.held == {'yaw': 0.0, 'elbow': 0.5, 'finger': -0.2, 'spin': 0.0, 'lift': 0.0}
+    assert quadruped.passed == {
+        'yaw': 'the first about x, forward, the others both across it; found '
+        'yaw about (0 0 1), elbow about (0 1 0), finger about (0 1 0)',
+        'spin': '1 joint instead of 3',
+        'lift': 'lift slides',
+    }
+    assert quadruped.feet == found(dog()).feet
+
+
+def test_a_finger_that_mimics_goes_with_the_one_it_mimics() -> None:
+    fingers = joint('left', 'body', 'one', '0.3 0 0', '0 1 0', limit='lower="0.5" upper="2"')
+    fingers += joint('right', 'body', 'two', '0.3 0 0', '0 1 0').replace(
+        '<axis', '<mimic joint="left" multiplier="-2" offset="0.1"/><axis'
+    )
+    assert found(dog(extra=fingers)).held == {'left': 0.5, 'right': -0.9}
+
+
+def test_an_arm_that_is_built_like_a_leg_is_none_for_want_of_a_mirror_image() -> None:
+    quadruped = found(dog(extra=leg('arm', 0.3, 0.0)))
+    assert quadruped.feet == ('FL_3', 'FR_3', 'RL_3', 'RR_3')
+    assert quadruped.passed == {'arm_a': 'no mirror image'}
+    assert list(quadruped.held) == ['arm_a', 'arm_b', 'arm_c']
+
+
 REFUSED: list[tuple[Callable[[], str], str]] = [
     (lambda: dog(''.join(leg(name, *HIPS[name]) for name in ('FL', 'FR', 'RL'))),
      'found 3 limbs on body: FL_a (3 joints), FR_a (3 joints), RL_a (3 joints)'),
-    (lambda: dog(extra=joint('arm', 'body', 'hand', '0 0 0.1', '0 0 1')),
-     'arm (1 joint); make the joints of what is no leg fixed'),
     (lambda: dog(''.join(leg(f'{name}{i}', x, y) for i, (name, (x, y)) in
                          enumerate([*HIPS.items(), ('ML', (0, 0.1)), ('MR', (0, -0.1))]))),
-     'found 6 limbs on body'),
+     'a robot with 6 legs is none: found 6 limbs on body'),
+    (lambda: dog(extra=''.join(joint(f'{name}_w', f'{name}_3', f'{name}_wheel', '0 0 -0.3',
+                                     '0 1 0', kind='continuous') for name in HIPS)),
+     'wheels at its feet (FL_w, FR_w, RL_w, RR_w) is none: found 4 limbs on body: FL_a (4'),
+    (lambda: dog().replace('<axis', '<mimic joint="FL_b"/><axis', 3),
+     'found 4 limbs on body: FL_a (3 joints), FR_a (3 joints), RL_a (3 joints), RR_a (3 joints); '
+     'FL_a is no leg: FL_a mimics FL_b: a linkage, not a joint of its own'),
+    (lambda: dog(extra=joint('rod', 'FL_1', 'FL_rod', '0 0 0', '0 1 0')),
+     'found 4 limbs on body: FL_a (4 joints)'),
     (lambda: re.sub(r'(name="\w+_b" type=)"revolute"', r'\1"fixed"', dog()), 'FL_a (2 joints)'),
     (lambda: re.sub(r'(name="\w+_c" type=)"revolute"', r'\1"prismatic"', dog()),
      'four legs of three revolute joints'),

@@ -155,6 +155,8 @@ class Go2(Robot):
         parameters = LegControllerParameters(command=CommandParameters(limits=limits))
         model = RobotModel(self._loaded)
         self._controller = LegController(model, parameters, estimator)
+        for note in self._controller.notes:
+            LOGGER.warning('legs: %s', note)
         self._distance *= model.scale.of('m')
         names = self._world.joint_names, self._world.motor_names
         self._joints = JointMap(model.quadruped, *names)

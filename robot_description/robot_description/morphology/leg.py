@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from wasd_core.errors import DescriptionError
 from wasd_core.rotations import Pose
 
+from robot_description.meshes.load import mesh_points
 from robot_description.robot import Joint
 from robot_description.robot import Robot
 from robot_description.robot import Shape
 
-WANTED = 'a quadruped is wanted: four legs of three revolute joints (roll, pitch, pitch)'
 # A description's rotations are often rounded to `1.57`: axes may be off by so much [rad].
 AXIS_TOLERANCE = 0.01
 # Angles and lengths below this are zero: [rad] and [m].
@@ -28,10 +27,12 @@ NEAREST_SHARE = 0.4
 CENTRED_SHARE = 0.5
 # Radius of a foot whose shape does not say it, as a share of thigh plus lower leg.
 USUAL_SHARE = 0.05
+# The end of a mesh is so much of the lower leg, and its ball has at most such a radius.
+TIP_SHARE, MOST_SHARE = 0.03, 0.15
 
 
-class NotAQuadruped(DescriptionError):
-    """The tree is not one of a quadruped; says what was found and what is wanted."""
+class NotALeg(Exception):
+    """A limb is no leg that can be walked on; says why, without the limb's name."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +75,15 @@ def measure_leg(
     robot: Robot, groups: dict[str, tuple[str, ...]], poses: dict[str, Pose], limb: list[Joint]
 ) -> Leg:
     """
-    Return a leg of three joints, `limb`.
+    Return the leg that a limb is: all joints of `limb`, from the trunk on.
 
     `groups` are for each link those that move as one with it, `poses` where they are in the base
     with all joints at zero.
 
     Raises:
-        NotAQuadruped: it does not roll, pitch and pitch, or has no foot.
+        NotALeg: it is no chain of three motors that roll, pitch and pitch, or has no foot.
     """
+    _check_chain(robot, groups, limb)
     hip, thigh, calf = limb
     axes = [poses[joint.child].rotation @ joint.axis for joint in limb]
     left = _check_axes(limb, axes)
@@ -94,7 +96,7 @@ def measure_leg(
     (lead, drop), upper, lower = ((float(step[0]), float(step @ down)) for step in steps)
     thigh_length, calf_length = math.hypot(*upper), math.hypot(*lower)
     if not min(thigh_length, calf_length) > TINY:
-        raise NotAQuadruped(f'{WANTED}; the leg of {hip.name!r} has no length')
+        raise NotALeg(f'the leg of {hip.name!r} has no length')
     lean = math.atan2(-upper[0], upper[1])
     straight = (
         math.atan2(float(left[2]), float(left[1])),
@@ -121,12 +123,48 @@ def measure_leg(
     )
 
 
+def _check_chain(robot: Robot, groups: dict[str, tuple[str, ...]], limb: list[Joint]) -> None:
+    """
+    Check that a limb is a chain of three turning joints of which each is moved by itself.
+
+    Raises:
+        NotALeg: it is none.
+    """
+    if has_wheel(robot, groups, limb):
+        raise NotALeg(f'a wheel at its end, {limb[-1].name}')
+    for joint in limb:
+        if joint.mimics:
+            raise NotALeg(f'{joint.name} mimics {joint.mimics}: a linkage, not a joint of its own')
+        if joint.kind == 'prismatic':
+            raise NotALeg(f'{joint.name} slides')
+    if len(limb) != 3:
+        raise NotALeg(f'{len(limb)} joint{"s" if len(limb) > 1 else ""} instead of 3')
+    # In a chain no two joints begin on links that move as one; with three joints in all, a
+    # branch would need two joints below one.
+    if len({joint.parent for joint in limb}) < 3:
+        raise NotALeg(f'it branches below {limb[0].name}: a linkage')
+
+
+def has_wheel(robot: Robot, groups: dict[str, tuple[str, ...]], limb: list[Joint]) -> bool:
+    """Whether the last joint of a limb turns a wheel: without end, and round about its axis."""
+    joint = limb[-1]
+    if len(limb) < 2 or math.isfinite(joint.upper) or joint.kind == 'prismatic':
+        return False
+    if 'wheel' in f'{joint.name} {joint.child}'.lower():
+        return True
+    return any(
+        shape.kind == 'cylinder'
+        and abs(shape.pose.rotation[:, 2] @ joint.axis) > math.cos(AXIS_TOLERANCE)
+        for shape in robot.links[joint.child].collisions
+    )
+
+
 def _check_axes(limb: list[Joint], axes: list[np.ndarray]) -> np.ndarray:
     """
     Return the normal of a leg's plane, (3,), to the left.
 
     Raises:
-        NotAQuadruped: the joints do not roll, pitch and pitch.
+        NotALeg: the joints do not roll, pitch and pitch.
     """
     roll, pitch, knee = axes
     cosine = math.cos(AXIS_TOLERANCE)
@@ -140,9 +178,7 @@ def _check_axes(limb: list[Joint], axes: list[np.ndarray]) -> np.ndarray:
             f'{joint.name} about ({" ".join(f"{part:.3g}" for part in axis)})'
             for joint, axis in zip(limb, axes, strict=True)
         )
-        raise NotAQuadruped(
-            f'{WANTED}: the first about x, forward, the others both across it; found {turns}'
-        )
+        raise NotALeg(f'the first about x, forward, the others both across it; found {turns}')
     left = np.array((0.0, pitch[1], pitch[2]))
     left /= np.linalg.norm(left)
     return left if left[1] > 0.0 else -left
@@ -196,21 +232,24 @@ def _find_foot(
     the farthest link named like a foot, the far end of the farthest shape.
 
     Raises:
-        NotAQuadruped: there is nothing like one.
+        NotALeg: there is nothing like one.
     """
     knee = poses[joint.child].position
+    ends = {link: _ends(robot, link, poses[link], knee) for link in links}
+    named = [link for link in links if any(word in link.lower() for word in FOOT_WORDS)]
     candidates = (
         _spheres(robot, links, poses),
-        _named(links, poses),
-        [foot for link in links for foot in _ends(robot, link, poses[link], knee)],
+        # A foot's shape says where it ends, else its frame is all there is.
+        [each for link in named for each in ends[link] or [Foot(link, poses[link].position, 0.0)]],
+        [each for feet in ends.values() for each in feet],
     )
     for feet in candidates:
         far = [foot for foot in feet if _distance(foot, knee) > NEAREST_SHARE * thigh]
         if far:
             foot = max(far, key=lambda foot: _distance(foot, knee))
-            radius = foot.radius or USUAL_SHARE * (thigh + _distance(foot, knee))
-            return Foot(foot.link, foot.centre, radius)
-    raise NotAQuadruped(
+            usual = USUAL_SHARE * (thigh + _distance(foot, knee))
+            return Foot(foot.link, foot.centre, foot.radius or usual)
+    raise NotALeg(
         f'no foot below joint {joint.name!r}: {", ".join(links)} need a sphere to collide '
         'with, or a fixed link named foot at the end'
     )
@@ -233,33 +272,59 @@ def _spheres(robot: Robot, links: Sequence[str], poses: dict[str, Pose]) -> list
     return feet
 
 
-def _named(links: Sequence[str], poses: dict[str, Pose]) -> list[Foot]:
-    named = [link for link in links if any(word in link.lower() for word in FOOT_WORDS)]
-    return [Foot(link, poses[link].position, 0.0) for link in named]
-
-
 def _ends(robot: Robot, link: str, pose: Pose, knee: np.ndarray) -> list[Foot]:
-    """Return balls that fit into the far ends of a link's boxes and cylinders."""
+    """Return balls that fit into the far ends of what a link collides with, but of spheres."""
     feet = []
     for shape in robot.links[link].collisions:
-        half = _half_sizes(shape)
-        if half is None:
-            continue
         place = pose @ shape.pose
-        axis = int(np.argmax(half))
-        radius = float(np.median(half)) if shape.kind == 'box' else float(half[0])
-        reach = (float(half[axis]) - radius) * place.rotation[:, axis]
-        ends = (place.position + reach, place.position - reach)
-        far = max(ends, key=lambda end: float(np.linalg.norm(end - knee)))
-        feet.append(Foot(link, far, radius))
+        half = _half_sizes(shape)
+        points = mesh_points(robot, shape) if shape.kind == 'mesh' else None
+        if half is not None:
+            feet.append(_end(link, place, half, knee))
+        elif points is not None:
+            feet.append(_tip(link, place.position + points @ place.rotation.T, knee))
     return feet
 
 
+def _end(link: str, place: Pose, half: np.ndarray, knee: np.ndarray) -> Foot:
+    """Return the ball in the far end of a solid, `half` (3,) [m] of its extents along its axes."""
+    outward = place.rotation.T @ (place.position - knee)
+    axis = int(np.argmax(np.abs(outward)))
+    radius = float(min(half[axis], np.delete(half, axis).max()))
+    reach = math.copysign(float(half[axis]) - radius, float(outward[axis]))
+    return Foot(link, place.position + reach * place.rotation[:, axis], radius)
+
+
 def _half_sizes(shape: Shape) -> np.ndarray | None:
-    """Return half of a box's or cylinder's extents along its own axes, shape (3,) [m]."""
+    """Return half of a solid's extents along its own axes, shape (3,) [m]; None of others."""
     if shape.kind == 'box':
         return 0.5 * np.array(shape.size)
-    if shape.kind == 'cylinder':
+    if shape.kind in ('cylinder', 'capsule'):
         radius, length = shape.size
-        return np.array((radius, radius, 0.5 * length))
+        return np.array((radius, radius, 0.5 * length + (shape.kind == 'capsule') * radius))
     return None
+
+
+def _tip(link: str, points: np.ndarray, knee: np.ndarray) -> Foot:
+    """
+    Return the ball that fits into the end of a mesh, whose `points` (n, 3) [m] are in the base.
+
+    The end is the slice of TIP_SHARE of the way from the knee to the farthest point. A ball of
+    radius r has a half width w there with w^2 = 2 r d - d^2, d being how thick the slice is.
+    """
+    along = points - knee
+    farthest = along[np.argmax(np.einsum('ij,ij->i', along, along))]
+    length = float(np.linalg.norm(farthest))
+    if length < TINY:
+        return Foot(link, knee, 0.0)
+    outward = farthest / length
+    depth = TIP_SHARE * length
+    slice_ = along[along @ outward > length - depth]
+    middle = 0.5 * (slice_.min(axis=0) + slice_.max(axis=0))
+    outward = middle / np.linalg.norm(middle)
+    forward = np.cross((0.0, 1.0, 0.0), outward)
+    across = np.abs((slice_ - middle) @ np.column_stack((forward, np.cross(outward, forward))))
+    half = float(across.max(axis=0).min())  # the way it rolls: a foot may be as wide as it likes
+    radius = min((half**2 + depth**2) / (2.0 * depth), MOST_SHARE * length)
+    reach = float((slice_ @ outward).max()) - radius
+    return Foot(link, knee + reach * outward, radius)

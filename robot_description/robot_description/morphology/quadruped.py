@@ -1,21 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recognises a quadruped by its tree and geometry, and compares it with the Go2."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 import math
 import re
 
 import numpy as np
+from wasd_core.errors import DescriptionError
 from wasd_core.rotations import Pose
 
+from robot_description.morphology.leg import has_wheel
 from robot_description.morphology.leg import Leg
 from robot_description.morphology.leg import measure_leg
-from robot_description.morphology.leg import NotAQuadruped
-from robot_description.morphology.leg import WANTED
+from robot_description.morphology.leg import NotALeg
 from robot_description.robot import Joint
 from robot_description.robot import Robot
 
+WANTED = 'a quadruped is wanted: four legs of three revolute joints (roll, pitch, pitch)'
 # More limbs than this are counted, not listed.
 LISTED = 8
 # Names that are an IMU's, the likeliest first; then any that has `imu` in it.
@@ -29,6 +32,8 @@ REFLECTED_INERTIA = 0.01
 RESOLUTION = 1e-4
 # Poses keep away from the stops by this much [rad].
 STOP_MARGIN = 0.05
+# Where a leg is and where its mirror image would be may differ by this share of its length.
+MIRROR_SHARE = 0.1
 # Powers of (length, mass) by which a unit grows on a robot that moves alike under the same
 # gravity: time goes with the square root of length.
 _POWERS = {
@@ -41,13 +46,33 @@ _POWERS = {
 }
 
 
+class NotAQuadruped(DescriptionError):
+    """
+    The tree is not one of a quadruped; says what was found and what is wanted.
+
+    `limbs` are the limbs by their first joint, each with why it is no leg, '' for one that is.
+    """
+
+    def __init__(self, message: str, limbs: Mapping[str, str] | None = None) -> None:
+        super().__init__(message)
+        self.limbs = dict(limbs or {})
+
+
 @dataclass(frozen=True)
 class Quadruped:
-    """Four legs in the order front left, front right, rear left, rear right, and the trunk."""
+    """
+    Four legs in the order front left, front right, rear left, rear right, and the trunk.
+
+    `held` are the joints of what is no leg, a camera's or an arm's, and where they stay [rad] or
+    [m]: at 0, or at the limit next to it. `passed` says of each such limb, by its first joint, why
+    it is no leg.
+    """
 
     trunk: tuple[str, ...]  # links that move as one with the base
     legs: tuple[Leg, ...]
     mass: float  # of the whole robot [kg]
+    held: Mapping[str, float]
+    passed: Mapping[str, str]
 
     @property
     def joints(self) -> tuple[Joint, ...]:
@@ -88,13 +113,54 @@ def find_quadruped(robot: Robot) -> Quadruped:
         NotAQuadruped: what was found instead.
     """
     groups = _rigid_groups(robot)
-    trunk = groups[robot.base]
     limbs = _limbs(robot, groups)
-    if len(limbs) != 4 or any(not _is_leg(limb) for limb in limbs):
-        raise NotAQuadruped(f'{WANTED}; found {_describe(limbs, robot.base)}')
     poses = poses_in_base(robot)
-    legs = [measure_leg(robot, groups, poses, limb) for limb in limbs]
-    return Quadruped(trunk, _in_order(legs), robot.mass)
+    legs, why = [], {}
+    for limb in limbs:
+        name = limb[0].name
+        try:
+            legs.append(measure_leg(robot, groups, poses, limb))
+            why[name] = ''
+        except NotALeg as reason:
+            why[name] = str(reason)
+    if len(legs) > 4:  # an arm on the back has no mirror image
+        legs = [leg for leg in legs if any(_is_mirrored(leg, other) for other in legs)]
+    if len(legs) != 4:
+        called = _call(robot, groups, limbs)
+        found = f'{called}found {_describe(limbs, why, robot.base)}'
+        raise NotAQuadruped(f'{WANTED}; {found}', why)
+    used = {leg.joints[0].name for leg in legs}
+    others = [limb for limb in limbs if limb[0].name not in used]
+    passed = {limb[0].name: why[limb[0].name] or 'no mirror image' for limb in others}
+    held = _held(robot, [joint for limb in others for joint in limb])
+    return Quadruped(groups[robot.base], _in_order(legs), robot.mass, held, passed)
+
+
+def _is_mirrored(leg: Leg, other: Leg) -> bool:
+    """Whether a leg is where the mirror image of another is, and as long."""
+    place, image = (each.hip + (0.0, each.offset, 0.0) for each in (leg, other))
+    image[1] *= -1.0
+    off = max(float(np.abs(place - image).max()), abs(leg.length - other.length))
+    return leg is not other and off < MIRROR_SHARE * leg.length
+
+
+def _held(robot: Robot, joints: list[Joint]) -> dict[str, float]:
+    """Return where joints stay that nobody moves: at 0 if they can; what mimics one, with it."""
+    held = {j.name: min(max(0.0, j.lower), j.upper) for j in joints}
+    for joint in joints:
+        other = robot.joints.get(joint.mimics)
+        if other is not None and other.name in held:
+            held[joint.name] = joint.multiplier * held[other.name] + joint.offset
+    return held
+
+
+def _call(robot: Robot, groups: dict[str, tuple[str, ...]], limbs: list[list[Joint]]) -> str:
+    """Return what a robot is that has legs, but others: `six legs: `; '' for anything else."""
+    rolling = [limb[-1].name for limb in limbs if has_wheel(robot, groups, limb)]
+    if rolling:
+        return f'a robot with wheels at its feet ({", ".join(rolling)}) is none: '
+    legs = sum(len(limb) in (2, 3, 4) for limb in limbs)
+    return f'a robot with {legs} legs is none: ' if legs > 4 else ''
 
 
 def _rigid_groups(robot: Robot) -> dict[str, tuple[str, ...]]:
@@ -118,15 +184,7 @@ def _limbs(robot: Robot, groups: dict[str, tuple[str, ...]]) -> list[list[Joint]
     return [subtree(joint) for joint in below(groups[robot.base])]
 
 
-def _is_leg(limb: list[Joint]) -> bool:
-    """Whether a limb is a chain of three turning joints."""
-    is_turning = all(joint.kind != 'prismatic' for joint in limb)
-    # In a chain no two joints begin on links that move as one; with three joints in all, a
-    # branch would need two joints below one.
-    return len(limb) == 3 and is_turning and len({joint.parent for joint in limb}) == 3
-
-
-def _describe(limbs: list[list[Joint]], base: str) -> str:
+def _describe(limbs: list[list[Joint]], why: Mapping[str, str], base: str) -> str:
     if not limbs:
         return f'no movable joint on {base}'
     shown = ', '.join(
@@ -135,8 +193,11 @@ def _describe(limbs: list[list[Joint]], base: str) -> str:
     )
     more = f' and {len(limbs) - LISTED} more' if len(limbs) > LISTED else ''
     text = f'{len(limbs)} limb{"s" if len(limbs) > 1 else ""} on {base}: {shown}{more}'
-    if sum(_is_leg(limb) for limb in limbs) == 4:
-        text += '; make the joints of what is no leg fixed'
+    # Each reason that the numbers do not tell, once, with the limb that has it first.
+    told = [limb for limb in limbs if len(limb) == 3 or any(joint.mimics for joint in limb)]
+    for limb in told:
+        if why[limb[0].name]:
+            return f'{text}; {limb[0].name} is no leg: {why[limb[0].name]}'
     return text
 
 

@@ -23,6 +23,7 @@ from robot_description.morphology.quadruped import find_imu
 from robot_description.morphology.quadruped import imu_position
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
 from robot_description.mujoco.geoms import add_geoms
+from robot_description.mujoco.geoms import exclude_all
 from robot_description.mujoco.geoms import exclude_pairs
 from robot_description.mujoco.geoms import FindMesh
 from robot_description.mujoco.geoms import Meshes
@@ -203,6 +204,29 @@ def _add_motor(spec: mujoco.MjSpec, joint: Joint) -> None:
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     actuator.forcelimited = True
     actuator.forcerange = np.array([-joint.effort, joint.effort])
+
+
+def hold_joints(spec: mujoco.MjSpec, robot: Robot, held: Mapping[str, float]) -> None:
+    """
+    Keep joints where they are `held` [rad] or [m], whatever hangs on them.
+
+    It is a constraint, called as `holding` says, which MuJoCo weighs against the inertia that it
+    moves: one stiffness serves an antenna and an arm. What is held may overlap what carries it, as
+    it often does with all joints at 0.
+    """
+    for name, position in held.items():
+        if not robot.joints[name].mimics:
+            equality = spec.add_equality(
+                name=holding(name), type=mujoco.mjtEq.mjEQ_JOINT, name1=name
+            )
+            equality.data[0] = position
+    rigid = {robot.carriers[robot.base], *(robot.joints[name].child for name in held)}
+    exclude_all(spec, robot, rigid)
+
+
+def holding(joint: str) -> str:
+    """Return what the constraint that holds a joint is called."""
+    return f'{joint} is held'
 
 
 def _hang(spec: mujoco.MjSpec, robot: Robot) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is drawn of a robot in MuJoCo, what collides, and how it touches."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 import itertools
 import logging
 from pathlib import Path
@@ -221,6 +221,14 @@ def exclude_pairs(spec: mujoco.MjSpec, robot: Robot) -> None:
         one, other = (bodies.get(carrier, []) for carrier in pair)
         for first, second in itertools.product(one, other):
             spec.add_exclude(bodyname1=first, bodyname2=second)
+
+
+def exclude_all(spec: mujoco.MjSpec, robot: Robot, carriers: Collection[str]) -> None:
+    """Let what these carriers carry overlap."""
+    found = _colliding_bodies(robot)
+    bodies = [body for carrier in carriers for body in found.get(carrier, [])]
+    for first, second in itertools.combinations(sorted(bodies, key=list(robot.links).index), 2):
+        spec.add_exclude(bodyname1=first, bodyname2=second)
 
 
 def _colliding_bodies(robot: Robot) -> dict[str, list[str]]:
