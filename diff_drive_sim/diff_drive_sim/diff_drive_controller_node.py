@@ -142,7 +142,7 @@ class DiffDriveControllerNode(Node):
         )
         given = read_given(self, file)
         declared = declare_parameters(self, DiffDriveParameters, self._on_change, given.defaults)
-        robot = robot or load_robot(declared.description).robot
+        robot = robot or load_robot(declared.description, wheels=declared.wheel_choice()).robot
         self._root = robot.root
         self.settings = self._with_base_frame(declared)
         # Over topics the answer to a state is in force from the next one on.

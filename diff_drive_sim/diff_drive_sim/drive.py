@@ -103,9 +103,7 @@ class DiffDrive:
 
     def __init__(self, robot: Robot, parameters: DiffDriveParameters, delay: int = 0) -> None:
         """Take a robot; `delay` is how many steps a command takes to reach the motors."""
-        described = find_wheels(
-            robot, (*parameters.left_wheel_names, *parameters.right_wheel_names)
-        )
+        described = find_wheels(robot, parameters.wheel_choice())
         geometry, self.notes = configure_wheels(described, parameters)
         # Ticks belong to the wheel that is there, whatever radius it is believed to have.
         self._scale = parameters.ticks_meter * described.wheel_radius
@@ -217,6 +215,6 @@ def configure_wheels(
         geometry,
         wheel_radius=changes.get('wheel_radius', geometry.wheel_radius),
         wheel_separation=multiplier * changes.get('wheel_separation', geometry.wheel_separation),
-        left_multiplier=parameters.left_wheel_radius_multiplier,
-        right_multiplier=parameters.right_wheel_radius_multiplier,
+        left_multiplier=geometry.left_multiplier * parameters.left_wheel_radius_multiplier,
+        right_multiplier=geometry.right_multiplier * parameters.right_wheel_radius_multiplier,
     ), tuple(notes)

@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Wheels of a differential drive: found in the URDF, and what their speeds mean."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from robot_description.morphology.wheels import drive_wheels
-from robot_description.morphology.wheels import TOLERANCE
+from robot_description.morphology.wheels import ANY_WHEELS
+from robot_description.morphology.wheels import find_drive
+from robot_description.morphology.wheels import WheelChoice
 from robot_description.robot import Robot
 from wasd_core.errors import UserError
 
+# What to do where wheels are not found.
+CURE = 'left_wheel_names, right_wheel_names and wheel_radius in a --controller file say which'
 Pair = tuple[float, float]
 
 
@@ -25,7 +27,8 @@ class DiffDriveGeometry:
     Wheel angles and speeds are forward ones here and everywhere inside this package. A direction
     is -1 for a joint whose axis points to the right, which turns backward to go forward: `flip`.
     `axle_x`, `axle_y` are where the middle of the axle is in the robot's root frame [m];
-    `speed_limit` is what the slower wheel can do [rad/s]; the multipliers are a calibration's.
+    `speed_limit` is what the slower wheel can do [rad/s]; the multipliers are a calibration's, and
+    those of wheels that differ.
     """
 
     left_joint: str
@@ -65,45 +68,33 @@ class DiffDriveGeometry:
         return 0.5 * (left_path + right_path), (right_path - left_path) / self.wheel_separation
 
 
-def find_wheels(robot: Robot, names: Sequence[str] = ()) -> DiffDriveGeometry:
+def find_wheels(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> DiffDriveGeometry:
     """
-    Return the two driven wheels of a robot; with `names`, only these joints are looked at.
+    Return the two driven wheels of a robot; a choice says which joints they are.
 
     Raises:
-        DiffDriveError: there are not two of them, or their radii or positions disagree.
+        DiffDriveError: there are not two of them; says what each that might be one is.
     """
-    for name in names:
+    for name in choice.names:
         if name not in robot.joints:
             known = ', '.join(joint.name for joint in robot.movable_joints)
             raise DiffDriveError(f'{robot.name!r} has no joint {name!r}; it has {known}')
-    wheels = drive_wheels(robot, names)
-    if len(wheels) != 2:
-        found = ', '.join(wheel.joint.name for wheel in wheels) or 'none'
-        raise DiffDriveError(
-            f'{robot.name!r} needs 2 driven wheels (cylinders on continuous joints about y), '
-            f'found {len(wheels)}: {found}; left_wheel_names and right_wheel_names choose'
-        )
-    left, right = wheels
-    if abs(left.radius - right.radius) > TOLERANCE:
-        raise DiffDriveError(
-            f'wheel radii differ: {left.joint.name} {left.radius} m, '
-            f'{right.joint.name} {right.radius} m'
-        )
-    x, separation, z = (left.position - right.position).tolist()
-    if abs(x) > TOLERANCE or abs(z) > TOLERANCE or separation <= TOLERANCE:
-        raise DiffDriveError(
-            f'{left.joint.name} and {right.joint.name} are not on one axle along y'
-        )
+    drive = find_drive(robot, choice)
+    if not drive.wheels:
+        cure = '' if choice.names else f'; {CURE}'
+        raise DiffDriveError(f'{robot.name!r} {drive.why_not()}{cure}')
+    left, right = drive.wheels
     axle_x, axle_y, _ = (0.5 * (left.position + right.position)).tolist()
-    speeds = [wheel.joint.velocity for wheel in wheels if wheel.joint.velocity > 0.0]
+    speeds = [wheel.joint.velocity for wheel in drive.wheels if wheel.joint.velocity > 0.0]
     return DiffDriveGeometry(
         left.joint.name,
         right.joint.name,
         left.radius,
-        separation,
+        drive.track,
         left.direction,
         right.direction,
         axle_x,
         axle_y,
         min(speeds, default=math.inf),
+        right_multiplier=right.radius / left.radius,
     )

@@ -4,6 +4,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+from robot_description.morphology.wheels import WheelChoice
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
@@ -279,6 +280,10 @@ class WheelParameters(Parameters):
         maximum=100.0,
         read_only=True,
     )
+
+    def wheel_choice(self) -> WheelChoice:
+        """Return what is said of the wheels that a description may not say."""
+        return WheelChoice((*self.left_wheel_names, *self.right_wheel_names), self.wheel_radius)
 
     def __post_init__(self) -> None:
         """Check what needs more than one parameter, too."""

@@ -16,8 +16,11 @@ from robot_description.meshes.resolver import resolve_meshes
 from robot_description.morphology.quadruped import find_quadruped
 from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
-from robot_description.morphology.wheels import drive_wheels
+from robot_description.morphology.wheels import ANY_WHEELS
+from robot_description.morphology.wheels import Drive
 from robot_description.morphology.wheels import equip_drive
+from robot_description.morphology.wheels import find_drive
+from robot_description.morphology.wheels import WheelChoice
 from robot_description.packages import description_path
 from robot_description.robot import impossible_inertias
 from robot_description.robot import Robot
@@ -71,10 +74,15 @@ class Description:
 
     @property
     def kind(self) -> str:
-        """`quadruped`, `diff-drive` for two coaxial wheels, or `other`."""
+        """`quadruped`, `diff-drive` for two driven wheels on one axle, or `other`."""
         if isinstance(self._quadruped, Quadruped):
             return QUADRUPED
-        return DIFF_DRIVE if len(drive_wheels(self.robot)) == 2 else OTHER
+        return DIFF_DRIVE if self.drive.wheels else OTHER
+
+    @cached_property
+    def drive(self) -> Drive:
+        """The robot's two driven wheels, or why it has none."""
+        return find_drive(self.robot)
 
     @property
     def repairs(self) -> tuple[str, ...]:
@@ -132,13 +140,15 @@ def load_robot(
     arguments: Mapping[str, str] | None = None,
     strict: bool = False,
     urdf: str | None = None,
+    wheels: WheelChoice = ANY_WHEELS,
 ) -> Description:
     """
     Expand and parse a description and find its meshes, all that something collides with.
 
     `search` are folders in which packages are looked for first, `arguments` are xacro arguments;
     with `strict` every mesh has to be where the description says; else repairs are logged. A
-    `urdf` text is taken in place of the file, which may have gone.
+    `urdf` text is taken in place of the file, which may have gone. Driven wheels are those of
+    `wheels`, where these are named.
 
     Raises:
         DescriptionError: what is wrong with it, in one line.
@@ -151,6 +161,7 @@ def load_robot(
         loaded.meshes.check(strict)
     except DescriptionError as error:
         raise DescriptionError(f'{loaded.path}: {error}') from None
-    for line in (*loaded.warnings, *loaded.repairs):
+    drive = find_drive(loaded.robot, wheels)
+    for line in (*loaded.warnings, *loaded.repairs, *drive.notes):
         LOGGER.warning('description: %s', line)
-    return replace(loaded, robot=equip_drive(loaded.robot))
+    return replace(loaded, robot=equip_drive(loaded.robot, drive))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `describe info` tells: tree, masses, joints, meshes, and whether libraries agree."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 import io
 import logging
 import math
@@ -17,7 +17,10 @@ from wasd_core.streams import unguarded
 from wasd_core.streams import visible
 
 from robot_description.description import Description
+from robot_description.description import DIFF_DRIVE
+from robot_description.description import OTHER
 from robot_description.meshes.resolver import MeshRecord
+from robot_description.morphology.wheels import Drive
 from robot_description.robot import Joint
 from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
@@ -42,6 +45,7 @@ def info_record(description: Description) -> dict[str, Any]:
         'root': robot.root,
         'floating': not robot.is_fixed,
         'mass': robot.mass,
+        'wheels': _wheels_record(description.drive),
         'links': [
             {
                 'name': link.name,
@@ -55,6 +59,18 @@ def info_record(description: Description) -> dict[str, Any]:
         'meshes': [record.record() for record in description.meshes.records],
         'repairs': list(description.repairs),
         'warnings': list(description.warnings),
+    }
+
+
+def _wheels_record(drive: Drive) -> dict[str, Any]:
+    """Return the driven wheels, left first, and their track, or why there are none."""
+    if not drive.wheels:
+        return {'why_not': drive.why_not()}
+    return {
+        'joints': [wheel.joint.name for wheel in drive.wheels],
+        'radii': [wheel.radius for wheel in drive.wheels],
+        'track': drive.track,
+        'notes': list(drive.notes),
     }
 
 
@@ -91,6 +107,8 @@ def _print_info(console: Console, info: Description) -> None:
         f'[bold]{_shown(robot.name)}[/]  {info.kind}, {robot.mass:.3f} kg, {base}; '
         f'{len(robot.links)} links, {len(robot.joints)} joints, {movable} of them movable'
     )
+    for line in _why(info):
+        console.print(_shown(line), soft_wrap=True)
     console.print(_tree(robot))
     if movable:
         console.print(_joints(robot.movable_joints))
@@ -98,6 +116,17 @@ def _print_info(console: Console, info: Description) -> None:
         console.print(_meshes(info.meshes.records))
     for line in (*info.warnings, *info.repairs):
         console.print(_shown(line), soft_wrap=True)
+
+
+def _why(info: Description) -> Iterator[str]:
+    """Yield why a robot is of its kind."""
+    drive = info.drive
+    if info.kind == DIFF_DRIVE:
+        wheels = ', '.join(f'{wheel.joint.name} {wheel.radius:g} m' for wheel in drive.wheels)
+        yield f'driven wheels (left, right): {wheels}; track {drive.track:g} m'
+        yield from drive.notes
+    elif info.kind == OTHER:
+        yield f'no wheels to drive: it {drive.why_not()}'
 
 
 def _shown(text: str) -> str:

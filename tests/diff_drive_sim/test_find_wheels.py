@@ -10,6 +10,7 @@ from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.parameters import WheelParameters
 import pytest
 from robot_description.description import load_robot
+from robot_description.morphology.wheels import WheelChoice
 from robot_description.urdf import parse_urdf
 
 
@@ -102,17 +103,30 @@ def test_a_wheel_may_be_turned_into_place_by_its_joint():
 @pytest.mark.parametrize(
     ('wheels', 'message'),
     [
-        ((), "'cart' needs 2 driven wheels .*found 0: none"),
-        ((wheel('l', 0.2),), 'found 1: l_joint'),
-        ((wheel('l', 0.2), wheel('r', -0.2), wheel('x', 0.1)), 'found 3: l_joint, x_joint, r'),
-        ((wheel('l', 0.2), wheel('r', -0.2, kind='fixed')), 'found 1: l_joint'),
-        ((wheel('l', 0.2), wheel('r', -0.2, axis='1 0 0')), 'found 1: l_joint'),
+        ((), "'cart' has no two driven wheels on one axle: none of its joints turns freely"),
+        ((wheel('l', 0.2),), 'l_joint is alone: no second wheel beside it'),
+        (
+            (wheel('l', 0.2), wheel('r', -0.2), wheel('x', 0.1)),
+            r'a skid-steer \(l_joint, x_joint, r_joint are driven alike\)',
+        ),
+        ((wheel('l', 0.2), wheel('r', -0.2, kind='fixed')), 'l_joint is alone'),
+        (
+            (wheel('l', 0.2), wheel('r', -0.2, axis='1 0 0')),
+            r'r_joint has its axis 90 degrees off y \(1 are taken\); l_joint is alone',
+        ),
+        (
+            (wheel('l', 0.2), wheel('r', -0.2, axis='0.02 1 0')),
+            r'r_joint has its axis 1.15 degrees off y \(1 are taken\)',
+        ),
         (
             (wheel('l', 0.2), wheel('r', -0.2, radius=0.05)),
-            'wheel radii differ: l_joint 0.06 m, r_joint 0.05 m',
+            'l_joint has a radius of 0.06 m, r_joint one of 0.05 m, 16.7 % apart',
         ),
-        ((wheel('l', 0.2), wheel('r', -0.2, x=0.1)), 'l_joint and r_joint are not on one axle'),
-        ((wheel('l', 0.2), wheel('r', 0.2)), 'not on one axle'),
+        (
+            (wheel('l', 0.2), wheel('r', -0.2, x=0.0021)),
+            r'l_joint is 2.1 mm off the axle of r_joint \(2 mm are taken\)',
+        ),
+        ((wheel('l', 0.2), wheel('r', 0.2)), 'l_joint is where r_joint is'),
     ],
 )
 def test_wheels_that_do_not_make_a_differential_drive_are_named(wheels, message):
@@ -139,18 +153,16 @@ def test_a_caster_on_a_swivel_is_no_wheel():
 def test_of_four_alike_the_names_choose():
     four = [wheel(f'{end}{side}', y, x) for end, x in (('f', 0.1), ('b', -0.1))
             for side, y in (('l', 0.2), ('r', -0.2))]  # fmt: skip
-    with pytest.raises(
-        DiffDriveError, match='found 4: .*; left_wheel_names and right_wheel_names'
-    ):
+    with pytest.raises(DiffDriveError, match='skid-steer .*; left_wheel_names, right_wheel_names'):
         find_wheels(robot(*four))
-    geometry = find_wheels(robot(*four), ('bl_joint', 'br_joint'))
+    geometry = find_wheels(robot(*four), WheelChoice(('bl_joint', 'br_joint')))
     assert (geometry.left_joint, geometry.right_joint) == ('bl_joint', 'br_joint')
     assert geometry.axle_x == -0.1
 
 
 def test_a_name_that_is_no_joint_is_said_with_those_that_are():
     with pytest.raises(DiffDriveError, match="no joint 'left'; it has l_joint, r_joint"):
-        find_wheels(robot(wheel('l', 0.2), wheel('r', -0.2)), ('left', 'right'))
+        find_wheels(robot(wheel('l', 0.2), wheel('r', -0.2)), WheelChoice(('left', 'right')))
 
 
 def test_wheels_that_are_only_drawn_are_wheels():

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 from robot_description.description import load_robot
-from robot_description.morphology.wheels import drive_wheels
 from robot_description.morphology.wheels import equip_drive
+from robot_description.morphology.wheels import find_drive
 from robot_description.morphology.wheels import GRAVITY
 from robot_description.morphology.wheels import lowest_point
 from robot_description.packages import description_path
@@ -16,6 +16,10 @@ from robot_description.xacro.expand import expand
 
 def parsed(name):
     return parse_urdf(expand(description_path(name)))
+
+
+def equipped(robot):
+    return equip_drive(robot, find_drive(robot))
 
 
 @pytest.fixture
@@ -38,15 +42,15 @@ def test_what_a_description_says_stays():
 
 
 def test_wheels_without_limits_get_motors_that_can_make_them_slip(bare):
-    left = equip_drive(bare).joints['left_wheel_joint']
+    left = equipped(bare).joints['left_wheel_joint']
     # Half the weight on a wheel of 6 cm slips at 1.8 kg g / 2 * 0.06 m, on friction 1.
     assert left.effort == pytest.approx(2.0 * 0.5 * 1.8 * GRAVITY * 0.06)
     assert left.velocity == pytest.approx(1.5 / 0.06)
-    assert equip_drive(bare).joints['front_caster_joint'].effort == 0.0
+    assert equipped(bare).joints['front_caster_joint'].effort == 0.0
 
 
 def test_tyres_hold_and_what_else_touches_the_floor_slides(bare):
-    assert equip_drive(bare).friction == {
+    assert equipped(bare).friction == {
         'left_wheel_link': 1.0,
         'right_wheel_link': 1.0,
         'front_caster_link': 0.0,
@@ -57,8 +61,8 @@ def test_tyres_hold_and_what_else_touches_the_floor_slides(bare):
 @pytest.mark.slow
 def test_a_robot_without_such_wheels_is_left_alone():
     robot = parsed('go2')
-    assert equip_drive(robot) is robot
-    assert drive_wheels(robot) == []
+    assert equipped(robot) is robot
+    assert find_drive(robot).wheels == ()
 
 
 @pytest.mark.parametrize(

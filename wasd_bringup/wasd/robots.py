@@ -26,6 +26,8 @@ from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import LegOdometry
 from quadruped_sim.robot_model import RobotModel
 from robot_description.description import load_robot
+from robot_description.morphology.wheels import ANY_WHEELS
+from robot_description.morphology.wheels import WheelChoice
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
@@ -59,9 +61,10 @@ class Robot:
         seed: int,
         package_path: Sequence[str | os.PathLike[str]],
         xacro_arguments: Mapping[str, str],
+        wheels: WheelChoice = ANY_WHEELS,
     ) -> None:
         search = [Path(folder) for folder in package_path]
-        self._loaded = load_robot(description, search, xacro_arguments)
+        self._loaded = load_robot(description, search, xacro_arguments, wheels=wheels)
         setup = usual_setup(self._loaded, noise=self._with_noise)
         self._world = build_world(self._loaded, world, seed, setup, visuals=True)
         self._simulation = Simulation(self._world, speed=0.0)
@@ -241,12 +244,13 @@ class Mbot(Robot):
         preset: str = 'mbot',
         controller: str | os.PathLike[str] = '',
     ) -> None:
-        super().__init__(description, world, seed, package_path, xacro_arguments)
         parameters = DiffDriveParameters()
         if controller:
             parameters = read_controller_file(str(controller)).parameters
         if parameters.mode != 'float':
             raise UserError(f"mode: got {parameters.mode!r}, a script drives mode 'float' only")
+        choice = parameters.wheel_choice()
+        super().__init__(description, world, seed, package_path, xacro_arguments, choice)
         self._period = 1.0 / parameters.update_rate
         self._unit = DiffDrive(self._loaded.robot, parameters)
         for note in self._unit.notes:

@@ -20,6 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from robot_description.description import load_robot
+from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.state_publisher_node import StatePublisherNode
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from wasd_core.messages import to_transform
@@ -169,12 +170,14 @@ def build_worlds(
 
 
 def _load(options: RunOptions) -> Description:
+    file = options.drive_file
     return load_robot(
         options.description,
         options.package_path,
         options.xacro_arguments,
         options.strict,
         options.urdfs.get(options.namespace),
+        wheels=file.parameters.wheel_choice() if file is not None else ANY_WHEELS,
     )
 
 

@@ -1,23 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
 """The two driven wheels of a robot, and what other people's descriptions do not say of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 import math
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from wasd_core.robot_io import GRAVITY
+from wasd_core.rotations import IDENTITY
+from wasd_core.rotations import Origin
+from wasd_core.rotations import Pose
+from wasd_core.rotations import rpy_from_matrix
 
+from robot_description.meshes.load import mesh_points
+from robot_description.morphology.vehicles import is_upright
+from robot_description.morphology.vehicles import other_vehicle
 from robot_description.robot import Joint
+from robot_description.robot import Link
 from robot_description.robot import Robot
 from robot_description.robot import Shape
 
-# How exactly an axis has to point along y: exporters write 1.57 for a right angle.
-ALONG = 1.0 - 1e-6
-# Lengths in a description that differ by less than this [m] are meant to be equal.
-TOLERANCE = 1e-6
+# Lengths and angles of a description that differ by no more than this are meant to be equal:
+# CAD rounds to 1 mm and 0.5 degrees on each side, exporters write 1.57 for a right angle.
+OFF_AXLE = 0.002  # [m]
+OFF_AXIS = math.radians(1.0)  # [rad]
+# Wheels of a pair differ by no more than this share of the larger radius; nor is a mesh rounder.
+OFF_RADIUS = 0.1
+# A wheel turns freely, or by more than this [rad]: some exporters know no continuous joint.
+FULL_TURN = 2.0 * math.pi
+# So exactly along the joint's axis a cylinder needs no other in its place.
+EXACT = 1.0 - 1e-6
 # What hangs at most so much higher than the wheels' lowest point [m] is there to touch the floor.
 FLOOR_GAP = 0.003
 # A motor that a description does not speak of: rim speed [m/s], and torque as a multiple of what
@@ -25,60 +40,345 @@ FLOOR_GAP = 0.003
 RIM_SPEED = 1.5
 TORQUE_SHARE = 2.0
 TYRE_FRICTION = 1.0
+# More joints than these are not listed.
+MOST_LISTED = 8
+# Directions about a wheel's axis in which its mesh is measured.
+DIRECTIONS = 16
+# A wheel whose shapes say no width [m].
+USUAL_WIDTH = 0.02
+
+
+class WheelChoice(NamedTuple):
+    """What somebody says of the wheels, left then right: joint names, radius [m]; 0: nothing."""
+
+    names: tuple[str, ...] = ()
+    radius: float = 0.0
+
+
+# Nothing is said: what is found counts.
+ANY_WHEELS = WheelChoice()
+
+
+# Nothing is said: what is found counts.
+ANY_WHEELS = WheelChoice()
+
+
+class Tyre(NamedTuple):
+    """What rolls: middle (3,) in the link [m], radius and width [m]; as it is, or to be put in."""
+
+    centre: np.ndarray
+    radius: float
+    width: float
+    is_exact: bool
 
 
 class DriveWheel(NamedTuple):
-    """A wheel: joint, centre in the root [m], radius [m], sign of its axis along y."""
+    """A wheel: joint, centre in the root [m], radius [m], sign of its axis along y, its tyre."""
 
     joint: Joint
     position: np.ndarray
     radius: float
     direction: int
+    tyre: Tyre
+    mounts: tuple[Joint, ...] = ()
 
 
-def drive_wheels(robot: Robot, names: Sequence[str] = ()) -> list[DriveWheel]:
+class Drive(NamedTuple):
     """
-    Return the driven wheels, left first; not two of them where the robot has no such pair.
+    What was found: two wheels, left first, or none.
 
-    They are round, turn about y on continuous joints that nothing else moves, and sit beside each
-    other on one axle. Of several pairs the larger one drives: casters are smaller. With `names`,
-    only these joints are looked at.
+    `what` is the vehicle that it is instead, where that can be told, `passed` why each joint that
+    might turn a driven wheel turns none; `notes` are what is odd about the two.
     """
-    joints = [joint for joint in robot.movable_joints if not names or joint.name in names]
-    found = [wheel for wheel in (_wheel(robot, joint) for joint in joints) if wheel]
-    pairs = [pair for pair in combinations(found, 2) if _is_axle(*pair)]
-    if pairs:
-        largest = max(pair[0].radius for pair in pairs)
-        pairs = [pair for pair in pairs if pair[0].radius > largest - TOLERANCE]
-    chosen = pairs[0] if len(pairs) == 1 else found
-    return sorted(chosen, key=lambda wheel: -float(wheel.position[1]))
+
+    wheels: tuple[DriveWheel, ...] = ()
+    what: str = ''
+    passed: Mapping[str, str] = MappingProxyType({})
+    notes: tuple[str, ...] = ()
+
+    @property
+    def track(self) -> float:
+        """Distance between the two wheels [m]."""
+        left, right = self.wheels
+        return float(left.position[1] - right.position[1])
+
+    def why_not(self) -> str:
+        """Return why there are no two wheels, in words that go on from the robot's name."""
+        if self.what:
+            return f'is {self.what}; only two driven wheels are simulated'
+        listed = [f'{joint} {why}' for joint, why in self.passed.items()]
+        if len(listed) > MOST_LISTED:
+            listed = [*listed[:MOST_LISTED], f'and {len(listed) - MOST_LISTED} more']
+        found = '; '.join(listed) or 'none of its joints turns freely (continuous)'
+        return f'has no two driven wheels on one axle: {found}'
 
 
-def equip_drive(robot: Robot) -> Robot:
+def find_drive(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
+    """
+    Return the driven wheels of a robot.
+
+    They are round, turn about y on joints that go round, are held by the base, at most on one
+    spring or slide each, and sit beside each other on one axle. Of several pairs the larger one
+    drives: casters are smaller. A choice decides: only its joints are looked at, wherever they
+    are, and its radius is that of what has none.
+    """
+    found: list[DriveWheel] = []
+    passed: dict[str, str] = {}
+    for joint in robot.joints.values():
+        if choice.names and joint.name not in choice.names:
+            continue
+        wheel = _wheel(robot, joint, choice)
+        if isinstance(wheel, DriveWheel):
+            found.append(wheel)
+        elif wheel:
+            passed[joint.name] = wheel
+    found.sort(key=lambda wheel: -float(wheel.position[1]))
+    what = ''
+    if choice.names:
+        pairs = [pair for pair in combinations(found, 2) if _track(*pair) > OFF_AXLE]
+    else:
+        what = other_vehicle(robot, [(wheel.joint, wheel.position) for wheel in found])
+        pairs = [pair for pair in combinations(found, 2) if not _why_no_axle(*pair)]
+    largest = max((max(a.radius, b.radius) for a, b in pairs), default=0.0)
+    pairs = [pair for pair in pairs if _differ(pair[0].radius, largest) <= OFF_RADIUS]
+    if len(pairs) == 1 and not what:
+        return Drive(pairs[0], '', passed, _notes(*pairs[0]))
+    if len(pairs) > 1 and not what:
+        alike = dict.fromkeys(wheel.joint.name for pair in pairs for wheel in pair)
+        what = f'a skid-steer ({", ".join(alike)} are driven alike)'
+    passed |= {wheel.joint.name: _why_alone(wheel, found) for wheel in found}
+    return Drive((), what, passed)
+
+
+def drive_wheels(robot: Robot) -> tuple[DriveWheel, ...]:
+    """Return the driven wheels, left first; none where the robot has no such pair."""
+    return find_drive(robot).wheels
+
+
+def _wheel(robot: Robot, joint: Joint, choice: WheelChoice) -> DriveWheel | str:
+    """Return a joint's wheel, or why it has none; nothing of what nobody would take for one."""
+    turns = joint.kind == 'continuous' or (
+        joint.kind == 'revolute' and joint.upper - joint.lower >= FULL_TURN
+    )
+    if not turns:
+        if not choice.names:
+            return ''
+        return f'is {joint.kind}: a wheel turns freely (continuous)'
+    frame = robot.rest_poses[joint.child]
+    axis = frame.rotation @ joint.axis
+    tilt = math.acos(min(1.0, abs(float(axis[1]))))
+    if tilt > (math.pi / 4 if choice.names else OFF_AXIS):
+        limit = math.degrees(OFF_AXIS)
+        return f'has its axis {math.degrees(tilt):.3g} degrees off y ({limit:g} are taken)'
+    if joint.mimics:
+        return f'mimics {joint.mimics!r}, a driven wheel has a motor of its own'
+    mounts = _moving_above(robot, joint)
+    swivel = next((each for each in mounts if is_upright(robot, each)), None)
+    if swivel is not None:
+        return f'is on {swivel.name!r}, which swivels about z: a caster'
+    if len(mounts) > 1:
+        names = ', '.join(repr(each.name) for each in mounts)
+        return f'is held by {len(mounts)} joints that move ({names}), 1 at most is taken'
+    tyre = _tyre(robot, joint, choice.radius)
+    if isinstance(tyre, str):
+        return tyre
+    position = (frame @ Pose(tyre.centre, np.eye(3))).position
+    return DriveWheel(joint, position, tyre.radius, 1 if axis[1] > 0.0 else -1, tyre, mounts)
+
+
+def _moving_above(robot: Robot, joint: Joint) -> tuple[Joint, ...]:
+    """Return the joints between the root and a joint that are not fixed."""
+    found = []
+    above = robot.parent_joints.get(joint.parent)
+    while above is not None:
+        if above.kind != 'fixed':
+            found.append(above)
+        above = robot.parent_joints.get(above.parent)
+    return tuple(found)
+
+
+def _tyre(robot: Robot, joint: Joint, radius: float) -> Tyre | str:
+    """Return what of a joint's links is round about its axis, or why nothing is."""
+    why = 'has no shape'
+    for link, pose in _carried(robot, joint.child):
+        for shape in (*link.collisions, *link.visuals):
+            tyre = _measure(robot, joint.axis, shape, pose @ shape.pose)
+            if isinstance(tyre, Tyre):
+                own = link.name == joint.child and shape.collides
+                return tyre._replace(is_exact=tyre.is_exact and own)
+            why = tyre
+    return Tyre(np.zeros(3), radius, USUAL_WIDTH, is_exact=False) if radius else why
+
+
+def _carried(robot: Robot, link: str) -> list[tuple[Link, Pose]]:
+    """Return a link and those welded to it, with their poses in it."""
+    found = [(robot.links[link], IDENTITY)]
+    for joint in robot.joints.values():
+        if joint.kind == 'fixed' and joint.parent == link:
+            below = _carried(robot, joint.child)
+            found += [(each, joint.pose @ pose) for each, pose in below]
+    return found
+
+
+def _measure(robot: Robot, axis: np.ndarray, shape: Shape, pose: Pose) -> Tyre | str:
+    """Return a shape at a pose in the wheel's link as a tyre about an axis, or why it is none."""
+    if shape.kind == 'sphere':
+        return Tyre(pose.position, shape.size[0], USUAL_WIDTH, is_exact=True)
+    if shape.kind in ('cylinder', 'capsule'):
+        radius, length = shape.size
+        along = abs(float(pose.rotation[:, 2] @ axis))
+        tilt = math.acos(min(1.0, along))
+        if tilt > OFF_AXIS:
+            return (
+                f'has a {shape.kind} that lies {math.degrees(tilt):.3g} degrees off its axis '
+                f'({math.degrees(OFF_AXIS):g} are taken)'
+            )
+        return Tyre(pose.position, radius, length, shape.kind == 'cylinder' and along > EXACT)
+    points = mesh_points(robot, shape) if shape.kind == 'mesh' else None
+    if points is None:
+        what = f'mesh that is not to be had ({shape.url})' if shape.url else shape.kind
+        return f'has a {what}, nothing round; wheel_radius would say'
+    return _measure_points(axis, points @ pose.rotation.T + pose.position)
+
+
+def _measure_points(axis: np.ndarray, points: np.ndarray) -> Tyre | str:
+    """Return the tyre that points (n, 3) in the wheel's link are, if they are round."""
+    side = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+    side /= np.linalg.norm(side)
+    angles = np.arange(DIRECTIONS) * 2.0 * np.pi / DIRECTIONS
+    ways = np.outer(np.cos(angles), side) + np.outer(np.sin(angles), np.cross(axis, side))
+    reaches = (points @ ways.T).max(axis=0)
+    shortest, longest = float(reaches.min()), float(reaches.max())
+    if _differ(shortest, longest) > OFF_RADIUS:
+        return (
+            f'has a mesh that reaches from {shortest:.3g} to {longest:.3g} m from the axis '
+            f'({100 * OFF_RADIUS:g} % are round)'
+        )
+    along = points @ axis
+    middle = 0.5 * float(along.min() + along.max())
+    return Tyre(middle * axis, longest, float(np.ptp(along)), is_exact=False)
+
+
+def _differ(one: float, other: float) -> float:
+    """Return by which share of the larger one two lengths differ."""
+    return abs(one - other) / max(one, other, 1e-12)
+
+
+def _track(a: DriveWheel, b: DriveWheel) -> float:
+    return abs(float(a.position[1] - b.position[1]))
+
+
+def _why_no_axle(a: DriveWheel, b: DriveWheel) -> str:
+    """Return why two wheels are no pair; nothing where they sit beside each other."""
+    x, y, z = np.abs(a.position - b.position).tolist()
+    limit = f'({1e3 * OFF_AXLE:g} mm are taken)'
+    if x > OFF_AXLE or z > OFF_AXLE:
+        return f'is {1e3 * max(x, z):.3g} mm off the axle of {b.joint.name} {limit}'
+    if y <= OFF_AXLE:
+        return f'is where {b.joint.name} is'
+    if _differ(a.radius, b.radius) > OFF_RADIUS:
+        share = 100.0 * _differ(a.radius, b.radius)
+        return (
+            f'has a radius of {a.radius:g} m, {b.joint.name} one of {b.radius:g} m, '
+            f'{share:.3g} % apart ({100 * OFF_RADIUS:g} % are taken)'
+        )
+    return ''
+
+
+def _why_alone(wheel: DriveWheel, found: Sequence[DriveWheel]) -> str:
+    others = [other for other in found if other is not wheel]
+    if not others:
+        return 'is alone: no second wheel beside it'
+    nearest = min(others, key=lambda other: float(np.hypot(*_off(wheel, other))))
+    return _why_no_axle(wheel, nearest)
+
+
+def _off(a: DriveWheel, b: DriveWheel) -> tuple[float, float]:
+    x, _, z = (a.position - b.position).tolist()
+    return x, z
+
+
+def _notes(a: DriveWheel, b: DriveWheel) -> tuple[str, ...]:
+    """Return what is odd about two wheels."""
+    notes = []
+    if not math.isclose(a.radius, b.radius, rel_tol=1e-6):
+        notes.append(
+            f'wheel radii differ: {a.joint.name} {a.radius:g} m, {b.joint.name} {b.radius:g} m: '
+            'each wheel is driven by its own'
+        )
+    if max(map(abs, _off(a, b))) > OFF_AXLE:
+        notes.append(f'{a.joint.name} {_why_no_axle(a, b)}: driven as if it were on it')
+    for wheel in (a, b):
+        for mount in wheel.mounts:
+            unit = 'm' if mount.kind == 'prismatic' else 'rad'
+            notes.append(
+                f'{mount.name} carries the wheel {wheel.joint.name}: held at '
+                f'{_rest(mount):g} {unit}, its spring is not simulated'
+            )
+    return tuple(notes)
+
+
+def _rest(joint: Joint) -> float:
+    """Return where a joint is held: at 0, or as near as its limits let it [m] or [rad]."""
+    return min(max(0.0, joint.lower), joint.upper)
+
+
+def equip_drive(robot: Robot, drive: Drive) -> Robot:
     """
     Return the robot with what its two driven wheels need and its description leaves out.
 
     It adds motors, tyres with grip, and casters without friction, which are the links that touch
-    the floor beside the wheels. What the description says is kept.
+    the floor beside the wheels. Wheels that are no clean cylinder or ball to collide with get one,
+    and what carries them is held. What the description says is kept.
     """
-    wheels = drive_wheels(robot)
-    if len(wheels) != 2:
+    if not drive.wheels:
         return robot
-    joints, friction = dict(robot.joints), dict(robot.friction)
-    for wheel in wheels:
+    joints, links = dict(robot.joints), dict(robot.links)
+    friction = dict(robot.friction)
+    for wheel in drive.wheels:
         joint = wheel.joint
         torque = 0.5 * TORQUE_SHARE * robot.mass * GRAVITY * wheel.radius
         joints[joint.name] = replace(
             joint,
+            kind='continuous',
+            lower=-math.inf,
+            upper=math.inf,
             effort=joint.effort if joint.effort > 0.0 else torque,
             velocity=joint.velocity if joint.velocity > 0.0 else RIM_SPEED / wheel.radius,
         )
+        joints |= {mount.name: _held(mount) for mount in wheel.mounts}
         friction.setdefault(joint.child, TYRE_FRICTION)
-    floor = min(float(wheel.position[2]) - wheel.radius for wheel in wheels)
+        if not wheel.tyre.is_exact:
+            links[joint.child] = _with_tyre(links[joint.child], joint.axis, wheel.tyre)
+    robot = replace(robot, joints=joints, links=links, friction=friction)
+    floor = min(float(wheel.position[2]) - wheel.radius for wheel in drive.wheels)
     for link in robot.links:
         if lowest_point(robot, link) <= floor + FLOOR_GAP:
             friction.setdefault(link, 0.0)
-    return replace(robot, joints=joints, friction=friction)
+    return robot
+
+
+def _held(joint: Joint) -> Joint:
+    """Return a joint that does not move from where it rests."""
+    pose, rpy = joint.transform(_rest(joint)), joint.pose.rpy
+    if joint.kind != 'prismatic' and _rest(joint) != 0.0:
+        roll, pitch, yaw = rpy_from_matrix(pose.rotation).tolist()
+        rpy = roll, pitch, yaw
+    origin = Origin(pose.position, pose.rotation, rpy)
+    return replace(joint, kind='fixed', pose=origin, lower=-math.inf, upper=math.inf, effort=0.0)
+
+
+def _with_tyre(link: Link, axis: np.ndarray, tyre: Tyre) -> Link:
+    """Return a wheel's link that collides as a cylinder about its axis, and looks as before."""
+    # Its x level in the link, so that roll and yaw have but one meaning.
+    level = np.array([-axis[1], axis[0], 0.0])
+    length = float(np.linalg.norm(level))
+    x = level / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
+    rotation = np.column_stack((x, np.cross(axis, x), axis))
+    roll, pitch, yaw = rpy_from_matrix(rotation).tolist()
+    pose = Origin(tyre.centre, rotation, (roll, pitch, yaw))
+    rolls = Shape('cylinder', (tyre.radius, tyre.width), pose, collides=True)
+    return replace(link, shapes=(*link.visuals, rolls))
 
 
 def lowest_point(robot: Robot, link: str | None = None) -> float:
@@ -111,35 +411,3 @@ def _reach_down(shape: Shape, up: np.ndarray) -> float:
         radius, length = shape.size
         return radius * math.hypot(up[0], up[1]) + 0.5 * length * abs(float(up[2]))
     return -math.inf
-
-
-def _wheel(robot: Robot, joint: Joint) -> DriveWheel | None:
-    axis = robot.rest_poses[joint.child].rotation @ joint.axis
-    if joint.kind != 'continuous' or abs(axis[1]) < ALONG or not _is_held_by_base(robot, joint):
-        return None
-    link = robot.links[joint.child]
-    for shape in (*link.collisions, *link.visuals):
-        is_disc = shape.kind == 'cylinder' and abs(shape.pose.rotation[:, 2] @ joint.axis) > ALONG
-        if is_disc or shape.kind == 'sphere':
-            centre = robot.rest_poses[joint.child] @ shape.pose
-            direction = 1 if axis[1] > 0.0 else -1
-            return DriveWheel(joint, centre.position, shape.size[0], direction)
-    return None
-
-
-def _is_held_by_base(robot: Robot, joint: Joint) -> bool:
-    """Whether nothing moves between the root and the joint, as a caster's swivel does."""
-    above = robot.parent_joints.get(joint.parent)
-    while above is not None:
-        if above.kind != 'fixed':
-            return False
-        above = robot.parent_joints.get(above.parent)
-    return True
-
-
-def _is_axle(a: DriveWheel, b: DriveWheel) -> bool:
-    """Whether two wheels of one size sit beside each other."""
-    x, y, z = np.abs(a.position - b.position).tolist()
-    return bool(
-        abs(a.radius - b.radius) < TOLERANCE and x < TOLERANCE and z < TOLERANCE and y > TOLERANCE
-    )

@@ -22,6 +22,7 @@ from wasd_core.rotations import Origin
 from robot_description.morphology.quadruped import find_imu
 from robot_description.morphology.quadruped import imu_position
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
+from robot_description.morphology.wheels import drive_wheels
 from robot_description.mujoco.geoms import add_geoms
 from robot_description.mujoco.geoms import exclude_all
 from robot_description.mujoco.geoms import exclude_pairs
@@ -270,6 +271,10 @@ def _set_mass(body: mujoco.MjsBody, mass: float, inertia: np.ndarray, frame: Ori
     body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
 
 
+def _other_cure(robot: Robot) -> str:
+    return ', or drive it without physics: wasd mbot --mode fake' * bool(drive_wheels(robot))
+
+
 def _virtual_links(robot: Robot) -> set[str]:
     """
     Return the links that move without a mass of their own, with one further out.
@@ -296,7 +301,7 @@ def _virtual_links(robot: Robot) -> set[str]:
             has = f'a mass of {beyond[link]:g} kg' if beyond[link] else 'no mass'
             raise DescriptionError(
                 f'link {link!r} moves{by} but has {has}: '
-                'give it an <inertial> with <mass> and <inertia>'
+                f'give it an <inertial> with <mass> and <inertia>{_other_cure(robot)}'
             )
         virtual.add(link)
     return virtual
