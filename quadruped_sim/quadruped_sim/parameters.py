@@ -7,6 +7,7 @@ the units that stand here.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from wasd_core.parameters import group
 from wasd_core.parameters import InvalidParameter
@@ -14,10 +15,32 @@ from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
 
+class GaitRow(NamedTuple):
+    """
+    When in a period each foot begins to stand, FL FR RL RR.
+
+    `longer` is the share of the period that it stands beyond what the parameters say.
+    """
+
+    offsets: tuple[float, float, float, float]
+    longer: float = 0.0
+
+
+# A row is a gait that can be chosen.
+GAITS = {
+    'trot': GaitRow((0.0, 0.5, 0.5, 0.0)),  # diagonal pairs together
+    'walk': GaitRow((0.0, 0.5, 0.75, 0.25), longer=0.25),  # one foot after the other
+}
+DUTY_MAX = 0.95
+
+
 @dataclass(frozen=True, kw_only=True)
 class GaitParameters(Parameters):
-    """Trot timing: period and duty run linearly from the slow to the fast value over speed."""
+    """Which foot steps when: period and duty run from the slow to the fast value over speed."""
 
+    name: str = parameter(
+        'trot', name='gait', choices=GAITS, doc='Order in which the feet step', read_only=True
+    )
     slow_period: float = parameter(
         0.45,
         above=0.0,
@@ -26,10 +49,16 @@ class GaitParameters(Parameters):
     )
     fast_period: float = parameter(0.28, above=0.0, unit='s', doc='Gait period from fast_speed on')
     slow_duty: float = parameter(
-        0.55, above=0.0, maximum=0.95, doc='Share of the period a foot stands, up to slow_speed'
+        0.55,
+        above=0.0,
+        maximum=DUTY_MAX,
+        doc='Share of the period a foot stands, up to slow_speed',
     )
     fast_duty: float = parameter(
-        0.35, above=0.0, maximum=0.95, doc='Share of the period a foot stands, from fast_speed on'
+        0.35,
+        above=0.0,
+        maximum=DUTY_MAX,
+        doc='Share of the period a foot stands, from fast_speed on',
     )
     slow_speed: float = parameter(
         0.4, minimum=0.0, unit='m/s', doc='Commanded speed below which the gait is the slow one'

@@ -94,6 +94,26 @@ def test_the_same_seed_and_calls_are_the_run_of_the_command(wasd: Any):
     assert positions == there
 
 
+@pytest.mark.slow
+def test_the_go2_walks_one_foot_after_the_other():
+    import wasd
+
+    dog = wasd.Go2(gait='walk')
+    for key in '25':
+        dog.press(key)
+        dog.run(1.5)
+    dog.drive(0.5)
+    dog.run(1.0)
+    start = dog.truth.position[0]
+    feet = []
+    for _ in range(40):
+        dog.run(0.05)
+        feet.append(dog._controller.locomotion.is_stance.sum())
+    assert (dog.truth.position[0] - start) / 2.0 == pytest.approx(0.5, rel=0.1)
+    assert dog.state == 'move base'
+    assert min(feet) >= 3
+
+
 def test_what_is_not_legal_says_why():
     import wasd
 

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
+import pytest
 from quadruped_sim.locomotion.gait import Gait
-from quadruped_sim.locomotion.gait import GAITS
 from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.parameters import GaitRow
+from quadruped_sim.parameters import GAITS
+from quadruped_sim.parameters import LegControllerParameters
+from wasd_bringup.cli import make_parser
+from wasd_core.parameters import InvalidParameter
 
 DT = 0.002
 
@@ -68,19 +73,36 @@ def test_forecast_is_what_happens():
         np.testing.assert_allclose(phase[row][stands], state.phase[stands], atol=1e-9)
 
 
-def test_a_row_of_offsets_is_a_gait(monkeypatch):
-    """In a walk one foot after the other begins to stand, a quarter of a period apart."""
-    monkeypatch.setitem(GAITS, 'walk', (0.0, 0.5, 0.75, 0.25))
-    params = GaitParameters(slow_period=0.8, slow_duty=0.75)
-    states = run(Gait(params, 'walk'), 3 * params.slow_period)
+def test_in_a_walk_one_foot_after_the_other_begins_to_stand():
+    params = GaitParameters(name='walk', slow_period=0.8, slow_duty=0.5)
+    states = run(Gait(params), 3 * params.slow_period)
     stance = np.array([state.is_stance for state in states])
     assert (stance.sum(axis=1) == 3).mean() > 0.98
     rises = [
         DT * (1 + np.flatnonzero(~before & after))
         for before, after in zip(stance[:-1].T, stance[1:].T, strict=True)
     ]
-    for touches, offset in zip(rises, GAITS['walk'], strict=True):
+    for touches, offset in zip(rises, GAITS['walk'].offsets, strict=True):
         np.testing.assert_allclose(
             (touches / params.slow_period + offset + 0.005) % 1.0, 0.005, atol=0.006
         )
     assert states[-1].stance_time == 0.75 * 0.8
+
+
+def test_a_walk_stops_on_four_feet_too():
+    gait = Gait(GaitParameters(name='walk'))
+    run(gait, 1.03)
+    states = run(gait, 1.0, wants=False)
+    assert states[-1].is_stance.all()
+    assert not gait.is_stepping
+
+
+def test_a_row_is_a_gait_that_can_be_chosen(monkeypatch):
+    with pytest.raises(InvalidParameter, match='gait must be one of trot, walk, got .pace.'):
+        GaitParameters().changed({'gait': 'pace'})
+    monkeypatch.setitem(GAITS, 'pace', GaitRow((0.0, 0.5, 0.0, 0.5)))
+    params = LegControllerParameters().changed({'gait': 'pace'})
+    for state in run(Gait(params.gait), 2.0):
+        assert state.is_stance[0] == state.is_stance[2]
+        assert state.is_stance[1] == state.is_stance[3]
+    assert make_parser().parse_args(['go2', '--gait', 'pace']).gait == 'pace'

@@ -72,9 +72,9 @@ def test_no_parameter_has_two_names():
         (place.group, place.field.name) for place in known_parameters(LegNodeParameters).values()
     ]
     assert len(set(inner)) == len(NAMES)
-    # Only these two are called other than their group and field.
+    # Only these three are called other than their group and field.
     short = {name for name in TUNING if '.' not in name}
-    assert short == {'limits', 'step_in_place'}
+    assert short == {'gait', 'limits', 'step_in_place'}
 
 
 def test_a_value_that_is_given_is_the_controllers(make, trot):

@@ -27,7 +27,8 @@ CONTROL_RATE = LegNodeParameters().update_rate
 def generate_launch_description():
     """Return the arguments and the nodes: simulator, controller, frames, keyboard, RViz."""
     robot = ParameterValue(LaunchConfiguration('description'), value_type=str)
-    asked = {name: parameter_value(LegNodeParameters, name) for name in ('estimator', 'limits')}
+    names = ('estimator', 'limits', 'gait')
+    asked = {name: parameter_value(LegNodeParameters, name) for name in names}
     return LaunchDescription(
         [
             *robot_arguments(GO2),

@@ -21,6 +21,7 @@ import numpy as np
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import CommandParameters
+from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import LegOdometry
@@ -136,7 +137,8 @@ class Go2(Robot):
     A Unitree Go2, or any quadruped, with its leg controller: keys 2 stand, 4 trot, 5 move base.
 
     `drive` commands a velocity in the state move base. `estimator` is `kalman` (IMU with noise
-    and legs) or `truth`; `limits` is `sport` or `guide`, what full stick means.
+    and legs) or `truth`; `limits` is `sport` or `guide`, what full stick means; `gait`
+    is the order in which the feet step.
 
     Raises:
         UserError: what is wrong with the description, the world or an option, in one line.
@@ -152,10 +154,13 @@ class Go2(Robot):
         xacro_arguments: Mapping[str, str] = MappingProxyType({}),
         estimator: str = 'kalman',
         limits: str = 'sport',
+        gait: str = 'trot',
     ) -> None:
         self._with_noise = estimator == 'kalman'
         super().__init__(description, world, seed, package_path, xacro_arguments)
-        parameters = LegControllerParameters(command=CommandParameters(limits=limits))
+        parameters = LegControllerParameters(
+            command=CommandParameters(limits=limits), gait=GaitParameters(name=gait)
+        )
         model = RobotModel(self._loaded)
         self._controller = LegController(model, parameters, estimator)
         for note in self._controller.notes:

@@ -190,7 +190,7 @@ def _make_legs(loaded: Description, world: World, options: RunOptions) -> LegCon
     Raises:
         RobotModelError: the description is no quadruped that can be walked; says which file.
     """
-    names = ('description', 'estimator', 'limits', 'controller')
+    names = ('description', 'estimator', 'limits', 'gait', 'controller')
     given = {name: getattr(options, name) for name in names}
     overrides = [Parameter(name, value=str(value)) for name, value in given.items() if value]
     if world.prefix:

@@ -71,6 +71,7 @@ class RunOptions:
     discovery: str | None = None
     estimator: str = 'kalman'
     limits: str | None = None
+    gait: str | None = None
     mode: str | None = None
     controller: Path | None = None
     interactive: bool = False
@@ -186,6 +187,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         discovery=arguments.discovery,
         estimator=getattr(arguments, 'estimator', 'kalman'),
         limits=getattr(arguments, 'limits', None),
+        gait=getattr(arguments, 'gait', None),
         mode=getattr(arguments, 'mode', None),
         controller=_file(getattr(arguments, 'controller', None), '--controller'),
     )

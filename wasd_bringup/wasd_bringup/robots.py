@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from quadruped_sim.keys import STICK_KEYS
+from quadruped_sim.parameters import GAITS
 from teleop_keyboard.key_names import on_layout
 from teleop_keyboard.keymap_file import load_preset
 
@@ -40,6 +41,11 @@ def add_legged_options(parser: Parser) -> None:
         choices=('kalman', 'truth'),
         default='kalman',
         help='what feeds the controller: IMU and legs (default), or the simulator without noise',
+    )
+    parser.add_argument(
+        '--gait',
+        choices=GAITS,
+        help='trot: diagonal pairs (default); walk: one foot after the other',
     )
     parser.add_argument(
         '--limits',

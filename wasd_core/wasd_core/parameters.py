@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters as validated data: one frozen definition that code, nodes and documents share."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 import dataclasses
 import math
 from typing import Any, NamedTuple, Self
@@ -23,7 +23,7 @@ def parameter(
     below: float | None = None,
     minimum: float | None = None,
     maximum: float | None = None,
-    choices: tuple[str, ...] = (),
+    choices: Collection[str] = (),
     read_only: bool = False,
     name: str = '',
     nan: str = '',

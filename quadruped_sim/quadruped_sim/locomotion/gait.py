@@ -5,12 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadruped_sim.parameters import DUTY_MAX
 from quadruped_sim.parameters import GaitParameters
-
-# When in a period each foot begins to stand, FL FR RL RR; a row is a gait.
-GAITS = {
-    'trot': (0.0, 0.5, 0.5, 0.0),  # diagonal pairs together
-}
+from quadruped_sim.parameters import GAITS
 
 
 class GaitState(NamedTuple):
@@ -29,22 +26,20 @@ class GaitState(NamedTuple):
 
 class Gait:
     """
-    Gait of `GAITS` whose period and duty follow the speed; stands still when it may.
+    Gait whose period and duty follow the speed; stands still when it may.
 
     State: one phase in [0, 1) for all legs and whether the legs move. `step(dt, ...)` advances it.
     """
 
-    def __init__(self, params: GaitParameters, name: str = 'trot') -> None:
+    def __init__(self, params: GaitParameters) -> None:
         self.params = params
-        self._offsets = np.array(GAITS[name])
         self.reset()
 
     def reset(self) -> None:
         """Stand on four feet; the first step of a trot will lift FR and RL."""
         self._phase = 0.0
         self.is_stepping = False
-        self._period = self.params.slow_period
-        self._duty = self.params.slow_duty
+        self._follow(speed=0.0)
 
     def step(self, dt: float, speed: float, wants_steps: bool) -> GaitState:
         """
@@ -67,7 +62,10 @@ class Gait:
         span = max(params.fast_speed - params.slow_speed, 1e-6)
         share = min(max((speed - params.slow_speed) / span, 0.0), 1.0)
         self._period = params.slow_period + share * (params.fast_period - params.slow_period)
-        self._duty = params.slow_duty + share * (params.fast_duty - params.slow_duty)
+        duty = params.slow_duty + share * (params.fast_duty - params.slow_duty)
+        row = GAITS[params.name]
+        self._duty = min(duty + row.longer, DUTY_MAX)
+        self._offsets = np.array(row.offsets)
 
     def _leg_phases(self, phase: float) -> np.ndarray:
         return np.asarray((phase + self._offsets) % 1.0)

@@ -104,6 +104,7 @@ def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict
         'seed': options.seed,
         'estimator': options.estimator,
         'limits': options.limits,
+        'gait': options.gait,
         'mode': options.mode,
         'controller': None if controller is None else str(controller.resolve()),
         'pushes': [push_text(push) for push in options.pushes],
@@ -132,6 +133,7 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
             seed=known['seed'],
             estimator=known['estimator'],
             limits=known['limits'],
+            gait=known.get('gait'),  # older recordings have none
             mode=known['mode'],
             controller=None if controller is None else Path(controller),
             pushes=tuple(map(parse_push, known['pushes'])),
