@@ -188,7 +188,18 @@ def test_a_folder_is_no_file(tmp_path):
         ('<xacro:wheel/>', 'unknown macro name: xacro:wheel'),
         ('<link name="${1/0}"/>', 'division by zero'),
         ('<link name="${nope}"/>', 'nope'),
-        ('<link name="$(arg nope)"/>', 'Undefined substitution argument nope'),
+        (
+            '<link name="$(arg nope)"/>',
+            "the argument 'nope' has no value; give it: --xacro-arg nope:=",
+        ),
+        (
+            '<xacro:if value="$(arg no)"/>',
+            "1: the argument 'no' has no value; give it: --xacro-arg no:=false",
+        ),
+        (
+            '<a b="${xacro.arg(\'nope\')}"/>',
+            "'nope' has no value; give it: --xacro-arg nope:=VALUE",
+        ),
         ('<xacro:include filename="nope.xacro"/>', 'nope.xacro'),
         ('<link>', '1: not well-formed XML: mismatched tag'),
     ],

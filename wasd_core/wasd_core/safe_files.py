@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that strangers wrote: of a bounded size, XML whose elements know their line."""
 
+import errno
 import os
 from pathlib import Path
 import stat
@@ -103,7 +104,8 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
     except IsADirectoryError:
         raise DescriptionError(f'{path}: is a folder, wanted a file') from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = one_line(error)
+        is_circle = isinstance(error, OSError) and error.errno == errno.ELOOP
+        reason = 'leads nowhere (a circle of links?)' if is_circle else one_line(error)
         raise DescriptionError(f'{path}: {reason}') from None
     if not is_file:
         raise DescriptionError(f'{path}: is a device or pipe, wanted a file')

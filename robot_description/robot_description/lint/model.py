@@ -7,7 +7,6 @@ from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 import re
-from typing import Any
 import xml.parsers.expat
 
 import numpy as np
@@ -15,7 +14,6 @@ from wasd_core.rotations import IDENTITY
 from wasd_core.rotations import Pose
 from wasd_core.rotations import rpy_matrix
 from wasd_core.safe_files import Place
-from wasd_core.safe_files import place_of
 
 from robot_description.robot import MOVABLE
 from robot_description.xacro.expand import Expansion
@@ -166,18 +164,15 @@ class Element:
         return Pose(self.numbers('origin', 'xyz', '0 0 0'), rpy_matrix(roll, pitch, yaw))
 
 
-def _to_element(node: Any, file: Path) -> Element:
-    """Return a DOM element and what is in it; `file` where no place is known."""
-    children = tuple(
-        _to_element(child, file)
-        for child in node.childNodes
-        if child.nodeType == child.ELEMENT_NODE
-    )
-    texts = (child.data for child in node.childNodes if child.nodeType == child.TEXT_NODE)
-    place = place_of(node) or Place(file, 1)
-    return Element(
-        node.tagName, dict(node.attributes.items()), ''.join(texts).strip(), children, place
-    )
+def _to_element(expansion: Expansion) -> Element:
+    """Return the root of an expansion with all that is in it."""
+    children: list[list[Element]] = [[] for _ in expansion.nodes]
+    for index, node in reversed(list(enumerate(expansion.nodes))):
+        within = tuple(reversed(children[index]))
+        root = Element(node.tag, node.attributes, node.text, within, node.place)
+        if node.parent >= 0:
+            children[node.parent].append(root)
+    return root
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,5 +250,4 @@ def make_model(
     expected_joints: Sequence[str] = (),
 ) -> Model:
     """Return what a file expanded to, ready to be looked at."""
-    robot = _to_element(expansion.document.documentElement, path)
-    return Model(robot, path, tuple(search), tuple(expected_joints))
+    return Model(_to_element(expansion), path, tuple(search), tuple(expected_joints))

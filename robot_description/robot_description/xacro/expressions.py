@@ -1,187 +1,98 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Xacro's expressions, evaluated so that a file can neither run programs nor eat the machine."""
+"""
+Xacro's expressions, evaluated so that a file reaches nothing but its own values.
+
+Time and memory are the affair of `bounded`.
+"""
 
 import ast
-from collections.abc import Iterable, Iterator
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-import re
+import string
 from types import CodeType
 from typing import Any
 
 from wasd_core.errors import DescriptionError
 
-# What all expressions of a description may do together: calls, and items of their loops.
-MOST_STEPS = 200_000
-# Bits of a power, characters and items of a repetition, sizes given to `range` and its like.
-LARGEST_SIZE = 10_000
-SIZED_BY_ARGUMENT = frozenset(
-    ('range', 'ljust', 'rjust', 'center', 'zfill', 'expandtabs', 'format')
-    + ('factorial', 'comb', 'perm', 'ldexp')
-)
-# Ways around the check of names: into the interpreter's frames, or by a name in a text.
-FORBIDDEN = frozenset(
-    ('vars', 'type', 'mro', 'format_map', 'gi_frame', 'gi_code')
-    + ('f_back', 'f_globals', 'f_locals', 'f_builtins')
-)
+# Whose public attributes are about themselves alone, xacro's tables and YAML being dictionaries.
+VALUES = (str, bytes, int, float, complex, list, tuple, dict, set, frozenset, range)
+FORMATS = ('format', 'format_map')
+# What expressions call for each `a.b`; two underscores begin no name that a file may use.
+ATTRIBUTE = '__attribute'
 
 
-class Evaluator:
-    """Evaluates the expressions of one description; their steps are counted over all of them."""
+def evaluate(text: str, names: dict[str, Any], local_names: Any = None) -> Any:
+    """
+    Return the value of a Python expression in which only `names` are known.
 
-    def __init__(self) -> None:
-        self._steps = 0
-        self._guards = {
-            '__power': self._power,
-            '__plus': self._plus,
-            '__times': self._times,
-            '__shift': self._shift,
-            '__mod': self._mod,
-            '__call': self._call,
-            '__loop': self._loop,
-            '__text': self._text,
-        }
-
-    def evaluate(self, text: str, names: dict[str, Any], local_names: Any = None) -> Any:
-        """
-        Return the value of a Python expression in which only `names` are known.
-
-        Raises:
-            DescriptionError: it uses what leads out of the expression, or grows too large.
-            Exception: whatever Python says about the expression.
-        """
-        code = _compile(text.strip())
-        dict.__setitem__(names, '__builtins__', self._guards)  # past xacro's own table
-        return eval(code, names, local_names)
-
-    def evaluate_substitution(self, text: str, _: Any, local_names: Any) -> Any:
-        """Return the value of `$(eval text)`; `local_names` has arguments and functions."""
-        return self.evaluate(text, {}, local_names)
-
-    def _step(self) -> None:
-        self._steps += 1
-        if self._steps > MOST_STEPS:
-            raise _too_large(f'more than {MOST_STEPS} steps')
-
-    def _loop(self, items: Iterable[Any]) -> Iterator[Any]:
-        for item in items:
-            self._step()
-            yield item
-
-    def _call(self, function: Any, *arguments: Any, **named: Any) -> Any:
-        self._step()
-        name = getattr(function, '__name__', '')
-        if name in SIZED_BY_ARGUMENT:
-            for argument in (*arguments, *named.values()):
-                if isinstance(argument, int):
-                    _limit(abs(argument), name)
-        if name == 'format':
-            _limit_widths(str(getattr(function, '__self__', '')))
-        return _checked(function(*arguments, **named))
-
-    def _power(self, base: Any, exponent: Any) -> Any:
-        if isinstance(base, int) and isinstance(exponent, int) and exponent > 0:
-            _limit(base.bit_length() * exponent, 'a power')
-        return base**exponent
-
-    def _shift(self, number: Any, bits: Any) -> Any:
-        if isinstance(bits, int):
-            _limit(bits, 'a shift')
-        return number << bits
-
-    def _times(self, left: Any, right: Any) -> Any:
-        for sequence, count in ((left, right), (right, left)):
-            if isinstance(sequence, str | list | tuple) and isinstance(count, int):
-                _limit(len(sequence) * count, 'a repetition')
-        return left * right
-
-    def _plus(self, left: Any, right: Any) -> Any:
-        return _checked(left + right)
-
-    def _text(self, text: str) -> Any:
-        return _checked(text)
-
-    def _mod(self, left: Any, right: Any) -> Any:
-        if isinstance(left, str):
-            _limit_widths(left)
-        return left % right
+    Raises:
+        DescriptionError: it uses what leads out of the expression.
+        Exception: whatever Python says about the expression.
+    """
+    code = _compile(text.strip())
+    dict.__setitem__(names, '__builtins__', {ATTRIBUTE: _attribute})  # past xacro's own table
+    return eval(code, names, local_names)
 
 
-def _limit(size: float, what: str) -> None:
-    if size > LARGEST_SIZE:
-        raise _too_large(what)
-
-
-def _checked(value: Any) -> Any:
-    if isinstance(value, str | list | tuple):
-        _limit(len(value), 'a text or list')
-    return value
-
-
-def _limit_widths(template: str) -> None:
-    if re.search(r'\d{4}|\*', template):
-        raise _too_large('a format')
-
-
-def _too_large(what: str) -> DescriptionError:
-    return DescriptionError(f'the expression grows too large: {what}')
+def evaluate_substitution(text: str, _: Any, local_names: Any) -> Any:
+    """Return the value of `$(eval text)`; `local_names` has arguments and functions."""
+    return evaluate(text, {}, local_names)
 
 
 @lru_cache(maxsize=1024)
 def _compile(text: str) -> CodeType:
     tree = ast.parse(text, '<expression>', 'eval')
-    called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
     for node in ast.walk(tree):
-        _check(node, id(node) in called)
+        if isinstance(node, ast.Name) and node.id.startswith('__'):
+            raise _refused(node.id)
+        if isinstance(node, ast.Attribute) and not isinstance(node.ctx, ast.Load):
+            raise _refused(node.attr)
     return compile(ast.fix_missing_locations(_Guarded().visit(tree)), '<expression>', 'eval')
 
 
-def _check(node: ast.AST, is_called: bool) -> None:
-    name = getattr(node, 'id', None) or getattr(node, 'attr', None) or getattr(node, 'arg', None)
-    if not isinstance(name, str):
-        name = ''
-    # What is sized by an argument must be called in sight, not by `map`.
-    hidden = name in SIZED_BY_ARGUMENT and not is_called
-    if name.startswith('__') or name in FORBIDDEN or hidden:
-        raise DescriptionError(f'{name!r} cannot be used in an expression')
-    if isinstance(node, ast.FormattedValue) and node.format_spec is not None:
-        _limit_widths(ast.unparse(node.format_spec).replace('{', '*'))  # {} is a width unseen
-
-
 class _Guarded(ast.NodeTransformer):
-    """Turns what can take long or grow large into calls of the evaluator's guards."""
-
-    OPERATORS = {
-        ast.Add: '__plus',
-        ast.LShift: '__shift',
-        ast.Mod: '__mod',
-        ast.Mult: '__times',
-        ast.Pow: '__power',
-    }
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:  # noqa: N802
-        """Replace `a ** b` by `__power(a, b)` and so on."""
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:  # noqa: N802
+        """Replace `a.b` by `__attribute(a, 'b')`."""
         self.generic_visit(node)
-        guard = self.OPERATORS.get(type(node.op))
-        return _guard(guard, node.left, node.right) if guard else node
-
-    def visit_Call(self, node: ast.Call) -> ast.AST:  # noqa: N802
-        """Replace `f(x)` by `__call(f, x)`."""
-        self.generic_visit(node)
-        call = _guard('__call', node.func, *node.args)
-        call.keywords = node.keywords
-        return call
-
-    def visit_JoinedStr(self, node: ast.JoinedStr) -> ast.AST:  # noqa: N802
-        """Replace an f-string by `__text(f-string)`."""
-        self.generic_visit(node)
-        return _guard('__text', node)
-
-    def visit_comprehension(self, node: ast.comprehension) -> ast.AST:
-        """Replace `for x in y` by `for x in __loop(y)`."""
-        self.generic_visit(node)
-        node.iter = _guard('__loop', node.iter)
-        return node
+        function = ast.Name(ATTRIBUTE, ast.Load())
+        return ast.Call(function, [node.value, ast.Constant(node.attr)], [])
 
 
-def _guard(name: str, *arguments: ast.expr) -> ast.Call:
-    return ast.Call(ast.Name(name, ast.Load()), list(arguments), [])
+def _attribute(value: Any, name: str) -> Any:
+    """
+    Return an attribute of a plain value, or of a type of them.
+
+    Functions, generators and classes have attributes that lead into the interpreter, and so have
+    the fields of a format.
+    """
+    is_type = any(value is kind for kind in VALUES)
+    is_formatted = name in FORMATS
+    if name.startswith('_') or not (is_type or isinstance(value, VALUES)):
+        raise _refused(name)
+    if is_formatted and is_type:
+        raise _refused(name)
+    if is_formatted and isinstance(value, str):
+        return _Formatter(value).call if name == 'format' else _Formatter(value).call_map
+    return getattr(value, name)
+
+
+class _Formatter(string.Formatter):
+    """`str.format` whose fields name values and their items, but no attributes."""
+
+    def __init__(self, template: str) -> None:
+        self._template = template
+
+    def call(self, *arguments: Any, **named: Any) -> str:
+        return self.vformat(self._template, arguments, named)
+
+    def call_map(self, named: Mapping[str, Any]) -> str:
+        return self.vformat(self._template, (), named)
+
+    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        if '.' in field_name:
+            raise _refused(field_name)
+        return super().get_field(field_name, args, kwargs)
+
+
+def _refused(name: str) -> DescriptionError:
+    return DescriptionError(f'{name!r} cannot be used in an expression')

@@ -1,0 +1,279 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happens to a xacro file in the bounded process: xacro with our functions in it."""
+
+from collections.abc import Callable, Iterator, Mapping
+import contextlib
+import glob
+import io
+import os
+from pathlib import Path
+import sys
+from types import SimpleNamespace
+from typing import Any
+from xml.dom import minidom
+
+from wasd_core.errors import DescriptionError
+from wasd_core.parameter_file import read_yaml
+from wasd_core.safe_files import check_xml
+from wasd_core.safe_files import LocatedError
+from wasd_core.safe_files import parse_with_places
+from wasd_core.safe_files import Place
+from wasd_core.safe_files import place_of
+from wasd_core.safe_files import read_file
+import xacro
+from xacro import substitution_args
+
+from robot_description.packages import AllowedPaths
+from robot_description.xacro.bounded import MEMORY
+from robot_description.xacro.documents import describe_document
+from robot_description.xacro.documents import listed
+from robot_description.xacro.expressions import evaluate
+from robot_description.xacro.expressions import evaluate_substitution
+from robot_description.xacro.formats import check_format
+
+LONGEST_REASON = 300
+LONGEST_NOTE = 200
+LONGEST_NAME = 60
+# From how many on it is macros that are nested too deep.
+MANY_MACROS = 50
+# Frames of Python; a macro within a macro takes about ten.
+FRAMES = 6000
+CONDITIONS = ('xacro:if', 'xacro:unless')
+
+
+def process(job: Mapping[str, Any], note: Callable[[Any], None]) -> dict[str, Any]:
+    """
+    Return what a job comes to: `urdf`, `nodes`, `warnings`, or an `error`; and `sources`.
+
+    The job has `path`, `arguments`, `search` and `texts`, files that are read in place of those of
+    the name; `note` is told the place that is evaluated, and the text there. Bytes are written
+    as Latin-1, places as lists.
+    """
+    processor = Processor(job, note)
+    try:
+        answer = describe_document(processor.run(), processor.path)
+        answer['warnings'] = [(listed(place), text) for place, text in processor.warnings]
+    except Exception as error:  # xacro raises a dozen unrelated types
+        answer = {'error': processor.located(error)}
+    sources = {str(path): data.decode('latin-1') for path, data in processor.read.items()}
+    return {**answer, 'sources': sources}
+
+
+class _Arguments(dict[str, str]):
+    """Xacro arguments that remember which of them the file asked for."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.asked: set[str] = set()
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.asked.add(name)
+        return super().__getitem__(name)
+
+
+class Processor:
+    """
+    Runs xacro on one file; `warnings` are what it had to say, with places, `read` what it read.
+
+    Xacro asks ament_index_python for packages, opens any file, evaluates anything Python can and
+    does not know line numbers; here it does none of this.
+    """
+
+    def __init__(self, job: Mapping[str, Any], note: Callable[[Any], None]) -> None:
+        self.warnings: list[tuple[Place | None, str]] = []
+        self.read: dict[Path, bytes] = {}
+        self.path = Path(job['path'])
+        self._note = note
+        self._texts = {Path(path): text.encode('latin-1') for path, text in job['texts'].items()}
+        self._arguments = _Arguments(job['arguments'])
+        self._search = [Path(folder) for folder in job['search']]
+        # What is being processed: elements around elements; and the tag looked at last.
+        self._stack: list[Any] = []
+        self._detail: Any = None
+        self._eval_all = xacro.eval_all
+        self._eval_text = xacro.eval_text
+        self._handle_macro_call = xacro.handle_macro_call
+        self._check_attributes = xacro.check_attrs
+
+    def run(self) -> minidom.Document:
+        """Return the expanded document, whose elements know their places."""
+        self._allowed = AllowedPaths(self.path, self._search)
+        self._furnish()
+        document: minidom.Document = xacro.process_file(str(self.path), mappings=self._arguments)
+        for name in sorted(set(self._arguments) - self._arguments.asked):
+            known = ', '.join(sorted(self._arguments.asked)) or 'none'
+            self.warnings.append((None, f'no argument {name!r} here; it has: {known}'))
+        return document
+
+    def located(self, error: Exception) -> dict[str, Any]:
+        """Return an error: its `place`, where xacro was, `reason`, the line it came `via`."""
+        place = self._failed_at
+        if isinstance(error, LocatedError):  # in a file that was to be included there
+            return {
+                'place': listed(error.place), 'reason': error.reason, 'via': listed(place),
+            }  # fmt: skip
+        if place is None and isinstance(error, DescriptionError):  # the file itself
+            return {'place': None, 'reason': str(error), 'via': None}
+        place = place or Place(self.path, 1)
+        via = self._called_from if place.file != self.path else None
+        reason = self._reason(error)
+        return {'place': listed(place), 'reason': reason, 'via': listed(via)}
+
+    def _reason(self, error: BaseException) -> str:
+        """Return what went wrong in one line, without the layers that xacro wraps around it."""
+        cause, suffix = _unwrapped(error)
+        here = self._detail or self._stack[-1] if self._stack else None
+        if isinstance(cause, substitution_args.ArgException):
+            value = 'false' if here is not None and here.tagName in CONDITIONS else 'VALUE'
+            name = str(cause)[:LONGEST_NAME]
+            return f'the argument {name!r} has no value; give it: --xacro-arg {name}:={value}'
+        if isinstance(cause, RecursionError):
+            depth = len(xacro.macrostack or ())
+            if depth < MANY_MACROS:
+                return 'nested too deep'
+            name = xacro.macrostack[-1].body.getAttribute('name')
+            return f'macros call each other without end: xacro:{name} more than {depth} deep'
+        text = str(cause)
+        if isinstance(cause, MemoryError):
+            text = f'expanding {self.path.name} took more than {MEMORY / 1e6:g} MB'
+        text = ' '.join(f'{text} {suffix}'.replace('(<expression>, line 1)', '').split())
+        text = text or type(cause).__name__
+        return text if len(text) <= LONGEST_REASON else f'{text[:LONGEST_REASON]} ...'
+
+    @property
+    def _failed_at(self) -> Place | None:
+        """Where xacro was."""
+        return place_of(self._detail or (self._stack[-1] if self._stack else None))
+
+    @property
+    def _called_from(self) -> Place | None:
+        """Where in the given file it had come from."""
+        places = (place_of(node) for node in reversed(self._stack))
+        return next((place for place in places if place and place.file == self.path), None)
+
+    def _furnish(self) -> None:
+        """Put our functions in place of xacro's; both names of `find` are asked."""
+        vars(xacro).update(
+            parse=self._parse,
+            open=self._open,
+            glob=SimpleNamespace(glob=self._glob),
+            safe_eval=evaluate,
+            eval_all=self._visit,
+            eval_text=self._evaluate,
+            handle_macro_call=self._call_macro,
+            check_attrs=self._look_at,
+            warning=self._warn,
+            print_location=lambda: None,
+            root_dir=os.curdir,
+        )
+        vars(substitution_args).update(
+            _eval_find=self._find, _eval_dirname=self._folder, eval=evaluate_substitution
+        )
+        substitution_args._eval_dict['find'] = self._find
+        xacro.substitution_args_context['filename'] = str(self.path)
+        functions = xacro._global_symbols['xacro']
+        functions.update(dict.fromkeys(('message', 'warning', 'error'), self._say), arg=_argument)
+        python = xacro._global_symbols['python']
+        python.update(type=lambda value: type(value))  # of three arguments it makes types
+        dict.pop(python, 'vars')  # all attributes at once
+        sys.setrecursionlimit(max(sys.getrecursionlimit(), FRAMES))
+
+    def _find(self, package: str) -> str:
+        return str(self._allowed.package(package))
+
+    def _folder(self, _: str) -> str:
+        return str(os.path.dirname(os.path.abspath(xacro.filestack[-1])))
+
+    def _parse(self, _: None, filename: str) -> minidom.Document:
+        """Stand in for xacro.parse, which opens what it is told to."""
+        path = Path(filename)
+        if len(xacro.filestack) > 1:
+            self._check_include(path)
+        data = self._texts[path] if path in self._texts else read_file(path)
+        check_format(data, path)
+        check_xml(data, path)
+        self.read[path] = data
+        return parse_with_places(data, path)
+
+    def _check_include(self, path: Path) -> None:
+        self._allowed.check(path)
+        if not os.path.lexists(path):
+            xacro.filestack.pop()  # as xacro does: the caller of an optional include relies on it
+            missing = FileNotFoundError(f'{path}: no such file')
+            raise xacro.XacroException(exc=missing)
+        before = [Path(file).resolve() for file in xacro.filestack[:-1]]
+        if path.resolve() in before:
+            circle = [*before[before.index(path.resolve()) :], path]
+            chain = ' -> '.join(file.name for file in circle)
+            raise DescriptionError(f'files include each other in a circle: {chain}')
+
+    def _glob(self, pattern: str) -> list[str]:
+        """Stand in for glob.glob, which would look through the whole disk."""
+        fixed = [part for part in Path(pattern).parts if not glob.has_magic(part)]
+        self._allowed.check(Path(*fixed))
+        return glob.glob(pattern)
+
+    def _open(self, filename: str) -> io.StringIO:
+        """Stand in for the `open` of load_yaml."""
+        return io.StringIO(read_yaml(self._allowed.check(Path(filename))))
+
+    def _visit(self, node: Any, macros: Any, symbols: Any) -> None:
+        with self._inside(node):
+            self._eval_all(node, macros, symbols)
+
+    def _call_macro(self, node: Any, macros: Any, symbols: Any) -> bool:
+        with self._inside(node):
+            return bool(self._handle_macro_call(node, macros, symbols))
+
+    @contextlib.contextmanager
+    def _inside(self, node: Any) -> Iterator[None]:
+        """Remember the node while it is processed, and after an error."""
+        depth = len(self._stack)
+        self._stack.append(node)
+        self._detail = None
+        yield
+        del self._stack[depth:]
+        self._detail = None
+
+    def _look_at(self, tag: Any, required: list[str], optional: list[str]) -> Any:
+        self._detail = tag
+        return self._check_attributes(tag, required, optional)
+
+    def _evaluate(self, text: str, symbols: Any) -> Any:
+        if isinstance(text, str):
+            if '$' not in text:
+                return text  # what xacro would find, too, and most of its time
+            self._note([listed(self._failed_at), text[:LONGEST_NOTE]])
+        return self._eval_text(text, symbols)
+
+    def _warn(self, text: str) -> None:
+        self.warnings.append((self._failed_at, ' '.join(text.split())))
+
+    def _say(self, *words: Any, **_: Any) -> str:
+        """Stand in for what a file may print itself."""
+        self._warn(' '.join(map(str, words)))
+        return ''
+
+
+def _argument(name: str) -> str:
+    try:
+        return str(xacro.substitution_args_context['arg'][name])
+    except KeyError:
+        raise substitution_args.ArgException(name) from None
+
+
+def _unwrapped(error: BaseException) -> tuple[BaseException, str]:
+    """Return what xacro has wrapped, and what it said about the place."""
+    suffix = ''
+    while (cause := getattr(error, 'exc', None)) is not None:
+        message = str(error.args[0] or '') if error.args else ''
+        is_known = isinstance(cause, DescriptionError | substitution_args.ArgException)
+        if message and not message.startswith('<class') and not is_known:
+            break
+        suffix = suffix or str(getattr(error, 'suffix', None) or '')
+        error = cause
+    return error, suffix
