@@ -14,7 +14,6 @@ from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
 from robot_description.morphology.quadruped import scale_of
 from robot_description.morphology.quadruped import similar_pose
-from robot_description.pinocchio_model import configuration
 from robot_description.pinocchio_model import to_pinocchio
 from robot_description.robot import Robot
 from wasd_core.errors import DescriptionError
@@ -187,10 +186,7 @@ class RobotModel:
 
     def _build(self, description: Description) -> None:
         """Have Pinocchio build its model, and note how its joints are ordered and turned."""
-        whole = to_pinocchio(description, for_control=True)
-        held = self.quadruped.held
-        ids = [whole.getJointId(name) for name in held]
-        self._model = pin.buildReducedModel(whole, ids, configuration(whole, held))
+        self._model = to_pinocchio(description, for_control=True, held=self.quadruped.held)
         if self._model.nv != 18:
             raise RobotModelError(f'12 moving joints wanted, got {self._model.nv - 6}')
         self._data = self._model.createData()

@@ -2,12 +2,14 @@
 """URDF to Pinocchio: the same joints as in MuJoCo, found by name."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pinocchio as pin
 from wasd_core.errors import DescriptionError
 from wasd_core.errors import one_line
+from wasd_core.rotations import Pose
 
 from robot_description.description import Description
 from robot_description.robot import MOVABLE
@@ -22,7 +24,12 @@ ZEROS = {'mass': {'value': '0'}, 'inertia': dict.fromkeys(INERTIA_COMPONENTS, '0
 NO_LIMIT = {'lower': '-1e9', 'upper': '1e9', 'effort': '0', 'velocity': '0'}
 
 
-def to_pinocchio(description: Description, *, for_control: bool = False) -> pin.Model:
+def to_pinocchio(
+    description: Description,
+    *,
+    for_control: bool = False,
+    held: Mapping[str, float] = MappingProxyType({}),
+) -> pin.Model:
     """
     Return the robot as a Pinocchio model, free to move unless it hangs on a link called `world`.
 
@@ -30,12 +37,14 @@ def to_pinocchio(description: Description, *, for_control: bool = False) -> pin.
     Pinocchio sorts brothers by name: go by `configuration`, not by position in the file.
 
     With `for_control` it is free in any case, and a joint without limits is an angle like others
-    instead of a cosine and a sine.
+    instead of a cosine and a sine. Joints that are `held` [rad] or [m] are fixed there.
 
     Raises:
         DescriptionError: what Pinocchio says about the URDF, in one line.
     """
-    text = bare_urdf(description.urdf, for_control)
+    joints = description.robot.joints
+    fixed = {name: joints[name].transform(position) for name, position in held.items()}
+    text = bare_urdf(description.urdf, for_control, fixed)
     try:
         if description.robot.is_fixed and not for_control:
             return pin.buildModelFromXML(text)
@@ -71,13 +80,15 @@ def link_positions(model: pin.Model, q: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def bare_urdf(urdf: str, for_control: bool = False) -> str:
+def bare_urdf(
+    urdf: str, for_control: bool = False, fixed: Mapping[str, Pose] = MappingProxyType({})
+) -> str:
     """
     Return the URDF without shapes, materials and tags, which urdfdom has complaints about.
 
     Of repeated tags the first counts, as for `parse_urdf`; what is left out is URDF's default.
     urdfdom also wants a name for the robot and all of a limit for joints that may have one. What
-    `for_control` changes is said at `to_pinocchio`.
+    `for_control` changes is said at `to_pinocchio`; `fixed` joints are so, with these poses.
     """
     source = ElementTree.fromstring(urdf)
     bare = ElementTree.Element('robot', name=source.get('name') or 'robot')
@@ -85,7 +96,11 @@ def bare_urdf(urdf: str, for_control: bool = False) -> str:
         if element.tag == 'link' and not (for_control and element.get('name') == WORLD_LINK):
             _add_link(bare, element)
         elif element.tag == 'joint' and not (for_control and _hangs_on_world(element)):
-            _add_joint(bare, element, for_control)
+            name = element.get('name', '')
+            if name in fixed:
+                _add_fixed_joint(bare, element, fixed[name])
+            else:
+                _add_joint(bare, element, for_control)
     return ElementTree.tostring(bare, encoding='unicode')
 
 
@@ -106,6 +121,17 @@ def _hangs_on_world(joint: ElementTree.Element) -> bool:
     """Whether a joint holds the robot on the link `world`."""
     parent = joint.find('parent')
     return parent is not None and parent.get('link') == WORLD_LINK
+
+
+def _add_fixed_joint(robot: ElementTree.Element, joint: ElementTree.Element, pose: Pose) -> None:
+    """Add a joint as if it were fixed with its child at a pose in its parent."""
+    bare = ElementTree.SubElement(robot, 'joint', {**joint.attrib, 'type': 'fixed'})
+    bare.extend(part for part in joint if part.tag in ('parent', 'child'))
+    place, turn = pose.position, pin.rpy.matrixToRpy(pose.rotation)
+    text = {
+        key: ' '.join(map(repr, map(float, part))) for key, part in (('xyz', place), ('rpy', turn))
+    }
+    ElementTree.SubElement(bare, 'origin', text)
 
 
 def _add_joint(robot: ElementTree.Element, joint: ElementTree.Element, bounded: bool) -> None:

@@ -175,11 +175,12 @@ def test_an_arm_is_weighed_where_it_is_held(urdf, model, angles):
     arm = (
         '<link name="arm"><inertial><origin xyz="0 0 0.3"/><mass value="2"/><inertia ixx="0.01" '
         'iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="elbow" '
-        'type="{}"><parent link="base"/><child link="arm"/><origin xyz="0.1 0 0.05" rpy="0 {} 0"/>'
-        '<axis xyz="0 1 0"/><limit lower="0.5" upper="2" effort="9" velocity="9"/></joint></robot>'
+        'type="{}"><parent link="base"/><child link="arm"/><origin xyz="0.1 0 0.05" '
+        'rpy="0 {} 0.4"/><axis xyz="0 1 0"/><limit lower="0.5" upper="2" effort="9" velocity="9"/></joint>'
+        '</robot>'
     )
-    turned = make_model(urdf.replace('</robot>', arm.format('revolute', 0)))
-    fixed = make_model(urdf.replace('</robot>', arm.format('fixed', 0.5)))
+    turned = make_model(urdf.replace('</robot>', arm.format('revolute', np.pi / 2 - 0.5)))
+    fixed = make_model(urdf.replace('</robot>', arm.format('fixed', np.pi / 2)))
     assert turned.mass == pytest.approx(model.mass + 2.0)
     np.testing.assert_allclose(
         turned.centre_of_mass(angles), fixed.centre_of_mass(angles), atol=1e-12
