@@ -270,11 +270,12 @@ class RobotModel:
             weak = self.overloaded(legs)
             if weak:
                 efforts = dict(zip(names, self.limits.effort.tolist(), strict=True))
-                shown = ', '.join(
-                    f'{visible(name)} needs {torque:.3g} N m, has {efforts[name]:.3g} N m'
-                    for name, torque in weak.items()
+                worst = max(weak, key=lambda name: weak[name] / efforts[name])
+                more = f' (and {len(weak) - 1} more joints)' if len(weak) > 1 else ''
+                notes.append(
+                    f'motors too weak to {deed}: {visible(worst)} needs {weak[worst]:.3g} N m, '
+                    f'has {efforts[worst]:.3g} N m{more}'
                 )
-                notes.append(f'motors too weak to {deed}: {shown}')
                 break
         return tuple(notes)
 

@@ -243,6 +243,10 @@ REFUSED: list[tuple[Callable[[], str], str]] = [
      'FL_a is no leg: FL_a mimics FL_b: a linkage, not a joint of its own'),
     (lambda: dog(extra=joint('rod', 'FL_1', 'FL_rod', '0 0 0', '0 1 0')),
      'found 4 limbs on body: FL_a (4 joints)'),
+    (lambda: dog(''.join(leg(name, *HIPS[name]) for name in ('FL', 'FR')), extra=joint(
+        'spine', 'body', 'rump', '-0.2 0 0', '0 0 1') + ''.join(
+        leg(name, 0.0, HIPS[name][1]).replace('"body"', '"rump"') for name in ('RL', 'RR'))),
+     'spine bends the trunk between legs, make it fixed: found 3 limbs on body: FL_a'),
     (lambda: re.sub(r'(name="\w+_b" type=)"revolute"', r'\1"fixed"', dog()), 'FL_a (2 joints)'),
     (lambda: re.sub(r'(name="\w+_c" type=)"revolute"', r'\1"prismatic"', dog()),
      'four legs of three revolute joints'),

@@ -28,7 +28,7 @@ CENTRED_SHARE = 0.5
 # Radius of a foot whose shape does not say it, as a share of thigh plus lower leg.
 USUAL_SHARE = 0.05
 # The end of a mesh is so much of the lower leg, and its ball has at most such a radius.
-TIP_SHARE, MOST_SHARE = 0.03, 0.15
+TIP_SHARE, MOST_SHARE = 0.05, 0.15
 
 
 class NotALeg(Exception):

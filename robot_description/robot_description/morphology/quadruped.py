@@ -19,6 +19,7 @@ from robot_description.robot import Joint
 from robot_description.robot import Robot
 
 WANTED = 'a quadruped is wanted: four legs of three revolute joints (roll, pitch, pitch)'
+LEG_JOINTS = 3
 # More limbs than this are counted, not listed.
 LISTED = 8
 # Names that are an IMU's, the likeliest first; then any that has `imu` in it.
@@ -159,6 +160,10 @@ def _call(robot: Robot, groups: dict[str, tuple[str, ...]], limbs: list[list[Joi
     rolling = [limb[-1].name for limb in limbs if has_wheel(robot, groups, limb)]
     if rolling:
         return f'a robot with wheels at its feet ({", ".join(rolling)}) is none: '
+    for limb in limbs:
+        carried = groups[limb[0].child]
+        if len(limb) > 2 * LEG_JOINTS and sum(joint.parent in carried for joint in limb) > 1:
+            return f'{limb[0].name} bends the trunk between legs, make it fixed: '
     legs = sum(len(limb) in (2, 3, 4) for limb in limbs)
     return f'a robot with {legs} legs is none: ' if legs > 4 else ''
 
