@@ -24,12 +24,14 @@ import mbot
 from mbot_accuracy import simulate
 from mbot_accuracy import SQUARE
 from mbot_picture import draw_square
+import page
 import quadrupeds
 import soak
 from table import describe_machine
 from table import format_table
 from table import Row
 import teleop
+from wasd_bringup.parsers import version
 
 PARTS = {
     'mbot': mbot.measure,
@@ -79,7 +81,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog='wasd bench', description=__doc__)
     parser.add_argument('part', nargs='?', choices=list(PARTS), help='default: all')
     parser.add_argument('--json', default='wasd_bench.json', metavar='FILE', help='what to write')
-    parser.add_argument('--quick', action='store_true', help='fewer seeds: at most 5 minutes')
+    parser.add_argument(
+        '--quick', action='store_true', help=f'fewer seeds ({page.duration(page.last_result())})'
+    )
+    parser.add_argument(
+        '--write', action='store_true', help='write docs/numbers.md, and docs/numbers.json'
+    )
     parser.add_argument(
         '--description',
         action='append',
@@ -93,6 +100,8 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.picture is not None:
         return draw(parser, arguments)
+    if arguments.write and (arguments.part or arguments.description):
+        parser.error('--write is of the whole benchmark: leave out the part and --description')
     begin = time.monotonic()
     names = [arguments.part] if arguments.part else list(PARTS)
     try:
@@ -104,17 +113,19 @@ def main() -> int:
     finally:
         note('')
     took = time.monotonic() - begin
-    date, machine = datetime.date.today().isoformat(), describe_machine()
-    how = 'wasd bench --quick' if arguments.quick else 'wasd bench'
-    print(format_table(rows, f'{how}, {date}, {machine}, {took / 60.0:.1f} minutes'))
     result = {
-        'date': date,
-        'machine': machine,
+        'version': version(),
+        'date': datetime.date.today().isoformat(),
+        'machine': describe_machine(),
         'quick': arguments.quick,
         'seconds': round(took, 1),
         'rows': [vars(row) for row in rows],
     }
+    print(f'{page.command(result)}, {result["date"]}, {took / 60.0:.1f} minutes')
+    print(result['machine'], format_table(rows), sep='\n\n')
     Path(arguments.json).write_text(json.dumps(result, indent=1) + '\n')
+    if arguments.write:
+        page.write(result)
     return 0 if all(row.passed for row in rows) else 1
 
 

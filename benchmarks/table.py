@@ -74,7 +74,7 @@ def describe_machine() -> str:
     return f'{model}, {len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}'
 
 
-def format_table(rows: Sequence[Row], title: str) -> str:
+def format_table(rows: Sequence[Row]) -> str:
     """Return the rows as a table that Markdown renders and a terminal shows."""
     cells = [HEADINGS] + [
         (row.what, row.measured, row.must, row.anchor, 'ok' if row.passed else 'FAIL')
@@ -88,4 +88,4 @@ def format_table(rows: Sequence[Row], title: str) -> str:
         for line in cells
     ]
     rule = '|' + '|'.join('-' * (width + 2) for width in widths) + '|'
-    return '\n'.join([title, '', lines[0], rule, *lines[1:]])
+    return '\n'.join([lines[0], rule, *lines[1:]])

@@ -29,7 +29,7 @@ class GaitRow(NamedTuple):
 # A row is a gait that can be chosen.
 GAITS = {
     'trot': GaitRow((0.0, 0.5, 0.5, 0.0)),  # diagonal pairs together
-    'walk': GaitRow((0.0, 0.5, 0.75, 0.25), longer=0.25),  # one foot after the other
+    'walk': GaitRow((0.0, 0.5, 0.75, 0.25), longer=0.21),  # one foot after the other
 }
 DUTY_MAX = 0.95
 

@@ -2,6 +2,7 @@
 """README, CONTRIBUTING and docs/: links lead somewhere, and what is to be typed exists."""
 
 import argparse
+import importlib
 from pathlib import Path
 import re
 
@@ -60,3 +61,54 @@ def test_executables_and_commands_exist(page):
 
 def test_the_readme_is_short():
     assert len((ROOT / 'README.md').read_text().splitlines()) <= 120
+
+
+@pytest.fixture
+def numbers(monkeypatch):
+    """The benchmark's module that writes the page of numbers."""
+    monkeypatch.syspath_prepend(str(ROOT / 'benchmarks'))
+    return importlib.import_module('page')
+
+
+def test_the_page_of_numbers_is_made_of_what_the_benchmark_has_written(numbers):
+    assert (ROOT / 'docs/numbers.md').read_text() == numbers.page(numbers.last_result())
+
+
+def test_written_again_the_result_has_no_trials_and_the_page_its_figures(
+    numbers, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(numbers, 'RESULT', tmp_path / 'numbers.json')
+    monkeypatch.setattr(numbers, 'PAGE', tmp_path / 'numbers.md')
+    row = {'what': 'w', 'measured': '1 m', 'must': '<= 2 m', 'anchor': '-', 'passed': False}
+    numbers.write(
+        {
+            'version': '9.9',
+            'date': '2030-01-01',
+            'machine': 'a PC',
+            'quick': False,
+            'seconds': 90.0,
+            'rows': [{**row, 'trials': [{'seed': 1}]}],
+        }
+    )
+    assert numbers.last_result()['rows'] == [row]
+    text = (tmp_path / 'numbers.md').read_text()
+    assert '`./wasd bench` printed at version 9.9 (2030-01-01, a PC, 1.5 minutes)' in text
+    assert '| w | 1 m | <= 2 m | - | FAIL |' in text
+    assert numbers.duration(numbers.last_result()) == 'wasd bench took 2 minutes on a PC'
+
+
+def test_the_readme_quotes_what_the_benchmark_printed(numbers):
+    result = numbers.last_result()
+    _, text = (ROOT / 'README.md').read_text().split('## Numbers\n')
+    assert f'From `./{numbers.command(result)}` at version {result["version"]}' in text
+    assert result['date'] in text
+    printed = [
+        float(number)
+        for row in result['rows']
+        for number in re.findall(r'[\d.]+\d|\d', row['measured'])
+    ]
+    for line in text.splitlines():
+        quoted = re.findall(r'\d+(?:\.\d+)?', line.split('|')[2]) if line.startswith('| ') else []
+        for number in quoted:
+            digits = len(number.partition('.')[2])
+            assert number in {f'{value:.{digits}f}' for value in printed}, line
