@@ -23,6 +23,7 @@ from wasd_core.streams import print_error
 ASSIGNMENT = ':='
 # The option whose value looks the same.
 RENAME = '--rename'
+XACRO_ARG = '--xacro-arg'
 # Codes of findings that `fix` can mend.
 MENDABLE = (
     'unprefixed-macro',
@@ -201,6 +202,8 @@ def read_command_line(words: Sequence[str]) -> argparse.Namespace:
     before = ''
     for word in words:
         is_assignment = re.match(r'[^\W\d]\w*:=', word) and before != RENAME
+        if is_assignment and before == XACRO_ARG:  # the `wasd` command's way to write it
+            rest.pop()
         (assignments if is_assignment else rest).append(word)
         before = word
     options = make_parser().parse_args(rest)

@@ -192,6 +192,24 @@ class Robot:
             carriers[link] = carriers[joint.parent] if joint is not None and welded else link
         return carriers
 
+    @cached_property
+    def massless(self) -> dict[str, float]:
+        """Links that move with no mass of their own or welded on, and the mass beyond [kg]."""
+        welded = dict.fromkeys(self.links, 0.0)
+        beyond = dict(welded)
+        for link in reversed(self.links_from_root):
+            mass = self.links[link].mass
+            welded[self.carriers[link]] += mass
+            beyond[link] += mass
+            if link != self.root:
+                beyond[self.parent_joints[link].parent] += beyond[link]
+        moving = (link for link in self.links_from_root if self.carriers[link] == link)
+        return {
+            link: beyond[link]
+            for link in moving
+            if welded[link] <= 0.0 and not (self.is_fixed and link == self.root)
+        }
+
     def link_poses(self, positions: Mapping[str, float]) -> dict[str, Pose]:
         """Return the pose of every link in the root, with joints at positions [rad] or [m]."""
         poses = {self.root: IDENTITY}

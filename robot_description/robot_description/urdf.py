@@ -13,6 +13,7 @@ from wasd_core.rotations import Origin
 from wasd_core.rotations import rpy_matrix
 from wasd_core.safe_files import check_xml
 
+from robot_description.joint_names import hint_at
 from robot_description.robot import Colour
 from robot_description.robot import GREY
 from robot_description.robot import Joint
@@ -153,7 +154,8 @@ def parse_urdf(text: str) -> Robot:
 
     Raises:
         DescriptionError: not XML, no links, a name or a child used twice, a joint to a link that
-            does not exist, no or several roots, a loop, or something that is not a number.
+            does not exist, no or several roots, a loop, a mimic of nothing or in a circle, or
+            something that is not a number.
     """
     check_xml(text)
     tree = ElementTree.fromstring(text)
@@ -161,6 +163,7 @@ def parse_urdf(text: str) -> Robot:
     links = _by_name([_link(tag, colours) for tag in tree.findall('link')])
     joints = _by_name([_joint(tag) for tag in tree.findall('joint')])
     root = _find_root(links, joints)
+    _check_mimics(joints)
     friction, self_collide = _friction(tree), _self_collide(tree)
     gazebo = tuple(tree.findall('gazebo'))
     return Robot(tree.get('name', ''), root, links, joints, friction, self_collide, gazebo)
@@ -205,6 +208,22 @@ def _find_root(links: dict[str, Link], joints: dict[str, Joint]) -> str:
     if loop := sorted(set(links) - set(reached)):
         raise DescriptionError(f'joints run in a circle through {", ".join(loop)}')
     return roots[0]
+
+
+def _check_mimics(joints: Mapping[str, Joint]) -> None:
+    """Accept joints that mimic others, which follow nobody or others in turn, without a circle."""
+    for joint in joints.values():
+        followed = [joint.name]
+        while other := joints[followed[-1]].mimics:
+            if other not in joints:
+                hint = hint_at(other, joints)
+                raise DescriptionError(
+                    f'joint {followed[-1]!r} mimics joint {other!r}, which is not there{hint}'
+                )
+            if other in followed:
+                circle = ' -> '.join([*followed[followed.index(other) :], other])
+                raise DescriptionError(f'joints mimic each other in a circle: {circle}')
+            followed.append(other)
 
 
 def _link(tag: ElementTree.Element, colours: Mapping[str, Colour]) -> Link:

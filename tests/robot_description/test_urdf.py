@@ -181,7 +181,8 @@ def test_a_robot_knows_what_a_simulator_needs():
         '<visual><geometry><sphere radius="4"/></geometry></visual></link>'
         '<joint name="j" type="revolute"><parent link="a"/><child link="b"/>'
         '<dynamics damping="0.5" friction="0.25"/>'
-        '<mimic joint="k" multiplier="-2" offset="0.1"/></joint></robot>'
+        '<mimic joint="k" multiplier="-2" offset="0.1"/></joint><link name="c"/>'
+        '<joint name="k" type="revolute"><parent link="a"/><child link="c"/></joint></robot>'
     )
     robot = parse_urdf(text)
     inertial = robot.links['a'].inertial
@@ -204,3 +205,31 @@ def test_a_multiplier_that_is_no_number_is_refused_with_its_joint():
     )
     with pytest.raises(DescriptionError, match="joint 'j': multiplier needs a number, got 'two'"):
         parse_urdf(text)
+
+
+def chain(*mimics):
+    """Return a chain of joints j0, j1, ..., each of which mimics another, or none."""
+    joints = (
+        f'<joint name="j{i}" type="continuous"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        + f'<mimic joint="{other}"/></joint>'
+        for i, other in enumerate(mimics)
+    )
+    links = (f'<link name="l{i}"/>' for i in range(len(mimics) + 1))
+    return f'<robot name="r">{"".join(links)}{"".join(joints)}</robot>'
+
+
+@pytest.mark.parametrize(
+    ('mimics', 'words'),
+    [
+        (['j0'], 'circle: j0 -> j0'),
+        (['j1', 'j2', 'j1'], 'circle: j1 -> j2 -> j1'),
+        (['arm_elbow', '', ''], "joint 'j0' mimics joint 'arm_elbow', which is not there"),
+    ],
+)
+def test_a_mimic_of_nothing_or_in_a_circle_is_refused(mimics, words):
+    with pytest.raises(DescriptionError, match=words):
+        parse_urdf(chain(*mimics))
+
+
+def test_a_joint_may_mimic_one_that_mimics():
+    assert parse_urdf(chain('j1', 'j2', '')).joints['j0'].mimics == 'j1'

@@ -18,6 +18,7 @@ from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
 from robot_description.meshes.resolver import MeshRecord
 from robot_description.meshes.resolver import resolve_meshes
+from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import XacroSession
 
@@ -26,6 +27,8 @@ CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     structure.check_links_exist,
     structure.check_one_tree,
     structure.check_joints,
+    structure.check_floating,
+    structure.check_mimics,
     structure.check_joint_references,
     structure.check_arbotix_names,
     structure.check_gazebo_references,
@@ -43,6 +46,15 @@ CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
 )
 # The cure where a mesh lies in a package that happens to be installed here.
 COPY = "copy the file to where the path says, in the description's own package"
+# What is found only because of something else, which is mended first.
+FOLLOWS = {
+    'unprefixed-macro': {
+        *('no-links', 'unknown-link', 'orphan-link', 'several-roots', 'unknown-joint'),
+        *('unknown-reference', 'unknown-material', 'unknown-tag', 'illegal-child'),
+        *('no-inertials', 'no-mass', 'no-inertial', 'missing-footprint'),
+    },
+    'no-links': {'unknown-reference', 'unknown-joint', 'unknown-material'},
+}
 # What a check finds again and again is told so often; the file has other problems then.
 MOST_FINDINGS = 200
 
@@ -75,18 +87,29 @@ def lint_session(session: XacroSession, expected_joints: Sequence[str] = ()) -> 
     try:
         expansion = session.expand()
     except LocatedError as error:
-        found.append(finding('not-readable', error.place, error.reason))
+        reason, _, cure = error.reason.partition('; ')
+        found.append(finding('not-readable', error.place, reason, cure or None))
     else:
         start = Place(session.path, 1)
         found += [finding('xacro-warning', p or start, text) for p, text in expansion.warnings]
         model = make_model(expansion, session.path, session.search, expected_joints)
         for check in CHECKS:
             found += islice(check(model), MOST_FINDINGS)
-        found += _check_meshes(model, expansion.urdf, session.sources)
-    calls = list(_check_macro_calls(session.sources))
-    told = {call.place for call in calls}
-    found = [one for one in found if one.rule.code != 'unknown-tag' or one.place not in told]
-    return _in_order(found + calls)
+        found += _check_robot(model, expansion.urdf, session.sources)
+    return _in_order(_causes([*found, *_check_macro_calls(session.sources)]))
+
+
+def _causes(found: list[Finding]) -> list[Finding]:
+    """Leave out what follows from other findings; what is no number makes no mass or inertia."""
+    codes = {one.rule.code for one in found}
+    follow = {code for cause in codes & FOLLOWS.keys() for code in FOLLOWS[cause]}
+    no_numbers = {one.place for one in found if one.rule.code == 'bad-number'}
+    return [
+        one
+        for one in found
+        if one.rule.code == 'bad-number'
+        or not (one.rule.code in follow or one.place in no_numbers)
+    ]
 
 
 def _in_order(found: list[Finding]) -> list[Finding]:
@@ -95,12 +118,18 @@ def _in_order(found: list[Finding]) -> list[Finding]:
     return sorted(unique.values(), key=lambda one: (one.place, one.rule.code))
 
 
-def _check_meshes(model: Model, urdf: str, sources: Mapping[Path, bytes]) -> Iterator[Finding]:
-    """Every mesh is where its path says, here and on other machines."""
+def _check_robot(model: Model, urdf: str, sources: Mapping[Path, bytes]) -> Iterator[Finding]:
+    """Check what only a sound tree has."""
     try:
         robot = parse_urdf(urdf)
     except DescriptionError:  # which other checks have told about, with lines
         return
+    yield from islice(geometry.check_massless(model, robot), MOST_FINDINGS)
+    yield from _check_meshes(model, robot, sources)
+
+
+def _check_meshes(model: Model, robot: Robot, sources: Mapping[Path, bytes]) -> Iterator[Finding]:
+    """Every mesh is where its path says, here and on other machines."""
     try:
         report = resolve_meshes(robot, model.path, model.search)
     except DescriptionError as error:

@@ -17,6 +17,7 @@ from robot_description.lint.model import end
 from robot_description.lint.model import Model
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
+from robot_description.robot import Robot
 from robot_description.urdf import INERTIA_COMPONENTS
 
 # Osmium has 22 590 kg/m^3; shapes are drawn a little small.
@@ -36,6 +37,8 @@ MIDDLE = 1e-3
 # Wheels that differ by less than this [m] are meant to be equal.
 SAME = 1e-6
 FOOTPRINT = 'base_footprint'
+# A root so near to the ground [m] is the point that stands for the robot itself.
+ON_GROUND = 0.01
 
 
 class Body(NamedTuple):
@@ -67,31 +70,26 @@ class Solid(NamedTuple):
 
 
 def check_inertials(model: Model) -> Iterator[Finding]:
-    """Links that move have a mass."""
+    """Some link has a mass, if any moves."""
     links = model.robot.all('link')
-    moving = [link for link in links if link.name in model.moving_links]
-    if moving and not any(link.find('inertial') for link in links):
+    if model.moving_links & model.links.keys() and not any(
+        link.find('inertial') for link in links
+    ):
         yield finding('no-inertials', model.robot.place, f'none of {len(links)} links has a mass')
-        return
-    carried = _links_with_something_rigid_below(model)
-    for link in moving:
-        if link.find('inertial') is None and link.name not in carried:
-            text = f'link {link.name!r} moves and has no inertial'
+
+
+def check_massless(model: Model, robot: Robot) -> Iterator[Finding]:
+    """Links that move have a mass, which is told here if no mass is at all."""
+    for name, beyond in robot.massless.items() if robot.mass else ():
+        link = model.links[name]
+        if name not in model.moving_links or link.find('inertial/mass'):
+            continue
+        if beyond > 0.0:
+            text = f'link {name!r} moves and has no mass, what hangs on it has {beyond:g} kg'
             yield finding('no-inertial', link.place, text)
-
-
-def _links_with_something_rigid_below(model: Model) -> set[str]:
-    """Links that get their mass from what is fixed to them."""
-    carried: set[str] = set()
-    for name, link in model.links.items():
-        here = name
-        while link.find('inertial') and here in model.joint_above and here not in carried:
-            if here in model.moving_links:
-                break
-            parent = model.joint_above[here].find('parent')
-            here = parent.attributes.get('link', '') if parent else ''
-            carried.add(here)
-    return carried
+        else:
+            text = f'link {name!r} moves by {model.joint_above[name].name!r} and has no mass'
+            yield finding('no-mass', link.place, text)
 
 
 def check_masses(model: Model) -> Iterator[Finding]:
@@ -285,11 +283,14 @@ def check_wheels(model: Model) -> Iterator[Finding]:
 
 
 def check_footprint(model: Model) -> Iterator[Finding]:
-    """A robot on wheels has a base_footprint."""
-    if len(find_wheels(model)) < 2 or FOOTPRINT in model.links:
-        return
-    text = f'{model.robot.name!r} has wheels and no link {FOOTPRINT!r}'
-    yield finding('missing-footprint', model.robot.place, text)
+    """A robot on two wheels, which is a point on the ground to those who drive it, has that."""
+    wheels = find_wheels(model)
+    bottom = min((wheel.z - wheel.radius for wheel in wheels), default=0.0)
+    if len(wheels) == 2 and abs(bottom) > ON_GROUND and FOOTPRINT not in model.links:
+        text = (
+            f"the root of {model.robot.name!r} is {-bottom:.3g} m above its wheels' lowest points"
+        )
+        yield finding('missing-footprint', model.robot.place, text)
 
 
 def find_wheels(model: Model) -> list[Wheel]:

@@ -4,6 +4,7 @@
 from collections import Counter
 from collections.abc import Iterator
 import math
+import re
 
 from wasd_core.safe_files import Place
 
@@ -17,6 +18,7 @@ from robot_description.lint.model import Model
 from robot_description.lint.model import MOVING_KINDS
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
+from robot_description.robot import WORLD_LINK
 
 # Tag: what it may hold. After the URDF specification of urdfdom 4.
 CHILDREN = {
@@ -74,6 +76,7 @@ EXTENSIONS = {
 # Attributes without which the tag says nothing.
 REQUIRED = {'mass', 'inertia', 'box', 'cylinder', 'sphere', 'capsule', 'color'}
 ENDS = ('parent', 'child')
+MIMIC = 'the mimic of '
 JOINT_TYPES = (*MOVING_KINDS, 'fixed')
 # More than this many names make no message clearer.
 MOST_NAMES = 5
@@ -192,10 +195,13 @@ def check_links_exist(model: Model) -> Iterator[Finding]:
 def check_one_tree(model: Model) -> Iterator[Finding]:
     """The links are one tree: one root, no circle, nobody left over."""
     mentioned = {end(joint, which) for joint in model.robot.all('joint') for which in ENDS}
+    # A name that is spelt wrong has been told; so the link that was meant is not left over.
+    meant = {guess_name(name, model.links) for name in mentioned - {'', *model.links}}
     for name, link in model.links.items():
-        if name not in mentioned and len(model.links) > 1:
+        if name not in mentioned | meant and len(model.links) > 1:
             yield finding('orphan-link', link.place, f'no joint mentions link {name!r}')
-    roots = [name for name in model.links if name not in model.joint_above and name in mentioned]
+    tops = [name for name in model.links if name not in model.joint_above and name in mentioned]
+    roots = [name for name in tops if name not in meant]
     if len(roots) > 1:
         sizes = Counter(model.roots.values())
         main = max(roots, key=lambda name: sizes[name])
@@ -261,6 +267,31 @@ def _check_limit(joint: Element, kind: str) -> Iterator[Finding]:
         yield finding('reversed-limit', limit.place, text)
 
 
+def check_floating(model: Model) -> Iterator[Finding]:
+    """Nothing floats within the robot."""
+    for joint in model.joints.values():
+        is_held = end(joint, 'parent') == WORLD_LINK and WORLD_LINK not in model.joint_above
+        if joint.attributes.get('type') == 'floating' and not is_held:
+            text = f'joint {joint.name!r} lets {end(joint, "child")!r} float within the robot'
+            yield finding('floating-joint', joint.place, text)
+
+
+def check_mimics(model: Model) -> Iterator[Finding]:
+    """No joint mimics itself, by way of others or not; each circle is told once."""
+    told: set[str] = set()
+    for name in reversed(model.joints):
+        way: list[str] = []
+        while name in model.joints and name not in told:
+            told.add(name)
+            way.append(name)
+            mimic = model.joints[name].find('mimic')
+            name = mimic.attributes.get('joint', '') if mimic is not None else ''
+        if name in way:
+            circle = ' -> '.join([*way[way.index(name) :], name])
+            place = model.joints[name].place
+            yield finding('mimic-circle', place, f'joints mimic each other in a circle: {circle}')
+
+
 def check_joint_references(model: Model) -> Iterator[Finding]:
     """Joints that are referred to exist."""
     seen: set[tuple[str, str]] = set()
@@ -269,7 +300,8 @@ def check_joint_references(model: Model) -> Iterator[Finding]:
             continue
         seen.add((name, who))
         probably = guess_name(name, model.joints)
-        cure = f'describe fix --rename {probably}:={name}' if probably else None
+        is_rename = probably and not who.startswith(MIMIC)
+        cure = f'describe fix --rename {probably}:={name}' if is_rename else None
         text = f'{who} names joint {name!r}, which is not there{hint_at(name, model.joints)}'
         yield finding('unknown-joint', place, text, cure)
 
@@ -280,19 +312,20 @@ def _referred_joints(model: Model) -> Iterator[tuple[str, Place, str]]:
     for joint in model.robot.all('joint'):
         mimic = joint.find('mimic')
         if mimic is not None:
-            who = f'the mimic of {joint.name!r}'
+            who = f'{MIMIC}{joint.name!r}'
             yield mimic.attributes.get('joint', ''), mimic.place, who
     for transmission in model.robot.all('transmission'):
         for joint in transmission.all('joint'):
-            yield joint.name, joint.place, f'transmission {transmission.name!r}'
+            for name in re.split(r'[\s,]+', joint.name):
+                yield name, joint.place, f'transmission {transmission.name!r}'
     for control in model.robot.all('ros2_control'):
         for joint in control.all('joint'):
             yield joint.name, joint.place, f'ros2_control {control.name!r}'
     for gazebo in model.robot.all('gazebo'):
         for plugin in gazebo.all('plugin'):
             for tag in plugin.walk():
-                if tag.tag in JOINT_TAGS:
-                    yield tag.text, tag.place, f'plugin {plugin.name!r}'
+                for name in re.split(r'[\s,]+', tag.text) if tag.tag in JOINT_TAGS else ():
+                    yield name, tag.place, f'plugin {plugin.name!r}'
 
 
 def check_arbotix_names(model: Model) -> Iterator[Finding]:

@@ -282,26 +282,13 @@ def _virtual_links(robot: Robot) -> set[str]:
     Raises:
         DescriptionError: there is a link that moves without any.
     """
-    welded = dict.fromkeys(robot.links, 0.0)
-    beyond = dict(welded)
-    for link in reversed(robot.links_from_root):
-        mass = robot.links[link].mass
-        welded[robot.carriers[link]] += mass
-        beyond[link] += mass
-        if link != robot.root:
-            beyond[robot.parent_joints[link].parent] += beyond[link]
-    virtual = set()
-    for link in robot.links_from_root:
-        joint = robot.parent_joints.get(link)
-        stays = robot.carriers[link] != link or joint is None and robot.is_fixed
-        if stays or welded[link] > 0.0:
-            continue
-        if beyond[link] <= 0.0:
+    for link, beyond in robot.massless.items():
+        if beyond <= 0.0:
+            joint = robot.parent_joints.get(link)
             by = f' (joint {joint.name!r})' if joint is not None else ''
-            has = f'a mass of {beyond[link]:g} kg' if beyond[link] else 'no mass'
+            has = f'a mass of {beyond:g} kg' if beyond else 'no mass'
             raise DescriptionError(
                 f'link {link!r} moves{by} but has {has}: '
                 f'give it an <inertial> with <mass> and <inertia>{_other_cure(robot)}'
             )
-        virtual.add(link)
-    return virtual
+    return set(robot.massless)
