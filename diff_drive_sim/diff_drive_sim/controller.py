@@ -62,16 +62,25 @@ class DiffDriveController:
     Follows the last velocity command with bounded velocity, acceleration and jerk.
 
     Keeps the command and its age, the velocity reached so far and the odometry. One `step` is
-    one control period: wheel angles in, wheel speeds out.
+    one control period: wheel angles in, wheel speeds out. `lowered` is the last command that was
+    too fast for a wheel, and what it became.
     """
 
-    def __init__(self, geometry: DiffDriveGeometry, parameters: DiffDriveParameters) -> None:
+    def __init__(
+        self,
+        geometry: DiffDriveGeometry,
+        parameters: DiffDriveParameters,
+        strength: tuple[float, float] = (math.inf, math.inf),
+    ) -> None:
+        """Take wheels and parameters; `strength` is what motors can do, [m/s^2] and [rad/s^2]."""
         self.geometry = geometry
+        self._strength = strength
         self.odometry = WheelOdometry(geometry, window=parameters.velocity_rolling_window_size)
         self._ramp = PlanarRamp(geometry)
         self._command_age = Watchdog(parameters.cmd_vel_timeout)
         self.parameters = parameters
         self.refused_commands = 0
+        self.lowered: tuple[Velocity, Velocity] | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -103,8 +112,9 @@ class DiffDriveController:
     @parameters.setter
     def parameters(self, parameters: DiffDriveParameters) -> None:
         self._parameters = parameters
-        linear = parameters.linear_limits()
+        linear = parameters.linear_limits().within(self._strength[0])
         angular = parameters.angular_limits(self.geometry.wheel_separation)
+        angular = angular.within(self._strength[1])
         self._ramp.linear.limits, self._ramp.angular.limits = linear, angular
         self._command_age.timeout = parameters.cmd_vel_timeout
         self.odometry.growth = Growth(
@@ -124,12 +134,16 @@ class DiffDriveController:
         What is beyond a limit of the robot or of its wheels is slowed down as a whole, so that
         the robot keeps to the curve it was asked to take.
         """
+        return self._slow_down(self._limited())
+
+    def _limited(self) -> Velocity:
+        """Return the command in force within the limits of the axes."""
         if self.timed_out:
             return Velocity()
         linear, angular = self._wanted
         limits = self._ramp.linear.limits, self._ramp.angular.limits
         share = min(limits[0].share(linear), limits[1].share(angular))
-        return self._slow_down(Velocity(share * linear, share * angular))
+        return Velocity(share * linear, share * angular)
 
     @property
     def timed_out(self) -> bool:
@@ -171,7 +185,11 @@ class DiffDriveController:
             self.odometry.step(left, right, dt)
         self._command_age.step(late if self._is_new else dt)
         self._is_new = False
-        self.velocity = Velocity(*self._ramp.step(*self.target, self._ramp_time(dt)))
+        limited = self._limited()
+        target = self._slow_down(limited)
+        if target != limited:
+            self.lowered = limited, target
+        self.velocity = Velocity(*self._ramp.step(*target, self._ramp_time(dt)))
         return self.geometry.wheel_speeds(*self.velocity)
 
     def _ramp_time(self, dt: float) -> float:

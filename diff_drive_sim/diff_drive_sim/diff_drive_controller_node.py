@@ -150,6 +150,7 @@ class DiffDriveControllerNode(Node):
         self.controller = self.unit.controller
         for note in (*self.unit.notes, *self._frame_notes(robot)):
             self.get_logger().warning(visible(note))
+        self.unit.say = lambda text: self.get_logger().warning(visible(text))
         self._label = f'{self.get_namespace()}/{given.name or self.get_name()}'.strip('/')
         self._is_alone = not lock_step
         self._absence = AbsenceWatch(self, self._on_return)

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """One robot's drive put together: geometry, motor, controller, wheel loops or arithmetic."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 import math
 
+from robot_description.morphology.wheel_motor import strength
 from robot_description.robot import Robot
 
 from diff_drive_sim.arbotix.firmware import ArbotixDrive
@@ -12,7 +14,8 @@ from diff_drive_sim.arbotix.host import setpoints_of
 from diff_drive_sim.controller import DiffDriveController
 from diff_drive_sim.controller import MAXIMUM_STEP
 from diff_drive_sim.geometry import DiffDriveGeometry
-from diff_drive_sim.geometry import find_wheels
+from diff_drive_sim.geometry import find_pair
+from diff_drive_sim.geometry import geometry_of
 from diff_drive_sim.geometry import Pair
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.odometry import WheelOdometry
@@ -26,6 +29,8 @@ from diff_drive_sim.wheel_loop import WheelLoop
 from diff_drive_sim.wheel_loop import WheelMotor
 
 Controller = DiffDriveController | LegacyController
+# Of the torque that motors have a ramp uses so much: the loop needs some, too.
+USED_SHARE = 0.8
 
 
 class FloatDrive:
@@ -95,7 +100,8 @@ class DiffDrive:
 
     Both are the joints', whose signs `flip` changes; all that is inside counts forward: the last
     wheel angles [rad], their speeds [rad/s] and the encoders' ticks. In mode fake the wheels are
-    its own. `notes` are what the parameters contradict, in words.
+    its own. `notes` are what the parameters contradict and what the motors are too weak for, in
+    words.
 
     Raises:
         DiffDriveError: the robot has no two wheels on an axle.
@@ -103,11 +109,20 @@ class DiffDrive:
 
     def __init__(self, robot: Robot, parameters: DiffDriveParameters, delay: int = 0) -> None:
         """Take a robot; `delay` is how many steps a command takes to reach the motors."""
-        described = find_wheels(robot, parameters.wheel_choice())
-        geometry, self.notes = configure_wheels(described, parameters)
+        pair = find_pair(robot, parameters.wheel_choice())
+        described = geometry_of(pair)
+        self.motor = wheel_motor(robot, pair)
+        described = replace(described, speed_limit=self.motor.top_speed)
+        geometry, notes = configure_wheels(described, parameters)
+        ahead, turning = strength(robot, pair)
+        self._strength = USED_SHARE * ahead, USED_SHARE * turning
+        self._slower = min(pair.wheels, key=lambda wheel: wheel.joint.velocity or math.inf).joint
+        self.notes = (*notes, *self._weaknesses(parameters, geometry))
+        # Whoever wants to hear what is worth a line while it drives puts a function here.
+        self.say: Callable[[str], None] = lambda _: None
+        self._has_said = False
         # Ticks belong to the wheel that is there, whatever radius it is believed to have.
         self._scale = parameters.ticks_meter * described.wheel_radius
-        self.motor = wheel_motor(robot, described)
         self.controller, self._drive = self._make_loops(geometry, parameters, delay)
         self.flip = geometry.flip
         self.fake = KinematicBase(geometry)
@@ -122,7 +137,7 @@ class DiffDrive:
         if parameters.legacy:
             legacy = LegacyController(geometry, parameters, self._scale)
             return legacy, ArbotixDrive(gains, lambda: legacy.host.setpoints)
-        controller = DiffDriveController(geometry, parameters)
+        controller = DiffDriveController(geometry, parameters, self._strength)
         if parameters.mode != 'arbotix':
             return controller, FloatDrive(gains, self.motor, self._scale, delay)
         separation, scale = geometry.wheel_separation, parameters.ticks_meter
@@ -184,9 +199,42 @@ class DiffDrive:
         if self._counts_ticks:
             left, right = (ticks / self._scale for ticks in self.ticks)
         speeds = self.controller.step(left, right, dt, late)
+        if not self._has_said and isinstance(self.controller, DiffDriveController):
+            self._say_lowered(self.controller)
         if self.controller.restarts > restarts or is_gap(dt):
             self._drive.reset()
         return speeds
+
+    def _say_lowered(self, controller: DiffDriveController) -> None:
+        """Say once that a command was too fast for a wheel."""
+        if controller.lowered is None:
+            return
+        self._has_said = True
+        wanted, became = controller.lowered
+        self.say(
+            f'{self._slower.name} turns at {controller.geometry.speed_limit:.3g} rad/s at most: '
+            f'{became.linear:.3g} m/s and {became.angular:.3g} rad/s in place of '
+            f'{wanted.linear:.3g} m/s and {wanted.angular:.3g} rad/s'
+        )
+
+    def _weaknesses(
+        self, parameters: DiffDriveParameters, geometry: DiffDriveGeometry
+    ) -> Iterator[str]:
+        """Yield what the motors are too weak for."""
+        name = f'{self._slower.name} has {self._slower.effort:g} N m'
+        if self._strength[0] == 0.0:
+            yield f'{name}, its own friction takes {self._slower.friction:g}: it does not move'
+            return
+        for axis, unit, limits, most in (
+            ('linear.x', 'm/s^2', parameters.linear_limits(), self._strength[0]),
+            ('angular.z', 'rad/s^2', parameters.angular_limits(geometry.wheel_separation),
+             self._strength[1]),
+        ):  # fmt: skip
+            if limits.within(most).speed_up < limits.speed_up:
+                yield (
+                    f'{name}: enough for {most:.2g} {unit}, not for the {limits.speed_up:g} of '
+                    f'{axis}.max_acceleration'
+                )
 
 
 def configure_wheels(

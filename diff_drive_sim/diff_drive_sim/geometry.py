@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import math
 
 from robot_description.morphology.wheels import ANY_WHEELS
+from robot_description.morphology.wheels import Drive
 from robot_description.morphology.wheels import find_drive
 from robot_description.morphology.wheels import WheelChoice
 from robot_description.robot import Robot
@@ -68,7 +69,7 @@ class DiffDriveGeometry:
         return 0.5 * (left_path + right_path), (right_path - left_path) / self.wheel_separation
 
 
-def find_wheels(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> DiffDriveGeometry:
+def find_pair(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
     """
     Return the two driven wheels of a robot; a choice says which joints they are.
 
@@ -83,9 +84,13 @@ def find_wheels(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> DiffDriveGeom
     if not drive.wheels:
         cure = '' if choice.names else f'; {CURE}'
         raise DiffDriveError(f'{robot.name!r} {drive.why_not()}{cure}')
+    return drive
+
+
+def geometry_of(drive: Drive) -> DiffDriveGeometry:
+    """Return the geometry of two driven wheels."""
     left, right = drive.wheels
     axle_x, axle_y, _ = (0.5 * (left.position + right.position)).tolist()
-    speeds = [wheel.joint.velocity for wheel in drive.wheels if wheel.joint.velocity > 0.0]
     return DiffDriveGeometry(
         left.joint.name,
         right.joint.name,
@@ -95,6 +100,16 @@ def find_wheels(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> DiffDriveGeom
         right.direction,
         axle_x,
         axle_y,
-        min(speeds, default=math.inf),
+        drive.speed_limit,
         right_multiplier=right.radius / left.radius,
     )
+
+
+def find_wheels(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> DiffDriveGeometry:
+    """
+    Return the geometry of a robot's two driven wheels.
+
+    Raises:
+        DiffDriveError: see `find_pair`.
+    """
+    return geometry_of(find_pair(robot, choice))

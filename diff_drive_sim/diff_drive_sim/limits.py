@@ -67,6 +67,18 @@ class AxisLimits(NamedTuple):
         limit = self.forward if velocity > 0.0 else self.backward
         return limit / abs(velocity) if abs(velocity) > limit else 1.0
 
+    def within(self, strength: float) -> 'AxisLimits':
+        """Return the limits with no acceleration beyond what motors can do; none stays none."""
+        speed_up, slow_down, speed_up_backward, slow_down_backward = (
+            min(limit, strength) if math.isfinite(limit) else limit for limit in self[2:6]
+        )
+        return self._replace(
+            speed_up=speed_up,
+            slow_down=slow_down,
+            speed_up_backward=speed_up_backward,
+            slow_down_backward=slow_down_backward,
+        )
+
     @property
     def has_jerk(self) -> bool:
         """Whether jerk has a limit."""

@@ -6,15 +6,9 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from robot_description.morphology.wheel_motor import size_motor
+from robot_description.morphology.wheels import Drive
 from robot_description.robot import Robot
-
-from diff_drive_sim.geometry import DiffDriveGeometry
-
-# A gear motor's stall torque over the torque that its driver lets through.
-STALL_SHARE = 3.75
-# The simulator integrates motor torques explicitly in steps of 1 ms: a steeper line than what
-# stops a wheel in the air within one step would make it ring.
-STEEPEST = 1.0 / 0.001
 
 
 @dataclass(frozen=True)
@@ -23,30 +17,46 @@ class WheelMotor:
     A motor at constant voltage: its torque falls linearly with speed, to none at `speed` [rad/s].
 
     At a duty u in -1..1 it gives `damping (u speed - w)` [N m] at wheel speed w, as far as the
-    joint's torque limit lets it. Loaded with the robot it nears its speed with time constant
-    `lag` [s].
+    joint's torque limit, `effort` [N m], lets it. Loaded with the robot it nears its speed with
+    time constant `lag` [s]. The joint itself takes `drag w` and, dry, `friction` [N m].
     """
 
     speed: float
     damping: float
     lag: float
+    drag: float = 0.0
+    friction: float = 0.0
+    effort: float = 0.0
+
+    @property
+    def top_speed(self) -> float:
+        """What full duty, and the torque limit, keep up against the joint's drag [rad/s]."""
+        if self.drag == 0.0 or self.damping == 0.0:
+            return self.speed
+        against_drag = max(0.0, self.effort - self.friction) / self.drag
+        return min(self.speed * self.damping / (self.damping + self.drag), against_drag)
+
+    def duty(self, speed: float) -> float:
+        """Return the duty that keeps a wheel at a speed [rad/s] where nothing loads it."""
+        if self.damping == 0.0 or speed == 0.0:
+            return speed / self.speed
+        dry = math.copysign(self.friction / self.damping, speed)
+        return speed / self.speed * (1.0 + self.drag / self.damping) + dry / self.speed
 
 
-def wheel_motor(robot: Robot, geometry: DiffDriveGeometry) -> WheelMotor:
+def wheel_motor(robot: Robot, drive: Drive) -> WheelMotor:
     """
-    Return the motor that the description's limits, and the robot's mass, make of a wheel.
+    Return the motor that the description's limits, and what it moves, make of a wheel.
 
     Without an effort limit or without masses it has no torque.
     """
-    joint = robot.joints[geometry.left_joint]
-    radius = geometry.wheel_radius
-    wheel_inertia = 0.5 * robot.links[joint.child].mass * radius**2
-    inertia = 0.5 * robot.mass * radius**2
-    damping = STALL_SHARE * joint.effort / geometry.speed_limit
-    if wheel_inertia > 0.0:
-        damping = min(damping, STEEPEST * wheel_inertia)
-    lag = inertia / damping if damping > 0.0 else math.inf
-    return WheelMotor(geometry.speed_limit, damping, lag)
+    size = size_motor(robot, drive)
+    joint = drive.wheels[0].joint
+    resisting = size.damping + joint.damping
+    lag = size.straight / resisting if size.damping > 0.0 else math.inf
+    return WheelMotor(
+        drive.speed_limit, size.damping, lag, joint.damping, joint.friction, joint.effort
+    )
 
 
 # The firmware's unit of time: its gains are per frame [s].
@@ -122,7 +132,7 @@ class WheelLoop:
         self._speed = self._pending.popleft()
         gains = self.gains
         trim = gains.Kp * _beyond(self._behind) + gains.Kd * self._lost + gains.Ki * self._sum
-        duty = speed / self._motor.speed + trim / gains.Ko / FULL_PWM
+        duty = self._motor.duty(speed) + trim / gains.Ko / FULL_PWM
         self.duty = max(-1.0, min(1.0, duty))
         return self.duty
 

@@ -12,6 +12,7 @@ from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
 from robot_description.morphology.quadruped import scale_of
 from robot_description.morphology.quadruped import similar_pose
+from robot_description.morphology.wheel_motor import rotors
 from robot_description.morphology.wheels import lowest_point
 
 from mujoco_sim.sensors.noise import SensorNoise
@@ -67,7 +68,10 @@ def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
         quadruped = description.quadruped
     except NotAQuadruped:
         lowest = lowest_point(description.robot)
-        return RobotSetup(height=-lowest if -math.inf < lowest < -ROUNDING else 0.0)
+        return RobotSetup(
+            height=-lowest if -math.inf < lowest < -ROUNDING else 0.0,
+            reflected_inertia=rotors(description.robot, description.drive),
+        )
     scale = scale_of(quadruped)
     inertia = REFLECTED_INERTIA * scale.of('kg m^2')
     hips = sum(float(leg.hip[2]) for leg in quadruped.legs) / len(quadruped.legs)

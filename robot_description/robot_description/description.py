@@ -44,6 +44,7 @@ class Description:
     What loads, simulates or drives a robot takes this, so that a file is read and parsed once.
     `robot` is `urdf` parsed, with motors and tyres where `load_robot` filled gaps.
     `warnings` are what xacro was not happy with, an argument that the file does not have, say.
+    `wheels` is what somebody says of the driven ones.
     """
 
     path: Path
@@ -51,6 +52,7 @@ class Description:
     robot: Robot
     meshes: MeshReport
     warnings: tuple[str, ...] = ()
+    wheels: WheelChoice = ANY_WHEELS
 
     @property
     def quadruped(self) -> Quadruped:
@@ -82,7 +84,7 @@ class Description:
     @cached_property
     def drive(self) -> Drive:
         """The robot's two driven wheels, or why it has none."""
-        return find_drive(self.robot)
+        return find_drive(self.robot, self.wheels)
 
     @property
     def repairs(self) -> tuple[str, ...]:
@@ -161,7 +163,7 @@ def load_robot(
         loaded.meshes.check(strict)
     except DescriptionError as error:
         raise DescriptionError(f'{loaded.path}: {error}') from None
-    drive = find_drive(loaded.robot, wheels)
-    for line in (*loaded.warnings, *loaded.repairs, *drive.notes):
+    loaded = replace(loaded, wheels=wheels)
+    for line in (*loaded.warnings, *loaded.repairs, *loaded.drive.notes):
         LOGGER.warning('description: %s', line)
-    return replace(loaded, robot=equip_drive(loaded.robot, drive))
+    return replace(loaded, robot=equip_drive(loaded.robot, loaded.drive))

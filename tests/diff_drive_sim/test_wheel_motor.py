@@ -5,42 +5,50 @@ from dataclasses import replace
 import math
 
 from diff_drive_sim.drive import DiffDrive
-from diff_drive_sim.geometry import find_wheels
 from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.wheel_loop import STALL_SHARE
-from diff_drive_sim.wheel_loop import STEEPEST
 from diff_drive_sim.wheel_loop import wheel_motor
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
+from robot_description.morphology.wheel_motor import rotors
+from robot_description.morphology.wheel_motor import size_motor
+from robot_description.morphology.wheel_motor import STALL_SHARE
+from robot_description.morphology.wheel_motor import STEP
+from robot_description.morphology.wheels import find_drive
 from wasd_core.robot_io import JointCommand
 
 DT = 0.005
 
 
 def test_stall_torque_and_no_load_speed_are_the_ends_of_its_line(mbot):
-    motor = wheel_motor(mbot, find_wheels(mbot))
+    motor = wheel_motor(mbot, find_drive(mbot))
     assert motor.speed == 25.0
     assert motor.damping * motor.speed == pytest.approx(STALL_SHARE * 2.0)
     # Half the robot on a wheel: m r^2 / 2 over the damping.
     assert motor.lag == pytest.approx(0.5 * 1.8 * 0.06**2 / motor.damping)
 
 
-def test_a_light_wheel_gets_no_steeper_line_than_the_physics_step_allows(mbot):
+def test_a_light_wheel_gets_a_rotor_so_that_the_physics_step_allows_its_line(mbot):
     links = {
-        name: replace(link, mass=0.01 if 'wheel' in name else link.mass)
+        name: replace(link, mass=0.01, inertia=link.inertia / 20.0) if 'wheel' in name else link
         for name, link in mbot.links.items()
     }
     light = replace(mbot, links=links)
-    motor = wheel_motor(light, find_wheels(light))
-    assert motor.damping == pytest.approx(STEEPEST * 0.5 * 0.01 * 0.06**2)
+    size = size_motor(light, find_drive(light))
+    own = 0.5 * 0.01 * 0.06**2
+    assert size.damping == pytest.approx(STALL_SHARE * 2.0 / 25.0, rel=0.2)
+    assert size.rotor + own == pytest.approx(size.damping * STEP)
+    assert rotors(light, find_drive(light)) == dict.fromkeys(
+        ('left_wheel_joint', 'right_wheel_joint'), size.rotor
+    )
+    assert rotors(mbot, find_drive(mbot)) == {}
 
 
 def test_without_limits_it_has_no_torque(mbot):
     joints = {name: replace(joint, effort=0.0) for name, joint in mbot.joints.items()}
     bare = replace(mbot, joints=joints)
-    motor = wheel_motor(bare, find_wheels(bare))
+    motor = wheel_motor(bare, find_drive(bare))
     assert (motor.damping, motor.lag) == (0.0, math.inf)
 
 

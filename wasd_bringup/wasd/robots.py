@@ -260,6 +260,7 @@ class Mbot(Robot):
         self._unit = DiffDrive(self._loaded.robot, parameters)
         for note in self._unit.notes:
             LOGGER.warning('wheels: %s', note)
+        self._unit.say = lambda text: LOGGER.warning('wheels: %s', text)
         self._keys = KeysToTwist(load_preset(preset))
         geometry = self._unit.controller.geometry
         wheels = (geometry.left_joint, geometry.right_joint)

@@ -102,6 +102,12 @@ class Drive(NamedTuple):
         left, right = self.wheels
         return float(left.position[1] - right.position[1])
 
+    @property
+    def speed_limit(self) -> float:
+        """What the slower of the two wheels can do [rad/s]; infinite where nothing limits it."""
+        speeds = [wheel.joint.velocity for wheel in self.wheels if wheel.joint.velocity > 0.0]
+        return min(speeds, default=math.inf)
+
     def why_not(self) -> str:
         """Return why there are no two wheels, in words that go on from the robot's name."""
         if self.what:

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motors are scaled to what a wheel moves: light, heavy and odd robots turn as they are told."""
+
+from dataclasses import replace
+import math
+from pathlib import Path
+
+from diff_drive_sim.drive import DiffDrive
+from diff_drive_sim.parameters import DiffDriveParameters
+from diff_drive_sim.wheel_loop import wheel_motor
+import numpy as np
+import pytest
+from robot_description.description import load_robot
+from robot_description.morphology.wheel_motor import axle_inertia
+from robot_description.morphology.wheel_motor import QUICKEST
+from robot_description.morphology.wheel_motor import size_motor
+from robot_description.morphology.wheel_motor import SLOWEST
+from robot_description.morphology.wheel_motor import STEP
+from robot_description.morphology.wheel_motor import strength
+from robot_description.morphology.wheel_motor import yaw_inertia
+from robot_description.morphology.wheels import find_drive
+from robot_description.urdf import parse_urdf
+import wasd
+from wasd_core.rotations import matrix_from_quaternion
+from wasd_core.rotations import rpy_from_matrix
+
+CATALOGUE = Path(__file__).parents[1] / 'catalogue' / 'wheels'
+CARTS = (
+    'vacuum_cleaner', 'top_heavy_yaw', 'turtle', 'carrier_50', 'carrier_150',
+    'carrier_light_wheels', 'strong_motors', 'damped_joints',
+)  # fmt: skip
+TICK = 0.01
+
+
+def yaws(cart: wasd.Mbot, seconds: float) -> list[float]:
+    """Let it run; return its true heading [rad] every 10 ms."""
+    found = []
+    for _ in range(round(seconds / TICK)):
+        cart.run(TICK)
+        found.append(float(rpy_from_matrix(matrix_from_quaternion(cart.truth.orientation))[2]))
+    return found
+
+
+@pytest.mark.parametrize('name', CARTS)
+def test_a_turn_is_quick_does_not_overshoot_and_ends_where_it_should(name: str) -> None:
+    cart = wasd.Mbot(description=str(CATALOGUE / f'{name}.xacro'))
+    cart.run(1.0)
+    before = yaws(cart, TICK)
+    cart.drive(0.0, 1.0)
+    turning = yaws(cart, 2.0 * math.pi)
+    cart.drive(0.0)
+    turned = np.unwrap(before + turning + yaws(cart, 1.0))
+    rates = np.diff(turned)[: len(turning)] / TICK
+    assert (rates[round(0.4 / TICK) :] >= 0.9).all()
+    assert rates.max() <= 1.05
+    expected = math.degrees(len(turning) * TICK)
+    assert math.degrees(turned[-1] - turned[0]) == pytest.approx(expected, abs=2.0)
+
+
+def equipped(name):
+    robot = load_robot(str(CATALOGUE / f'{name}.xacro')).robot
+    return robot, find_drive(robot)
+
+
+@pytest.mark.parametrize('name', [*CARTS, 'weak_motors', 'cylinders'])
+def test_a_loaded_wheel_nears_its_speed_as_soon_as_mbots_does_and_does_not_ring(name):
+    robot, drive = equipped(name)
+    size = size_motor(robot, drive)
+    joint = drive.wheels[0].joint
+    lag = max(size.straight, size.turning) / (size.damping - 4.0 * joint.damping)
+    assert QUICKEST * (1.0 - 1e-9) <= lag <= SLOWEST * (1.0 + 1e-9) or joint.damping > 0.0
+    # What the physics takes explicitly stops a wheel in the air in one step at the soonest.
+    assert size.damping * STEP <= (axle_inertia(robot, joint) + size.rotor) * (1.0 + 1e-9)
+
+
+def test_mbot_needs_no_rotor_and_keeps_the_motor_that_its_description_says(mbot):
+    drive = find_drive(mbot)
+    size = size_motor(mbot, drive)
+    assert (size.damping, size.rotor) == (3.75 * 2.0 / 25.0, 0.0)
+    assert size.straight == pytest.approx(0.5 * 1.8 * 0.06**2)
+
+
+def test_the_yaw_inertia_is_that_of_all_links_about_the_axle(mbot):
+    # A drum of 1 kg with a radius of 0.2 m, two wheels and two balls of 0.2 kg.
+    parts = 0.5 * 1.0 * 0.2**2 + 2 * (0.2 * 0.19**2 + 0.2 * (3 * 0.06**2 + 0.025**2) / 12)
+    balls = [link for name, link in mbot.links.items() if 'caster' in name]
+    parts += sum(
+        link.inertia[2, 2] + link.mass * float(mbot.rest_poses[link.name].position[0]) ** 2
+        for link in balls
+    )
+    assert yaw_inertia(mbot, 0.0, 0.0) == pytest.approx(parts, rel=1e-3)
+    assert yaw_inertia(mbot, 0.3, 0.4) == pytest.approx(parts + 1.8 * 0.25, rel=1e-3)
+
+
+def test_torque_over_inertia_is_what_the_motors_allow(mbot):
+    drive = find_drive(mbot)
+    size = size_motor(mbot, drive)
+    ahead, turning = strength(mbot, drive)
+    own = axle_inertia(mbot, drive.wheels[0].joint)
+    # Two wheels' torques move mass and wheels: 2 T = (M r + 2 I / r) a.
+    assert pytest.approx((1.8 * 0.06 + 2.0 * own / 0.06) * ahead) == 2.0 * 2.0
+    yaw = yaw_inertia(mbot, 0.0, 0.0) + 0.5 * own * (0.38 / 0.06) ** 2
+    assert pytest.approx(yaw * turning) == 2.0 / 0.06 * 0.38
+    assert size.turning < size.straight
+
+
+def test_a_weak_motor_is_told_with_its_torque_and_the_ramp_keeps_to_it():
+    robot, _ = equipped('weak_motors')
+    unit = DiffDrive(robot, DiffDriveParameters(cmd_vel_timeout=0.0))
+    assert unit.notes == (
+        'left_wheel_joint has 0.1 N m: enough for 0.3 m/s^2, not for the 1 of '
+        'linear.x.max_acceleration',
+        'left_wheel_joint has 0.1 N m: enough for 2.1 rad/s^2, not for the 6 of '
+        'angular.z.max_acceleration',
+    )
+    unit.controller.command(1.0, 0.0)
+    for _ in range(200):
+        unit.step_fake(0.005)
+    assert unit.controller.velocity.linear == pytest.approx(0.3, abs=0.02)
+    assert DiffDrive(load_robot('mbot').robot, DiffDriveParameters()).notes == ()
+
+
+def test_a_motor_weaker_than_its_joints_friction_is_told(mbot):
+    joints = {n: replace(j, friction=3.0) for n, j in mbot.joints.items()}
+    unit = DiffDrive(replace(mbot, joints=joints), DiffDriveParameters())
+    assert unit.notes == (
+        'left_wheel_joint has 2 N m, its own friction takes 3: it does not move',
+    )
+
+
+def test_a_command_too_fast_for_a_wheel_is_told_once_with_joint_and_number(mbot):
+    joints = {
+        n: replace(j, velocity=5.0 if n == 'right_wheel_joint' else j.velocity)
+        for n, j in mbot.joints.items()
+    }
+    unit = DiffDrive(replace(mbot, joints=joints), DiffDriveParameters())
+    said = []
+    unit.say = said.append
+    for speed in (0.2, 0.3, 1.0, 0.5, 1.0):
+        unit.controller.command(speed, 0.0)
+        unit.step_fake(0.005)
+        assert len(said) == (speed > 0.3 or bool(said))
+    assert said == [
+        'right_wheel_joint turns at 5 rad/s at most: 0.3 m/s and 0 rad/s in place of 1 m/s and '
+        '0 rad/s'
+    ]
+
+
+def test_a_joint_that_damps_is_driven_against_its_drag(mbot):
+    joints = {n: replace(j, damping=0.01, friction=0.5) for n, j in mbot.joints.items()}
+    motor = wheel_motor(replace(mbot, joints=joints), find_drive(replace(mbot, joints=joints)))
+    for speed in (3.0, -3.0):
+        torque = motor.damping * (motor.duty(speed) * motor.speed - speed)
+        assert torque == pytest.approx(0.01 * speed + math.copysign(0.5, speed))
+    assert motor.duty(0.0) == 0.0
+    assert motor.top_speed == pytest.approx(25.0 * motor.damping / (motor.damping + 0.01))
+
+
+def test_a_robot_without_masses_has_no_motors_to_size():
+    text = (CATALOGUE / 'no_masses.urdf').read_text()
+    robot = parse_urdf(text)
+    assert size_motor(robot, find_drive(robot)).damping == 0.0
+    assert strength(robot, find_drive(robot)) == (math.inf, math.inf)
