@@ -58,20 +58,20 @@ def repeat_program(name: str, times: int, turn: int | None = None) -> Cycled:
     os.environ.update(together(turn))
     before = set(os.listdir(SHARED))
     with tempfile.TemporaryDirectory() as folder:
-        place = Place(Path(folder))
+        workplace = Workplace(Path(folder))
         watch = Watch()
         try:
             statuses, seen = [], set()
             kept: list[str] = []
             for cycle in range(times + 1):
-                status, names = _cycle(name, place, watch)
+                status, names = _cycle(name, workplace, watch)
                 seen |= names
                 if cycle == 0:
                     # Caches are kept, once.
-                    kept = place.files()
+                    kept = workplace.files()
                 else:
                     statuses.append(status)
-            files = sorted(set(place.files()) - set(kept))
+            files = sorted(set(workplace.files()) - set(kept))
         finally:
             watch.close()
         shared = abandoned(seen - before)
@@ -83,11 +83,11 @@ def kill_and_start_again(times: int, turn: int | None = None) -> dict[str, Any]:
     os.environ.update(together(turn))
     before = set(os.listdir(SHARED))
     with tempfile.TemporaryDirectory() as folder:
-        place, watch = Place(Path(folder)), Watch()
+        workplace, watch = Workplace(Path(folder)), Watch()
         seen = set()
         try:
             for _ in range(times):
-                seen |= _cycle('twist_mux', place, watch, signal.SIGKILL)[1]
+                seen |= _cycle('twist_mux', workplace, watch, signal.SIGKILL)[1]
         finally:
             watch.close()
         mine = abandoned(seen - before)
@@ -98,7 +98,7 @@ def kill_and_start_again(times: int, turn: int | None = None) -> dict[str, Any]:
             os.utime(SHARED / f'{name.removesuffix("_el")}_el', (then, then))
         watch = Watch()
         try:
-            _cycle('twist_mux', place, watch)
+            _cycle('twist_mux', workplace, watch)
         finally:
             watch.close()
         later, still = abandoned(left), abandoned(ports)
@@ -106,7 +106,7 @@ def kill_and_start_again(times: int, turn: int | None = None) -> dict[str, Any]:
     return {**trial, 'ports': ports, 'ports_later': still}
 
 
-class Place:
+class Workplace:
     """A home and a temporary folder of a program's own, and where it stands."""
 
     def __init__(self, folder: Path) -> None:
@@ -157,15 +157,15 @@ class Watch:
 
 
 def _cycle(
-    name: str, place: Place, watch: Watch, how: signal.Signals = signal.SIGINT
+    name: str, workplace: Workplace, watch: Watch, how: signal.Signals = signal.SIGINT
 ) -> tuple[int, set[str]]:
     """Start a program, end it when it is up; return its status and what it had in /dev/shm."""
     module, words, topic = PROGRAMS[name]
     ctypes.CDLL(None).prctl(SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     process = subprocess.Popen(
         [sys.executable, '-m', module, *words],
-        env=place.environment,
-        cwd=place.here,
+        env=workplace.environment,
+        cwd=workplace.here,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         start_new_session=True,

@@ -57,7 +57,7 @@ class Umbmark(NamedTuple):
     wheelbase_ratio: float
     largest_error: float
 
-    def corrected(self, believed: Wheels) -> Wheels:
+    def correct(self, believed: Wheels) -> Wheels:
         """Return the wheels by E_d and E_b; the mean radius stays as it was believed."""
         left = 2.0 / (self.diameter_ratio + 1.0)
         right = 2.0 / (1.0 / self.diameter_ratio + 1.0)

@@ -85,7 +85,7 @@ class AxisLimits(NamedTuple):
         return math.isfinite(self.rise) or math.isfinite(self.fall)
 
     @property
-    def mirrored(self) -> 'AxisLimits':
+    def for_reverse(self) -> 'AxisLimits':
         """The limits with forward and backward exchanged."""
         return AxisLimits(
             self.backward,
@@ -182,7 +182,7 @@ class AxisRamp:
 
     def _within_limits(self, acceleration: float, dt: float) -> float:
         """Return the acceleration nearest to one that velocity and acceleration limits allow."""
-        lowest = -_most(-self.velocity, self.limits.mirrored, dt)
+        lowest = -_most(-self.velocity, self.limits.for_reverse, dt)
         return min(max(acceleration, lowest), _most(self.velocity, self.limits, dt))
 
 
@@ -194,7 +194,7 @@ def _first(*values: float) -> float:
 def _approach(velocity: float, target: float, limits: AxisLimits, dt: float) -> float:
     """Return the velocity nearest to the target after `dt` [s], changing limits at 0."""
     if target < velocity:
-        return -_approach(-velocity, -target, limits.mirrored, dt)
+        return -_approach(-velocity, -target, limits.for_reverse, dt)
     if velocity < 0.0:  # slowing down, up to 0
         stop = min(target, 0.0)
         step = limits.slow_down_backward * dt

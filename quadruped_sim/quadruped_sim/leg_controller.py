@@ -30,8 +30,8 @@ from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_model import RobotState
 from quadruped_sim.safety import Safety
 from quadruped_sim.scaling import scale_parameters
+from quadruped_sim.states import ControllerParts
 from quadruped_sim.states import make_states
-from quadruped_sim.states import Parts
 from quadruped_sim.states.driving import damping_command
 
 _UP = np.array((0.0, 0.0, 1.0))
@@ -72,7 +72,7 @@ class LegController:
         self._kalman = KalmanEstimator(
             self._params.kalman, self.model.geometry.foot_radius, self.model.imu_offset
         )
-        self._parts = Parts(
+        self._parts = ControllerParts(
             self.model, self._params, self.locomotion, self.command_filter, self.sticks
         )
         self._states = make_states(self._parts)

@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
+from wasd_core.key_events import NO_PRESS
 from wasd_core.messages import to_base_state
 from wasd_core.messages import to_joint_commands
 from wasd_core.messages import to_reading
@@ -181,7 +182,7 @@ class LegControllerNode(Node):
         self.controller.tune(settings)
 
     def _on_key(self, message: String) -> None:
-        if message.data.startswith(('HELD+', 'RELEASE+')):
+        if message.data.startswith(NO_PRESS):
             return  # the sticks go by presses alone
         self._say(self.controller.press(message.data))
 

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from wasd_core.timing import brief
 
-from teleop_keyboard.key_names import split_event
 from teleop_keyboard.keymap import Direction
 from teleop_keyboard.keymap import direction_words
 from teleop_keyboard.keymap import factor_words
@@ -142,11 +141,6 @@ class KeyHints:
 def asks_for_help(key: str, keymap: Keymap) -> bool:
     """Return whether a key shows the keys, and means nothing to the keymap."""
     return key in HELP_KEYS and key not in keymap.keys
-
-
-def is_press(key: str) -> bool:
-    """Return whether a message on `keys` is a press, not the HELD or RELEASE of one."""
-    return bool(key) and not split_event(key)[0]
 
 
 # A dashboard is no wider than one can look at.

@@ -4,8 +4,9 @@
 import codecs
 from typing import NamedTuple
 
-from teleop_keyboard.key_names import RELEASE
-from teleop_keyboard.key_names import with_event
+from wasd_core.key_events import RELEASE
+from wasd_core.key_events import with_event
+
 from teleop_keyboard.key_names import with_modifiers
 
 ESC = 0x1B

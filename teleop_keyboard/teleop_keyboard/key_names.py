@@ -6,14 +6,16 @@ A printable character is called by itself (`w`, `é`, and a blank for the space 
 have names in capitals (`UP`, `F5`, `ESC`). Modifiers stand in front, in the order CTRL, ALT,
 SHIFT: `CTRL+A`, `ALT+x`, `CTRL+SHIFT+UP`. Shift is not named where it only picks the character.
 
-A name stands for a press. Where a terminal tells more, `HELD+w` says that w is (still) down and
-that its end will be told, and `RELEASE+w` is that end; who cares for presses only skips both.
+A name stands for a press; what else is told of keys is in `wasd_core.key_events`.
 """
 
 from collections.abc import Mapping
 import signal
 
 from wasd_core.errors import did_you_mean
+from wasd_core.key_events import ALIASES
+from wasd_core.key_events import split_event
+from wasd_core.key_events import with_event
 
 MODIFIERS = ('CTRL', 'ALT', 'SHIFT')
 # No keyboard sends it: a program does, when whoever drove is gone. It stops with every keymap.
@@ -25,33 +27,12 @@ NAMED_KEYS = frozenset(
     + FUNCTION_KEYS
 )
 
-# Names for characters that a file format cannot hold as themselves.
-ALIASES = {'SPACE': ' '}
-
 # Keys that a terminal makes a signal of; from one that reports them as sequences, we do.
 SIGNAL_KEYS = {
     'CTRL+C': signal.SIGINT,
     'CTRL+Z': signal.SIGTSTP,
     'CTRL+\\': signal.SIGQUIT,
 }
-
-# What a message may tell of a key besides a press.
-HELD = 'HELD'
-RELEASE = 'RELEASE'
-
-
-def split_event(name: str) -> tuple[str, str]:
-    """Return what a name tells, HELD, RELEASE or '' for a press, and of which key."""
-    for event in (HELD, RELEASE):
-        if name.startswith(event + '+') and len(name) > len(event) + 1:
-            key = name[len(event) + 1 :]
-            return event, ALIASES.get(key, key)
-    return '', name
-
-
-def with_event(event: str, key: str) -> str:
-    """Return the name of a message that tells HELD or RELEASE of a key."""
-    return f'{event}+{"SPACE" if key == " " else key}'
 
 
 def with_modifiers(key: str, *, ctrl: bool = False, alt: bool = False, shift: bool = False) -> str:

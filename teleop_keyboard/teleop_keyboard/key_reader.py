@@ -11,11 +11,14 @@ import time
 from types import TracebackType
 from typing import Protocol, Self
 
+from wasd_core.key_events import HELD
+from wasd_core.key_events import HELD_PERIOD
+from wasd_core.key_events import NO_PRESS
+from wasd_core.key_events import with_event
+
 from teleop_keyboard.decoder import CharacterDecoder
 from teleop_keyboard.decoder import KeyDecoder
-from teleop_keyboard.key_names import HELD
 from teleop_keyboard.key_names import SIGNAL_KEYS
-from teleop_keyboard.key_names import with_event
 from teleop_keyboard.terminal import NoTerminal
 from teleop_keyboard.terminal import open_terminal
 from teleop_keyboard.terminal import read_ready
@@ -38,7 +41,7 @@ class WaitingKeys:
 
     def put(self, key: str) -> None:
         """Keep a key; what tells that one is down or was released is about now alone."""
-        if not key.startswith(('HELD+', 'RELEASE+')):
+        if not key.startswith(NO_PRESS):
             self._keys.append((key, 0.0))
 
     def step(self, dt: float) -> list[str]:
@@ -64,8 +67,6 @@ def _lifetime(key: str) -> float:
 
 # How long the rest of an escape sequence may take, so after what time ESC is just ESC [s].
 SEQUENCE_TIMEOUT = 0.04
-# How often it is told that a key is still down, where the terminal tells releases [s].
-HELD_PERIOD = 0.1
 
 
 class Source(Protocol):

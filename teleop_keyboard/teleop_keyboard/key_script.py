@@ -12,12 +12,11 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from wasd_core.errors import UserError
+from wasd_core.key_events import REPEAT_RATE
 from wasd_core.output_file import OutputFile
 
 from teleop_keyboard.key_names import canonical_key
 
-# Repeats of a held key, as `key*N` writes them [Hz].
-REPEAT_RATE = 30.0
 # More presses of one key than this are a slip of the pen: 9 hours of holding it.
 MOST_PRESSES = 1_000_000
 

@@ -57,10 +57,10 @@ def load_preset(name_or_path: str, layout: str = 'qwerty') -> Keymap:
         KeymapError: when there is no such preset or file, or when it is not valid.
     """
     keymap = _load(name_or_path)
-    return keymap if layout == 'qwerty' else _moved(keymap, layout)
+    return keymap if layout == 'qwerty' else _with_keys_of_layout(keymap, layout)
 
 
-def _moved(keymap: Keymap, layout: str) -> Keymap:
+def _with_keys_of_layout(keymap: Keymap, layout: str) -> Keymap:
     """Return the keymap with its keys at the same places of another keyboard."""
     names = {key: on_layout(key, layout) for key in keymap.keys}
     if len(set(names.values())) < len(names):

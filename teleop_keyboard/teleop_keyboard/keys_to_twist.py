@@ -3,12 +3,12 @@
 
 import math
 
+from wasd_core.key_events import HELD
+from wasd_core.key_events import split_event
 from wasd_core.parameters import InvalidParameter
 
 from teleop_keyboard.hold import Motion
 from teleop_keyboard.hold import NOWHERE
-from teleop_keyboard.key_names import HELD
-from teleop_keyboard.key_names import split_event
 from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import Limits

@@ -71,7 +71,7 @@ class Screen:
         lines = page(size.columns, size.lines)
         if self._is_open and self._shown == (size, *lines):
             return
-        text = '\r\n'.join(self._styled(line) + '\x1b[K' for line in lines)
+        text = '\r\n'.join(self._with_style(line) + '\x1b[K' for line in lines)
         # A terminal that has no room for a frame gets the next one that it has room for.
         if offer(self._stream, ('' if self._is_open else OPEN) + BEGIN + text + END):
             self._shown = (size, *lines)
@@ -94,7 +94,7 @@ class Screen:
         """Give the terminal back as it was."""
         self.pause()
 
-    def _styled(self, line: Line) -> str:
+    def _with_style(self, line: Line) -> str:
         words = visible(line.text)
         text = words.translate(ASCII) if self._in_ascii else words
         style = STYLES.get(line.style, '')

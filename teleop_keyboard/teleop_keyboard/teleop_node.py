@@ -13,6 +13,7 @@ from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
+from wasd_core.key_events import is_press
 from wasd_core.node import explain_ros_errors
 from wasd_core.node import MessagePump
 from wasd_core.node import run_program
@@ -24,7 +25,6 @@ from wasd_core.topics import LATEST
 from teleop_keyboard.dashboard import asks_for_help
 from teleop_keyboard.dashboard import dashboard
 from teleop_keyboard.dashboard import HELP_KEY
-from teleop_keyboard.dashboard import is_press
 from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings

@@ -63,7 +63,7 @@ def test_small_errors_are_found_apart_from_each_other(ratio):
 def test_a_correction_leaves_a_fraction_of_the_error_and_the_mean_radius_as_it_was():
     true = Wheels(0.0603, 0.0597, 0.383)
     first = umbmark(both_ways(true), SIDE, BELIEVED.separation)
-    corrected = first.corrected(BELIEVED)
+    corrected = first.correct(BELIEVED)
     assert 0.5 * (corrected.left_radius + corrected.right_radius) == pytest.approx(0.06)
     second = umbmark(both_ways(true, corrected), SIDE, corrected.separation)
     assert second.largest_error < first.largest_error / 20.0

@@ -8,6 +8,7 @@ from wasd_bringup.cli import main
 from wasd_bringup.parsers import examples_of
 from wasd_bringup.robots import BOTH
 from wasd_bringup.robots import ROBOTS
+from wasd_core.errors import UserError
 
 
 def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -54,3 +55,15 @@ def test_every_example_is_a_command_line_that_is_understood(command: str) -> Non
 
     for words, _ in examples_of(command):
         make_parser().parse_args(words.split())
+
+
+def test_what_help_and_errors_tell_to_type_is_what_the_user_types(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv('WASD_CALLED', './wasd')
+    assert 'usage: ./wasd go2' in said(['go2', '--help'], capsys)
+    assert '  ./wasd go2 --preset wasd' in said(['go2', '--help'], capsys)
+    from wasd_bringup.cli import make_parser
+
+    with pytest.raises(UserError, match=r'\(see: \./wasd --help\)'):
+        make_parser().parse_args(['go2', '--no-such-option'])

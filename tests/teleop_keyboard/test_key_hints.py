@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
 from teleop_keyboard.dashboard import driving_keys
-from teleop_keyboard.dashboard import is_press
 from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.dashboard import status_line
@@ -10,6 +9,7 @@ from teleop_keyboard.key_names import NAMED_KEYS
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keymap_file import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_core.key_events import is_press
 from wasd_core.timing import brief
 
 KEYS = (*map(chr, range(32, 127)), *sorted(NAMED_KEYS), 'CTRL+ALT+SHIFT+DOWN')

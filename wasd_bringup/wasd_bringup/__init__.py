@@ -12,7 +12,7 @@ _HOMES = {
     'RobotRow': 'robots',
     'RunOptions': 'options',
     'Session': 'session',
-    'Stack': 'stack',
+    'ControlStack': 'stack',
     'main': 'cli',
     'make_parser': 'cli',
     'read_options': 'options',

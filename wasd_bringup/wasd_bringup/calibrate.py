@@ -264,7 +264,7 @@ def report(
 ) -> Sequence[str]:
     """Return a table: what was believed, what UMBmark and what least squares make of it."""
     believed, exact = before.believed, least_squares(before.runs)
-    columns = (believed, first.corrected(believed), exact)
+    columns = (believed, first.correct(believed), exact)
     rows: list[tuple[str, ...]] = [('', 'believed', 'UMBmark', 'least squares')]
     for name, index in (('left radius', 0), ('right radius', 1), ('wheel separation', 2)):
         rows.append((f'{name} [mm]', *(f'{1e3 * wheels[index]:.3f}' for wheels in columns)))

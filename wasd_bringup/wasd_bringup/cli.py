@@ -27,6 +27,7 @@ from wasd_bringup.parsers import add_calibrate_options
 from wasd_bringup.parsers import add_graph_commands
 from wasd_bringup.parsers import add_replay_options
 from wasd_bringup.parsers import add_run_options
+from wasd_bringup.parsers import called
 from wasd_bringup.parsers import describe_examples
 from wasd_bringup.parsers import run_epilog
 from wasd_bringup.parsers import version
@@ -45,10 +46,10 @@ LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',)
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = OneLineParser(
-        prog='wasd',
+        prog=called(),
         description='Drive simulated robots from the keyboard.',
         epilog='\n'.join(
-            [*describe_examples(), '', 'wasd COMMAND --help tells more, and the keys.']
+            [*describe_examples(), '', f'{called()} COMMAND --help tells more, and the keys.']
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -110,7 +111,9 @@ def print_keys(arguments: argparse.Namespace) -> int:
     """Print the presets, or one keymap; return the exit status."""
     if arguments.preset is None:
         unitree = f"{UNITREE_PRESET:14} the Go2's own, with its states and sticks"
-        print('\n'.join([*list_presets(), unitree, '', 'wasd keys NAME prints one of them']))
+        print(
+            '\n'.join([*list_presets(), unitree, '', f'{called()} keys NAME prints one of them'])
+        )
     elif arguments.preset == UNITREE_PRESET:
         print('\n'.join(preset_help(UNITREE_PRESET, arguments.layout)))
     else:

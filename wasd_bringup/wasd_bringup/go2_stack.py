@@ -16,12 +16,12 @@ from robot_description.description import Description
 from std_msgs.msg import String
 from teleop_keyboard.dashboard import driving_keys
 from teleop_keyboard.dashboard import HELP_KEY
-from teleop_keyboard.dashboard import is_press
 from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.key_names import on_layout
 from teleop_keyboard.key_names import on_qwerty
 from teleop_keyboard.key_names import STOP_KEY
+from wasd_core.key_events import is_press
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_from_matrix
 
@@ -31,13 +31,13 @@ from wasd_bringup.report import Sample
 from wasd_bringup.robots import unitree_first_keys
 from wasd_bringup.robots import unitree_help
 from wasd_bringup.robots import UNITREE_PRESET
-from wasd_bringup.stack import Stack
+from wasd_bringup.stack import ControlStack
 
 # States in which the robot is being driven.
 DRIVEN = ('trotting', 'move base')
 
 
-class Go2Stack(Stack):
+class Go2Stack(ControlStack):
     """
     What walks a quadruped: `press` takes keys, `drive` velocities; `schedule` has it stepped.
 
@@ -84,16 +84,16 @@ class Go2Stack(Stack):
         keys = driving_keys(self._teleop.logic.keymap)
         return f'press 2 to stand, 5 to drive; then {keys} (forward, back, left, right)'
 
-    def press(self, message: String) -> None:
+    def press(self, key: str) -> None:
         """Take a key; the leg controller knows those of qwerty."""
-        key = ZERO_KEYS[0] if message.data == STOP_KEY else on_qwerty(message.data, self._layout)
-        self._legs.keys.put(String(data=key))
+        legs_key = ZERO_KEYS[0] if key == STOP_KEY else on_qwerty(key, self._layout)
+        self._legs.keys.put(String(data=legs_key))
         if self._teleop is None or self._hints is None:
             return
-        self._teleop.keys.put(message)
-        is_ours = message.data not in STATE_KEYS and is_press(message.data)
+        self._teleop.keys.put(String(data=key))
+        is_ours = key not in STATE_KEYS and is_press(key)
         if self.state == StateName.MOVE_BASE and is_ours:
-            self.notice.say(self._hints.press(message.data))
+            self.notice.say(self._hints.press(key))
 
     @property
     def stop_key(self) -> str:

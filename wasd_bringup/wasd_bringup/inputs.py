@@ -6,10 +6,10 @@ import math
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from teleop_keyboard.dashboard import HELP_KEY
-from teleop_keyboard.key_names import HELD
-from teleop_keyboard.key_names import RELEASE
-from teleop_keyboard.key_names import split_event
 from wasd_core.errors import UserError
+from wasd_core.key_events import HELD
+from wasd_core.key_events import RELEASE
+from wasd_core.key_events import split_event
 
 # Scripted velocity commands are repeated at this rate [Hz], as a navigation stack sends them.
 TWIST_RATE = 20.0
@@ -180,8 +180,10 @@ class KeySwitch:
 
     def receiver(self, key: str) -> int | None:
         """Return which robot gets a key; None where the key was for the switch itself."""
+        if self._count == 1:
+            return 0
         event, base = split_event(key)
-        if self._count > 1 and base == SWITCH_KEY:
+        if base == SWITCH_KEY:
             if not event:
                 self.active = (self.active + 1) % self._count
             return None
@@ -223,6 +225,8 @@ class PageDrive:
 
     def press(self, robot: int, key: str, from_view: bool) -> None:
         """Take a key message for a robot."""
+        if not from_view and not self._latched[robot]:
+            return
         event, base = split_event(key)
         drive = self._drives[robot]
         if not event and drive.stops(base):

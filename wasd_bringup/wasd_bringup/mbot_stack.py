@@ -18,24 +18,24 @@ from robot_description.description import Description
 from std_msgs.msg import String
 from teleop_keyboard.dashboard import driving_keys
 from teleop_keyboard.dashboard import HELP_KEY
-from teleop_keyboard.dashboard import is_press
 from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
+from wasd_core.key_events import is_press
 from wasd_core.robot_io import JointCommand
 from wasd_core.timing import Notice
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
 from wasd_bringup.robots import MBOT
-from wasd_bringup.stack import Stack
+from wasd_bringup.stack import ControlStack
 from wasd_bringup.stack import Velocity
 
 WASD_ADVICE = 'or start with --preset wasd'
 
 
-class MbotStack(Stack):
+class MbotStack(ControlStack):
     """
     What drives mbot: `press` takes keys, `drive` takes velocities; `schedule` has them stepped.
 
@@ -93,12 +93,12 @@ class MbotStack(Stack):
         advice = f', {self._other_presets}' if self._other_presets else ''
         return f'drive with {keys} (forward, back, left, right){advice}'
 
-    def press(self, message: String) -> None:
+    def press(self, key: str) -> None:
         """Take a key."""
         assert self._teleop is not None
-        self._teleop.keys.put(message)
-        if is_press(message.data):
-            self.notice.say(self._hints.press(message.data))
+        self._teleop.keys.put(String(data=key))
+        if is_press(key):
+            self.notice.say(self._hints.press(key))
 
     def reset(self) -> None:
         """Forget the past: commands, ramps, odometry."""

@@ -3,6 +3,7 @@
 
 import argparse
 from importlib import metadata
+import os
 from typing import Any
 
 from mujoco_sim.parameters import WORLD_NAMES
@@ -43,18 +44,23 @@ def examples_of(command: str = '') -> Examples:
     return BOTH_EXAMPLES if command == BOTH else ROBOTS[command].examples
 
 
+def called() -> str:
+    """Return what the user types to run `wasd`, which the script of that name tells."""
+    return os.environ.get('WASD_CALLED', 'wasd')
+
+
 def describe_examples(command: str = '') -> list[str]:
     """Return the examples of a command as lines."""
     rows = examples_of(command)
     width = max((len(words) for words, _ in rows), default=0)
-    return ['examples:', *(f'  wasd {words:{width}}  {what}' for words, what in rows)]
+    return ['examples:', *(f'  {called()} {words:{width}}  {what}' for words, what in rows)]
 
 
 def run_epilog(command: str) -> str:
     """Return what stands below the options of a command that runs robots."""
     lines = describe_examples(command)
     for row in robots_of(command):
-        lines += ['', f'keys of {row.name}, --preset {row.preset} (others: wasd keys):']
+        lines += ['', f'keys of {row.name}, --preset {row.preset} (others: {called()} keys):']
         lines += [f'  {line}' for line in preset_help(row.preset) if line]
     switch = [SWITCH_LINE] if command == BOTH else []
     lines += [f'  {line}' for line in (*switch, KEY_LINE)]
@@ -77,19 +83,7 @@ VIEWERS = ('web', 'native', 'none')
 def add_run_options(parser: argparse.ArgumentParser, row: RobotRow) -> None:
     """Declare the options of a robot's command."""
     parser.set_defaults(robot=row.name)
-    parser.add_argument(
-        '--description',
-        default=row.description,
-        metavar='PATH',
-        help='a xacro or URDF of your own',
-    )
-    parser.add_argument(
-        '--package-path',
-        action='append',
-        default=[],
-        metavar='DIR',
-        help='where package:// and $(find) look first (repeatable)',
-    )
+    _add_description(parser, row.description)
     parser.add_argument(
         '--xacro-arg',
         action='append',
@@ -115,6 +109,22 @@ def add_run_options(parser: argparse.ArgumentParser, row: RobotRow) -> None:
     )
     _add_shared_options(parser)
     row.kind.add_options(parser)
+
+
+def _add_description(parser: argparse.ArgumentParser, default: str) -> None:
+    parser.add_argument(
+        '--description',
+        default=default,
+        metavar='PATH',
+        help='a xacro or URDF of your own',
+    )
+    parser.add_argument(
+        '--package-path',
+        action='append',
+        default=[],
+        metavar='DIR',
+        help='where package:// and $(find) look first (repeatable)',
+    )
 
 
 def add_both_options(parser: argparse.ArgumentParser) -> None:
@@ -186,15 +196,7 @@ def add_replay_options(parser: argparse.ArgumentParser) -> None:
 
 def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `wasd calibrate`."""
-    parser.add_argument(
-        '--description',
-        default=MBOT.description,
-        metavar='PATH',
-        help='a xacro or URDF of your own',
-    )
-    parser.add_argument(
-        '--package-path', action='append', default=[], metavar='DIR', help='as of wasd mbot'
-    )
+    _add_description(parser, MBOT.description)
     parser.add_argument(
         '--controller', metavar='FILE', help="YAML with the drive's parameters, to be calibrated"
     )

@@ -39,7 +39,7 @@ from wasd_bringup.report import join_reports
 from wasd_bringup.report import write_report
 from wasd_bringup.session_robot import build_robots
 from wasd_bringup.session_robot import SessionRobot
-from wasd_bringup.stack import Stack
+from wasd_bringup.stack import ControlStack
 
 if TYPE_CHECKING:
     from wasd_bringup.recording.recorder import BagRecorder
@@ -149,7 +149,7 @@ class Session:
         return self.robot.world
 
     @property
-    def stack(self) -> Stack:
+    def stack(self) -> ControlStack:
         """Its nodes that drive."""
         return self.robot.stack
 
@@ -281,7 +281,7 @@ class Session:
                 continue
             # Keys that only became velocities are not to become some again.
             if command.key is not None and robot.stack.has_states:
-                robot.keys.publish_key(command.key)
+                robot.press(command.key)
             elif command.velocity is not None:
                 robot.stack.drive(command.velocity)
 
@@ -295,14 +295,14 @@ class Session:
         receiver = self._switch.receiver(key)
         if receiver is not None:
             self._page_drive.press(receiver, key, from_view)
-            self.robots[receiver].keys.publish_key(key)
+            self.robots[receiver].press(key)
         elif self._view is not None:
             self._view.follow(self.world)
 
     def _is_for_the_run(self, key: str) -> bool:
         """Do what a key of the run itself asks for; False when it is no such key."""
         stack = self.stack
-        if stack.takes(key):
+        if key in stack.own_keys:
             return False
         if key == RESET_KEY:
             # As by the simulator's service: once for the world, and a recording knows of it.

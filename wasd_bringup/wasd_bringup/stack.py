@@ -16,7 +16,6 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description
-from std_msgs.msg import String
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
@@ -30,7 +29,7 @@ from wasd_bringup.robots import ROBOTS
 Velocity = tuple[float, float, float]
 
 
-class Stack(ABC):
+class ControlStack(ABC):
     """
     A robot's controller, and where keys are velocities the node that makes them so.
 
@@ -51,10 +50,12 @@ class Stack(ABC):
         self.estimator = options.estimator
         self._teleop: KeysToTwistNode | None = None
         self.nodes: list[Node] = [controller]
+        self.own_keys: frozenset[str] = frozenset()  # those that mean something to this robot
         if self._keys_are_velocities(options):
             self._teleop = _make_teleop(options)
             self._teleop.receivers.append(controller.cmd_vel.put)
             self.nodes.append(self._teleop)
+            self.own_keys = frozenset(self._teleop.logic.keymap.keys)
         self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
         self.ticks = TickStatistics(self.period)
 
@@ -85,12 +86,8 @@ class Stack(ABC):
         return STOP_KEY
 
     @abstractmethod
-    def press(self, message: String) -> None:
+    def press(self, key: str) -> None:
         """Take a key."""
-
-    def takes(self, key: str) -> bool:
-        """Return whether a key means something of its own to this robot."""
-        return self._teleop is not None and key in self._teleop.logic.keymap.keys
 
     def stops(self, key: str) -> bool:
         """Whether a press of this key ends every motion that keys have set going."""
@@ -174,7 +171,7 @@ def _make_teleop(options: RunOptions) -> KeysToTwistNode:
     )
 
 
-def make_stack(loaded: Description, world: World, options: RunOptions) -> Stack:
+def make_stack(loaded: Description, world: World, options: RunOptions) -> ControlStack:
     """
     Return the nodes of the robot that the command names.
 
@@ -183,5 +180,5 @@ def make_stack(loaded: Description, world: World, options: RunOptions) -> Stack:
     """
     # Here, because the controllers of the other robots take a second to load.
     module, _, name = ROBOTS[options.robot].kind.stack.partition(':')
-    made: Stack = getattr(importlib.import_module(module), name)(loaded, world, options)
+    made: ControlStack = getattr(importlib.import_module(module), name)(loaded, world, options)
     return made

@@ -8,6 +8,11 @@ import threading
 import time
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
+from wasd_core.key_events import HELD
+from wasd_core.key_events import HELD_PERIOD
+from wasd_core.key_events import RELEASE
+from wasd_core.key_events import REPEAT_RATE
+from wasd_core.key_events import with_event
 from wasd_core.timing import Watchdog
 
 # What is held down on a page counts for so long after it was heard [s]: with every picture.
@@ -23,19 +28,14 @@ SLOW = 10
 _WINDOW = 1.0
 _MOST_PICTURES = 500
 
-# A key that is held repeats after so long [s] at so many presses a second, as keyboards do.
+# A key that is held repeats after so long [s].
 REPEAT_DELAY = 0.45
-REPEAT_RATE = 30.0
 # What one report of a key that is down proves at most [s]: one that comes late, because either
 # side was busy, must not make repeats of a tap.
 LONGEST_PROOF = 0.1
-# How often it is told that a key is still down [s].
-HELD_PERIOD = 0.1
 # More events than these are of no use to anybody: nobody is reading.
 MOST_EVENTS = 1000
 
-# What a message tells besides a press, as teleop_keyboard names it.
-HELD, RELEASE = 'HELD', 'RELEASE'
 # Stands among the keys where whoever pressed them has gone or fallen silent.
 LOST = 'LOST'
 
@@ -263,7 +263,7 @@ class PageKeys:
             self._is_fresh = False
             self._ghosts |= set(down)
         for code in [code for code in self._down if code not in down]:
-            self._events.append(_with_event(RELEASE, self._down.pop(code).name))
+            self._events.append(with_event(RELEASE, self._down.pop(code).name))
         for key in self._down.values():
             self._repeat(key, min(max(dt, 0.0), LONGEST_PROOF))
         is_shortcut = not SHORTCUT.isdisjoint(down)
@@ -276,14 +276,14 @@ class PageKeys:
             else:
                 name = PAGE_KEYS[code][is_shifted]
                 self._down[code] = _Down(name)
-                self._events += [name, _with_event(HELD, name)]
+                self._events += [name, with_event(HELD, name)]
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass in which the page counts as alive."""
         self._since_held += max(dt, 0.0)
         if self._since_held >= HELD_PERIOD:
             self._since_held = 0.0
-            self._events += [_with_event(HELD, key.name) for key in self._down.values()]
+            self._events += [with_event(HELD, key.name) for key in self._down.values()]
 
     def ignore_down(self) -> None:
         """Release all keys, and let none that is down count until it was seen up."""
@@ -302,7 +302,7 @@ class PageKeys:
         return events
 
     def _release(self) -> None:
-        self._events += [_with_event(RELEASE, key.name) for key in self._down.values()]
+        self._events += [with_event(RELEASE, key.name) for key in self._down.values()]
         self._ghosts |= set(self._down)
         self._down.clear()
 
@@ -311,7 +311,3 @@ class PageKeys:
         while key.age >= key.due:
             key.due += 1.0 / REPEAT_RATE
             self._events.append(key.name)
-
-
-def _with_event(event: str, name: str) -> str:
-    return f'{event}+{"SPACE" if name == " " else name}'

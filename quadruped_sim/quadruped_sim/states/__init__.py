@@ -2,7 +2,7 @@
 """One class per state of the leg controller."""
 
 from quadruped_sim.keys import StateName
-from quadruped_sim.states.base import Parts
+from quadruped_sim.states.base import ControllerParts
 from quadruped_sim.states.base import State
 from quadruped_sim.states.driving import FixedStand
 from quadruped_sim.states.driving import FreeStand
@@ -13,10 +13,10 @@ from quadruped_sim.states.exercises import BalanceTest
 from quadruped_sim.states.exercises import StepTest
 from quadruped_sim.states.exercises import SwingTest
 
-__all__ = ['Parts', 'State', 'make_states']
+__all__ = ['ControllerParts', 'State', 'make_states']
 
 
-def make_states(parts: Parts) -> dict[StateName, State]:
+def make_states(parts: ControllerParts) -> dict[StateName, State]:
     """All states over the same parts."""
     return {
         StateName.PASSIVE: Passive(parts),

@@ -26,8 +26,8 @@ _DAMPING = 0.5
 
 
 @dataclass
-class Parts:
-    """Parts of the controller that states use; made once and shared. `params` may be replaced."""
+class ControllerParts:
+    """What states use of the controller; made once and shared. `params` may be replaced."""
 
     model: RobotModel
     params: LegControllerParameters
@@ -43,7 +43,7 @@ class State(ABC):
     `trust` (4,) in [0, 1] says how surely each foot stands, for the estimator.
     """
 
-    def __init__(self, parts: Parts) -> None:
+    def __init__(self, parts: ControllerParts) -> None:
         self._parts = parts
         self.trust = np.ones(4)
 

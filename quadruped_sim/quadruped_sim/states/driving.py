@@ -121,13 +121,13 @@ class FreeStand(State):
         self._now = approach(self._now, wanted * size, dt * _RATE * size)
         roll, pitch, yaw, lift = self._now.tolist()
         R = rpy_matrix(roll, pitch, yaw)
-        feet = (self._feet + self._rolled(R) - np.array((0.0, 0.0, lift))) @ R
+        feet = (self._feet + self._distance_rolled(R) - np.array((0.0, 0.0, lift))) @ R
         position = all_leg_angles(self._parts.model.geometry, feet)
         limits = self._parts.model.limits
         self._angles = np.clip(position, limits.lower, limits.upper)
         return stiff_command(self._parts.model, self._angles.copy())
 
-    def _rolled(self, R: np.ndarray) -> np.ndarray:
+    def _distance_rolled(self, R: np.ndarray) -> np.ndarray:
         """How far the centres of the feet have rolled since entry (4, 3) [m], base at entry."""
         x, y = np.zeros(4), np.zeros(4)
         for leg, (now, before) in enumerate(

@@ -63,8 +63,8 @@ class BagWriter:
         self._chunk = _OpenChunk()
         self._saved_end = b''
         self._is_changed = True
-        head = MAGIC + _encoded(Header(profile='ros2', library=LIBRARY))
-        record = _encoded(Metadata(name=RECORD_NAME, metadata=dict(metadata)))
+        head = MAGIC + _to_bytes(Header(profile='ros2', library=LIBRARY))
+        record = _to_bytes(Metadata(name=RECORD_NAME, metadata=dict(metadata)))
         self._metadata = MetadataIndex(offset=len(head), length=len(record), name=RECORD_NAME)
         # Where what has not been saved for good goes: finished chunks, then the end of the file.
         self._position = 0
@@ -170,7 +170,7 @@ class BagWriter:
         assert index is not None
         self._finished += data
         self._span = self._span_with(index)
-        self._chunks.append(_encoded(index))
+        self._chunks.append(_to_bytes(index))
         self._chunk = _OpenChunk()
 
     def _put(self, data: bytes) -> None:
@@ -194,25 +194,25 @@ class BagWriter:
 
         `last` is the chunk that is still growing.
         """
-        chunks = self._chunks if last is None else [*self._chunks, _encoded(last)]
-        head = _encoded(DataEnd(data_section_crc=0))
+        chunks = self._chunks if last is None else [*self._chunks, _to_bytes(last)]
+        head = _to_bytes(DataEnd(data_section_crc=0))
         start = position + len(head)
         statistics = self._statistics(len(chunks), self._span_with(last))
         groups: list[tuple[Opcode, Iterable[bytes]]] = [
-            (Opcode.SCHEMA, map(_encoded, self._schemas.values())),
-            (Opcode.CHANNEL, map(_encoded, self._channels.values())),
-            (Opcode.STATISTICS, [_encoded(statistics)]),
+            (Opcode.SCHEMA, map(_to_bytes, self._schemas.values())),
+            (Opcode.CHANNEL, map(_to_bytes, self._channels.values())),
+            (Opcode.STATISTICS, [_to_bytes(statistics)]),
             (Opcode.CHUNK_INDEX, chunks),
-            (Opcode.METADATA_INDEX, [_encoded(self._metadata)]),
+            (Opcode.METADATA_INDEX, [_to_bytes(self._metadata)]),
         ]
         summary, offsets = b'', b''
         for opcode, records in groups:
             group = b''.join(records)
             if group:
-                offsets += _encoded(SummaryOffset(opcode, start + len(summary), len(group)))
+                offsets += _to_bytes(SummaryOffset(opcode, start + len(summary), len(group)))
             summary += group
         footer = Footer(start, start + len(summary), summary_crc=0)
-        return head + summary + offsets + _encoded(footer) + MAGIC
+        return head + summary + offsets + _to_bytes(footer) + MAGIC
 
     def _span_with(self, chunk: ChunkIndex | None) -> tuple[int, int] | None:
         """Return the first and last time [ns] of all finished chunks and of one more."""
@@ -247,7 +247,7 @@ class _OpenChunk:
         self.size = 0
 
     def add(self, record: McapRecord) -> None:
-        data = _encoded(record)
+        data = _to_bytes(record)
         self._records.append(data)
         self.size += len(data)
 
@@ -263,11 +263,11 @@ class _OpenChunk:
             # A chunk needs messages: definitions alone stand for themselves.
             return b''.join(self._records), None
         chunk = Chunk('', b''.join(self._records), max(times), min(times), 0, self.size)
-        data = _encoded(chunk)
+        data = _to_bytes(chunk)
         offsets, indexes = {}, b''
         for channel, index in self._indexes.items():
             offsets[channel] = position + len(data) + len(indexes)
-            indexes += _encoded(index)
+            indexes += _to_bytes(index)
         summary = ChunkIndex(
             chunk_length=len(data),
             chunk_start_offset=position,
@@ -290,7 +290,7 @@ def _as_recording_error() -> Iterator[None]:
         raise RecordingError(str(error)) from None
 
 
-def _encoded(record: McapRecord) -> bytes:
+def _to_bytes(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     data: bytes = builder.end()
