@@ -11,6 +11,8 @@ from typing import Any
 
 from wasd_core.errors import DescriptionError
 
+from robot_description.meshes.contents import open_meshes
+from robot_description.meshes.contents import with_stand_ins
 from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.morphology.quadruped import find_quadruped
@@ -130,8 +132,9 @@ def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Des
     """
     try:
         robot = parse_urdf(urdf)
-        meshes = resolve_meshes(robot, path, search)
-        return Description(path, urdf, replace(robot, mesh_files=meshes.files), meshes)
+        meshes = open_meshes(robot, resolve_meshes(robot, path, search))
+        robot = with_stand_ins(replace(robot, mesh_files=meshes.files), meshes.is_usable)
+        return Description(path, urdf, robot, meshes)
     except DescriptionError as error:
         raise DescriptionError(f'{path}: {error}') from None
 
@@ -145,12 +148,12 @@ def load_robot(
     wheels: WheelChoice = ANY_WHEELS,
 ) -> Description:
     """
-    Expand and parse a description and find its meshes, all that something collides with.
+    Expand and parse a description, find and open its meshes; none of them stops anything.
 
     `search` are folders in which packages are looked for first, `arguments` are xacro arguments;
-    with `strict` every mesh has to be where the description says; else repairs are logged. A
-    `urdf` text is taken in place of the file, which may have gone. Driven wheels are those of
-    `wheels`, where these are named.
+    with `strict` every mesh has to be sound and where the description says; else repairs are
+    logged. A `urdf` text is taken in place of the file, which may have gone. Driven wheels are
+    those of `wheels`, where these are named.
 
     Raises:
         DescriptionError: what is wrong with it, in one line.
@@ -159,10 +162,9 @@ def load_robot(
         loaded = parse_description(urdf, Path(name_or_path), search)
     else:
         loaded = read_description(description_path(name_or_path), search, arguments)
-    try:
-        loaded.meshes.check(strict)
-    except DescriptionError as error:
-        raise DescriptionError(f'{loaded.path}: {error}') from None
+    if strict and (lines := loaded.meshes.repairs):
+        more = f' (and {len(lines) - 1} more)' if len(lines) > 1 else ''
+        raise DescriptionError(f'{loaded.path}: --strict: {lines[0].line()}{more}')
     loaded = replace(loaded, wheels=wheels)
     for line in (*loaded.warnings, *loaded.repairs, *loaded.drive.notes):
         LOGGER.warning('description: %s', line)

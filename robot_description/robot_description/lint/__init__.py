@@ -16,8 +16,11 @@ from robot_description.lint.model import Model
 from robot_description.lint.model import unprefixed_calls
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
+from robot_description.meshes.contents import open_meshes
 from robot_description.meshes.resolver import MeshRecord
 from robot_description.meshes.resolver import resolve_meshes
+from robot_description.meshes.resolver import SIZE
+from robot_description.meshes.resolver import UNUSABLE
 from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import XacroSession
@@ -129,19 +132,24 @@ def _check_robot(model: Model, urdf: str, sources: Mapping[Path, bytes]) -> Iter
 
 
 def _check_meshes(model: Model, robot: Robot, sources: Mapping[Path, bytes]) -> Iterator[Finding]:
-    """Every mesh is where its path says, here and on other machines."""
+    """Every mesh is where its path says, on other machines, too, and can be used."""
     try:
-        report = resolve_meshes(robot, model.path, model.search)
+        report = open_meshes(robot, resolve_meshes(robot, model.path, model.search))
     except DescriptionError as error:
         yield finding('not-readable', model.robot.place, str(error))
         return
     for record in report.repairs:
         place = _place(model, record)
+        kinds = record.kind.split('+')
+        if SIZE in kinds:
+            text = f'{record.use} mesh {record.url!r} of link {record.link!r}: {record.note}'
+            yield finding('mesh-size', place, text)
         if record.file is None:
-            yield finding('missing-mesh', place, record.line())
-        elif 'foreign-package' in record.kind.split('+'):
+            code = 'unusable-mesh' if UNUSABLE in kinds else 'missing-mesh'
+            yield finding(code, place, record.line())
+        elif 'foreign-package' in kinds:
             yield finding('foreign-mesh', place, f'{record.url!r} is the mesh of another robot')
-        else:
+        elif kinds != [SIZE]:
             cure = f'write {record.better}' if record.better else COPY
             yield finding('wrong-mesh-path', place, record.line(), cure)
     for record in report.records:

@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator
 import contextlib
+from functools import lru_cache
 import hashlib
 import io
 import json
@@ -10,7 +11,7 @@ import os
 from pathlib import Path
 import struct
 import tempfile
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 import xml.etree.ElementTree as ElementTree
 import zipfile
 
@@ -21,17 +22,35 @@ from robot_description.robot import Robot
 from robot_description.robot import Shape
 
 # Raise it when what is cached changes.
-CACHE_VERSION = 4
+CACHE_VERSION = 5
 # Points nearer than this are one point of a surface that is thinned [decimals of a metre].
 WELD_DECIMALS = 6
 # How carefully a surface is thinned, 0 (slow) to 10: from 4 on the letters on a Go2 fall apart.
 HASTE = 3.0
+# So many meshes are kept in memory: what was opened to be measured is simulated next.
+MOST_KEPT = 32
 # The largest mesh in example-robot-data, the Go1's trunk, has 29 MB.
 LARGEST_FILE = 200_000_000
 # glTF is in metres with y up, except what trimesh wrote. Other formats, but Collada, do not say
 # what they are in: they are taken as they are.
 GLTF = ('.glb', '.gltf')
 GLB_MAGIC = b'glTF'
+# How a file begins that is no mesh, and what it is instead.
+LONGEST_HEAD = 512
+NO_MESHES = {
+    b'version https://git-lfs': 'is a Git LFS pointer, not the mesh: run `git lfs pull`',
+    b'\x1f\x8b': 'is packed by gzip: unpack it',
+    b'PK\x03\x04': 'is a zip archive: unpack it',
+    b'BZh': 'is packed by bzip2: unpack it',
+    b'\xfd7zXZ': 'is packed by xz: unpack it',
+    b'<!doctype html': 'is a web page, not the mesh: download the file itself',
+    b'<html': 'is a web page, not the mesh: download the file itself',
+}
+# How files of a format begin, whatever they are called.
+BEGINNINGS = {GLB_MAGIC: '.glb', b'ply\n': '.ply', b'ply\r': '.ply', b'<?xml': '.dae'}
+# A binary STL: bytes before its triangles, which end with their number, and of each triangle. One
+# in words says `facet` before long.
+STL_HEADER, STL_TRIANGLE, STL_WORDS = 84, 50, 2000
 Y_TO_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 # Rotations to x ahead, z up; COLLADA 1.4.1 says where `right` and `in` are for each up axis.
 UP_AXES = {
@@ -49,6 +68,17 @@ class Mesh(NamedTuple):
     faces: np.ndarray
 
 
+class Extent(NamedTuple):
+    """The box around a mesh, low and high corner (3,) [m], and the area of its surface [m2]."""
+
+    low: np.ndarray
+    high: np.ndarray
+    area: np.ndarray
+
+
+Cached = TypeVar('Cached', Mesh, Extent)
+
+
 def load_mesh(path: Path, most_faces: int | None = None) -> Mesh:
     """
     Return the triangles of a mesh file in metres, z up, from the cache when it is there.
@@ -57,19 +87,44 @@ def load_mesh(path: Path, most_faces: int | None = None) -> Mesh:
     triangles is thinned to about so many. Several processes may share the cache.
 
     Raises:
-        ValueError: the file cannot be read as a mesh.
+        OSError, ValueError: the file cannot be read as a mesh.
     """
-    size = path.stat().st_size
-    if size > LARGEST_FILE:
-        raise ValueError(f'{path}: {size / 1e6:.0f} MB, at most {LARGEST_FILE / 1e6:.0f} are read')
+    _check_beginning(path)
     cached = _cache_folder() / f'{_digest(path, most_faces)}.npz'
-    mesh = _read_cache(cached)
+    mesh = _read_cache(cached, Mesh)
     if mesh is None:
-        mesh = _read_mesh(path)
+        mesh = _decoded(path, _digest(path))
         if most_faces is not None and len(mesh.faces) > most_faces:
             mesh = _thin(mesh, most_faces)
         _write_cache(cached, mesh)
     return mesh
+
+
+def extent(path: Path) -> Extent:
+    """
+    Return how large a mesh is; of a file that has not changed from the cache.
+
+    Raises:
+        OSError, ValueError: the file cannot be read as a mesh.
+    """
+    _check_beginning(path)
+    status = path.stat()
+    key = f'{CACHE_VERSION} {path.absolute()} {status.st_mtime_ns} {status.st_size}'
+    cached = _cache_folder() / f'{hashlib.sha256(os.fsencode(key)).hexdigest()[:32]}.npz'
+    found = _read_cache(cached, Extent)
+    if found is None:
+        vertices, faces = _decoded(path, _digest(path))
+        a, b, c = (vertices[faces[:, corner]].astype(float) for corner in range(3))
+        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+        found = Extent(vertices.min(axis=0), vertices.max(axis=0), area)
+        _write_cache(cached, found)
+    return found
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _decoded(path: Path, _: str) -> Mesh:
+    """Return a file's triangles; the other argument tells its contents apart."""
+    return _read_mesh(path)
 
 
 def mesh_points(robot: Robot, shape: Shape) -> np.ndarray | None:
@@ -82,6 +137,23 @@ def mesh_points(robot: Robot, shape: Shape) -> np.ndarray | None:
     return None if mesh is None else mesh.vertices.astype(float) * np.array(shape.scale)
 
 
+def _check_beginning(path: Path) -> None:
+    """Refuse what no reader need be asked about."""
+    size = path.stat().st_size
+    if size > LARGEST_FILE:
+        raise ValueError(f'{path}: {size / 1e6:.0f} MB, at most {LARGEST_FILE / 1e6:.0f} are read')
+    if not size:
+        raise ValueError(f'{path}: is empty')
+    with open(path, 'rb') as file:
+        head = file.read(LONGEST_HEAD).lstrip().lower()
+    for beginning, what in NO_MESHES.items():
+        if head.startswith(beginning.lower()):
+            raise ValueError(f'{path}: {what}')
+    for beginning, suffix in BEGINNINGS.items():
+        if head.startswith(beginning.lower()) and path.suffix.lower() != suffix:
+            raise ValueError(f'{path}: is a {suffix} file by what is in it: call it so')
+
+
 def _read_mesh(path: Path) -> Mesh:
     suffix = path.suffix.lower()
     try:
@@ -91,12 +163,13 @@ def _read_mesh(path: Path) -> Mesh:
         else:
             import trimesh
 
-            merged = trimesh.load_scene(path).to_mesh()
+            source = _whole_stl(path) if suffix == '.stl' else path
+            merged = trimesh.load_scene(source, file_type=suffix).to_mesh()
             vertices, faces = np.asarray(merged.vertices), np.asarray(merged.faces)
             if suffix in GLTF and 'trimesh' not in _gltf_generator(path):
                 vertices = vertices @ Y_TO_Z_UP.T
     except Exception as error:  # every decoder raises its own
-        raise ValueError(f'{path}: {one_line(error)}') from None
+        raise ValueError(f'{path}: cannot be read as a mesh: {one_line(error)}') from None
     if not len(faces):
         raise ValueError(f'{path}: no triangles in it')
     if not np.isfinite(vertices).all():
@@ -115,6 +188,25 @@ def _thin(mesh: Mesh, most_faces: int) -> Mesh:
     return Mesh(thinned[0].astype(np.float32), thinned[1].astype(np.int32))
 
 
+def _whole_stl(path: Path) -> io.BytesIO:
+    """
+    Return an STL without what is behind its end.
+
+    Raises:
+        ValueError: it ends before.
+    """
+    data = path.read_bytes()
+    if data.lstrip().startswith(b'solid') and b'facet' in data[:STL_WORDS]:
+        if b'endsolid' not in data:
+            raise ValueError('it is cut off: there is no endsolid')
+        return io.BytesIO(data)
+    count = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], 'little')
+    wanted = STL_HEADER + count * STL_TRIANGLE
+    if len(data) < wanted:
+        raise ValueError(f'it is cut off: {len(data)} bytes of {wanted}')
+    return io.BytesIO(data[:wanted])
+
+
 def _gltf_generator(path: Path) -> str:
     """Return the program that wrote a glTF file."""
     data = path.read_bytes()
@@ -124,7 +216,7 @@ def _gltf_generator(path: Path) -> str:
     return str(json.loads(data).get('asset', {}).get('generator', ''))
 
 
-def _digest(path: Path, most_faces: int | None) -> str:
+def _digest(path: Path, most_faces: int | None = None) -> str:
     kind = f'{CACHE_VERSION}{path.suffix.lower()}{most_faces or ""}'.encode()
     return hashlib.sha256(kind + path.read_bytes()).hexdigest()[:32]
 
@@ -134,22 +226,22 @@ def _cache_folder() -> Path:
     return Path(root) / 'wasd' / 'meshes'
 
 
-def _read_cache(path: Path) -> Mesh | None:
+def _read_cache(path: Path, kind: type[Cached]) -> Cached | None:
     try:
         with np.load(path) as arrays:
-            return Mesh(arrays['vertices'], arrays['faces'])
+            return kind(**{name: arrays[name] for name in kind._fields})
     except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
         return None
 
 
-def _write_cache(path: Path, mesh: Mesh) -> None:
+def _write_cache(path: Path, what: Mesh | Extent) -> None:
     """Write whole or not at all; a cache that cannot be written is none."""
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, suffix='.part')
         try:
             with os.fdopen(handle, 'wb') as file:
-                np.savez(file, vertices=mesh.vertices, faces=mesh.faces)
+                np.savez(file, **what._asdict())
             os.replace(name, path)
         except BaseException:
             os.unlink(name)

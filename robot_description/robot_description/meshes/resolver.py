@@ -2,9 +2,9 @@
 """From the mesh URLs of a description to files, by rules; it only ever reads."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from dataclasses import dataclass
 from functools import cache
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +31,8 @@ from robot_description.robot import Shape
 EXACT = 'exact'
 MISSING = 'missing'
 AMBIGUOUS = 'ambiguous'
+UNUSABLE = 'unusable'
+SIZE = 'size'
 # What was done to find a file, in words; several may come together, joined by '+'.
 REPAIRS = {
     'own-package': 'not in the package that it names, found in that of the description',
@@ -52,9 +54,11 @@ class MeshRecord:
     """
     One mesh URL as one link uses it, and what came of it.
 
-    `use` is `visual` or `collision`; `kind` is `exact`, `missing`, `ambiguous` or names of
-    REPAIRS joined by `+`; `candidates` are the files among which could not be decided. `better` is
-    what to write, so that the file is found by other programs and on other machines, too.
+    `use` is `visual` or `collision`; `kind` is `exact`, `missing`, `ambiguous`, `unusable`, or
+    names of REPAIRS and `size` joined by `+`; `candidates` are the files among which could not be
+    decided. `note` says what is wrong with the file itself, `instead` what becomes of the link
+    without it. `better` is what to write, so that the file is found by other programs and on other
+    machines, too.
     """
 
     url: str
@@ -63,6 +67,8 @@ class MeshRecord:
     kind: str
     file: Path | None = None
     candidates: tuple[Path, ...] = ()
+    note: str = ''
+    instead: str = 'left out'
     better: str | None = None
 
     @property
@@ -72,19 +78,27 @@ class MeshRecord:
 
     def line(self) -> str:
         """Return what happened in one line."""
-        what = f'{self.use} mesh {self.url!r} of link {self.link!r}'
+        what = f'{self.use} mesh {self.url!r} of link {self.link!r}: {self.kind}'
         if self.file is not None:
-            reasons = '; '.join(REPAIRS[kind] for kind in self.kind.split('+') if kind in REPAIRS)
-            return f'{what}: {self.kind}: using {self.file} ({reasons})'
+            reasons = [REPAIRS[kind] for kind in self.kind.split('+') if kind in REPAIRS]
+            why = '; '.join([*reasons, *[self.note] * bool(self.note)])
+            return f'{what}: using {self.file} ({why})'
+        if self.kind == UNUSABLE:
+            return f'{what}, {self.instead}: {self.note}'
         listed = ', '.join(str(path) for path in self.candidates) or 'none'
-        shown = 'left out' if self.use == 'visual' else 'cannot be left out'
-        return f'{what}: {self.kind}, {shown}; candidates: {listed}'
+        return f'{what}, {self.instead}; candidates: {listed}'
 
     def record(self) -> dict[str, Any]:
         """Return it as JSON has it."""
-        file = str(self.file) if self.file is not None else None
-        told = asdict(self) | {'file': file, 'candidates': [str(c) for c in self.candidates]}
-        return {key: value for key, value in told.items() if key != 'better'}
+        return {
+            'url': self.url,
+            'link': self.link,
+            'use': self.use,
+            'kind': self.kind,
+            'file': str(self.file) if self.file is not None else None,
+            'candidates': [str(path) for path in self.candidates],
+            'note': self.note,
+        }
 
 
 @dataclass(frozen=True)
@@ -93,36 +107,24 @@ class MeshReport:
 
     records: tuple[MeshRecord, ...] = ()
 
-    @property
+    @cached_property
     def repairs(self) -> tuple[MeshRecord, ...]:
-        """What was not exact, each URL once."""
-        seen: dict[str, MeshRecord] = {}
+        """What was not exact, each thing that is to be said of a URL once."""
+        seen: dict[tuple[str, ...], MeshRecord] = {}
         for record in self.records:
             if not record.is_exact:
-                seen.setdefault(record.url, record)
+                lost = () if record.file is not None else (record.use, record.instead)
+                seen.setdefault((record.url, record.kind, record.note, *lost), record)
         return tuple(seen.values())
 
-    @property
+    @cached_property
     def files(self) -> dict[str, Path]:
         """The files that were found, by URL."""
         return {record.url: record.file for record in self.records if record.file is not None}
 
-    def check(self, strict: bool = False) -> None:
-        """
-        Refuse what cannot be simulated, and with `strict` whatever is not exact.
-
-        Raises:
-            DescriptionError: the first mesh in question, and how many more there are.
-        """
-        wrong = [
-            record
-            for record in self.records
-            if record.file is None and record.use == 'collision' or strict and not record.is_exact
-        ]
-        if wrong:
-            rest = len({record.url for record in wrong}) - 1
-            more = f' (and {rest} more)' if rest else ''
-            raise DescriptionError(f'{"--strict: " if strict else ""}{wrong[0].line()}{more}')
+    def is_usable(self, shape: Shape) -> bool:
+        """Whether a shape is no mesh, or one that was found and has something in it."""
+        return shape.kind != 'mesh' or shape.url in self.files and all(shape.scale)
 
 
 class Found(NamedTuple):
@@ -138,9 +140,19 @@ class Found(NamedTuple):
         return self.file is None and not self.candidates
 
 
+def mesh_shapes(robot: Robot) -> list[tuple[Shape, str]]:
+    """Return the meshes of a robot with their links, as a report has their records."""
+    return [
+        (shape, link.name)
+        for link in robot.links.values()
+        for shape in (*link.visuals, *link.collisions)
+        if shape.kind == 'mesh'
+    ]
+
+
 def resolve_meshes(robot: Robot, description: Path, search: Sequence[Path] = ()) -> MeshReport:
     """
-    Find the files of all meshes of a robot.
+    Find the files of all meshes of a robot; they are not opened yet.
 
     `description` is the file it was read from, `search` are folders the user gave.
 
@@ -161,12 +173,7 @@ class MeshResolver:
     """
 
     def __init__(self, robot: Robot, description: Path, search: Sequence[Path] = ()) -> None:
-        self._shapes = [
-            (shape, link.name)
-            for link in robot.links.values()
-            for shape in (*link.visuals, *link.collisions)
-            if shape.kind == 'mesh'
-        ]
+        self._shapes = mesh_shapes(robot)
         self._links = {shape.url: link for shape, link in reversed(self._shapes)}
         self._places = MeshPlaces(description, search, self._links)
         self._files = cache(mesh_files)
@@ -198,14 +205,13 @@ class MeshResolver:
         )
 
     def _record(self, shape: Shape, link: str, found: Found) -> MeshRecord:
-        better = None
         if found.file is not None:
             kind = '+'.join(found.kinds) or EXACT
             better = self._places.better_url(shape.url, found.file, kind == EXACT)
         else:
-            kind = AMBIGUOUS if found.candidates else MISSING
+            kind, better = AMBIGUOUS if found.candidates else MISSING, None
         use = 'collision' if shape.collides else 'visual'
-        return MeshRecord(shape.url, link, use, kind, found.file, found.candidates, better)
+        return MeshRecord(shape.url, link, use, kind, found.file, found.candidates, better=better)
 
     def _refusal(self, url: str) -> DescriptionError:
         return DescriptionError(

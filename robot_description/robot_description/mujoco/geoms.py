@@ -22,6 +22,9 @@ LOGGER = logging.getLogger(__name__)
 # A visual mesh is thinned to so many triangles: a picture of a robot whose meshes have ten times
 # as many takes three times as long where there is no graphics card, and looks the same.
 PICTURE_FACES = 3000
+# A flat mesh collides as a plate of this thickness [m]; flat is what is thinner than this share of
+# its size.
+PLATE, FLAT = 1e-3, 1e-5
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
 # What a kind of shape is, and its size: halves of a box's edges and of a cylinder's or
@@ -71,7 +74,7 @@ class Meshes:
 
     def _load(self, shape: Shape) -> str | MissingMesh:
         path = self._find(shape.url)
-        if path is None:
+        if path is None or not all(shape.scale):
             return MissingMesh(f'mesh {shape.url} not found')
         try:
             mesh = load_mesh(path, None if shape.collides else PICTURE_FACES)
@@ -79,16 +82,33 @@ class Meshes:
             if not shape.collides:
                 LOGGER.warning('description: visual mesh left out: %s', error)
             return MissingMesh(str(error))
+        vertices = mesh.vertices * np.array(shape.scale, np.float32)
+        # A mirror image is inside out unless its triangles turn the other way.
+        faces = mesh.faces[:, ::-1] if np.prod(shape.scale) < 0.0 else mesh.faces
+        if shape.collides:
+            vertices, faces = _with_body(vertices, faces)
+        elif len(vertices) < 4:  # of which MuJoCo wants as many
+            vertices = np.concatenate([vertices, vertices[:1]])
         name = f'mesh_{len(self._names)}'
         self._spec.add_mesh(
             name=name,
-            uservert=(mesh.vertices * np.array(shape.scale, np.float32)).flatten(),
-            # A mirror image is inside out unless its triangles turn the other way.
-            userface=(mesh.faces[:, ::-1] if np.prod(shape.scale) < 0.0 else mesh.faces).flatten(),
+            uservert=vertices.flatten(),
+            userface=faces.flatten(),
             # Masses are the URDF's; computed from its volume, an open surface is an error.
             inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
         )
         return name
+
+
+def _with_body(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a surface as it is, or as a plate if it is flat: only what has a body has a hull."""
+    centred = vertices - vertices.mean(axis=0, dtype=float)
+    normal = np.linalg.eigh(centred.T @ centred)[1][:, 0]
+    if np.ptp(centred @ normal) > FLAT * np.ptp(vertices, axis=0).max():
+        return vertices, faces
+    half = 0.5 * PLATE * normal
+    both = np.concatenate([vertices + half, vertices - half]).astype(np.float32)
+    return both, np.concatenate([faces, faces[:, ::-1] + len(vertices)])
 
 
 def quaternion(origin: Origin) -> np.ndarray:
