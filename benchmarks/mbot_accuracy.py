@@ -10,7 +10,6 @@ import time
 from typing import Any
 
 from environment import alone
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.sensors.camera import Camera
 from mujoco_sim.sensors.camera import Offscreen
@@ -22,6 +21,7 @@ import numpy as np
 from robot_description.description import load_robot
 from table import at_most
 from table import Row
+from wasd_core.errors import SimulationError
 import yaml
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')

@@ -12,7 +12,7 @@ _HOMES = {
     'NativeView': 'viewer.native',
     'RobotSetup': 'robot_setup',
     'Simulation': 'simulation',
-    'SimulationError': 'errors',
+    'SimulationError': 'scene',
     'SimulatorNode': 'simulator_node',
     'Viewpoint': 'pictures',
     'WebView': 'viewer.page',

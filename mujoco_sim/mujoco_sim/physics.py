@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 from robot_description.mujoco.builder import holding
 from wasd_core.errors import one_line
+from wasd_core.errors import SimulationError
 from wasd_core.robot_io import JointCommand
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.robot_setup import RobotSetup
 
 # Damping of motors that brake without having been commanded any [N m s/rad]: a Go2 sinks down.

@@ -8,8 +8,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from wasd_core.errors import one_line
+from wasd_core.errors import SimulationError
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.parameters import WORLD_NAMES
 
 TIME_STEP = 0.001

@@ -8,8 +8,8 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.errors import SimulationError
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.world import World
 
 # Messages are handled at least this often [s of wall time] ...

@@ -21,6 +21,7 @@ from std_srvs.srv import SetBool
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import InvalidMessage
+from wasd_core.errors import SimulationError
 from wasd_core.messages import from_joint_commands
 from wasd_core.messages import to_imu
 from wasd_core.messages import to_joint_state
@@ -36,7 +37,6 @@ from wasd_core.topics import has_listener
 from wasd_core.topics import RELIABLE
 from wasd_core.topics import SENSOR_DATA
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.executables import SIMULATOR
 from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.robot_setup import foot_links

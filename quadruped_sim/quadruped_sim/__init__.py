@@ -21,7 +21,7 @@ _HOMES = {
     'LegNodeParameters': 'parameters',
     'LegOdometry': 'robot_model',
     'RobotModel': 'robot_model',
-    'RobotModelError': 'errors',
+    'RobotModelError': 'robot_model',
     'WholeBody': 'locomotion.whole_body',
 }
 __all__ = list(_HOMES)  # noqa: PLE0605

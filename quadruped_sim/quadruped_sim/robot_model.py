@@ -17,13 +17,13 @@ from robot_description.morphology.quadruped import similar_pose
 from robot_description.pinocchio_model import to_pinocchio
 from robot_description.robot import Robot
 from wasd_core.errors import DescriptionError
+from wasd_core.errors import RobotModelError
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 from wasd_core.streams import visible
 
-from quadruped_sim.errors import RobotModelError
 from quadruped_sim.leg_kinematics import ContactPoints
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion

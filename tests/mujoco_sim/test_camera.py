@@ -4,7 +4,6 @@ from dataclasses import replace
 import math
 
 import mujoco
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.scene import add_scene
 from mujoco_sim.sensors.camera import Camera
 from mujoco_sim.sensors.camera import Offscreen
@@ -16,6 +15,7 @@ import pytest
 from robot_description.description import load_robot
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco.builder import to_mujoco
+from wasd_core.errors import SimulationError
 
 WALL = 2.0  # from the origin to the wall [m]
 PILLAR = (1.2, 0.3)

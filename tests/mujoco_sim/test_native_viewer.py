@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-from mujoco_sim.errors import SimulationError
 import pytest
+from wasd_core.errors import SimulationError
 
 
 def test_a_window_without_a_display_is_one_line(world, monkeypatch):

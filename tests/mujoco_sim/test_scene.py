@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 import mujoco
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.scene import WALL_HEIGHT
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
+from wasd_core.errors import SimulationError
 from wasd_core.robot_io import JointCommand
 
 MJCF = (

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.simulation import Schedule
 import pytest
+from wasd_core.errors import SimulationError
 
 
 @pytest.fixture

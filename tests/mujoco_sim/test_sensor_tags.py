@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
 import pytest
 from robot_description.description import load_robot
 from robot_description.urdf import parse_urdf
+from wasd_core.errors import SimulationError
 
 LIDAR = """
 <sensor type="{kind}" name="{name}"><update_rate>10</update_rate><pose>0 0 0.1 0 0 {yaw}</pose>

@@ -2,7 +2,6 @@
 from dataclasses import dataclass
 import math
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.sensors import camera
 from mujoco_sim.sensors.table import SensorKind
 from mujoco_sim.sensors.table import SENSORS
@@ -20,6 +19,7 @@ from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image
 from sensor_msgs.msg import LaserScan
 from sensor_msgs.msg import Range
+from wasd_core.errors import SimulationError
 
 SMALL = Parameter('camera_scale', value=0.25)
 

@@ -4,7 +4,6 @@
 import math
 
 import mujoco
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.scene import AHEAD
 from mujoco_sim.scene import STEPS
 from mujoco_sim.scene import TREAD
@@ -12,6 +11,7 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
+from wasd_core.errors import SimulationError
 
 
 @pytest.fixture(scope='module')

@@ -4,13 +4,13 @@ import math
 import weakref
 
 import mujoco
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import build_shared_world
 from mujoco_sim.world import build_world
 from mujoco_sim.world import World
 import numpy as np
 import pytest
+from wasd_core.errors import SimulationError
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import rpy_matrix

@@ -5,13 +5,13 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from quadruped_sim.errors import RobotModelError
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
 from robot_description.description import parse_description
 from robot_description.morphology.quadruped import GO2
+from wasd_core.errors import RobotModelError
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 

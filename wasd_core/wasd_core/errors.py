@@ -25,6 +25,14 @@ class PackageNotFound(DescriptionError, LookupError):
     """No package of that name is known here."""
 
 
+class RobotModelError(UserError):
+    """The description is not a robot that legs can walk; says what is missing or odd."""
+
+
+class SimulationError(UserError):
+    """The simulation cannot do what was asked; the text is one line."""
+
+
 def attempt_all(*acts: Callable[[], object]) -> None:
     """
     Do one after the other, also when one has failed.

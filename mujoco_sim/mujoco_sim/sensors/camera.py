@@ -15,9 +15,9 @@ import numpy as np
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco import NO_RENDERER
 from wasd_core.errors import one_line
+from wasd_core.errors import SimulationError
 from wasd_core.rotations import Pose
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.sensors.mount import Fields
 from mujoco_sim.sensors.mount import Random
 from mujoco_sim.sensors.mount import Site

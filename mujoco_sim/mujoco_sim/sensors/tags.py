@@ -8,10 +8,9 @@ from typing import Any
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+from wasd_core.errors import SimulationError
 from wasd_core.rotations import Pose
 from wasd_core.rotations import rpy_matrix
-
-from mujoco_sim.errors import SimulationError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,8 +7,8 @@ from typing import Any
 
 import mujoco
 import mujoco.viewer
+from wasd_core.errors import SimulationError
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.viewer.input import LOST
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World

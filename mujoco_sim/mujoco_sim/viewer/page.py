@@ -19,8 +19,8 @@ from mujoco.studio import viewer_protocol
 from mujoco.studio import web_viewer
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from wasd_core.errors import one_line
+from wasd_core.errors import SimulationError
 
-from mujoco_sim.errors import SimulationError
 from mujoco_sim.viewer.drawing import draw_help
 from mujoco_sim.viewer.drawing import draw_lines
 from mujoco_sim.viewer.drawing import PacedUi
