@@ -13,7 +13,6 @@ from wasd_core.rotations import Pose
 
 from robot_description.description import Description
 from robot_description.robot import MOVABLE
-from robot_description.robot import ROOT_JOINT
 from robot_description.robot import WORLD_LINK
 from robot_description.urdf import INERTIA_COMPONENTS
 
@@ -48,7 +47,7 @@ def to_pinocchio(
     try:
         if description.robot.is_fixed and not for_control:
             return pin.buildModelFromXML(text)
-        return pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), ROOT_JOINT)
+        return pin.buildModelFromXML(text, pin.JointModelFreeFlyer(), description.robot.root_joint)
     except (ValueError, RuntimeError) as error:
         raise DescriptionError(f'Pinocchio: {one_line(error)}') from None
 

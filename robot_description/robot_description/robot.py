@@ -160,6 +160,14 @@ class Robot:
         return next((j.child for j in self.joints.values() if j.parent == self.root), self.root)
 
     @property
+    def root_joint(self) -> str:
+        """A name for the joint by which it floats that no joint of its own has."""
+        name = ROOT_JOINT
+        while name in self.joints:
+            name += '_'
+        return name
+
+    @property
     def movable_joints(self) -> tuple[Joint, ...]:
         """Joints with a degree of freedom, in the order of the file."""
         return tuple(joint for joint in self.joints.values() if joint.is_movable)

@@ -160,8 +160,42 @@ def drive_wheels(row: Row) -> None:
     assert float(np.unwrap(yaws)[-1]) - yaws[0] == pytest.approx(TURN, rel=OFF)
 
 
-# The drive of a quadruped goes here.
-DRIVES: dict[str, Callable[[Row], None]] = {'diff-drive': drive_wheels}
+# What a quadruped is told [m/s], [m/s], [rad/s], and how far off it may be, as a share.
+WALKS, SLIP = (0.4, 0.3, 0.6), 0.1
+# How long it gets up, and after each command gets into stride; then it is measured [s].
+UP, STRIDE, MEASURED, PARTS = 2.2, 1.0, 1.0, 4
+
+
+def velocity(robot: Any) -> np.ndarray:
+    """Return the mean velocity (ahead, left, turn) [m/s], [m/s], [rad/s] over MEASURED."""
+    way = np.zeros(3)
+    for _ in range(PARTS):  # in parts, which are nearly straight
+        place, yaw = robot.truth.position.copy(), yaw_of(robot)
+        robot.run(MEASURED / PARTS)
+        turn = math.remainder(yaw_of(robot) - yaw, 2.0 * math.pi)
+        x, y, _ = (robot.truth.position - place).tolist()
+        cosine, sine = math.cos(yaw + turn / 2), math.sin(yaw + turn / 2)
+        way += (cosine * x + sine * y, cosine * y - sine * x, turn)
+    return way / MEASURED
+
+
+def drive_legs(row: Row) -> None:
+    """Stand up, walk ahead, sideways and on the spot, as fast as told or as full stick is."""
+    robot = row.load()
+    robot.press('2')
+    robot.run(UP)
+    robot.press('5')
+    for axis, (speed, full) in enumerate(zip(WALKS, robot.full_stick, strict=True)):
+        command = np.zeros(3)
+        command[axis] = speed
+        robot.drive(*command.tolist())
+        robot.run(STRIDE)
+        assert velocity(robot)[axis] == pytest.approx(min(speed, full), rel=SLIP)
+    assert robot.state == 'move base'
+    assert matrix_from_quaternion(robot.truth.orientation)[2, 2] > math.cos(0.1)  # upright
+
+
+DRIVES: dict[str, Callable[[Row], None]] = {'diff-drive': drive_wheels, 'quadruped': drive_legs}
 
 
 @each(*(row for row in ROWS if row.drives))

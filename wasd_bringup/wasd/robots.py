@@ -185,6 +185,12 @@ class Go2(Robot):
             raise UserError('odometry: there is none before the first run')
         return odometry
 
+    @property
+    def full_stick(self) -> tuple[float, float, float]:
+        """The fastest it walks ahead and sideways [m/s] and turns [rad/s]; more is clamped."""
+        limits = self._controller.command_filter.limits
+        return limits.forward, limits.lateral, limits.yaw
+
     def press(self, key: str) -> str | None:
         """
         Press a key of the Go2: a state (1 to 5, 8 to 0) or a stick (w a s d j l i k, space).

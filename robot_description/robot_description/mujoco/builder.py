@@ -32,7 +32,6 @@ from robot_description.mujoco.geoms import quaternion
 from robot_description.robot import Joint
 from robot_description.robot import possible_inertia
 from robot_description.robot import Robot
-from robot_description.robot import ROOT_JOINT
 from robot_description.robot import WORLD_LINK
 
 # How far in the floor a hanging robot may be, and how far above it is hung up otherwise [m].
@@ -146,7 +145,7 @@ def _add_bodies(spec: mujoco.MjSpec, robot: Robot) -> dict[str, mujoco.MjsBody]:
             bodies[link] = spec.worldbody
         else:
             bodies[link] = spec.worldbody.add_body(name=link)
-            bodies[link].add_freejoint(name=ROOT_JOINT)
+            bodies[link].add_freejoint(name=robot.root_joint)
     return bodies
 
 
