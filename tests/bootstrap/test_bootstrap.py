@@ -44,6 +44,11 @@ if (: >&9) 2>/dev/null; then echo locked; else echo free; fi
     assert checkout.run().stdout == 'free\n'
 
 
+def test_the_command_knows_what_was_typed(checkout):
+    (checkout.fake / 'command').write_text('#!/bin/sh\necho "$WASD_CALLED"\n')
+    assert checkout.run().stdout.strip().endswith('/wasd')
+
+
 def test_without_a_compiler_everything_but_tf_is_installed(checkout):
     (checkout.fake / 'no-compiler').touch()
     result = checkout.run('mbot')
