@@ -286,3 +286,27 @@ def test_a_robot_is_found_by_path(write):
 def test_an_unknown_robot_lists_the_known_ones():
     with pytest.raises(DescriptionError, match=r'^dog: no such file, .*; robots: go2, mbot'):
         description_path('dog')
+
+
+def test_a_package_that_only_a_plugin_wants_is_a_warning(write):
+    find = '$(find nope)/a.yaml'
+    path = write(f'<gazebo><plugin name="a"><file>{find}</file></plugin></gazebo>')
+    expansion = expand_document(path)
+    assert 'package://nope/a.yaml' in expansion.urdf
+    assert 'left to the program that reads this' in expansion.warnings[0][1]
+    assert "package 'nope' not found" in error_of(write(f'<link name="{find}"/>'))
+    include = f'<gazebo><xacro:include filename="{find}"/></gazebo>'
+    assert "package 'nope' not found" in error_of(write(include))
+
+
+def test_a_default_that_comes_later_is_proposed(write):
+    path = write('<link name="$(arg side)"/><xacro:arg name="side" default="left"/>')
+    assert error_of(path).endswith("'side' has no value; give it: --xacro-arg side:=left")
+
+
+def test_a_property_without_its_prefix_is_told_where_it_is_missed(write):
+    path = write('<property name="a" value="1"/>\n<link name="${a}"/>')
+    assert error_of(path) == (
+        f"2: name 'a' is not defined when evaluating expression 'a'; <property> at {path}:1 lacks "
+        'its prefix: write <xacro:property>'
+    )

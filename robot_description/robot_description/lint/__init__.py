@@ -14,6 +14,7 @@ from robot_description.lint import structure
 from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
 from robot_description.lint.model import unprefixed_calls
+from robot_description.lint.model import XACRO_TAGS
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
 from robot_description.meshes.contents import open_meshes
@@ -172,6 +173,7 @@ def _place(model: Model, record: MeshRecord) -> Place:
 def _check_macro_calls(sources: Mapping[Path, bytes]) -> Iterator[Finding]:
     """Macros are called with their prefix, also from within macros and in included files."""
     for path, tag in unprefixed_calls(sources):
-        text = f'<{tag.name}> calls a macro without xacro:, so it does nothing'
+        what = "is xacro's" if tag.name in XACRO_TAGS else 'calls a macro'
+        text = f'<{tag.name}> {what} without xacro:, so it does nothing'
         cure = f'write <xacro:{tag.name}>; describe fix does it'
         yield finding('unprefixed-macro', Place(path, tag.line, tag.column), text, cure)

@@ -29,6 +29,13 @@ URDF_TAGS = {
     *('box', 'cylinder', 'sphere', 'mesh', 'color', 'texture', 'plugin', 'sensor', 'actuator'),
     *('ros2_control', 'hardware', 'param', 'dynamics', 'mimic', 'type', 'name', 'camera', 'ray'),
 }
+# Tags of xacro itself, as they were written before 2014, each with an attribute that it has.
+XACRO_TAGS = {
+    **{'include': 'filename', 'property': 'name', 'macro': 'name', 'insert_block': 'name'},
+    **{'arg': 'default', 'if': 'value', 'unless': 'value'},
+}
+# What holds tags of other programs, which may be called as these.
+FOREIGN_TAGS = {'gazebo', 'ros2_control', 'transmission'}
 MOVING_KINDS = (*MOVABLE, 'floating', 'planar')
 
 
@@ -96,14 +103,17 @@ def parse_source(data: bytes) -> SourceTag:
 
 
 def unprefixed_calls(sources: Mapping[Path, bytes]) -> Iterator[tuple[Path, SourceTag]]:
-    """Yield the calls, each with its file, of macros that these files define."""
+    """Yield the calls, each with its file, of macros that these files define, and of xacro's."""
     roots = {path: parse_source(data) for path, data in sources.items()}
     tags = (tag for root in roots.values() for tag in root.walk())
     names = (tag.attributes.get('name', '') for tag in tags if tag.name == f'{PREFIX}macro')
     macros = {name.removeprefix(PREFIX) for name in names} - URDF_TAGS
     for path, root in roots.items():
+        if b'xacro' not in sources[path]:
+            continue
         for tag in root.walk():
-            if tag.name in macros and not any(above.name == 'gazebo' for above in tag.above):
+            is_meant = tag.name in macros or XACRO_TAGS.get(tag.name) in tag.attributes
+            if is_meant and not any(above.name in FOREIGN_TAGS for above in tag.above):
                 yield path, tag
 
 

@@ -97,7 +97,7 @@ def check_tags(model: Model) -> Iterator[Finding]:
                     f'<{tag}>' for tag, tags in CHILDREN.items() if child.tag in tags
                 )
                 yield finding('illegal-child', child.place, f'{where}; it belongs under {homes}')
-            elif child.tag != 'gazebo':
+            elif child.tag != 'gazebo' and child not in _almost_joints(model):
                 yield finding('unknown-tag', child.place, f'{where} is no tag of URDF')
 
 
@@ -197,6 +197,7 @@ def check_one_tree(model: Model) -> Iterator[Finding]:
     mentioned = {end(joint, which) for joint in model.robot.all('joint') for which in ENDS}
     # A name that is spelt wrong has been told; so the link that was meant is not left over.
     meant = {guess_name(name, model.links) for name in mentioned - {'', *model.links}}
+    meant |= {end(tag, which) for tag in _almost_joints(model) for which in ENDS}
     for name, link in model.links.items():
         if name not in mentioned | meant and len(model.links) > 1:
             yield finding('orphan-link', link.place, f'no joint mentions link {name!r}')
@@ -232,7 +233,10 @@ def _in_circles(model: Model) -> set[str]:
 
 
 def check_joints(model: Model) -> Iterator[Finding]:
-    """Joints have a type, both ends, an axis, and limits where they need them."""
+    """Joints are called so, have a type, both ends, an axis, and limits where they need them."""
+    for tag in _almost_joints(model):
+        text = f'<{tag.tag}> {tag.name!r} joins links, but is no tag of URDF'
+        yield finding('bad-joint', tag.place, text, 'write <joint>')
     for joint in model.robot.all('joint'):
         kind = joint.attributes.get('type', '')
         if kind not in JOINT_TYPES:
@@ -247,6 +251,12 @@ def check_joints(model: Model) -> Iterator[Finding]:
             place = axis.place if axis else joint.place
             yield finding('bad-joint', place, f'the axis of joint {joint.name!r} is zero')
         yield from _check_limit(joint, kind)
+
+
+def _almost_joints(model: Model) -> list[Element]:
+    """Return what has both ends of a joint and another name, under the robot itself."""
+    others = (child for child in model.robot.children if child.tag not in CHILDREN['robot'])
+    return [tag for tag in others if tag.tag not in EXTENSIONS and all(end(tag, e) for e in ENDS)]
 
 
 def _check_limit(joint: Element, kind: str) -> Iterator[Finding]:

@@ -7,12 +7,14 @@ import glob
 import io
 import os
 from pathlib import Path
+import re
 import sys
 from types import SimpleNamespace
 from typing import Any
 from xml.dom import minidom
 
 from wasd_core.errors import DescriptionError
+from wasd_core.errors import PackageNotFound
 from wasd_core.parameter_file import read_yaml
 from wasd_core.safe_files import check_xml
 from wasd_core.safe_files import LocatedError
@@ -39,6 +41,8 @@ MANY_MACROS = 50
 # Frames of Python; a macro within a macro takes about ten.
 FRAMES = 6000
 CONDITIONS = ('xacro:if', 'xacro:unless')
+# What is for other programs: a package that is not here does not matter.
+FOREIGN = {'gazebo', 'ros2_control', 'transmission'}
 
 
 def process(job: Mapping[str, Any], note: Callable[[Any], None]) -> dict[str, Any]:
@@ -128,8 +132,9 @@ class Processor:
         cause, suffix = _unwrapped(error)
         here = self._detail or self._stack[-1] if self._stack else None
         if isinstance(cause, substitution_args.ArgException):
-            value = 'false' if here is not None and here.tagName in CONDITIONS else 'VALUE'
             name = str(cause)[:LONGEST_NAME]
+            usual = 'false' if here is not None and here.tagName in CONDITIONS else 'VALUE'
+            value = self._default(name) or usual
             return f'the argument {name!r} has no value; give it: --xacro-arg {name}:={value}'
         if isinstance(cause, RecursionError):
             depth = len(xacro.macrostack or ())
@@ -140,9 +145,26 @@ class Processor:
         text = str(cause)
         if isinstance(cause, MemoryError):
             text = f'expanding {self.path.name} took more than {MEMORY / 1e6:g} MB'
+        if isinstance(cause, NameError):
+            suffix += self._unprefixed()
         text = ' '.join(f'{text} {suffix}'.replace('(<expression>, line 1)', '').split())
         text = text or type(cause).__name__
         return text if len(text) <= LONGEST_REASON else f'{text[:LONGEST_REASON]} ...'
+
+    def _default(self, name: str) -> str:
+        """Return what a file says further on about an argument's default, or nothing."""
+        tag = rf'<xacro:arg\s[^>]*\bname="{re.escape(name)}"[^>]*\bdefault="([^"$]+)"'
+        found = (re.search(tag, data.decode('utf-8', 'replace')) for data in self.read.values())
+        return next((match[1] for match in found if match), '')
+
+    def _unprefixed(self) -> str:
+        """Return a tag, of <property> and its like, that was not read for want of its prefix."""
+        from robot_description.lint.model import unprefixed_calls  # which needs this module
+
+        for path, tag in unprefixed_calls(self.read):
+            where = Place(path, tag.line)
+            return f'; <{tag.name}> at {where} lacks its prefix: write <xacro:{tag.name}>'
+        return ''
 
     @property
     def _failed_at(self) -> Place | None:
@@ -183,7 +205,15 @@ class Processor:
         sys.setrecursionlimit(max(sys.getrecursionlimit(), FRAMES))
 
     def _find(self, package: str) -> str:
-        return str(self._allowed.package(package))
+        is_foreign = any(node.tagName in FOREIGN for node in self._stack if node is not None)
+        is_include = self._detail is not None and self._detail.tagName == 'xacro:include'
+        try:
+            return str(self._allowed.package(package))
+        except PackageNotFound as error:
+            if is_include or not is_foreign:
+                raise
+            self._warn(f'{error}; left to the program that reads this')
+            return f'package://{package}'
 
     def _folder(self, _: str) -> str:
         return str(os.path.dirname(os.path.abspath(xacro.filestack[-1])))
