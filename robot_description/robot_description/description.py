@@ -69,6 +69,11 @@ class Description:
             raise NotAQuadruped(str(self._quadruped), self._quadruped.limbs)
         return self._quadruped
 
+    @property
+    def why_no_quadruped(self) -> NotAQuadruped | None:
+        """Why the robot has not four legs to walk on, or None of one that has."""
+        return self._quadruped if isinstance(self._quadruped, NotAQuadruped) else None
+
     @cached_property
     def _quadruped(self) -> Quadruped | NotAQuadruped:
         try:

@@ -19,7 +19,9 @@ from wasd_core.streams import visible
 from robot_description.description import Description
 from robot_description.description import DIFF_DRIVE
 from robot_description.description import OTHER
+from robot_description.description import QUADRUPED
 from robot_description.meshes.resolver import MeshRecord
+from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.wheels import Drive
 from robot_description.robot import Joint
 from robot_description.robot import Robot
@@ -32,6 +34,7 @@ Places = dict[str, np.ndarray]
 LinkPlaces = Callable[[Positions], Places]
 # Joints without limits are tried so far to both sides [rad], sliding ones so far [m].
 FULL_TURN = math.pi
+PLACES = ('front left', 'front right', 'rear left', 'rear right')
 SLIDE = 0.5
 
 
@@ -46,6 +49,7 @@ def info_record(description: Description) -> dict[str, Any]:
         'floating': not robot.is_fixed,
         'mass': robot.mass,
         'wheels': _wheels_record(description.drive),
+        'legs': _legs_record(description),
         'links': [
             {
                 'name': link.name,
@@ -71,6 +75,28 @@ def _wheels_record(drive: Drive) -> dict[str, Any]:
         'radii': [wheel.radius for wheel in drive.wheels],
         'track': drive.track,
         'notes': list(drive.notes),
+    }
+
+
+def _legs_record(description: Description) -> dict[str, Any]:
+    """Return the four legs and what is held, or why there are no such legs."""
+    why_not = description.why_no_quadruped
+    if why_not is not None:
+        return {'why_not': str(why_not), 'limbs': why_not.limbs}
+    quadruped = description.quadruped
+    return {
+        'legs': [
+            {
+                'joints': [joint.name for joint in leg.joints],
+                'foot': leg.foot,
+                'foot_radius': leg.foot_radius,
+                'thigh': leg.thigh,
+                'calf': leg.calf,
+            }
+            for leg in quadruped.legs
+        ],
+        'held': dict(quadruped.held),
+        'limbs': dict(quadruped.passed),
     }
 
 
@@ -107,6 +133,8 @@ def _print_info(console: Console, info: Description) -> None:
         f'[bold]{_shown(robot.name)}[/]  {info.kind}, {robot.mass:.3f} kg, {base}; '
         f'{len(robot.links)} links, {len(robot.joints)} joints, {movable} of them movable'
     )
+    if info.kind == QUADRUPED:
+        console.print(_legs(info.quadruped))
     for line in _why(info):
         console.print(_shown(line), soft_wrap=True)
     console.print(_tree(robot))
@@ -121,12 +149,42 @@ def _print_info(console: Console, info: Description) -> None:
 def _why(info: Description) -> Iterator[str]:
     """Yield why a robot is of its kind."""
     drive = info.drive
-    if info.kind == DIFF_DRIVE:
+    if info.kind == QUADRUPED:
+        held = info.quadruped.held
+        if held:
+            yield f'held where it is: {", ".join(f"{name} {at:.4g}" for name, at in held.items())}'
+        yield from _no_legs(info.quadruped.passed)
+    elif info.kind == DIFF_DRIVE:
         wheels = ', '.join(f'{wheel.joint.name} {wheel.radius:g} m' for wheel in drive.wheels)
         yield f'driven wheels (left, right): {wheels}; track {drive.track:g} m'
         yield from drive.notes
     elif info.kind == OTHER:
         yield f'no wheels to drive: it {drive.why_not()}'
+        if info.why_no_quadruped is not None:
+            yield f'no legs to walk on: {info.why_no_quadruped}'
+            yield from _no_legs(info.why_no_quadruped.limbs)
+
+
+def _no_legs(limbs: Mapping[str, str]) -> Iterator[str]:
+    """Yield why limbs are no legs, those with one reason in one line."""
+    for reason in dict.fromkeys(why for why in limbs.values() if why):
+        names = ', '.join(name for name, why in limbs.items() if why == reason)
+        yield f'no leg: {names}: {reason}'
+
+
+def _legs(quadruped: Quadruped) -> Table:
+    """Return the legs in the order in which the controller has them."""
+    table = Table('leg', 'hip', 'thigh', 'calf', 'lengths', 'foot', 'radius', 'knee', box=None)
+    for place, leg in zip(PLACES, quadruped.legs, strict=True):
+        table.add_row(
+            place,
+            *(_shown(joint.name) for joint in leg.joints),
+            f'{leg.thigh:.3g} + {leg.calf:.3g} m',
+            _shown(leg.foot),
+            f'{leg.foot_radius:.3g} m',
+            'backward' if leg.bend > 0.0 else 'forward',
+        )
+    return table
 
 
 def _shown(text: str) -> str:

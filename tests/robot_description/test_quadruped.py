@@ -238,7 +238,7 @@ REFUSED: list[tuple[Callable[[], str], str]] = [
     (lambda: dog(extra=''.join(joint(f'{name}_w', f'{name}_3', f'{name}_wheel', '0 0 -0.3',
                                      '0 1 0', kind='continuous') for name in HIPS)),
      'wheels at its feet (FL_w, FR_w, RL_w, RR_w) is none: found 4 limbs on body: FL_a (4'),
-    (lambda: dog().replace('<axis', '<mimic joint="FL_b"/><axis', 3),
+    (lambda: dog().replace('<axis', '<mimic joint="FL_b"/><axis', 1),
      'found 4 limbs on body: FL_a (3 joints), FR_a (3 joints), RL_a (3 joints), RR_a (3 joints); '
      'FL_a is no leg: FL_a mimics FL_b: a linkage, not a joint of its own'),
     (lambda: dog(extra=joint('rod', 'FL_1', 'FL_rod', '0 0 0', '0 1 0')),

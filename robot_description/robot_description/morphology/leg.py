@@ -13,6 +13,7 @@ from robot_description.robot import Joint
 from robot_description.robot import Robot
 from robot_description.robot import Shape
 
+LEG_JOINTS = 3
 # A description's rotations are often rounded to `1.57`: axes may be off by so much [rad].
 AXIS_TOLERANCE = 0.01
 # Angles and lengths below this are zero: [rad] and [m].
@@ -132,13 +133,14 @@ def _check_chain(robot: Robot, groups: dict[str, tuple[str, ...]], limb: list[Jo
     """
     if has_wheel(robot, groups, limb):
         raise NotALeg(f'a wheel at its end, {limb[-1].name}')
+    is_linkage = sum(not joint.mimics for joint in limb) <= LEG_JOINTS
     for joint in limb:
-        if joint.mimics:
+        if joint.mimics and is_linkage:
             raise NotALeg(f'{joint.name} mimics {joint.mimics}: a linkage, not a joint of its own')
         if joint.kind == 'prismatic':
             raise NotALeg(f'{joint.name} slides')
-    if len(limb) != 3:
-        raise NotALeg(f'{len(limb)} joint{"s" if len(limb) > 1 else ""} instead of 3')
+    if len(limb) != LEG_JOINTS:
+        raise NotALeg(f'{len(limb)} joint{"s" if len(limb) > 1 else ""} instead of {LEG_JOINTS}')
     # In a chain no two joints begin on links that move as one; with three joints in all, a
     # branch would need two joints below one.
     if len({joint.parent for joint in limb}) < 3:

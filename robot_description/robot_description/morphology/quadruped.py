@@ -13,13 +13,13 @@ from wasd_core.rotations import Pose
 
 from robot_description.morphology.leg import has_wheel
 from robot_description.morphology.leg import Leg
+from robot_description.morphology.leg import LEG_JOINTS
 from robot_description.morphology.leg import measure_leg
 from robot_description.morphology.leg import NotALeg
 from robot_description.robot import Joint
 from robot_description.robot import Robot
 
 WANTED = 'a quadruped is wanted: four legs of three revolute joints (roll, pitch, pitch)'
-LEG_JOINTS = 3
 # More limbs than this are counted, not listed.
 LISTED = 8
 # Names that are an IMU's, the likeliest first; then any that has `imu` in it.
