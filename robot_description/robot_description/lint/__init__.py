@@ -173,7 +173,7 @@ def _place(model: Model, record: MeshRecord) -> Place:
 def _check_macro_calls(sources: Mapping[Path, bytes]) -> Iterator[Finding]:
     """Macros are called with their prefix, also from within macros and in included files."""
     for path, tag in unprefixed_calls(sources):
-        what = "is xacro's" if tag.name in XACRO_TAGS else 'calls a macro'
-        text = f'<{tag.name}> {what} without xacro:, so it does nothing'
+        what = 'lacks its prefix' if tag.name in XACRO_TAGS else 'calls a macro without xacro:'
+        text = f'<{tag.name}> {what}, so it does nothing'
         cure = f'write <xacro:{tag.name}>; describe fix does it'
         yield finding('unprefixed-macro', Place(path, tag.line, tag.column), text, cure)

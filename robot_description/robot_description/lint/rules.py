@@ -35,7 +35,7 @@ RULES = {
         Rule('xacro-warning', WARNING, 'xacro expands the file, but is not happy with it',
              'mend what the message says'),
         Rule('unprefixed-macro', ERROR,
-             'a macro is called without `xacro:`, so xacro copies the tag instead',
+             'a macro or a tag of xacro lacks its `xacro:`, so xacro copies it instead',
              'write `<xacro:NAME>`; `describe fix` does it, also in included files'),
         Rule('no-links', ERROR,
              'the robot has no links; MuJoCo loads it as an empty world without a word',
