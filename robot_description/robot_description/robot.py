@@ -130,7 +130,8 @@ class Robot:
 
     `friction` and `self_collide` map a link to what its gazebo tag says, where it does; `gazebo`
     are these tags, for what a simulator looks for in them. `mesh_files` maps the URL of a mesh to
-    its file, as far as these were looked for and found.
+    its file, as far as these were looked for and found. `casters` are links that carry the robot
+    beside its driven wheels, of which the description says no more.
     """
 
     name: str
@@ -141,6 +142,7 @@ class Robot:
     self_collide: dict[str, bool]
     gazebo: tuple[ElementTree.Element, ...]
     mesh_files: Mapping[str, Path] = field(default_factory=dict)
+    casters: frozenset[str] = frozenset()
 
     @property
     def mass(self) -> float:

@@ -333,9 +333,9 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
     """
     Return the robot with what its two driven wheels need and its description leaves out.
 
-    It adds motors, tyres with grip, and casters without friction, which are the links that touch
-    the floor beside the wheels. Wheels that are no clean cylinder or ball to collide with get one,
-    and what carries them is held. What the description says is kept.
+    It adds motors, tyres with grip, and casters without friction that give way, which are the
+    links that touch the floor beside the wheels. Wheels that are no clean cylinder or ball to
+    collide with get one, and what carries them is held. What the description says is kept.
     """
     if not drive.wheels:
         return robot
@@ -358,10 +358,10 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
             links[joint.child] = _with_tyre(links[joint.child], joint.axis, wheel.tyre)
     robot = replace(robot, joints=joints, links=links, friction=friction)
     floor = min(float(wheel.position[2]) - wheel.radius for wheel in drive.wheels)
-    for link in robot.links:
-        if lowest_point(robot, link) <= floor + FLOOR_GAP:
-            friction.setdefault(link, 0.0)
-    return robot
+    low = [link for link in links if lowest_point(robot, link) <= floor + FLOOR_GAP]
+    casters = frozenset(link for link in low if link not in friction)
+    friction |= dict.fromkeys(casters, 0.0)
+    return replace(robot, casters=casters)
 
 
 def _held(joint: Joint) -> Joint:
@@ -391,12 +391,12 @@ def lowest_point(robot: Robot, link: str | None = None) -> float:
     """
     Return the least z that collides in the root's frame [m], of a link or of all.
 
-    Meshes do not count; where nothing collides what is drawn does.
+    Where nothing collides what is drawn does, without meshes.
     """
     collides = any(each.collisions for each in robot.links.values())
     links = [robot.links[link]] if link is not None else robot.links.values()
     heights = (
-        float(pose.position[2]) - _reach_down(shape, pose.rotation[2])
+        float(pose.position[2]) - _reach_down(robot, shape, pose.rotation[2])
         for each in links
         for shape in (each.collisions if collides else each.visuals)
         for pose in [robot.rest_poses[each.name] @ shape.pose]
@@ -404,8 +404,11 @@ def lowest_point(robot: Robot, link: str | None = None) -> float:
     return min(heights, default=math.inf)
 
 
-def _reach_down(shape: Shape, up: np.ndarray) -> float:
+def _reach_down(robot: Robot, shape: Shape, up: np.ndarray) -> float:
     """Return how far a shape reaches below its centre [m]; `up` is z in its axes."""
+    if shape.kind == 'mesh' and shape.collides:
+        points = mesh_points(robot, shape)
+        return -math.inf if points is None else -float((points @ up).min())
     if shape.kind == 'sphere':
         return shape.size[0]
     if shape.kind == 'box':
