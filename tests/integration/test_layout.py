@@ -370,6 +370,18 @@ def test_gravity_has_one_home():
     assert known == {'wasd_core.robot_io'}
 
 
+def test_the_words_for_keys_that_are_down_have_one_home():
+    words = {'HELD', 'RELEASE', 'HELD+', 'RELEASE+'}
+    known = {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        for node in nodes(path)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in words
+    }
+    assert known == {'wasd_core.key_events'}
+
+
 def library_functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
     """Yield each function of the packages with the module that it stands in."""
     for package in PACKAGES:

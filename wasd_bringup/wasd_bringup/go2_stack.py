@@ -86,7 +86,9 @@ class Go2Stack(ControlStack):
 
     def press(self, key: str) -> None:
         """Take a key; the leg controller knows those of qwerty."""
-        legs_key = ZERO_KEYS[0] if key == STOP_KEY else on_qwerty(key, self._layout)
+        legs_key = ZERO_KEYS[0] if key == STOP_KEY else key
+        if self._layout != 'qwerty':
+            legs_key = on_qwerty(legs_key, self._layout)
         self._legs.keys.put(String(data=legs_key))
         if self._teleop is None or self._hints is None:
             return

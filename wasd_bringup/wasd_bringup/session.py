@@ -281,7 +281,7 @@ class Session:
                 continue
             # Keys that only became velocities are not to become some again.
             if command.key is not None and robot.stack.has_states:
-                robot.press(command.key)
+                self._give(robot, command.key)
             elif command.velocity is not None:
                 robot.stack.drive(command.velocity)
 
@@ -295,9 +295,14 @@ class Session:
         receiver = self._switch.receiver(key)
         if receiver is not None:
             self._page_drive.press(receiver, key, from_view)
-            self.robots[receiver].press(key)
+            self._give(self.robots[receiver], key)
         elif self._view is not None:
             self._view.follow(self.world)
+
+    def _give(self, robot: SessionRobot, key: str) -> None:
+        """Press a key for a robot, in this instant, and tell whoever listens."""
+        robot.stack.press(key)
+        robot.keys.publish_key(key)
 
     def _is_for_the_run(self, key: str) -> bool:
         """Do what a key of the run itself asks for; False when it is no such key."""

@@ -40,7 +40,7 @@ from wasd_bringup.stack import make_stack
 
 class SessionRobot:
     """
-    A robot with the nodes that simulate and drive it; `press` presses a key for it.
+    A robot with the nodes that simulate and drive it; `stack` takes keys, `keys` tells of them.
 
     The session steps it: `begin_instant` first, then what was scheduled.
     """
@@ -64,8 +64,8 @@ class SessionRobot:
         )
         self.stack = make_stack(loaded, world, options)
         self._states = StatePublisherNode(loaded, lock_step=True, prefix=world.prefix)
-        self._keys = KeyPublisherNode(namespace=options.namespace)
-        self.nodes: list[Node] = [self.simulator, *self.stack.nodes, self._states, self._keys]
+        self.keys = KeyPublisherNode(namespace=options.namespace)
+        self.nodes: list[Node] = [self.simulator, *self.stack.nodes, self._states, self.keys]
         self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
         if world.prefix:
@@ -75,11 +75,6 @@ class SessionRobot:
     def name(self) -> str:
         """What the robot is called."""
         return self.options.robot
-
-    def press(self, key: str) -> None:
-        """Press a key: its stack has it in this instant, others hear of it."""
-        self.stack.press(key)
-        self._keys.publish_key(key)
 
     def schedule_control(self, schedule: Schedule) -> None:
         """Have scripts and controllers stepped."""
