@@ -250,10 +250,7 @@ class MeshResolver:
             kinds = (*place.kinds, 'moved', 'extension')
             matches = [best] if (best := best_format(alike)) is not None else alike
         if self._links[url] in self._trunk and is_carrier(place.path.stem):
-            whole = [path for path in matches if not self._words(path, place) & PARTS]
-            if not whole:  # an arm's base, say
-                return Found((), None, tuple(matches))
-            matches = whole
+            matches = [path for path in matches if not self._words(path, place) & PARTS]
         return _decided(kinds, closest(matches, place.path))
 
     def _guess(self, url: str, places: list[MeshPlace], is_near: bool, used: set[Path]) -> Found:
