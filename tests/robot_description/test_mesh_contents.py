@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mesh files are opened: what is wrong with one is said with its cure, and stops nothing."""
+
+from collections.abc import Callable
+import gzip
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from robot_description.description import load_robot
+from robot_description.lint import lint
+from robot_description.meshes import load
+from robot_description.meshes.load import load_mesh
+from robot_description.mujoco.builder import compile_model
+from robot_description.mujoco.builder import to_mujoco
+import trimesh
+from wasd_core.errors import DescriptionError
+
+FORMATS = ('stl', 'obj', 'ply', 'glb', 'dae')
+POINTER = b'version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 12345\n'
+MASS = (
+    '<inertial><mass value="1"/>'
+    '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+BOX = '<geometry><box size="0.2 0.2 0.2"/></geometry>'
+
+
+def mesh(name: str, scale: str = '1 1 1') -> str:
+    return f'<geometry><mesh filename="{name}" scale="{scale}"/></geometry>'
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Callable[[str], Path]:
+    """Return a function that writes a robot of one link, `a`, with these shapes."""
+
+    def write(shapes: str) -> Path:
+        path = tmp_path / 'robot.urdf'
+        path.write_text(f'<robot name="robot"><link name="a">{MASS}{shapes}</link></robot>')
+        return path
+
+    return write
+
+
+@pytest.fixture(scope='module')
+def balls() -> dict[str, bytes]:
+    """Return a ball of radius 0.1 m in each format."""
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
+    exported = {name: ball.export(file_type=name) for name in FORMATS}
+    return {k: v.encode() if isinstance(v, str) else v for k, v in exported.items()}
+
+
+def model_of(path: Path, visuals: bool = True) -> mujoco.MjModel:
+    loaded = load_robot(str(path))
+    return compile_model(to_mujoco(loaded.robot, loaded.meshes.files.get, visuals))
+
+
+BROKEN = {
+    'is empty': lambda whole: b'',
+    'run `git lfs pull`': lambda whole: POINTER,
+    'is packed by gzip: unpack it': gzip.compress,
+    'is a web page': lambda whole: b'<!DOCTYPE html>\n<html/>',
+    'is a .glb file by what is in it|is a .dae file': lambda whole: whole,
+    'cannot be read as a mesh|no triangles': lambda whole: whole[: len(whole) // 2],
+    'cannot be read|no triangles': lambda whole: np.random.default_rng(1).bytes(3000),
+}
+
+
+@pytest.mark.parametrize('suffix', FORMATS)
+@pytest.mark.parametrize('said', BROKEN)
+def test_what_is_wrong_with_a_file_is_said_in_one_line(said, suffix, balls, tmp_path):
+    whole = balls[suffix]
+    if said.startswith('is a .glb'):
+        whole = balls['dae' if suffix == 'glb' else 'glb']
+    path = tmp_path / f'ball.{suffix}'
+    path.write_bytes(BROKEN[said](whole))
+    if said.startswith('is a .glb') and suffix == 'glb':
+        said = 'cannot be read'
+    with pytest.raises(ValueError, match=f'ball.{suffix}: .*({said})') as caught:
+        load_mesh(path)
+    assert '\n' not in str(caught.value)
+
+
+def test_a_binary_stl_may_have_something_behind_its_end(balls, tmp_path):
+    path = tmp_path / 'ball.stl'
+    path.write_bytes(balls['stl'] + b'made by somebody')
+    assert len(load_mesh(path).faces) == 320
+
+
+@pytest.mark.parametrize('use', ['visual', 'collision'])
+@pytest.mark.parametrize(('name', 'kind'), [('lost.stl', 'missing'), ('pointer.stl', 'unusable')])
+def test_a_mesh_that_is_lost_stops_nothing_but_strict(use, name, kind, robot, tmp_path):
+    (tmp_path / 'pointer.stl').write_bytes(POINTER)
+    path = robot(f'<{use}>{mesh(name)}</{use}>')
+    (record,) = load_robot(str(path)).meshes.repairs
+    assert (record.kind, record.file) == (kind, None)
+    assert model_of(path).ngeom == 0
+    assert f'{kind}-mesh' in [one.rule.code for one in lint(path)]
+    with pytest.raises(DescriptionError, match=f'--strict: {use} mesh .*{name}.*: {kind}'):
+        load_robot(str(path), strict=True)
+
+
+def test_what_is_drawn_collides_in_place_of_a_lost_mesh(robot):
+    path = robot(f'<visual>{BOX}</visual><collision>{mesh("lost.stl")}</collision>')
+    loaded = load_robot(str(path))
+    assert 'what is drawn collides instead' in loaded.meshes.repairs[0].line()
+    assert [shape.kind for shape in loaded.robot.links['a'].collisions] == ['box']
+    model = model_of(path)
+    assert (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).all()
+    assert sorted(model.geom_contype) == [0, 1]
+
+
+def test_one_of_several_collisions_is_just_left_out(robot):
+    collisions = f'<collision>{BOX}</collision><collision>{mesh("lost.stl")}</collision>'
+    path = robot(f'<visual>{BOX}</visual>{collisions}')
+    assert ', left out' in load_robot(str(path)).meshes.repairs[0].line()
+    assert model_of(path, visuals=False).ngeom == 1
+
+
+SIZES = [
+    (1.0, '1 1 1', ''),
+    (1000.0, '1 1 1', 'looks like millimetres: scale="0.001 0.001 0.001"'),
+    (1000.0, '1 -1 1', 'looks like millimetres: scale="0.001 -0.001 0.001"'),
+    (1000.0, '0.001 0.001 0.001', ''),
+    (1.0, '0.001 0.001 0.001', 'scaled from millimetres twice: scale="1 1 1"'),
+    (1e6, '1 1 1', 'check its unit and scale'),
+    (20.0, '1 1 1', ''),
+    (0.02, '1 1 1', ''),
+]
+
+
+@pytest.mark.parametrize(('size', 'scale', 'said'), SIZES)
+def test_a_size_is_compared_with_the_robot(size, scale, said, robot, tmp_path):
+    trimesh.creation.box((0.2 * size, 0.1 * size, 0.1 * size)).export(tmp_path / 'box.stl')
+    path = robot(f'<visual>{mesh("box.stl", scale)}</visual><collision>{BOX}</collision>')
+    found = [one.message for one in lint(path) if one.rule.code == 'mesh-size']
+    (record,) = load_robot(str(path)).meshes.records
+    assert (record.kind == 'size') == bool(said) == bool(found)
+    assert record.file is not None
+    for text in (record.note, *found):
+        assert said in text
+    if size == 1000.0 and said:
+        assert '200 x 100 x 100 m' in record.line()
+
+
+def test_a_flat_mesh_collides_as_a_thin_plate(robot, tmp_path):
+    (tmp_path / 'flat.obj').write_text('v 0 0 0\nv 1 0 1\nv 1 1 1\nf 1 2 3\n')
+    path = robot(f'<visual>{mesh("flat.obj")}</visual><collision>{mesh("flat.obj")}</collision>')
+    model = model_of(path)
+    assert model.nmesh == 2
+    (touched,) = np.flatnonzero(model.geom_contype)
+    size = 2.0 * model.geom_aabb[touched, 3:]
+    assert size.min() == pytest.approx(1e-3, rel=1e-3)
+
+
+def test_a_mesh_is_decoded_once_to_be_measured_and_simulated(robot, balls, tmp_path, monkeypatch):
+    (tmp_path / 'ball.obj').write_bytes(balls['obj'])
+    read, decode = [], load._read_mesh
+    monkeypatch.setattr(load, '_read_mesh', lambda path: read.append(path) or decode(path))
+    path = robot(f'<visual>{mesh("ball.obj")}</visual><collision>{mesh("ball.obj")}</collision>')
+    assert model_of(path).nmesh == 2
+    assert lint(path) == []
+    assert len(read) == 1
+
+
+def test_files_of_one_name_stay_apart(robot, tmp_path):
+    for name, size in (('one', 0.1), ('other', 0.3)):
+        (tmp_path / name).mkdir()
+        trimesh.creation.box((size,) * 3).export(tmp_path / name / 'box.stl')
+    path = robot(
+        ''.join(f'<visual>{mesh(f"{name}/box.stl")}</visual>' for name in ('one', 'other'))
+    )
+    np.testing.assert_allclose(2.0 * model_of(path).geom_aabb[:, 3], [0.1, 0.3], rtol=1e-6)
