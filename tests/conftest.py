@@ -21,6 +21,8 @@ PATIENCE = 10.0
 # Hundreds of processes start here, and each would compile the project anew.
 os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 sys.dont_write_bytecode = False
+# Tests compare what nodes say.
+os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '0')
 
 # A shell starts what goes to the background deaf to these, nohup to the last, and children inherit
 # that.
@@ -161,8 +163,3 @@ def launch_file() -> Callable[[Path], Any]:
     spec.loader.exec_module(module)
     read: Callable[[Path], Any] = module.LaunchFile
     return read
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Have nodes log without colours: tests compare what they say."""
-    os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '0')

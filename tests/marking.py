@@ -25,7 +25,7 @@ MARKS = ('process', 'ros', 'run', 'browser')
 SLOW_MARKS = (*MARKS, 'slow')
 TESTS = str(Path(__file__).resolve().parent)
 
-_PROCESS_MODULES = {'subprocess', 'multiprocessing', 'pty', '_pytest.pytester'}
+_PROCESS_MODULES = {'subprocess', 'starting', 'multiprocessing', 'pty', '_pytest.pytester'}
 _ROS_MODULES = ('rclpy', 'wasd_core.node', 'wasd_core.ros_parameters')
 _RUN_NAMES = {'Runner', 'Session', 'run_command', 'demo_command', 'replay_command'}
 # Events of Python's audit hooks that a quick test must not cause. A fork is quick: each expansion

@@ -22,6 +22,7 @@ from PIL import Image
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+import starting
 from terminals import fill
 
 REPEAT_PERIOD = 1.0 / 30.0
@@ -62,23 +63,25 @@ class Runner:
 
     def __call__(self, *arguments: str, **options: Any) -> 'subprocess.CompletedProcess[str]':
         """Run with arguments and capture what is printed."""
-        done = subprocess.run(
+        done = starting.run(
             [*WASD, *arguments],
             env=self._environment,
             cwd=self.folder,
             text=True,
-            capture_output=True,
             start_new_session=True,
             timeout=options.pop('timeout', 120),
-            check=False,
             **{'stdin': subprocess.DEVNULL, **options},
         )
         self.said = done.stderr
         return done
 
+    def anew(self) -> 'Runner':
+        """Return a Runner whose runs share nothing, not even the order of sets."""
+        return Runner(self.folder, {**self._environment, 'PYTHONHASHSEED': 'random'})
+
     def start(self, *arguments: str, **options: Any) -> 'subprocess.Popen[str]':
         """Start with arguments and do not wait; nothing is captured unless asked for."""
-        return subprocess.Popen(
+        return starting.Popen(
             [*WASD, *arguments],
             env=self._environment,
             cwd=self.folder,
@@ -168,7 +171,7 @@ def run_with_page(environment: dict[str, str], tmp_path: Path) -> Iterator[Calla
     pages: list[Page] = []
 
     def start(robot: str, *arguments: str) -> Page:
-        process = subprocess.Popen(
+        process = starting.Popen(
             [*WASD, robot, '--viewer', 'web', *arguments],
             env=environment,
             cwd=tmp_path,
@@ -230,21 +233,14 @@ class TerminalSession:
         self.master, self.slave = pty.openpty()
         self.before = termios.tcgetattr(self.slave)
         self.shown = ''
-        self.process = subprocess.Popen(
-            [sys.executable, *arguments, *last],
+        self.process = starting.Popen(
+            [sys.executable, '-c', starting.TAKE_TERMINAL, *arguments, *last],
             stdin=self.slave,
             stdout=self.slave,
             stderr=self.slave,
             env={**environment, 'TERM': 'xterm'},
             cwd=cwd,
-            preexec_fn=self._take_terminal,
         )
-
-    def _take_terminal(self) -> None:
-        os.setsid()
-        import fcntl
-
-        fcntl.ioctl(self.slave, termios.TIOCSCTTY, 0)
 
     def read(self, timeout: float = 0.0) -> None:
         """Take in what is on the screen."""

@@ -73,7 +73,7 @@ def distance_beside_another(new_runner: Any, domain: int, *words: str) -> float:
     try:
         time.sleep(3.0)  # it has been driving for a while
         # Seconds of wall time beside another run: enough for two processes to meet.
-        report = runner.report('mbot', '--duration', '150', *words, twist=STANDS)
+        report = runner.report('mbot', '--duration', '60', *words, twist=STANDS)
     finally:
         process.terminate()
         process.wait(10.0)

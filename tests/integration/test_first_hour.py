@@ -9,7 +9,6 @@ import pty
 import re
 import select
 import struct
-import subprocess
 import sys
 import termios
 import time
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import starting
 from teleop_keyboard.key_script import parse_key_script
 from wasd_core.timing import brief
 
@@ -46,7 +46,7 @@ class Window:
         self.shown = ''
         unset = ('COLUMNS', 'LINES')
         kept = {name: value for name, value in environment.items() if name not in unset}
-        self.process = subprocess.Popen(
+        self.process = starting.Popen(
             [sys.executable, '-m', 'wasd_bringup.cli', *words],
             stdin=self.slave,
             stdout=self.slave,

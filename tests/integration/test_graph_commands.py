@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from rclpy.qos import qos_profile_sensor_data
+import starting
 from std_msgs.msg import String
 from wasd_core.network import claim
 import yaml
@@ -266,7 +267,7 @@ def test_params_waits_for_a_run_that_it_knows_to_be_there(
         )
         time.sleep(6.0)
         assert process.poll() is None, process.communicate()[1]
-        late = subprocess.Popen([sys.executable, '-m', 'teleop_keyboard.twist_mux_node'])
+        late = starting.Popen([sys.executable, '-m', 'teleop_keyboard.twist_mux_node'])
         try:
             said, errors = process.communicate(timeout=30.0)
         finally:

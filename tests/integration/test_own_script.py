@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import starting
 
 ROOT = Path(__file__).resolve().parents[2]
 # Makes everything of ROS unimportable, then runs the file that is named.
@@ -58,14 +59,12 @@ def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path:
     (tmp_path / 'circle.py').write_text(scripts()[1])
     node = subprocess.Popen([sys.executable, 'circle.py'], cwd=tmp_path, env=environment)
     try:
-        done = subprocess.run(
+        done = starting.run(
             [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', '--duration', '8'],
             env=environment,
             stdin=subprocess.DEVNULL,
-            capture_output=True,
             text=True,
             timeout=120,
-            check=False,
         )
     finally:
         node.terminate()

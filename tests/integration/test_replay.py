@@ -31,7 +31,7 @@ def run(new_runner: Any) -> tuple[Any, dict[str, Any]]:
 
 
 def test_the_commands_driven_again_go_the_same_way(run: Any) -> None:
-    done = run[0]('replay', 'run.mcap', '--drive')
+    done = run[0].anew()('replay', 'run.mcap', '--drive')
     assert (done.returncode, done.stdout) == (0, '250 of 250 recorded poses are identical\n')
 
 

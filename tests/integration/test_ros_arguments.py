@@ -16,6 +16,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import ReliabilityPolicy
+import starting
 from wasd_core.node import init_ros
 import yaml
 
@@ -154,7 +155,7 @@ def test_velocities_go_to_the_mux_of_the_tutorial(node_of):
 def test_a_whole_robot_moves_into_a_namespace(robot, spawn, spin_until):
     rules = ('-r', '__ns:=/yard', '-r', 'cmd_vel:=steer', '-p', 'clock_rate:=50.0')
     words = [robot, '--viewer', 'none', '--duration', '60', '--ros-args', *rules]
-    process = subprocess.Popen(
+    process = starting.Popen(
         [sys.executable, '-m', 'wasd_bringup.cli', *words], stderr=subprocess.PIPE, text=True
     )
     peer = spawn(Node('peer'))

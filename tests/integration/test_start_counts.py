@@ -6,6 +6,9 @@ import subprocess
 import sys
 
 import pytest
+from quadruped_sim.compilation import warm_up
+from quadruped_sim.robot_model import RobotModel
+from robot_description.description import load_robot
 
 # Before anything else takes these functions by their names. The robots in the argument are built,
 # and what was called meanwhile is printed.
@@ -51,6 +54,13 @@ wasd.Go2()
 """
 
 
+@pytest.fixture(scope='module')
+def compiled() -> None:
+    """Have the leg controller in numba's cache: who compiles it models the robot once more."""
+    warm_up(RobotModel(load_robot('go2')))
+
+
+@pytest.mark.usefixtures('compiled')
 @pytest.mark.parametrize('build', [SESSION, NODE, SCRIPT], ids=['session', 'node', 'script'])
 def test_a_go2_is_read_parsed_recognised_and_modelled_once(isolated_ros, build):
     code = f'{COUNT}{build}print(json.dumps(counts))'

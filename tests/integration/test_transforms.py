@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import starting
 
 pytest.importorskip(
     'tf2_msgs',
@@ -112,7 +113,7 @@ def start(robot: str, folder: Path) -> 'subprocess.Popen[str]':
     """Start a robot that is driven by keys."""
     script = folder / 'keys.txt'
     script.write_text(KEYS[robot])
-    return subprocess.Popen(
+    return starting.Popen(
         [sys.executable, '-m', 'wasd_bringup.cli', robot, '--play', str(script)]
         + ['--duration', '60'],  # until it has been heard for long enough
         env=dict(os.environ),

@@ -19,6 +19,7 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
 from robot_description.packages import share_directory
 from rosgraph_msgs.msg import Clock
+import starting
 from std_msgs.msg import String
 
 pytestmark = pytest.mark.slow
@@ -152,7 +153,7 @@ def processes(isolated_ros) -> Iterator[list[subprocess.Popen]]:
         ('quadruped_sim.leg_controller_node',),
     )
     started = [
-        subprocess.Popen(
+        starting.Popen(
             [sys.executable, '-m', module, '--ros-args', *rest],
             env=os.environ.copy(),
             start_new_session=True,

@@ -16,18 +16,12 @@ from geometry_msgs.msg import TwistStamped
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+import starting
 from std_msgs.msg import String
 from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.twist_messages import from_twist
 from terminals import fill
 from terminals import wait_until
-
-# Makes the pseudo-terminal on standard input the controlling terminal, as a shell's terminal is:
-# then Ctrl-C, typed, is a signal.
-TAKE_TERMINAL = (
-    'import fcntl, os, sys, termios; os.setsid(); fcntl.ioctl(0, termios.TIOCSCTTY, 0);'
-    'os.execv(sys.executable, [sys.executable, *sys.argv[1:]])'
-)
 
 # How long a process may take to start or to end on a busy machine [s].
 PATIENCE = 20.0
@@ -41,8 +35,8 @@ class PtyProcess:
         self.before = termios.tcgetattr(self.slave)
         self.output = b''
         self.is_gone = False
-        self.process = subprocess.Popen(
-            [sys.executable, '-c', TAKE_TERMINAL, *arguments],
+        self.process = starting.Popen(
+            [sys.executable, '-c', starting.TAKE_TERMINAL, *arguments],
             stdin=self.slave,
             stdout=self.slave,
             stderr=self.slave,
@@ -285,7 +279,7 @@ def background():
 
     def start(module, *arguments):
         processes.append(
-            subprocess.Popen(
+            starting.Popen(
                 [sys.executable, '-m', module, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,

@@ -8,6 +8,7 @@ import sys
 import time
 
 import pytest
+import starting
 from std_msgs.msg import String
 from teleop_keyboard.key_script import parse_key_script
 from terminals import wait_until
@@ -164,9 +165,8 @@ def test_an_exception_leaves_the_terminal_as_it_was(pty_process, listener):
 
 
 def run_without_terminal(**arguments):
-    return subprocess.run(
+    return starting.run(
         [sys.executable, *MODULE],
-        capture_output=True,
         start_new_session=True,
         timeout=20.0,
         **arguments,

@@ -1,5 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-import subprocess
 import sys
 import time
 
@@ -9,6 +8,7 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+import starting
 from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
@@ -182,9 +182,7 @@ def test_alone_it_follows_its_own_clock(ros):
 )
 def test_a_wrong_parameter_ends_the_process_with_one_line(ros_domain, parameter, message):
     command = [sys.executable, '-m', 'teleop_keyboard.keys_to_twist_node']
-    result = subprocess.run(
-        [*command, '--ros-args', '-p', parameter], capture_output=True, text=True, timeout=20.0
-    )
+    result = starting.run([*command, '--ros-args', '-p', parameter], text=True, timeout=20.0)
     assert result.returncode == 2
     (line,) = result.stderr.splitlines()
     assert line.startswith(message)
