@@ -2,7 +2,9 @@
 """Parameters of the drive controller: wheels, limits, odometry; names of ros2_controllers."""
 
 from dataclasses import dataclass
-from typing import Any
+from dataclasses import fields
+import math
+from typing import Any, NamedTuple
 
 from robot_description.morphology.wheels import WheelChoice
 from wasd_core.parameters import InvalidParameter
@@ -13,91 +15,76 @@ from diff_drive_sim import MODES
 from diff_drive_sim.limits import AxisLimits
 
 
-def _upper(
-    axis: str, what: str, unit: str, doc: str, default: float, nan: str = 'no limit'
-) -> Any:
-    name = f'{axis}.{what}'
-    return parameter(default, name=name, unit=unit, doc=doc, above=0.0, nan=nan)
+class _Axis(NamedTuple):
+    """An axis by what users call it, and the unit of its velocity up to the second: `m/s`."""
+
+    name: str
+    unit: str
+
+    def limit(self, what: str, doc: str, default: float = math.nan) -> Any:
+        """Return the field of one limit; its sign, its unit and what NaN means go by its name."""
+        power = next(power for word, power in _POWERS.items() if word in what)
+        is_below = what.startswith('min_') or what in _BELOW
+        return parameter(
+            default,
+            name=f'{self.name}.{what}',
+            unit=f'{self.unit}{power}',
+            doc=doc,
+            above=None if is_below else 0.0,
+            below=0.0 if is_below else None,
+            nan=_OTHERWISE.get(what, 'no limit'),
+        )
 
 
-def _lower(axis: str, what: str, unit: str, doc: str, nan: str) -> Any:
-    name = f'{axis}.{what}'
-    return parameter(float('nan'), name=name, unit=unit, doc=doc, below=0.0, nan=nan)
-
-
-def _slowing_back(axis: str, unit: str, doc: str) -> Any:
-    what, nan = 'max_deceleration_reverse', 'the negative of max_deceleration'
-    return _upper(axis, what, unit, doc, float('nan'), nan)
+_POWERS = {'velocity': '', 'celeration': '^2', 'jerk': '^3'}
+_BELOW = ('max_deceleration', 'max_acceleration_reverse')
+# What holds in place of a limit that is NaN.
+_OTHERWISE = {
+    'min_velocity': '-max_velocity',
+    'max_deceleration': '-max_acceleration',
+    'max_acceleration_reverse': '-max_acceleration',
+    'max_deceleration_reverse': 'the negative of max_deceleration',
+    'min_jerk': '-max_jerk',
+}
+X, Z = _Axis('linear.x', 'm/s'), _Axis('angular.z', 'rad/s')
 
 
 @dataclass(frozen=True, kw_only=True)
 class LimitParameters(Parameters):
     """Limits of the two axes; signs say the direction, as in ros2_controllers."""
 
-    linear_max_velocity: float = _upper(
-        'linear.x', 'max_velocity', 'm/s', 'Largest forward speed', 1.0
+    linear_max_velocity: float = X.limit('max_velocity', 'Largest forward speed', 1.0)
+    linear_min_velocity: float = X.limit('min_velocity', 'Largest backward speed')
+    linear_max_acceleration: float = X.limit(
+        'max_acceleration', 'Most that speeds it up forward', 1.0
     )
-    linear_min_velocity: float = _lower(
-        'linear.x', 'min_velocity', 'm/s', 'Largest backward speed', '-max_velocity'
+    linear_max_deceleration: float = X.limit(
+        'max_deceleration', 'Most that slows it down when it goes forward'
     )
-    linear_max_acceleration: float = _upper(
-        'linear.x', 'max_acceleration', 'm/s^2', 'Most that speeds it up forward', 1.0
+    linear_max_acceleration_reverse: float = X.limit(
+        'max_acceleration_reverse', 'Most that speeds it up backward'
     )
-    linear_max_deceleration: float = _lower(
-        'linear.x',
-        'max_deceleration',
-        'm/s^2',
-        'Most that slows it down when it goes forward',
-        '-max_acceleration',
+    linear_max_deceleration_reverse: float = X.limit(
+        'max_deceleration_reverse', 'Most that slows it down when it goes backward'
     )
-    linear_max_acceleration_reverse: float = _lower(
-        'linear.x',
-        'max_acceleration_reverse',
-        'm/s^2',
-        'Most that speeds it up backward',
-        '-max_acceleration',
+    linear_max_jerk: float = X.limit('max_jerk', 'Fastest growth of acceleration')
+    linear_min_jerk: float = X.limit('min_jerk', 'Fastest fall of acceleration')
+    angular_max_velocity: float = Z.limit('max_velocity', 'Largest yaw rate to the left', 4.0)
+    angular_min_velocity: float = Z.limit('min_velocity', 'Largest yaw rate to the right')
+    angular_max_acceleration: float = Z.limit(
+        'max_acceleration', 'Most that speeds a left turn up', 6.0
     )
-    linear_max_deceleration_reverse: float = _slowing_back(
-        'linear.x', 'm/s^2', 'Most that slows it down when it goes backward'
+    angular_max_deceleration: float = Z.limit(
+        'max_deceleration', 'Most that slows a left turn down'
     )
-    linear_max_jerk: float = _upper(
-        'linear.x', 'max_jerk', 'm/s^3', 'Fastest growth of acceleration', float('nan')
+    angular_max_acceleration_reverse: float = Z.limit(
+        'max_acceleration_reverse', 'Most that speeds a right turn up'
     )
-    linear_min_jerk: float = _lower(
-        'linear.x', 'min_jerk', 'm/s^3', 'Fastest fall of acceleration', '-max_jerk'
+    angular_max_deceleration_reverse: float = Z.limit(
+        'max_deceleration_reverse', 'Most that slows a right turn down'
     )
-    angular_max_velocity: float = _upper(
-        'angular.z', 'max_velocity', 'rad/s', 'Largest yaw rate to the left', 4.0
-    )
-    angular_min_velocity: float = _lower(
-        'angular.z', 'min_velocity', 'rad/s', 'Largest yaw rate to the right', '-max_velocity'
-    )
-    angular_max_acceleration: float = _upper(
-        'angular.z', 'max_acceleration', 'rad/s^2', 'Most that speeds a left turn up', 6.0
-    )
-    angular_max_deceleration: float = _lower(
-        'angular.z',
-        'max_deceleration',
-        'rad/s^2',
-        'Most that slows a left turn down',
-        '-max_acceleration',
-    )
-    angular_max_acceleration_reverse: float = _lower(
-        'angular.z',
-        'max_acceleration_reverse',
-        'rad/s^2',
-        'Most that speeds a right turn up',
-        '-max_acceleration',
-    )
-    angular_max_deceleration_reverse: float = _slowing_back(
-        'angular.z', 'rad/s^2', 'Most that slows a right turn down'
-    )
-    angular_max_jerk: float = _upper(
-        'angular.z', 'max_jerk', 'rad/s^3', 'Fastest growth of acceleration', float('nan')
-    )
-    angular_min_jerk: float = _lower(
-        'angular.z', 'min_jerk', 'rad/s^3', 'Fastest fall of acceleration', '-max_jerk'
-    )
+    angular_max_jerk: float = Z.limit('max_jerk', 'Fastest growth of acceleration')
+    angular_min_jerk: float = Z.limit('min_jerk', 'Fastest fall of acceleration')
     accel_limit: float = parameter(
         float('nan'),
         name='accel_limit',
@@ -119,17 +106,9 @@ class LimitParameters(Parameters):
         if accel_limit > 0.0:  # not NaN
             fastest, slowest = (getattr(self, f'{axis}_{end}_velocity') for end in ('max', 'min'))
             return AxisLimits.from_signed(fastest, slowest, accel_limit)
-        names = (
-            'max_velocity',
-            'min_velocity',
-            'max_acceleration',
-            'max_deceleration',
-            'max_acceleration_reverse',
-            'max_deceleration_reverse',
-            'max_jerk',
-            'min_jerk',
-        )
-        return AxisLimits.from_signed(*(getattr(self, f'{axis}_{name}') for name in names))
+        names = [field.name for field in fields(LimitParameters) if field.name.startswith(axis)]
+        signed = {name.removeprefix(f'{axis}_'): getattr(self, name) for name in names}
+        return AxisLimits.from_signed(**signed)
 
 
 # A planar robot knows nothing of z, roll and pitch: 1e6 tells a filter to look elsewhere.
