@@ -127,6 +127,14 @@ def test_a_wheel_may_be_turned_into_place_by_its_joint():
             r'l_joint is 2.1 mm off the axle of r_joint \(2 mm are taken\)',
         ),
         ((wheel('l', 0.2), wheel('r', 0.2)), 'l_joint is where r_joint is'),
+        (
+            (wheel('l', 0.2, radius=0.0), wheel('r', -0.2, radius=0.0)),
+            'l_joint has a cylinder without a radius',
+        ),
+        (
+            (wheel('l', 0.2, limit='<mimic joint="r_joint"/>'), wheel('r', -0.2)),
+            "l_joint mimics 'r_joint'",
+        ),
     ],
 )
 def test_wheels_that_do_not_make_a_differential_drive_are_named(wheels, message):

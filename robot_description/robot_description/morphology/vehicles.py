@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What else drives on wheels, by its shape and its names: cars, mecanum, tracks, skid-steers."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 import math
 from pathlib import PurePosixPath
 
@@ -41,8 +41,9 @@ def other_vehicle(robot: Robot, wheels: Sequence[Place]) -> str:
 
     `wheels` are the joints of those that the base holds, with the wheels' places in the root [m].
     """
+    above = _above_wheels(robot)
     for joint in robot.movable_joints:
-        if _steers(robot, joint):
+        if joint.child in above and _steers(robot, joint):
             return f'a car (Ackermann: {joint.name} steers a wheel)'
     rollers = _named(robot, ROLLER_WORDS, WHEEL_WORDS)
     if len(rollers) >= FEWEST_ROLLERS:
@@ -58,21 +59,21 @@ def other_vehicle(robot: Robot, wheels: Sequence[Place]) -> str:
 
 
 def _steers(robot: Robot, joint: Joint) -> bool:
-    """Whether a joint steers a wheel: about an upright axis, by its name or by its limits."""
+    """Whether a joint steers what it carries: about an upright axis, by its name or its limits."""
     said = {*words(joint.name), *words(joint.child)}
     if said & CASTER_WORDS or not is_upright(robot, joint):
         return False
-    if not said & STEER_WORDS and joint.upper - joint.lower >= STEERING_RANGE:
-        return False
-    return any(WHEEL_WORDS & said for said in _words_below(robot, joint))
+    return bool(said & STEER_WORDS) or joint.upper - joint.lower < STEERING_RANGE
 
 
-def _words_below(robot: Robot, joint: Joint) -> Iterator[set[str]]:
-    """Yield the words of a joint, of its link, and of all that hangs on it."""
-    yield {*words(joint.name), *words(joint.child)}
-    for below in robot.joints.values():
-        if below.parent == joint.child:
-            yield from _words_below(robot, below)
+def _above_wheels(robot: Robot) -> set[str]:
+    """Return the links that are called wheels, and those that carry one."""
+    found: set[str] = set()
+    for link in reversed(robot.links_from_root[1:]):
+        joint = robot.parent_joints[link]
+        if link in found or WHEEL_WORDS & {*words(joint.name), *words(link)}:
+            found |= {link, joint.parent}
+    return found
 
 
 def _named(robot: Robot, wanted: set[str], also: set[str]) -> list[str]:

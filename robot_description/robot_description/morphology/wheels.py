@@ -183,8 +183,7 @@ def _wheel(robot: Robot, joint: Joint, choice: WheelChoice) -> DriveWheel | str:
     if swivel is not None:
         return f'is on {swivel.name!r}, which swivels about z: a caster'
     if len(mounts) > 1:
-        names = ', '.join(repr(each.name) for each in mounts)
-        return f'is held by {len(mounts)} joints that move ({names}), 1 at most is taken'
+        return f'is held by {mounts[0].name!r} and {mounts[1].name!r}, which move (1 is taken)'
     tyre = _tyre(robot, joint, choice.radius)
     if isinstance(tyre, str):
         return tyre
@@ -193,10 +192,10 @@ def _wheel(robot: Robot, joint: Joint, choice: WheelChoice) -> DriveWheel | str:
 
 
 def _moving_above(robot: Robot, joint: Joint) -> tuple[Joint, ...]:
-    """Return the joints between the root and a joint that are not fixed."""
+    """Return the first two joints that are not fixed on the way from a joint to the root."""
     found = []
     above = robot.parent_joints.get(joint.parent)
-    while above is not None:
+    while above is not None and len(found) < 2:
         if above.kind != 'fixed':
             found.append(above)
         above = robot.parent_joints.get(above.parent)
@@ -209,20 +208,25 @@ def _tyre(robot: Robot, joint: Joint, radius: float) -> Tyre | str:
     for link, pose in _carried(robot, joint.child):
         for shape in (*link.collisions, *link.visuals):
             tyre = _measure(robot, joint.axis, shape, pose @ shape.pose)
-            if isinstance(tyre, Tyre):
+            if isinstance(tyre, Tyre) and tyre.radius <= 0.0:
+                why = f'has a {shape.kind} without a radius'
+            elif isinstance(tyre, Tyre):
                 own = link.name == joint.child and shape.collides
                 return tyre._replace(is_exact=tyre.is_exact and own)
-            why = tyre
+            else:
+                why = tyre
     return Tyre(np.zeros(3), radius, USUAL_WIDTH, is_exact=False) if radius else why
 
 
 def _carried(robot: Robot, link: str) -> list[tuple[Link, Pose]]:
     """Return a link and those welded to it, with their poses in it."""
     found = [(robot.links[link], IDENTITY)]
-    for joint in robot.joints.values():
-        if joint.kind == 'fixed' and joint.parent == link:
-            below = _carried(robot, joint.child)
-            found += [(each, joint.pose @ pose) for each, pose in below]
+    for above, pose in found:  # which grows meanwhile
+        found += [
+            (robot.links[joint.child], pose @ joint.pose)
+            for joint in robot.joints.values()
+            if joint.kind == 'fixed' and joint.parent == above.name
+        ]
     return found
 
 
