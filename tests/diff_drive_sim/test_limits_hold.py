@@ -139,8 +139,8 @@ def test_no_limit_is_broken_by_any_command_in_any_step(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('seed', range(100, 110))
-def test_no_limit_is_broken_in_two_million_steps(seed):
+@pytest.mark.parametrize('seed', range(100, 102))
+def test_no_limit_is_broken_in_four_hundred_thousand_steps(seed):
     violations, saturated = count_violations(seed, robots=500)
     assert violations == []
     assert saturated > 5000

@@ -102,7 +102,7 @@ def test_cmd_vel_of_another_process_is_heard_as_often_as_it_is_sent(
         stop=lambda: session.world.time >= end[0],
         poll=session._poll,
         each_second=lambda: (
-            end.__setitem__(0, min(end[0], session.world.time + 4.0)) if heard else None
+            end.__setitem__(0, min(end[0], session.world.time + 2.0)) if heard else None
         ),
     )
     sender.kill()
