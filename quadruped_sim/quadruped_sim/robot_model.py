@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from robot_description.description import Description
+from robot_description.morphology.quadruped import GO2_SPEED
 from robot_description.morphology.quadruped import imu_position
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
@@ -38,8 +39,6 @@ EFFORT_MAX = 107.0
 GO2_HIP_DISTANCE = 0.2402
 # A leg whose knee points forward walks ahead as its mirror image walks back.
 FORWARD_KNEES = 0.75
-# No-load speed of the Go2's knees, which bounds how fast it can walk [rad/s].
-GO2_KNEE_SPEED = 15.7
 # Thigh and calf of the Go2 [rad]: unitree_guide's stand, and about what they are in trot.
 STANDING = (0.67, -1.3)
 WALKING = (0.8, -1.6)
@@ -228,7 +227,7 @@ class RobotModel:
     def motor_speed(self) -> float:
         """No-load speed of its slowest thigh or knee, for its size, as a share of the Go2's."""
         speed = float(self.limits.velocity[self._slowest])
-        return min(1.0, speed / (GO2_KNEE_SPEED * self.scale.of('rad/s')))
+        return min(1.0, speed / (GO2_SPEED * self.scale.of('rad/s')))
 
     @property
     def _slowest(self) -> int:

@@ -15,6 +15,7 @@ from robot_description.meshes.contents import open_meshes
 from robot_description.meshes.contents import with_stand_ins
 from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
+from robot_description.morphology.quadruped import equip_legs
 from robot_description.morphology.quadruped import find_quadruped
 from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
@@ -24,6 +25,7 @@ from robot_description.morphology.wheels import equip_drive
 from robot_description.morphology.wheels import find_drive
 from robot_description.morphology.wheels import WheelChoice
 from robot_description.packages import description_path
+from robot_description.robot import credible_inertias
 from robot_description.robot import impossible_inertias
 from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
@@ -45,7 +47,8 @@ class Description:
 
     What loads, simulates or drives a robot takes this, so that a file is read and parsed once.
     `robot` is `urdf` parsed, with motors and tyres where `load_robot` filled gaps.
-    `warnings` are what xacro was not happy with, an argument that the file does not have, say.
+    `warnings` are what xacro was not happy with, an argument that the file does not have, say, and
+    inertias that no body of the robot's size has, which are replaced.
     `wheels` is what somebody says of the driven ones.
     """
 
@@ -125,7 +128,8 @@ def read_description(
     """
     expansion = expand_document(path, arguments, search)
     warnings = tuple(f'{place or path}: {text}' for place, text in expansion.warnings)
-    return replace(parse_description(expansion.urdf, path, search), warnings=warnings)
+    parsed = parse_description(expansion.urdf, path, search)
+    return replace(parsed, warnings=(*warnings, *parsed.warnings))
 
 
 def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Description:
@@ -136,10 +140,10 @@ def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Des
         DescriptionError: what is wrong with it, in one line.
     """
     try:
-        robot = parse_urdf(urdf)
+        robot, lines = credible_inertias(parse_urdf(urdf))
         meshes = open_meshes(robot, resolve_meshes(robot, path, search))
         robot = with_stand_ins(replace(robot, mesh_files=meshes.files), meshes.is_usable)
-        return Description(path, urdf, robot, meshes)
+        return Description(path, urdf, robot, meshes, lines)
     except DescriptionError as error:
         raise DescriptionError(f'{path}: {error}') from None
 
@@ -171,6 +175,10 @@ def load_robot(
         more = f' (and {len(lines) - 1} more)' if len(lines) > 1 else ''
         raise DescriptionError(f'{loaded.path}: --strict: {lines[0].line()}{more}')
     loaded = replace(loaded, wheels=wheels)
-    for line in (*loaded.warnings, *loaded.repairs, *loaded.drive.notes):
+    robot, line = loaded.robot, ''
+    if isinstance(loaded._quadruped, Quadruped):
+        robot, line = equip_legs(robot, loaded._quadruped)
+    notes = [line] if line else loaded.drive.notes
+    for line in (*loaded.warnings, *loaded.repairs, *notes):
         LOGGER.warning('description: %s', line)
-    return replace(loaded, robot=equip_drive(loaded.robot, loaded.drive))
+    return replace(loaded, robot=equip_drive(robot, loaded.drive))

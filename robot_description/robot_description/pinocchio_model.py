@@ -12,6 +12,7 @@ from wasd_core.errors import one_line
 from wasd_core.rotations import Pose
 
 from robot_description.description import Description
+from robot_description.robot import Link
 from robot_description.robot import MOVABLE
 from robot_description.robot import WORLD_LINK
 from robot_description.urdf import INERTIA_COMPONENTS
@@ -43,7 +44,8 @@ def to_pinocchio(
     """
     joints = description.robot.joints
     fixed = {name: joints[name].transform(position) for name, position in held.items()}
-    text = bare_urdf(description.urdf, for_control, fixed)
+    links = description.robot.links if for_control else {}
+    text = bare_urdf(description.urdf, for_control, fixed, links)
     try:
         if description.robot.is_fixed and not for_control:
             return pin.buildModelFromXML(text)
@@ -80,20 +82,24 @@ def link_positions(model: pin.Model, q: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def bare_urdf(
-    urdf: str, for_control: bool = False, fixed: Mapping[str, Pose] = MappingProxyType({})
+    urdf: str,
+    for_control: bool = False,
+    fixed: Mapping[str, Pose] = MappingProxyType({}),
+    links: Mapping[str, Link] = MappingProxyType({}),
 ) -> str:
     """
     Return the URDF without shapes, materials and tags, which urdfdom has complaints about.
 
     Of repeated tags the first counts, as for `parse_urdf`; what is left out is URDF's default.
     urdfdom also wants a name for the robot and all of a limit for joints that may have one. What
-    `for_control` changes is said at `to_pinocchio`; `fixed` joints are so, with these poses.
+    `for_control` changes is said at `to_pinocchio`; `fixed` joints are so, with these poses,
+    and `links` have the inertias that they have there.
     """
     source = ElementTree.fromstring(urdf)
     bare = ElementTree.Element('robot', name=source.get('name') or 'robot')
     for element in source:
         if element.tag == 'link' and not (for_control and element.get('name') == WORLD_LINK):
-            _add_link(bare, element)
+            _add_link(bare, element, links.get(element.get('name', '')))
         elif element.tag == 'joint' and not (for_control and _hangs_on_world(element)):
             name = element.get('name', '')
             if name in fixed:
@@ -103,7 +109,7 @@ def bare_urdf(
     return ElementTree.tostring(bare, encoding='unicode')
 
 
-def _add_link(robot: ElementTree.Element, link: ElementTree.Element) -> None:
+def _add_link(robot: ElementTree.Element, link: ElementTree.Element, known: Link | None) -> None:
     """Add a link with its inertial, if that has all parts: else urdfdom refuses the file."""
     bare = ElementTree.SubElement(robot, 'link', link.attrib)
     inertial = link.find('inertial')
@@ -113,7 +119,11 @@ def _add_link(robot: ElementTree.Element, link: ElementTree.Element) -> None:
     into = ElementTree.SubElement(bare, 'inertial')
     for tag, part in zip(INERTIAL_PARTS, parts, strict=True):
         if part is not None:
-            ElementTree.SubElement(into, tag, {**ZEROS.get(tag, {}), **part.attrib})
+            attributes = {**ZEROS.get(tag, {}), **part.attrib}
+            if tag == 'inertia' and known is not None:
+                upper = known.inertia[np.triu_indices(3)].tolist()
+                attributes = dict(zip(INERTIA_COMPONENTS, map(repr, upper), strict=True))
+            ElementTree.SubElement(into, tag, attributes)
 
 
 def _hangs_on_world(joint: ElementTree.Element) -> bool:

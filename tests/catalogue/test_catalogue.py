@@ -29,6 +29,7 @@ from robot_description.description import read_description
 from robot_description.info import print_info
 from robot_description.lint import lint
 from robot_description.packages import description_path
+from robot_description.packages import share_directory
 import wasd
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_from_matrix
@@ -180,8 +181,12 @@ def velocity(robot: Any) -> np.ndarray:
 
 
 def drive_legs(row: Row) -> None:
+    """Walk as `walk` says."""
+    walk(row.load())
+
+
+def walk(robot: Any) -> None:
     """Stand up, walk ahead, sideways and on the spot, as fast as told or as full stick is."""
-    robot = row.load()
     robot.press('2')
     robot.run(UP)
     robot.press('5')
@@ -196,6 +201,29 @@ def drive_legs(row: Row) -> None:
 
 
 DRIVES: dict[str, Callable[[Row], None]] = {'diff-drive': drive_wheels, 'quadruped': drive_legs}
+
+
+# All robots of example-robot-data that have four legs of three joints and masses; two have arms.
+QUADRUPEDS = (
+    'a1_description/urdf/a1',
+    'anymal_b_simple_description/robots/anymal',
+    'anymal_b_simple_description/robots/anymal-kinova',
+    'anymal_c_simple_description/urdf/anymal',
+    'b1_description/urdf/b1',
+    'b1_description/urdf/b1-z1',
+    'go1_description/urdf/go1',
+    'go2_description/urdf/go2',
+    'hyq_description/robots/hyq_no_sensors',
+    'laikago_description/urdf/laikago',
+    'solo_description/robots/solo12',
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('name', QUADRUPEDS)
+def test_a_quadruped_of_example_robot_data_walks(name: str) -> None:
+    robots = share_directory('example-robot-data') / 'robots'
+    walk(wasd.Go2(description=str(robots / f'{name}.urdf')))
 
 
 @each(*(row for row in ROWS if row.drives))

@@ -13,6 +13,7 @@ from robot_description.description import parse_description
 from robot_description.meshes.load import mesh_points
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import share_directory
+from robot_description.robot import credible_inertias
 from robot_description.robot import impossible_inertias
 from robot_description.robot import possible_inertia
 from robot_description.urdf import parse_urdf
@@ -246,3 +247,15 @@ def test_the_points_of_a_mesh_are_those_of_its_file_scaled(tetrahedron):
     points = mesh_points(robot, robot.links['a'].visuals[0])
     np.testing.assert_allclose(points.min(axis=0), (0.0, 0.0, -2.0))
     assert mesh_points(parse_urdf(text), robot.links['a'].visuals[0]) is None
+
+
+@pytest.mark.parametrize(('moment', 'is_mended'), [('1e-3', False), ('1', False), ('60', True)])
+def test_an_inertia_of_a_body_ten_times_the_robot_becomes_that_of_a_ball(moment, is_mended):
+    """A box of 1 m: a radius of gyration of 5 m is that of no link of it."""
+    inertial = INERTIAL.replace('1e-3', moment)
+    box = '<collision><geometry><box size="1 0.5 0.1"/></geometry></collision>'
+    robot = parse_urdf(f'<robot name="r">{link("a", inertial + box)}</robot>')
+    mended, lines = credible_inertias(robot)
+    inertia = 0.4 * 0.5**2 if is_mended else float(moment)
+    np.testing.assert_allclose(mended.links['a'].inertia, inertia * np.eye(3))
+    assert [line[:34] for line in lines] == ["inertia of 1 links ('a' has 60 kg "] * is_mended

@@ -10,11 +10,13 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from robot_description.description import parse_description
+from robot_description.morphology.quadruped import equip_legs
 from robot_description.morphology.quadruped import find_imu
 from robot_description.morphology.quadruped import find_quadruped
 from robot_description.morphology.quadruped import imu_position
 from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
+from robot_description.morphology.quadruped import scale_of
 from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import expand
@@ -220,6 +222,19 @@ def test_a_finger_that_mimics_goes_with_the_one_it_mimics() -> None:
         '<axis', '<mimic joint="left" multiplier="-2" offset="0.1"/><axis'
     )
     assert found(dog(extra=fingers)).held == {'left': 0.5, 'right': -0.9}
+
+
+def test_legs_without_any_motor_get_the_go2s_as_large_as_they_are() -> None:
+    robot = parse_urdf(dog().replace('effort="20" velocity="20"', ''))
+    quadruped = find_quadruped(robot)
+    scale = scale_of(quadruped)
+    equipped, line = equip_legs(robot, quadruped)
+    joint = equipped.joints['RR_c']
+    assert joint.effort == pytest.approx(35.55 * scale.of('N m'))
+    assert joint.velocity == pytest.approx(15.7 * scale.of('rad/s'))
+    assert line.startswith('no leg joint has a motor: each gets one of ')
+    whole = parse_urdf(dog())
+    assert equip_legs(whole, find_quadruped(whole)) == (whole, '')
 
 
 def test_an_arm_that_is_built_like_a_leg_is_none_for_want_of_a_mirror_image() -> None:

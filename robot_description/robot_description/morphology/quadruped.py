@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from dataclasses import replace
 from functools import cache
 import math
 import re
@@ -27,6 +28,8 @@ IMU_LINKS = ('imu', 'imu_link')
 # The built-in Go2, for which everything is tuned: upper and lower leg [m], whole mass [kg].
 GO2_LINK = 0.213
 GO2_MASS = 16.086
+# Its knees' motors: torque [N m] and no-load speed [rad/s].
+GO2_TORQUE, GO2_SPEED = 35.55, 15.7
 # Rotor inertia as a geared joint feels it [kg m^2]; unitree_mujoco's value for the Go2.
 REFLECTED_INERTIA = 0.01
 # A ratio closer to one than this is one: the last digits of a description say nothing.
@@ -307,6 +310,28 @@ def scale_of(quadruped: Quadruped) -> Scale:
 def _ratio(value: float, reference: float) -> float:
     ratio = value / reference
     return 1.0 if abs(ratio - 1.0) < RESOLUTION else ratio
+
+
+def equip_legs(robot: Robot, quadruped: Quadruped) -> tuple[Robot, str]:
+    """
+    Return a robot with motors if its description speaks of none, and a line that says so.
+
+    They are the Go2's knees', as large as the robot is. A robot of which one leg joint has a motor
+    is returned as it is, with '': the others have none by intent, or by mistake.
+    """
+    if any(joint.effort > 0.0 for joint in quadruped.joints):
+        return robot, ''
+    scale = scale_of(quadruped)
+    torque, speed = GO2_TORQUE * scale.of('N m'), GO2_SPEED * scale.of('rad/s')
+    joints = {
+        joint.name: replace(joint, effort=torque, velocity=joint.velocity or speed)
+        for joint in quadruped.joints
+    }
+    line = (
+        f'no leg joint has a motor: each gets one of {torque:.3g} N m and {speed:.3g} rad/s; '
+        'give it <limit effort="..." velocity="..."/>'
+    )
+    return replace(robot, joints=robot.joints | joints), line
 
 
 def similar_pose(quadruped: Quadruped, thigh: float, calf: float) -> np.ndarray:
