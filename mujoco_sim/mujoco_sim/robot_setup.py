@@ -13,6 +13,7 @@ from robot_description.morphology.quadruped import REFLECTED_INERTIA
 from robot_description.morphology.quadruped import scale_of
 from robot_description.morphology.quadruped import similar_pose
 from robot_description.morphology.wheel_motor import rotors
+from robot_description.morphology.wheels import held_joints
 from robot_description.morphology.wheels import lowest_point
 
 from mujoco_sim.sensors.noise import SensorNoise
@@ -60,6 +61,8 @@ def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
     """
     Return a quadruped that lies on the floor, with real motors and sensors; others as they are.
 
+    What else motors move on a wheeled robot is held.
+
     One whose root is above what touches the floor is lifted so that it stands there.
 
     Without `noise` its sensors tell the truth; motors and delay stay real.
@@ -67,10 +70,13 @@ def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
     try:
         quadruped = description.quadruped
     except NotAQuadruped:
-        lowest = lowest_point(description.robot)
+        robot, drive = description.robot, description.drive
+        lowest, held = lowest_point(robot), held_joints(robot, drive)
         return RobotSetup(
+            joint_positions=held,
             height=-lowest if -math.inf < lowest < -ROUNDING else 0.0,
-            reflected_inertia=rotors(description.robot, description.drive),
+            reflected_inertia=rotors(robot, drive),
+            held=held,
         )
     scale = scale_of(quadruped)
     inertia = REFLECTED_INERTIA * scale.of('kg m^2')

@@ -57,6 +57,15 @@ def test_a_turn_is_quick_does_not_overshoot_and_ends_where_it_should(name: str) 
     assert math.degrees(turned[-1] - turned[0]) == pytest.approx(expected, abs=2.0)
 
 
+def test_an_arm_that_a_cart_carries_is_held_while_it_turns():
+    cart = wasd.Mbot(description=str(CATALOGUE / 'arm_on_wheels.xacro'))
+    cart.drive(0.0, 2.0)
+    cart.run(1.0)
+    names = cart._world.joint_names
+    arm = [names.index(f'{name}_joint') for name in ('lift', 'shoulder', 'elbow')]
+    assert np.abs(cart._world.joints().position[arm]).max() < 0.005
+
+
 def equipped(name):
     robot = load_robot(str(CATALOGUE / f'{name}.xacro')).robot
     return robot, find_drive(robot)

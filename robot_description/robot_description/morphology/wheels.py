@@ -193,7 +193,7 @@ def _wheel(robot: Robot, joint: Joint, choice: WheelChoice) -> DriveWheel | str:
 
 def _moving_above(robot: Robot, joint: Joint) -> tuple[Joint, ...]:
     """Return the first two joints that are not fixed on the way from a joint to the root."""
-    found = []
+    found: list[Joint] = []
     above = robot.parent_joints.get(joint.parent)
     while above is not None and len(found) < 2:
         if above.kind != 'fixed':
@@ -366,6 +366,15 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
     casters = frozenset(link for link in low if link not in friction)
     friction |= dict.fromkeys(casters, 0.0)
     return replace(robot, casters=casters)
+
+
+def held_joints(robot: Robot, drive: Drive) -> dict[str, float]:
+    """Return where the motors of what a wheeled robot carries, an arm say, hold [rad] or [m]."""
+    return {
+        joint.name: _rest(joint)
+        for joint in robot.movable_joints
+        if drive.wheels and joint.kind != 'continuous' and joint.effort > 0.0 and not joint.mimics
+    }
 
 
 def _held(joint: Joint) -> Joint:
