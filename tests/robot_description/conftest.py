@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import pytest
 from robot_description.meshes.resolver import MeshReport
@@ -36,7 +37,7 @@ def _make_package(folder: Path, *files: str, name: str = '') -> Path:
 
 def _urdf(*urls: str, use: str = 'visual') -> str:
     """Return a robot whose first link is the root; the others move."""
-    meshes = [f'<geometry><mesh filename="{url}"/></geometry>' for url in urls]
+    meshes = [f'<geometry><mesh filename={quoteattr(url)}/></geometry>' for url in urls]
     links = [
         f'<link name="link_{i}"><{use}>{mesh}</{use}></link>' for i, mesh in enumerate(meshes)
     ]

@@ -18,7 +18,19 @@ def first(report):
     return report.records[0].kind, report.records[0].file
 
 
-@pytest.mark.parametrize('url', ['package://dog/m/no.stl', 'package://no/m/no.stl', '', '.', '%'])
+NOWHERE = [
+    'package://dog/m/no.stl',
+    'package://no/m/no.stl',
+    '',
+    '.',
+    '%',
+    '//',
+    'a' * 5000,
+    'a/' * 3000,
+]
+
+
+@pytest.mark.parametrize('url', NOWHERE)
 def test_a_missing_mesh_is_left_out_whatever_it_is_for(resolve, url):
     for use in ('visual', 'collision'):
         report = resolve(url, use=use)

@@ -76,6 +76,8 @@ REPAIRS = [
     ('package://dog/m/a.stl', 'x/y/A.stl', 'moved+case'),
     ('package://dog/m/a.dae', 'x/y/a.obj', 'moved+extension'),
     ('package://dog/m/a%20b.stl', 'm/a b.stl', 'percent-escape'),
+    ('package://dog/m\\a.stl', 'm/a.stl', 'backslash'),
+    ('file:///C:\\ws\\dog\\m\\a.stl', 'm/a.stl', 'backslash+re-rooted'),
     ('package://dog/m/trunk.dae', 'm/base.dae', 'near-name'),
     ('package://dog/m/dog_base_link.dae', 'm/dog_trunk.dae', 'near-name'),
     ('package://dog/m/thigh1.dae', 'm/thigh_1.dae', 'near-name'),
@@ -89,7 +91,7 @@ def test_a_mesh_that_is_not_quite_there_is_found_and_said(resolve, package, url,
     assert first(report) == (kind, package / there)
     assert not report.records[0].is_exact
     (line,) = [record.line() for record in report.repairs]
-    assert url in line
+    assert repr(url) in line
     assert str(package / there) in line
     assert '\n' not in line
 
@@ -97,6 +99,9 @@ def test_a_mesh_that_is_not_quite_there_is_found_and_said(resolve, package, url,
 EXACT = [
     ('package://dog/m/a.stl', 'm/a.stl'),
     ('package:///dog/m/a.stl', 'm/a.stl'),
+    ('package://dog//m//a.stl', 'm/a.stl'),
+    ('package://dog/m/ä b&c.stl', 'm/ä b&c.stl'),
+    ('package://dog/m/50%.stl', 'm/50%.stl'),
     ('model://dog/m/a.stl', 'm/a.stl'),
     ('../m/a.stl', 'm/a.stl'),
     ('a.stl', 'urdf/a.stl'),

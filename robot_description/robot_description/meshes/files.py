@@ -21,6 +21,8 @@ from robot_description.packages import own_package
 # Formats that can be read, the ones that say most about a mesh with least trouble first.
 EXTENSIONS = ('.obj', '.stl', '.dae', '.glb', '.gltf', '.ply')
 MOST_FILES = 50_000
+# Of a file's name, and of a path with room for the folders before it.
+LONGEST_NAME, LONGEST_PATH = 255, 3000
 # Words for the part that carries the legs or wheels; robots are rebuilt, references stay.
 ALIASES = {'trunk': 'base', 'body': 'base', 'base_link': 'base', 'base': 'base'}
 # Words beside SIDES that tell parts of one robot apart however alike their names are.
@@ -61,24 +63,35 @@ def read_url(url: str) -> list[MeshUrl]:
     """
     Return what a URL may mean, the likelier reading first; nothing when it is no local file.
 
-    A percent escape is tried as it stands, then decoded.
+    A percent escape is tried as it stands, then decoded; a backslash then as a slash.
     """
     plain = _read(url.strip())
-    if plain is None or plain.path == PurePosixPath('.'):
+    if plain is None or plain.path == PurePosixPath('.') or _is_no_name(plain.path):
         return []
-    decoded = unquote(str(plain.path))
-    if decoded == str(plain.path) or '\0' in decoded:
-        return [plain]
-    escaped = plain._replace(path=PurePosixPath(decoded), kinds=(*plain.kinds, 'percent-escape'))
-    return [plain, escaped]
+    readings = [plain]
+    for kind, path in (
+        ('percent-escape', unquote(str(plain.path))),
+        ('backslash', str(plain.path).replace('\\', '/')),
+    ):
+        if path != str(plain.path) and not _is_no_name(PurePosixPath(path)):
+            meant = plain._replace(path=PurePosixPath(path), kinds=(*plain.kinds, kind))
+            readings.append(meant)
+    return readings
+
+
+def _is_no_name(path: PurePosixPath) -> bool:
+    """Whether a path is such that no file can be called so."""
+    longest = max((len(os.fsencode(part)) for part in path.parts), default=0)
+    return '\0' in str(path) or longest > LONGEST_NAME or len(str(path)) > LONGEST_PATH
 
 
 def _read(url: str) -> MeshUrl | None:
     if left := re.fullmatch(r'\$\(find\s+([^\s)]+)\s*\)/*(.*)', url.removeprefix('file://')):
         return MeshUrl(left[1], PurePosixPath(left[2]), ('find-left',))
     scheme, colon, rest = url.partition('://')
+    rest = re.sub('/{2,}', '/', rest)
     if not colon:
-        return MeshUrl(None, PurePosixPath(url))
+        return MeshUrl(None, PurePosixPath(re.sub('/{2,}', '/', url)))
     if scheme.lower() == 'file':
         return MeshUrl(None, PurePosixPath(rest))
     if scheme.lower() in ('package', 'model'):

@@ -42,6 +42,7 @@ REPAIRS = {
     'package-root': 'not relative to the description, found relative to its package',
     'find-left': '$(find) was left in the text',
     'percent-escape': 'percent signs were meant as escapes',
+    'backslash': 'backslashes were meant as slashes',
     'case': 'upper and lower case differ',
     'extension': 'another file format is there',
     'moved': 'found in another folder of the package',
