@@ -33,6 +33,8 @@ SIZES = {
 }
 # The upper triangle of an inertia, row by row.
 INERTIA_COMPONENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+# Links in a chain; MuJoCo takes a minute to compile 1000 and refuses more.
+DEEPEST_TREE = 400
 # More names than these are not listed in an error.
 MOST_NAMES = 8
 # Gazebo has spelt it both ways.
@@ -202,11 +204,17 @@ def _find_root(links: dict[str, Link], joints: dict[str, Joint]) -> str:
     children: dict[str, list[str]] = {link: [] for link in links}
     for child, parent in parents.items():
         children[parent].append(child)
+    depths = dict.fromkeys(roots, 1)
     reached = list(roots)
     for link in reached:  # which grows meanwhile
         reached += children[link]
+        depths |= dict.fromkeys(children[link], depths[link] + 1)
     if loop := sorted(set(links) - set(reached)):
         raise DescriptionError(f'joints run in a circle through {", ".join(loop)}')
+    if (deepest := max(depths.values())) > DEEPEST_TREE:
+        raise DescriptionError(
+            f'{deepest} links hang on each other in a chain, at most {DEEPEST_TREE} are simulated'
+        )
     return roots[0]
 
 

@@ -127,3 +127,15 @@ def test_xacro_arguments_count(tmp_path):
 def test_the_page_lists_the_rules_as_they_are():
     page = (Path(__file__).parents[2] / 'docs/lint.md').read_text()
     assert rules_table() in page
+
+
+def test_what_only_loading_refuses_is_an_error(tmp_path, capsys):
+    links = ''.join(f'<link name="l{i}"/>' for i in range(500))
+    joints = ''.join(
+        f'<joint name="j{i}" type="fixed"><parent link="l{i}"/><child link="l{i + 1}"/></joint>'
+        for i in range(499)
+    )
+    path = tmp_path / 'chain.urdf'
+    path.write_text(f'<robot name="chain">{links}{joints}</robot>')
+    assert main(['lint', str(path)]) == 1
+    assert '500 links hang on each other' in capsys.readouterr().out

@@ -3,6 +3,7 @@ import math
 
 import numpy as np
 import pytest
+from robot_description.describe_command import main
 from robot_description.robot import GREY
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
@@ -233,3 +234,16 @@ def test_a_mimic_of_nothing_or_in_a_circle_is_refused(mimics, words):
 
 def test_a_joint_may_mimic_one_that_mimics():
     assert parse_urdf(chain('j1', 'j2', '')).joints['j0'].mimics == 'j1'
+
+
+def test_a_chain_that_no_simulator_takes_is_refused():
+    assert len(parse_urdf(chain(*[''] * 399)).links) == 400
+    with pytest.raises(DescriptionError, match='401 links hang on each other in a chain'):
+        parse_urdf(chain(*[''] * 400))
+
+
+def test_the_longest_chain_is_shown(tmp_path, capsys):
+    path = tmp_path / 'r.urdf'
+    path.write_text(chain(*[''] * 399))
+    assert main(['info', str(path)]) == 0
+    assert 'j398' in capsys.readouterr().out

@@ -99,7 +99,14 @@ def lint_session(session: XacroSession, expected_joints: Sequence[str] = ()) -> 
         model = make_model(expansion, session.path, session.search, expected_joints)
         for check in CHECKS:
             found += islice(check(model), MOST_FINDINGS)
-        found += _check_robot(model, expansion.urdf, session.sources)
+        try:
+            robot = parse_urdf(expansion.urdf)
+        except DescriptionError as error:
+            if not any(one.is_error for one in found):  # which tell the same, with lines
+                found.append(finding('not-readable', model.robot.place, str(error)))
+        else:
+            found += islice(geometry.check_massless(model, robot), MOST_FINDINGS)
+            found += _check_meshes(model, robot, session.sources)
     return _in_order(_causes([*found, *_check_macro_calls(session.sources)]))
 
 
@@ -120,16 +127,6 @@ def _in_order(found: list[Finding]) -> list[Finding]:
     """Sort by file and line; say what a macro repeats at the same line and words once."""
     unique = {(one.rule.code, one.place, one.message): one for one in found}
     return sorted(unique.values(), key=lambda one: (one.place, one.rule.code))
-
-
-def _check_robot(model: Model, urdf: str, sources: Mapping[Path, bytes]) -> Iterator[Finding]:
-    """Check what only a sound tree has."""
-    try:
-        robot = parse_urdf(urdf)
-    except DescriptionError:  # which other checks have told about, with lines
-        return
-    yield from islice(geometry.check_massless(model, robot), MOST_FINDINGS)
-    yield from _check_meshes(model, robot, sources)
 
 
 def _check_meshes(model: Model, robot: Robot, sources: Mapping[Path, bytes]) -> Iterator[Finding]:
