@@ -23,6 +23,7 @@ from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.morphology.wheels import Drive
 from robot_description.morphology.wheels import equip_drive
 from robot_description.morphology.wheels import find_drive
+from robot_description.morphology.wheels import hanging
 from robot_description.morphology.wheels import WheelChoice
 from robot_description.packages import description_path
 from robot_description.robot import credible_inertias
@@ -178,7 +179,8 @@ def load_robot(
     robot, line = loaded.robot, ''
     if isinstance(loaded._quadruped, Quadruped):
         robot, line = equip_legs(robot, loaded._quadruped)
-    notes = [line] if line else loaded.drive.notes
+    robot = equip_drive(robot, loaded.drive)
+    notes = [line] if line else [*loaded.drive.notes, *hanging(robot, loaded.drive)]
     for line in (*loaded.warnings, *loaded.repairs, *notes):
         LOGGER.warning('description: %s', line)
-    return replace(loaded, robot=equip_drive(robot, loaded.drive))
+    return replace(loaded, robot=robot)

@@ -35,6 +35,8 @@ FULL_TURN = 2.0 * math.pi
 EXACT = 1.0 - 1e-6
 # What hangs at most so much higher than the wheels' lowest point [m] is there to touch the floor.
 FLOOR_GAP = 0.003
+# Wheels hang where what is before and behind them reaches lower by more than this [m].
+HANGING = 0.001
 # A motor that a description does not speak of: rim speed [m/s], and torque as a multiple of what
 # makes a wheel slip on a floor with friction 1.
 RIM_SPEED = 1.5
@@ -366,6 +368,27 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
     casters = frozenset(link for link in low if link not in friction)
     friction |= dict.fromkeys(casters, 0.0)
     return replace(robot, casters=casters)
+
+
+def hanging(robot: Robot, drive: Drive) -> tuple[str, ...]:
+    """Return a line where others carry the robot before and behind its wheels, which hang."""
+    if not drive.wheels:
+        return ()
+    own = {wheel.joint.child for wheel in drive.wheels}
+    floor = min(float(wheel.position[2]) - wheel.radius for wheel in drive.wheels)
+    lowest = {link: lowest_point(robot, link) for link in robot.links if link not in own}
+    low = [link for link, height in lowest.items() if height < floor - HANGING]
+    ahead = {
+        float(robot.rest_poses[link].position[0] - drive.wheels[0].position[0]) > 0.0
+        for link in low
+    }
+    if len(ahead) < 2:
+        return ()
+    depth = 1e3 * (floor - max(lowest[link] for link in low))
+    return (
+        f'{", ".join(low)} reach {depth:.2g} mm below the driven wheels, which hang in the air: '
+        'raise them or lower the wheels',
+    )
 
 
 def held_joints(robot: Robot, drive: Drive) -> dict[str, float]:
