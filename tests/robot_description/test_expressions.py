@@ -13,7 +13,7 @@ from robot_description.xacro.expressions import evaluate
 from wasd_core.errors import DescriptionError
 import xacro
 
-YAML = xacro.YamlDictWrapper({'prop': {'type': [1, {'gi_frame': 2}]}})
+YAML = xacro.YamlDictWrapper({'prop': {'type': [1, {'gi_frame': 2}]}, '_x': 3, '__class__': 4})
 NAMES = {'pi': math.pi, 'radians': math.radians, 'd': {'a': {'b': 2}}, 'name': 'FL', 'n': 3}
 NAMES |= {'ns': YAML, 'type': 'box', 'center': 1.0, 'format': '%d', 'factorial': 4, 'range_': 2}
 FUNCTIONS = {
@@ -44,6 +44,7 @@ FUNCTIONS = {
         'factorial + n if type == "box" else center',
         'ns.prop.type[1].gi_frame',
         'ns.prop.keys()',
+        'ns._x',
         "f'{name:>{n}}{pi:.{n}f}'",
         "'{0[a][b]}{x:>{w}}{{}}'.format(d, x=n, w=5)",
         "'{a}'.format_map(d)",
@@ -76,6 +77,8 @@ def test_what_robots_need_has_pythons_value(text):
         'list(map(str.format_map, [], []))',
         '[0 for str.x in [1]]',
         '[1 for name.x in [2]]',
+        'ns.__class__',
+        'd._x',
         '__import__',
         '__builtins__',
         '__attribute(1, "real")',

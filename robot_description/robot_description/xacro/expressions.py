@@ -67,7 +67,8 @@ def _attribute(value: Any, name: str) -> Any:
     """
     is_type = any(value is kind for kind in VALUES)
     is_formatted = name in FORMATS
-    if name.startswith('_') or not (is_type or isinstance(value, VALUES)):
+    is_key = isinstance(value, dict) and name in value and not name.startswith('__')
+    if (name.startswith('_') and not is_key) or not (is_type or isinstance(value, VALUES)):
         raise _refused(name)
     if is_formatted and is_type:
         raise _refused(name)
