@@ -105,6 +105,17 @@ def copied_renamed_and_mesh_renamed(folder: Path) -> Path:
     return write(folder / 'my_dog', 'dae/trunk.obj', 'dae/hip.obj', manifest='my_dog')
 
 
+def copied_out_of_the_installation(folder: Path) -> Path:
+    # Each URL is right for the installed package; the copy's trunk was renamed.
+    url = f'package://example-robot-data/robots/{NAME}/visuals/{{}}.dae'
+    made = write(folder / NAME, text=robot(url.format('base'), url.format('hip')), manifest='')
+    (folder / NAME / 'visuals').mkdir()
+    for name, new in (('base', 'trunk'), ('hip', 'hip')):
+        mesh = share_directory(NAME) / f'visuals/{name}.dae'
+        shutil.copy(mesh, folder / NAME / f'visuals/{new}.dae')
+    return made
+
+
 def without_a_manifest(folder: Path) -> Path:
     return write(folder / 'dog', 'dae/trunk.obj', 'dae/hip.obj', manifest='')
 
@@ -162,6 +173,7 @@ LAYOUTS = [
     linked_description,
     copied_and_renamed,
     copied_renamed_and_mesh_renamed,
+    copied_out_of_the_installation,
     without_a_manifest,
     beside_the_file,
     relative_paths,

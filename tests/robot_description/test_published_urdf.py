@@ -47,6 +47,8 @@ def test_a_package_of_the_ament_index_stays(mesh, tmp_path, monkeypatch):
     monkeypatch.setenv('AMENT_PREFIX_PATH', f'/nowhere:{tmp_path}')
     assert published_urdf(urdf, {url: mesh}) == urdf
     assert opened_by_rviz(url) == tmp_path / 'share/dog/a.stl'
+    mesh.write_text('of the own package, which comes first')
+    assert urls(published_urdf(urdf, {url: mesh})) == [mesh.as_uri()]
     # Of another case, say: found by us, but not by RViz.
     assert urls(published_urdf(urdf.replace('a.stl', 'A.stl'), {'package://dog/A.stl': mesh})) == [
         mesh.as_uri()

@@ -237,8 +237,8 @@ def published_urdf(urdf: str, files: Mapping[str, Path]) -> str:
     """
     Return the URDF with file:// for each mesh that a listener would not find by its URL.
 
-    `files` are those that were found, by URL. A `package://` of the ament index stays if the file
-    is there, as do file:// and the rest of the web; a mesh that was not found stays, too.
+    `files` are those that were found, by URL. A `package://` of the ament index stays if that very
+    mesh is there, as do file:// and the rest of the web; a mesh that was not found stays, too.
     """
 
     def replaced(match: 're.Match[str]') -> str:
@@ -246,7 +246,8 @@ def published_urdf(urdf: str, files: Mapping[str, Path]) -> str:
             return match[0]
         url = ElementTree.fromstring(f'<mesh url={match[2]}/>').get('url', '')
         file = files.get(url)
-        if file is None or opened_by_rviz(url) is not None:
+        opened = opened_by_rviz(url)
+        if file is None or opened is not None and (opened == file or _is_same(opened, file)):
             return match[0]
         return match[1] + quoteattr(file.absolute().as_uri())
 

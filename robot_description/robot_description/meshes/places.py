@@ -64,6 +64,8 @@ class MeshPlaces:
         readings = [reading for url in urls for reading in read_url(url)[:1]]
         # Whether the folder was renamed: then no URL goes by its name.
         self._is_renamed = not any(self._is_own(reading) for reading in readings)
+        # The packages that the folder is a copy of, and where in them it was.
+        self._copied = dict(filter(None, map(self._copied_from, readings)))
 
     def of(self, url: str) -> tuple[list[MeshPlace], bool]:
         """Return the places for a URL, the likelier first, and whether it leads out of bounds."""
@@ -100,6 +102,19 @@ class MeshPlaces:
             return not url.path.is_absolute()
         return bool(self._finder.own_named(url.package))
 
+    def _copied_from(self, url: MeshUrl) -> tuple[str, tuple[str, ...]] | None:
+        """Return the other package that a URL names, and the folder in it that the own one has."""
+        if url.package is None or self._is_own(url) or url.package in self._dependencies:
+            return None
+        parts = url.path.parts
+        names = {name for own in self._finder.own for name in (own.name, manifest_name(own))}
+        for count in range(len(parts) - 1):
+            is_named = self._is_renamed or count and parts[count - 1] in names
+            tail = Path(*parts[count:])
+            if is_named and any((own / tail).is_file() for own in self._finder.own):
+                return url.package, parts[:count]
+        return None
+
     def _is_installed(self, path: Path) -> bool:
         return any(path.is_relative_to(folder) for folder in self._installed)
 
@@ -119,7 +134,8 @@ class MeshPlaces:
 
     def _in_package(self, url: MeshUrl, package: str) -> Iterator[MeshPlace]:
         """Yield the folders of a package; the own one's, too, unless it asks for the other."""
-        is_own = self._is_own(url)
+        prefix = self._copied.get(package)
+        is_own = self._is_own(url) or prefix is not None
         given, others = [], []
         for folder in self._finder.folders(package):
             self.allowed.add(folder)
@@ -131,12 +147,18 @@ class MeshPlaces:
                 others.append(place._replace(rank=NAMESAKE))
             else:
                 others.append(place._replace(rank=OTHER if self._is_installed(folder) else NEAR))
-        mine = []
-        if not is_own and not (given + others and package in self._dependencies):
+        mine, path = [], url.path
+        if prefix is not None and path.parts[: len(prefix)] == prefix:
+            path = PurePosixPath(*path.parts[len(prefix) :])
+        if (
+            prefix is not None
+            or not is_own
+            and not (given + others and package in self._dependencies)
+        ):
             kinds = (*url.kinds, 'own-package')
-            mine = [MeshPlace(own, url.path, kinds, own) for own in self._finder.own]
+            mine = [MeshPlace(own, path, kinds, own) for own in self._finder.own]
         yield from given
-        yield from (*mine, *others) if self._is_renamed else (*others, *mine)
+        yield from (*mine, *others) if self._is_renamed or is_own else (*others, *mine)
 
     def _in_share(self, url: MeshUrl) -> Iterator[MeshPlace]:
         """Yield an absolute path's part below a package's share folder, as we publish such."""

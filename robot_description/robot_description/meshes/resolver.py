@@ -35,7 +35,7 @@ UNUSABLE = 'unusable'
 SIZE = 'size'
 # What was done to find a file, in words; several may come together, joined by '+'.
 REPAIRS = {
-    'own-package': 'not in the package that it names, found in that of the description',
+    'own-package': 'of the package of the description, not of the one that the path names',
     'namesake': 'of another package of that name',
     'foreign-package': 'belongs to another robot: package.xml does not name that package',
     're-rooted': 'that path is of another machine, found in the package of the description',
