@@ -23,6 +23,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import read_description
@@ -31,6 +32,7 @@ from robot_description.lint import lint
 from robot_description.packages import description_path
 from robot_description.packages import share_directory
 import wasd
+import wasd.robots
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_from_matrix
 import yaml
@@ -221,7 +223,11 @@ QUADRUPEDS = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize('name', QUADRUPEDS)
-def test_a_quadruped_of_example_robot_data_walks(name: str) -> None:
+def test_a_quadruped_of_example_robot_data_walks(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Reading what is drawn of it takes longer than its walk.
+    monkeypatch.setattr(wasd.robots, 'build_world', lambda *args, visuals: build_world(*args))
     robots = share_directory('example-robot-data') / 'robots'
     walk(wasd.Go2(description=str(robots / f'{name}.urdf')))
 
