@@ -83,6 +83,9 @@ def rows() -> list[Row]:
 
 ROWS = rows()
 
+# Each loads a robot: with those of robot_description/ they are no quick tests.
+pytestmark = pytest.mark.slow
+
 
 def each(*chosen: Row) -> Any:
     """Return the mark that runs a test for these rows."""

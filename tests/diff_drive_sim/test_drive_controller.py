@@ -100,6 +100,7 @@ def test_wheels_are_not_asked_for_more_than_they_can(geometry):
     assert controller.target == pytest.approx((0.4, 1.0))
 
 
+@pytest.mark.slow
 def test_on_the_way_from_straight_to_a_turn_no_wheel_is_too_fast(geometry):
     wheels = replace(geometry, speed_limit=10.0)
     limits = replace(LIMITS, linear_max_acceleration=0.2, angular_max_acceleration=20.0)

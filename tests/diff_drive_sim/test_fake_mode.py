@@ -31,6 +31,7 @@ def test_half_a_circle_ends_on_the_circle(geometry):
     assert off == pytest.approx(0.051, abs=0.002)
 
 
+@pytest.mark.slow
 def test_after_the_last_command_the_robot_brakes_and_stands(mbot):
     # arbotix's drives on for ever.
     unit = DiffDrive(mbot, DiffDriveParameters(mode='fake'))

@@ -104,6 +104,7 @@ def test_the_robot_settles_at_the_speed_that_is_wanted(speed):
     assert speeds.mean() == pytest.approx(speed, rel=0.005)
 
 
+@pytest.mark.slow
 def test_no_command_asks_more_than_its_torque_of_a_motor():
     rig = Rig(linear_max_acceleration=math.nan)
     _, first = rig.run(1.0, 0.2)

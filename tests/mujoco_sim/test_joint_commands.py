@@ -34,6 +34,7 @@ def law(command, world):
     return np.clip(effort, -LIMIT, LIMIT)
 
 
+@pytest.mark.slow
 def test_the_law_holds_at_every_physics_step(world):
     assert world.apply(COMMAND)
     for _ in range(200):

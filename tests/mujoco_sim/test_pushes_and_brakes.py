@@ -97,6 +97,7 @@ def test_brakes_stop_a_wheel_in_the_air_without_ringing(world):
     assert 0.0 <= speeds[-1] < 0.05
 
 
+@pytest.mark.slow
 def test_before_any_command_the_robot_stands_still_limp_or_braked(loaded):
     for brakes in (False, True):
         world = build_world(loaded)

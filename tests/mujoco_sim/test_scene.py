@@ -55,6 +55,7 @@ def test_a_room_has_a_wall_on_each_side(loaded):
         assert distance == pytest.approx(ROOM_SIZE / 2.0)
 
 
+@pytest.mark.slow
 def test_a_wall_stops_the_robot(loaded):
     world = build_world(loaded, 'room')
     world.data.qpos[0] = ROOM_SIZE / 2.0 - 0.3

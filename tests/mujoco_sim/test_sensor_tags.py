@@ -34,6 +34,7 @@ def mbot():
     return read_sensor_tags(loaded.robot)
 
 
+@pytest.mark.slow
 def test_mbots_lidar_is_the_courses(mbot):
     ((lidar,), _), _ = mbot
     assert (lidar.topic, lidar.frame, lidar.rate, lidar.samples) == (

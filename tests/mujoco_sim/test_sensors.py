@@ -69,6 +69,7 @@ def test_another_seed_has_another_bias():
         assert np.linalg.norm(bias) == pytest.approx(NOISE.acceleration_bias)
 
 
+@pytest.mark.slow
 def test_orientation_stays_a_rotation_and_is_off_by_a_little(readings):
     angles = [angle_between(r.imu.orientation, IMU.orientation) for r in readings]
     for reading in readings[:100]:
@@ -138,6 +139,7 @@ def test_a_falling_imu_feels_nothing(go2):
     np.testing.assert_allclose(world.read().imu.linear_acceleration, 0.0, atol=0.02)
 
 
+@pytest.mark.slow
 def test_the_imu_is_in_the_axes_of_the_trunk(go2):
     world = build_world(go2, setup=RobotSetup(height=5.0))
     # On its right side: turned by 90 degrees about x, and turning about its own z.

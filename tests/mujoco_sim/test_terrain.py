@@ -51,6 +51,7 @@ def test_the_robot_starts_on_a_plane(height, world, x):
     assert height(world, x) == pytest.approx(0.0, abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('degrees', [5.0, 15.0, 30.0, -5.0, -15.0, -30.0])
 def test_a_slope_has_the_angle_it_says(height, degrees):
     tangent = math.tan(math.radians(degrees))
@@ -66,6 +67,7 @@ def test_stairs_rise_by_what_they_say_at_every_tread(height):
     assert height('stairs:0.1', AHEAD + STEPS * TREAD + 2.0) == pytest.approx(0.6, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_step_is_where_the_seed_says(height):
     edges = set()
     for seed in range(4):
@@ -86,6 +88,7 @@ def patch(height, world, seed=0):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', ['boxes', 'rough'])
 def test_random_ground_is_as_high_as_it_says_and_no_higher(height, kind):
     found = patch(height, f'{kind}:0.05')
@@ -95,6 +98,7 @@ def test_random_ground_is_as_high_as_it_says_and_no_higher(height, kind):
     assert np.std(found) > 0.004
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('kind', ['boxes', 'rough'])
 def test_random_ground_is_the_seeds(height, kind):
     world = f'{kind}:0.05'
@@ -102,6 +106,7 @@ def test_random_ground_is_the_seeds(height, kind):
     assert (patch(height, world, seed=2) != first).any()
 
 
+@pytest.mark.slow
 def test_the_same_seed_builds_the_same_ground(go2):
     one, other = (build_world(go2, 'boxes:0.05', seed=3).model for _ in range(2))
     np.testing.assert_array_equal(one.geom_size, other.geom_size)

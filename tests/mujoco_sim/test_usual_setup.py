@@ -33,6 +33,7 @@ def test_the_go2_has_noise_a_delay_and_speed_limits(go2):
     assert len(setup.speed_limits) == 12
 
 
+@pytest.mark.slow
 def test_without_noise_motors_and_delay_stay_real(go2):
     setup = usual_setup(go2, noise=False)
     assert setup.noise is None
@@ -57,6 +58,7 @@ def test_it_lies_on_the_floor_with_its_legs_folded(go2):
     np.testing.assert_allclose(after.linear_velocity, 0.0, atol=0.01)
 
 
+@pytest.mark.slow
 def test_reset_puts_it_back(go2):
     world = build_world(go2, setup=usual_setup(go2))
     before = world.data.qpos.copy()

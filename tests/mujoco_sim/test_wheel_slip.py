@@ -82,6 +82,7 @@ def test_a_robot_pushed_sideways_does_not_slip_along_its_wheels(measured):
         assert wheel.speed == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_wheels_that_push_against_a_wall_spin_in_place(loaded):
     room = build_world(loaded, 'room')
     wheels = WheelSlip(room, loaded.robot, Snapshot(room))

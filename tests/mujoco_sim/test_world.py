@@ -52,6 +52,7 @@ def test_many_steps_at_once_are_the_steps_one_by_one(loaded):
     np.testing.assert_array_equal(*map(state_of, worlds))
 
 
+@pytest.mark.slow
 def test_the_same_calls_give_the_same_bits(loaded):
     def run():
         world = build_world(loaded, seed=3)
@@ -120,6 +121,7 @@ def test_at_rest_the_ground_carries_the_weight(world):
     assert front == pytest.approx(back, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_force_on_a_body_is_that_of_all_its_contacts():
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05])

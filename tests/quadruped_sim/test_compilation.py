@@ -44,6 +44,7 @@ def here_only(monkeypatch):
     monkeypatch.setattr(compilation, '_compile_elsewhere', lambda is_stopped: None)
 
 
+@pytest.mark.slow
 def test_what_is_compiled_is_used_in_silence(function):
     function(1)
     said = []
@@ -51,6 +52,7 @@ def test_what_is_compiled_is_used_in_silence(function):
     assert said == []
 
 
+@pytest.mark.slow
 def test_it_says_so_before_the_first_function_is_compiled(function, here_only):
     said = []
     compile_once(lambda: function(1), lambda text: said.append((text, function.signatures)))

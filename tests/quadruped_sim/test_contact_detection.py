@@ -29,6 +29,7 @@ def test_static_forces_are_recovered(model):
     np.testing.assert_array_equal(detector.is_contact, (True, False, True, True))
 
 
+@pytest.mark.slow
 def test_hysteresis_keeps_a_light_contact_and_ignores_a_light_touch(model):
     detector = ContactDetector(ContactParameters())
     light = np.zeros((4, 3))

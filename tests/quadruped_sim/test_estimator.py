@@ -65,6 +65,7 @@ def test_free_feet_leave_the_velocity_to_the_accelerometer(model):
     np.testing.assert_allclose(estimator.velocity, (0.2, 0.0, 0.0), atol=0.01)
 
 
+@pytest.mark.slow
 def test_velocity_converges_within_its_own_bounds(model, rng):
     """After noise on all inputs the error is within four of the filter's standard deviations."""
     estimator = make(model)

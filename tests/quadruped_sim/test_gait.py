@@ -24,6 +24,7 @@ def test_diagonal_legs_move_together_and_pairs_alternate():
         assert stance[0] or stance[1]
 
 
+@pytest.mark.slow
 def test_measured_duty_and_period_are_the_configured_ones():
     params = GaitParameters()
     states = run(Gait(params), 20 * params.slow_period)

@@ -59,6 +59,7 @@ def test_stand_up_is_a_straight_line_of_two_seconds(controller, run, standing):
     np.testing.assert_allclose(end.position, STAND_ANGLES, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_sticks_are_zero_after_every_entry(controller, run):
     run(controller, 2)
     for key in '2', '4', '2', '3':
@@ -103,6 +104,7 @@ def test_emergency_stop_acts_at_once(controller, run):
     assert controller.state == 'passive'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('state_keys', ['2', '23', '24', '25', '20', '29', '28'])
 def test_every_state_gives_finite_commands_inside_the_limits(controller, state_keys, run):
     run(controller, 2)

@@ -114,6 +114,7 @@ def turned(urdf, names):
     return ElementTree.tostring(tree, encoding='unicode')
 
 
+@pytest.mark.slow
 def test_joints_that_count_the_other_way_change_nothing(urdf, model, angles, rng):
     other = make_model(turned(urdf, model.quadruped.joint_names[3:8]))
     assert other.quadruped.sign.tolist() == [1.0] * 3 + [-1.0] * 5 + [1.0] * 4

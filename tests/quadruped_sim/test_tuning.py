@@ -190,6 +190,7 @@ def other(name):
     return default + 3 if isinstance(default, int) else 0.9 * default
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('part', [group.name for group in fields(LegControllerParameters)])
 def test_tuned_while_it_runs_it_does_what_one_made_so_does(model, trot, part):
     known = known_parameters(LegControllerParameters)

@@ -25,6 +25,7 @@ def test_info_warns_of_an_argument_that_the_file_does_not_have(capsys):
     assert "no argument 'DEBUGG' here; it has: DEBUG" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_info_tells_the_mass(capsys):
     assert main(['info', 'mbot']) == 0
     assert '1.800 kg' in capsys.readouterr().out

@@ -109,6 +109,7 @@ def test_the_first_of_several_materials_stays():
     assert [*after[:7], *after[8:]] == [*before[:7], *before[9:]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('left', 'right'),
     [
@@ -146,6 +147,7 @@ def test_sides_that_the_name_decides_in_a_macro_are_left_alone(write):
     assert [one.rule.code for one in fixes.left] == ['swapped-sides']
 
 
+@pytest.mark.slow
 def test_a_footprint_stands_where_the_wheels_do(write):
     wheel = (
         '<collision><geometry><cylinder radius="0.06" length="0.025"/></geometry></collision>'
@@ -226,6 +228,7 @@ def test_two_joints_exchange_their_names(write):
     assert text.index('name="b_joint"') < text.index('name="a_joint"')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('rename', 'said'),
     [

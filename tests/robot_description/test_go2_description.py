@@ -88,6 +88,7 @@ def test_it_has_unitrees_links_and_joints(go2, others):
     assert [joint.name for joint in go2.movable_joints] == JOINTS
 
 
+@pytest.mark.slow
 def test_every_mass_is_unitrees_but_for_the_imus_gram(go2, others):
     masses = {
         tag.get('name'): float(mass.get('value'))
@@ -127,6 +128,7 @@ def test_every_joint_is_where_unitrees_is_and_turns_as_far(go2, others):
         np.testing.assert_array_equal(ours.axis, axis)
 
 
+@pytest.mark.slow
 def test_debug_adds_one_link_and_one_joint(go2):
     hung = parse_urdf(expand(description_path('go2'), {'DEBUG': 'true'}))
     assert set(hung.links) - set(go2.links) == {'world'}
@@ -143,6 +145,7 @@ def limits_of(text):
     }
 
 
+@pytest.mark.slow
 def test_limits_are_those_of_the_flat_urdf_or_of_the_xacro(urdf, others):
     flat, xacro = limits_of(urdf), limits_of(expand(description_path('go2'), {'limits': 'xacro'}))
     for name, theirs in limits_of(ElementTree.tostring(others)).items():

@@ -73,6 +73,7 @@ def test_json_has_the_tree_masses_limits_and_meshes(capsys):
     assert found['repairs'] == []
 
 
+@pytest.mark.slow
 def test_the_text_has_every_link_joint_and_mesh(capsys):
     assert main(['info', 'go2']) == 0
     said = capsys.readouterr().out
@@ -103,6 +104,7 @@ def test_a_robot_that_hangs_says_so(capsys):
     assert (found['kind'], found['floating']) == ('quadruped', False)
 
 
+@pytest.mark.slow
 def test_three_libraries_are_compared_on_request(capsys):
     found = info(capsys, 'mbot', '--check')['kinematics']
     assert [row['library'] for row in found] == ['MuJoCo', 'Pinocchio', 'yourdfpy']

@@ -56,6 +56,7 @@ def test_pinocchio_has_mujocos_joints_and_the_urdfs_mass(go2):
     assert pin.computeTotalMass(model) == pytest.approx(robot.mass, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_configuration_goes_by_name_whatever_the_order(go2):
     robot, model = go2
     positions = {joint.name: 0.1 * i for i, joint in enumerate(robot.movable_joints, start=1)}

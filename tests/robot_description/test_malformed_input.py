@@ -311,6 +311,7 @@ def test_the_line_is_named(name, said):
     assert 'robot.xacro:' in said[name][0] or 'two.xacro:' in said[name][0]
 
 
+@pytest.mark.slow
 def test_a_loop_unrolled_by_a_macro_is_no_endless_recursion(tmp_path, capsys):
     path = tmp_path / 'robot.xacro'
     path.write_text(

@@ -144,6 +144,7 @@ def test_a_process_killed_while_it_writes_leaves_no_broken_mesh(tmp_path, cache)
         assert len(load_mesh(path).faces) == 20 * 4**5
 
 
+@pytest.mark.slow
 def test_a_thinned_surface_keeps_its_shape_and_has_no_gaps(tmp_path, cache):
     import trimesh
 

@@ -151,6 +151,7 @@ def test_a_missing_mesh_shows_primitives_instead(urdf):
     assert mujoco.mjtGeom.mjGEOM_MESH in shown(model, 'FL_calf')
 
 
+@pytest.mark.slow
 def test_without_any_mesh_it_loads_and_shows_primitives(urdf):
     model = to_mujoco(parse_urdf(urdf), visuals=True).compile()
     assert model.nmesh == 0

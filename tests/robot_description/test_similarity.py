@@ -66,6 +66,7 @@ def test_the_go2_is_the_measure(go2: Quadruped) -> None:
     assert (larger.length, larger.mass) == pytest.approx((1.5, 3.375))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('pose', [(1.36, -2.65), (0.67, -1.3)])
 @pytest.mark.parametrize('length', [0.7, 1.0, 1.5])
 def test_a_robot_of_the_same_shape_has_the_same_pose(

@@ -265,6 +265,7 @@ def test_a_reset_returns_to_the_start():
     assert logic.step(STEP) is None
 
 
+@pytest.mark.slow
 def test_the_same_keys_give_the_same_twists():
     script = '0 u*20\n1 q j*9\n2 k ,*40 x'
     assert run(teleop(), script, 4.0) == run(teleop(), script, 4.0)
