@@ -141,15 +141,22 @@ def test_what_mujoco_cannot_compile_is_one_line():
         to_mujoco(parse_urdf(held))
 
 
-@pytest.mark.parametrize('names', [('base', 'arm', 'root'), ('base', 'world', 'hinge')])
-def test_a_name_that_mujoco_or_we_have_taken_is_refused_in_one_line(names):
-    base, arm, joint = names
-    robot = parse_urdf(
-        f'<robot name="r">{link(base)}{link(arm)}<joint name="{joint}" type="continuous">'
-        f'<parent link="{base}"/><child link="{arm}"/></joint></robot>'
+def robot_of_two(arm, joint):
+    return parse_urdf(
+        f'<robot name="r">{link("base")}{link(arm)}<joint name="{joint}" type="continuous">'
+        f'<parent link="base"/><child link="{arm}"/></joint></robot>'
     )
-    with pytest.raises(DescriptionError, match=r"^MuJoCo: Error: repeated name '(root|world)'"):
-        to_mujoco(robot)
+
+
+def test_a_link_name_that_mujoco_has_taken_is_refused_in_one_line():
+    with pytest.raises(DescriptionError, match=r"^MuJoCo: Error: repeated name 'world'"):
+        to_mujoco(robot_of_two('world', 'hinge'))
+
+
+def test_a_joint_may_have_the_name_we_usually_give_the_free_one():
+    model = to_mujoco(robot_of_two('arm', 'root')).compile()
+    assert model.joint('root').type == mujoco.mjtJoint.mjJNT_HINGE
+    assert model.njnt == 2
 
 
 def hinge(kind='revolute', inside=''):
