@@ -41,6 +41,7 @@ def yaws(cart: wasd.Mbot, seconds: float) -> list[float]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', CARTS)
 def test_a_turn_is_quick_does_not_overshoot_and_ends_where_it_should(name: str) -> None:
     cart = wasd.Mbot(description=str(CATALOGUE / f'{name}.xacro'))
@@ -57,6 +58,7 @@ def test_a_turn_is_quick_does_not_overshoot_and_ends_where_it_should(name: str) 
     assert math.degrees(turned[-1] - turned[0]) == pytest.approx(expected, abs=2.0)
 
 
+@pytest.mark.slow
 def test_an_arm_that_a_cart_carries_is_held_while_it_turns():
     cart = wasd.Mbot(description=str(CATALOGUE / 'arm_on_wheels.xacro'))
     cart.drive(0.0, 2.0)
@@ -71,6 +73,7 @@ def equipped(name):
     return robot, find_drive(robot)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', [*CARTS, 'weak_motors', 'cylinders'])
 def test_a_loaded_wheel_nears_its_speed_as_soon_as_mbots_does_and_does_not_ring(name):
     robot, drive = equipped(name)
@@ -113,6 +116,7 @@ def test_torque_over_inertia_is_what_the_motors_allow(mbot):
     assert size.turning < size.straight
 
 
+@pytest.mark.slow
 def test_a_weak_motor_is_told_with_its_torque_and_the_ramp_keeps_to_it():
     robot, _ = equipped('weak_motors')
     unit = DiffDrive(robot, DiffDriveParameters(cmd_vel_timeout=0.0))
