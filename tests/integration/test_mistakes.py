@@ -32,7 +32,7 @@ MISTAKES = [
     (['mbot', '--duration', '1', '--description', 'empty.urdf'], 'no links'),
     (['mbot', '--duration', '1', '--description', 'laughs.urdf'], 'laughs.urdf:1: defines'),
     (['mbot', '--duration', '1', '--description', '/dev/zero'], '/dev/zero: is a device'),
-    (['mbot', '--duration', '1', '--description', 'brick.urdf'], 'needs 2 driven wheels'),
+    (['mbot', '--duration', '1', '--description', 'brick.urdf'], 'no two driven wheels'),
     (['mbot', '--duration', '1', '--preset', 'piano'], 'piano'),
     (['mbot', '--duration', '1', '--report', 'no/such/folder/r.json'], '--report'),
     (['mbot', '--duration', '1', '--record', 'no/such/folder/r.mcap'], '--record no/such'),
