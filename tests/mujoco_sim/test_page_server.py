@@ -220,6 +220,7 @@ def test_a_silent_browser_is_sent_no_panels(view):
         assert page.frames == frames > 0
 
 
+@pytest.mark.slow
 def test_input_that_is_none_of_studios_drives_nothing_and_is_told(view, port, caplog):
     with PagePuppet(view.url) as page:
         time.sleep(0.3)

@@ -76,6 +76,7 @@ def corrupt(data: bytes, chance: random.Random) -> bytes:
     return data[: found.start()] + bit + data[found.end() :]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('source', FILES, ids=lambda path: path.name)
 def test_lint_of_a_corrupted_file_is_lines(source: Path, tmp_path: Path, capsys) -> None:
     chance = random.Random(source.name)

@@ -186,6 +186,7 @@ def test_a_new_python_expands_where_no_process_can_be_forked(tmp_path, monkeypat
         expand(path)
 
 
+@pytest.mark.slow
 def test_a_fork_among_threads_that_hold_locks_goes_through(tmp_path):
     path = tmp_path / 'robot.xacro'
     path.write_text(FEATURES.split('<xacro:arg')[0] + '<link name="${1 + 1}"/></robot>')

@@ -201,6 +201,7 @@ def test_joints_that_a_macro_makes_are_renamed_to_arbotix_and_back(courses_mbot)
     assert set(there) < set(parse_urdf(expand(path)).joints)
 
 
+@pytest.mark.slow
 def test_a_name_between_single_quotes_is_renamed_in_them(write):
     made = joint('${side}_joint', '${side}').replace(
         'name="${side}_joint"', "name='${side}_joint'"

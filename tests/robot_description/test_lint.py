@@ -129,6 +129,7 @@ def test_the_page_lists_the_rules_as_they_are():
     assert rules_table() in page
 
 
+@pytest.mark.slow
 def test_what_only_loading_refuses_is_an_error(tmp_path, capsys):
     links = ''.join(f'<link name="l{i}"/>' for i in range(500))
     joints = ''.join(

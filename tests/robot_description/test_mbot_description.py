@@ -36,6 +36,7 @@ def test_without_sensors_it_has_the_links_and_joints_of_the_courses_robot():
     assert kinds == {'base_footprint_joint': 'fixed'} | {f'{s}_joint': 'continuous' for s in sides}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('variant', ['mbot', 'mbot_bare', 'mbot_kinect'])
 def test_it_weighs_1_8_kg_whatever_it_carries(variant):
     mbot = parse_urdf(expand(description_path(variant)))

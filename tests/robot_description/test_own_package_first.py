@@ -194,6 +194,7 @@ def is_installed(path: Path) -> bool:
     return any(path.is_relative_to(folder) for folder in installed_folders())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('layout', LAYOUTS, ids=lambda layout: layout.__name__)
 def test_the_own_mesh_is_used_and_said_and_the_fix_works_anywhere(
     layout: Callable[[Path], Path], tmp_path, caplog
@@ -220,6 +221,7 @@ def test_the_own_mesh_is_used_and_said_and_the_fix_works_anywhere(
     assert main(['fix', str(written)]) == 0
 
 
+@pytest.mark.slow
 def test_what_is_only_installed_here_is_used_and_said_and_no_cure_leads_there(tmp_path):
     path = write(tmp_path / NAME, text=robot(f'package://{NAME}/dae/base.dae', '../dae/hip.obj'))
     record = load_robot(str(path)).meshes.records[0]

@@ -242,6 +242,7 @@ def test_a_chain_that_no_simulator_takes_is_refused():
         parse_urdf(chain(*[''] * 400))
 
 
+@pytest.mark.slow
 def test_the_longest_chain_is_shown(tmp_path, capsys):
     path = tmp_path / 'r.urdf'
     path.write_text(chain(*[''] * 399))
