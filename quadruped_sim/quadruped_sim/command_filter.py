@@ -105,14 +105,18 @@ class CommandFilter:
         return None
 
     def _clamped(self, vx: float, vy: float, yaw_rate: float) -> np.ndarray:
+        """Return a velocity within the limits that leads along the same curve as far as it can."""
         limits = self.limits
-        return np.array(
+        velocity = np.array(
             (
                 min(max(vx, -limits.backward), limits.forward),
                 min(max(vy, -limits.lateral), limits.lateral),
                 min(max(yaw_rate, -limits.yaw), limits.yaw),
             )
         )
+        inward = math.hypot(velocity[0], velocity[1]) * abs(float(velocity[2]))
+        most = self._params.curve_acceleration
+        return velocity if inward <= most else velocity * math.sqrt(most / inward)
 
     def step(self, dt: float) -> np.ndarray:
         """Command (3,) after `dt` [s]: toward the request, or toward rest when it is too old."""

@@ -221,6 +221,7 @@ class LegController:
             com=model.centre_of_mass(angles),
             normal_forces=self._detector.normal_forces,
             is_contact=self._detector.is_contact,
+            forces=self._detector.forces,
         )
 
     def _filter(

@@ -47,7 +47,7 @@ class GaitParameters(Parameters):
         unit='s',
         doc='Gait period up to slow_speed; unitree_guide trots at 0.45 s',
     )
-    fast_period: float = parameter(0.28, above=0.0, unit='s', doc='Gait period from fast_speed on')
+    fast_period: float = parameter(0.26, above=0.0, unit='s', doc='Gait period from fast_speed on')
     slow_duty: float = parameter(
         0.55,
         above=0.0,
@@ -55,7 +55,7 @@ class GaitParameters(Parameters):
         doc='Share of the period a foot stands, up to slow_speed',
     )
     fast_duty: float = parameter(
-        0.35,
+        0.27,
         above=0.0,
         maximum=DUTY_MAX,
         doc='Share of the period a foot stands, from fast_speed on',
@@ -72,7 +72,22 @@ class GaitParameters(Parameters):
         doc='Trot on the spot at zero command; false stands on four feet until disturbed',
     )
     step_height: float = parameter(
-        0.10, above=0.0, unit='m', doc='Height of the swing foot above the ground'
+        0.05, above=0.0, unit='m', doc='Height of the swing foot above flat ground'
+    )
+    rough_step_height: float = parameter(
+        0.14, above=0.0, unit='m', doc='Height of the swing foot after a stumble, on rough ground'
+    )
+    terrain_time: float = parameter(
+        2.0, above=0.0, unit='s', doc='Time constant in which rough ground is forgotten'
+    )
+    haste_error: float = parameter(
+        0.35, minimum=0.0, unit='m/s', doc='Velocity error from which on the gait hastens'
+    )
+    haste_gain: float = parameter(
+        3.0, minimum=0.0, doc='Speed that the gait takes on, per velocity error beyond that'
+    )
+    haste_decay: float = parameter(
+        2.0, above=0.0, unit='m/s^2', doc='How fast the gait calms down again'
     )
     early_contact_phase: float = parameter(
         0.6, minimum=0.0, maximum=1.0, doc='Share of the swing after which a touch ends it'
@@ -87,7 +102,7 @@ class FootholdParameters(Parameters):
         0.04, minimum=0.0, unit='s', doc='Foothold shift per error of velocity (capture term)'
     )
     reach: float = parameter(
-        0.25, above=0.0, unit='m', doc='Largest horizontal distance of a foothold from its hip'
+        0.35, above=0.0, unit='m', doc='Largest horizontal distance of a foothold from its hip'
     )
 
 
@@ -276,7 +291,7 @@ class EstimatorParameters(Parameters):
     level_band: float = parameter(
         0.02, minimum=0.0, unit='m', doc='Feet farther from the start level are not drawn to it'
     )
-    level_time: float = parameter(2.0, above=0.0, unit='s', doc='Time constant of that draw')
+    level_time: float = parameter(0.3, above=0.0, unit='s', doc='Time constant of that draw')
     phase_window: float = parameter(
         0.1, minimum=0.0, maximum=0.5, doc='Share of stance at both ends with less trust'
     )
@@ -294,6 +309,9 @@ class CommandParameters(Parameters):
     )
     forward_acceleration: float = parameter(2.0, above=0.0, unit='m/s^2', doc='Ramp of vx')
     lateral_acceleration: float = parameter(1.5, above=0.0, unit='m/s^2', doc='Ramp of vy')
+    curve_acceleration: float = parameter(
+        2.3, above=0.0, unit='m/s^2', doc='Largest speed times yaw rate; beyond, both are lowered'
+    )
     yaw_acceleration: float = parameter(6.0, above=0.0, unit='rad/s^2', doc='Ramp of yaw rate')
     timeout: float = parameter(
         0.5, above=0.0, unit='s', doc='Silence on cmd_vel after which the command is zero'

@@ -96,7 +96,8 @@ class RobotState:
 
     `orientation` (w, x, y, z) says what `base.R` says. `feet` (4, 3) are the foot centres in the
     world and `com` (3,) the centre of mass in base axes. `normal_forces` (4,) [N] are estimated
-    from the joint torques, `is_contact` (4,) follows from them.
+    from the joint torques, `is_contact` (4,) follows from them; `forces` (4, 3) [N] are all of
+    each, in base axes.
     """
 
     joint_position: np.ndarray
@@ -110,6 +111,7 @@ class RobotState:
     com: np.ndarray
     normal_forces: np.ndarray
     is_contact: np.ndarray
+    forces: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -59,12 +59,17 @@ def scale_parameters(
     grip = ACCELERATION_SHARE * friction * GRAVITY
     return replace(
         result,
-        gait=replace(gait, step_height=lift * gait.step_height),
+        gait=replace(
+            gait,
+            step_height=lift * gait.step_height,
+            rough_step_height=lift * gait.rough_step_height,
+        ),
         mpc=replace(mpc, friction=min(mpc.friction, FRICTION_SHARE * friction)),
         command=replace(
             command,
             forward_acceleration=min(command.forward_acceleration, grip),
             lateral_acceleration=min(command.lateral_acceleration, grip),
+            curve_acceleration=min(command.curve_acceleration, grip),
         ),
     )
 

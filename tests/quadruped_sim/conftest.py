@@ -3,7 +3,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from quadruped_sim.leg_controller import LegController
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import RobotState
 from robot_description.description import parse_description
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import ImuReading
@@ -44,6 +46,15 @@ def standing() -> Reading:
         JointStates(bent, np.zeros(12), np.zeros(12)),
         ImuReading(level, np.zeros(3), specific_force),
     )
+
+
+@pytest.fixture(scope='session')
+def robot_state(model: RobotModel, standing: Reading) -> RobotState:
+    """The estimate of a robot at rest on level ground."""
+    controller = LegController(model)
+    controller.step(standing, 0.002)
+    assert controller.robot is not None
+    return controller.robot
 
 
 @pytest.fixture(scope='session')

@@ -23,8 +23,17 @@ def test_before_the_first_request_the_command_is_zero():
     ('limits', 'wanted'), [('guide', (0.4, 0.3, 0.5)), ('sport', (2.0, 0.8, 2.0))]
 )
 def test_requests_are_clamped_to_the_preset(limits, wanted):
-    command_filter = CommandFilter(CommandParameters(limits=limits))
+    parameters = CommandParameters(limits=limits, curve_acceleration=100.0)
+    command_filter = CommandFilter(parameters)
     np.testing.assert_allclose(settle(command_filter, 3.0, (10.0, 10.0, 10.0)), wanted)
+
+
+@pytest.mark.parametrize('request_', [(2.0, 0.0, 2.0), (-1.5, 0.8, -2.0), (0.5, 0.0, 2.0)])
+def test_a_curve_too_fast_for_the_feet_is_driven_more_slowly_on_the_same_curve(request_):
+    command = settle(CommandFilter(CommandParameters(curve_acceleration=2.0)), 3.0, request_)
+    np.testing.assert_allclose(np.cross(command, request_), 0.0, atol=1e-9)
+    inward = np.hypot(*command[:2]) * abs(command[2])
+    assert inward == pytest.approx(min(2.0, np.hypot(*request_[:2]) * abs(request_[2])))
 
 
 def test_acceleration_is_limited():

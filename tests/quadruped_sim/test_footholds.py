@@ -18,24 +18,29 @@ STANCE = 0.2
 def land(model):
     """Footholds of a Go2 on level ground at z 0; keywords replace standing still at the origin."""
     legs, ground = SwingLegs(model, LegControllerParameters()), Ground(GroundParameters())
-    schedule = GaitState(np.zeros(4, dtype=bool), np.ones(4), STANCE, 0.2)
 
-    def land(velocity=(0, 0, 0), command=None, yaw=0.0, yaw_rate=0.0):
+    schedule = GaitState(np.zeros(4, dtype=bool), np.ones(4), STANCE, 0.2, pace=0.0)
+
+    def land(velocity=(0, 0, 0), command=None, yaw=0.0, yaw_rate=0.0, firmness=0.0):
         velocity = np.array(velocity, dtype=float)
         command = velocity if command is None else np.array(command, dtype=float)
         rpy = np.array((0.0, 0.0, yaw))
         base = BaseMotion(np.zeros(3), velocity, yaw_matrix(yaw), rpy, np.zeros(3))
         reference = BaseReference(np.zeros(3), rpy, command, yaw_rate)
-        return legs.landing(base, schedule, reference, ground)
+        return legs.landing(base, schedule, reference, ground, firmness)
 
     land.nominal = legs.nominal
     return land
 
 
 def test_standing_still_the_feet_land_below_the_hips(land):
-    """Their centres a radius above the ground, less what they aim into it."""
-    wanted = land.nominal + (0.0, 0.0, 0.022 - 0.005)
+    """Their centres a radius above the ground, and where a foot without load touches."""
+    wanted = land.nominal + (0.0, 0.0, 0.022 + 0.003)
     np.testing.assert_allclose(land(), wanted, atol=1e-12)
+
+
+def test_firmly_they_aim_into_the_ground(land):
+    np.testing.assert_allclose(land(firmness=1.0)[:, 2], 0.022 - 0.004, atol=1e-12)
 
 
 def test_moving_they_land_half_a_stance_ahead(land):

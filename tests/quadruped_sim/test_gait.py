@@ -44,6 +44,22 @@ def test_faster_gait_has_shorter_period_and_stance():
     assert fast.stance_time < slow.stance_time
 
 
+def test_a_push_hastens_it_for_a_while():
+    """An error of 1 m/s counts as 3 (1 - 0.35) m/s, and 2 m/s less each second."""
+    calm, pushed = Gait(GaitParameters()), Gait(GaitParameters())
+    pushed.step(DT, 0.5, True, error=1.0)
+    for age in np.arange(1, 700) * DT:
+        state = pushed.step(DT, 0.5, True)
+        calm_state = calm.step(DT, max(0.5, 3.0 * 0.65 - 2.0 * age), True)
+        assert state.stance_time == pytest.approx(calm_state.stance_time)
+        assert state.swing_time == pytest.approx(calm_state.swing_time)
+
+
+def test_the_error_of_a_ramp_does_not_hasten_it():
+    gait = Gait(GaitParameters())
+    assert gait.step(DT, 0.5, True, error=0.35).pace == gait.step(DT, 0.5, True).pace
+
+
 def test_phase_grows_monotonically_within_each_swing():
     last = np.zeros(4)
     was_stance = np.ones(4, dtype=bool)

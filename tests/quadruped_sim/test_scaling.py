@@ -29,7 +29,7 @@ def test_a_similar_robot_moves_alike(length):
     assert gait.slow_period == pytest.approx(0.45 * root)
     assert gait.slow_speed == pytest.approx(0.4 * root)
     assert gait.slow_duty == 0.55
-    assert gait.step_height == pytest.approx(0.10 * length)
+    assert gait.step_height == pytest.approx(0.05 * length)
     assert other.reference.height == pytest.approx(0.30 * length)
     assert other.foothold.velocity_gain == pytest.approx(0.04 * root)
     assert mpc.force_max == pytest.approx(260.0 * mass)
@@ -76,11 +76,11 @@ def test_slippery_feet_push_and_speed_up_less():
 
 
 def test_slow_motors_lift_the_feet_lower():
-    heights = [
-        scale_parameters(PARAMETERS, GO2, motor_speed=share).gait.step_height
-        for share in (1.0, 0.5, 0.1)
+    gaits = [
+        scale_parameters(PARAMETERS, GO2, motor_speed=share).gait for share in (1.0, 0.5, 0.1)
     ]
-    assert heights == pytest.approx([0.10, 0.10, 0.02])
+    assert [gait.step_height for gait in gaits] == pytest.approx([0.05, 0.05, 0.01])
+    assert [gait.rough_step_height for gait in gaits] == pytest.approx([0.14, 0.14, 0.028])
 
 
 def test_speed_limits_grow_by_froude_and_shrink_with_slow_motors():

@@ -34,11 +34,21 @@ def solve(model, angles, rng, stance, force_weight=1e-9):
     )
     body = WholeBody(WholeBodyParameters(force_weight=force_weight), MpcParameters(friction=5.0))
     base = BaseMotion(np.zeros(3), R @ velocity, R, np.array((0.1, -0.05, 0.7)), omega)
-    feet, none = motion.position @ R.T, np.zeros(4)
     result = body.solve(
         task,
         RobotState(
-            angles, rates, orientation, base, motion, contact, dynamics, feet, none, none, stance
+            joint_position=angles,
+            joint_velocity=rates,
+            orientation=orientation,
+            base=base,
+            motion=motion,
+            contact=contact,
+            dynamics=dynamics,
+            feet=motion.position @ R.T,
+            com=np.zeros(3),
+            normal_forces=forces[:, 2],
+            is_contact=stance,
+            forces=forces @ R,
         ),
     )
     return task, result, R, velocity, omega, motion, contact, dynamics

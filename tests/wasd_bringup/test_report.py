@@ -15,6 +15,7 @@ from robot_description.description import load_robot
 from wasd_bringup.report import build_report
 from wasd_bringup.report import Recorder
 from wasd_bringup.report import Sample
+from wasd_bringup.report import UP_AGAIN
 from wasd_bringup.report import wrap
 from wasd_bringup.report import write_report
 
@@ -85,7 +86,7 @@ def test_lying_on_is_one_fall_and_falling_again_another(world, recorder):
         recorder.sample(NOW)
     assert recorder.falls == 1
     first = recorder.fell_at
-    for angle in (10.0, 100.0):
+    for angle in (*[10.0] * UP_AGAIN, 100.0):
         world.step(20)
         tilt(world, angle)
         recorder.sample(NOW)
@@ -95,10 +96,17 @@ def test_lying_on_is_one_fall_and_falling_again_another(world, recorder):
 
 @pytest.mark.slow
 def test_a_trunk_on_the_ground_is_a_fall_too(recorder):
-    for sample in (NOW, DOWN, DOWN, NOW, NOW, DOWN):
+    for sample in (NOW, DOWN, DOWN, *[NOW] * UP_AGAIN, DOWN):
         recorder.sample(sample)
     assert recorder.falls == 2
     assert recorder.fell_at == 0.0
+
+
+@pytest.mark.slow
+def test_a_trunk_that_bounces_has_fallen_once(recorder):
+    for sample in (DOWN, *[NOW] * (UP_AGAIN - 1), DOWN, NOW, DOWN):
+        recorder.sample(sample)
+    assert recorder.falls == 1
 
 
 @pytest.mark.slow

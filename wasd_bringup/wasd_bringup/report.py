@@ -83,6 +83,7 @@ class Samples(Mapping[str, list[Any]]):
 
 SCHEMA = 1
 SAMPLE_PERIOD = 0.02
+UP_AGAIN = 25
 COLUMNS = (
     't',
     'state',
@@ -110,14 +111,15 @@ class Recorder:
     """
     Counts falls, and keeps samples if asked; `sample` is called every SAMPLE_PERIOD [s].
 
-    A fall is a tilt over 60 degrees, or a trunk on the ground; it ends when that has ended.
+    A fall is a tilt over 60 degrees, or a trunk on the ground; it ends when that has ended for
+    UP_AGAIN samples: a robot that bounces has fallen once.
     """
 
     def __init__(self, world: World, keep: bool = True) -> None:
         self._world = world
         self.falls = 0
         self.fell_at: float | None = None
-        self._fallen = False
+        self._up_for = UP_AGAIN
         self.samples = Samples(COLUMNS) if keep else None
 
     def sample(self, now: Sample) -> None:
@@ -151,11 +153,11 @@ class Recorder:
             self.samples.close()
 
     def _watch_for_falls(self, is_down: bool) -> None:
-        if is_down and not self._fallen:
+        if is_down and self._up_for >= UP_AGAIN:
             self.falls += 1
             if self.fell_at is None:
                 self.fell_at = round(self._world.time, 9)
-        self._fallen = is_down
+        self._up_for = 0 if is_down else self._up_for + 1
 
 
 def build_report(

@@ -15,20 +15,23 @@ class GaitState(NamedTuple):
     Schedule of this moment, legs in `LEGS` order.
 
     `is_stance` (4,) bool; `phase` (4,) in [0, 1) is the progress of the present stance or swing;
-    `stance_time` and `swing_time` [s] are their full durations.
+    `stance_time` and `swing_time` [s] are their full durations; `pace` in [0, 1] is where between
+    the slow gait and the fast one they are.
     """
 
     is_stance: np.ndarray
     phase: np.ndarray
     stance_time: float
     swing_time: float
+    pace: float
 
 
 class Gait:
     """
     Gait whose period and duty follow the speed; stands still when it may.
 
-    State: one phase in [0, 1) for all legs and whether the legs move. `step(dt, ...)` advances it.
+    State: one phase in [0, 1) for all legs, whether the legs move, and the speed that pushes of
+    late count as. `step(dt, ...)` advances it.
     """
 
     def __init__(self, params: GaitParameters) -> None:
@@ -39,15 +42,21 @@ class Gait:
         """Stand on four feet; the first step of a trot will lift FR and RL."""
         self._phase = 0.0
         self.is_stepping = False
+        self._haste = 0.0
         self._follow(speed=0.0)
 
-    def step(self, dt: float, speed: float, wants_steps: bool) -> GaitState:
+    def step(self, dt: float, speed: float, wants_steps: bool, error: float = 0.0) -> GaitState:
         """
         Schedule after `dt` [s] at commanded `speed` [m/s].
 
-        Without `wants_steps` the legs keep moving until all four stand, then rest there.
+        A velocity that is off by `error` [m/s] hastens it: quick steps catch a pushed robot where
+        far ones cannot [Khadiv2020]. Without `wants_steps` the legs keep moving until all four
+        stand, then rest there.
         """
-        self._follow(speed)
+        params = self.params
+        pushed = params.haste_gain * (error - params.haste_error)
+        self._haste = max(self._haste - params.haste_decay * dt, pushed, 0.0)
+        self._follow(max(speed, self._haste))
         if wants_steps and not self.is_stepping:
             self.is_stepping = True
             self._phase = 0.0
@@ -60,7 +69,7 @@ class Gait:
     def _follow(self, speed: float) -> None:
         params = self.params
         span = max(params.fast_speed - params.slow_speed, 1e-6)
-        share = min(max((speed - params.slow_speed) / span, 0.0), 1.0)
+        self._pace = share = min(max((speed - params.slow_speed) / span, 0.0), 1.0)
         self._period = params.slow_period + share * (params.fast_period - params.slow_period)
         duty = params.slow_duty + share * (params.fast_duty - params.slow_duty)
         row = GAITS[params.name]
@@ -78,11 +87,12 @@ class Gait:
         stance_time = self._duty * self._period
         swing_time = self._period - stance_time
         if not self.is_stepping:
-            return GaitState(np.ones(4, dtype=bool), np.full(4, 0.5), stance_time, swing_time)
+            rest = np.ones(4, dtype=bool), np.full(4, 0.5)
+            return GaitState(*rest, stance_time, swing_time, self._pace)
         legs = self._leg_phases(self._phase)
         is_stance = legs < self._duty
         phase = np.where(is_stance, legs / self._duty, (legs - self._duty) / (1.0 - self._duty))
-        return GaitState(is_stance, phase, stance_time, swing_time)
+        return GaitState(is_stance, phase, stance_time, swing_time, self._pace)
 
     def forecast(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """

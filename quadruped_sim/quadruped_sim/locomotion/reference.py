@@ -52,6 +52,7 @@ class Reference:
 
     def reset(self, state: RobotState) -> None:
         """Desire the present place and heading, without integrals."""
+        self._height: float | None = None
         self._xy = state.base.position[:2].copy()
         self._yaw = float(state.base.rpy[2])
         self._velocity_integral = np.zeros(2)
@@ -63,7 +64,8 @@ class Reference:
         """
         Advance by `dt` [s] under `command` = (vx, vy, yaw rate), base axes.
 
-        The base is kept `height` [m] above the ground plane and parallel to it.
+        The base is kept `height` [m] above the ground plane, moves with it as it changes, and is
+        parallel to the plane.
         """
         params = self.params
         yaw = float(state.base.rpy[2])
@@ -91,7 +93,9 @@ class Reference:
         )
         rpy = np.array((math.atan(float(gradient[1])), -math.atan(float(gradient[0])), self._yaw))
         position = np.array((*self._xy, level + self._height_integral))
-        climb = float(ground.gradient @ velocity)
+        rise = 0.0 if self._height is None else (height - self._height) / dt
+        self._height = height
+        climb = float(ground.gradient @ velocity) + rise
         return BaseReference(position, rpy, np.array((*velocity, climb)), yaw_rate)
 
     def _integrate(

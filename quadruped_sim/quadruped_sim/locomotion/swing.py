@@ -16,29 +16,56 @@ from quadruped_sim.robot_model import BaseMotion
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_model import RobotState
 
+# Share of a swing in which the foot gathers speed, and as much in which it loses it again.
+_RAMP = 0.3
+# Share of a swing after which a foot that is set down softly is above its foothold, so that it
+# does not slide as it comes down; in a fast gait the knees have no speed to spare for that.
+_ARRIVAL = 0.96
+
 
 @jit
-def minimum_jerk(s: float) -> tuple[float, float, float]:
-    """Quintic from 0 to 1 over s in [0, 1], and two derivatives; it rests at both ends."""
-    value = s * s * s * (10.0 + s * (-15.0 + 6.0 * s))
-    slope = 30.0 * s * s * (1.0 - s) ** 2
-    curve = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s)
-    return value, slope, curve
+def swing_profile(s: float) -> tuple[float, float, float]:
+    """
+    Way from 0 to 1 over s in [0, 1], and two derivatives; it rests at both ends.
+
+    The speed follows half a cosine up and down again, and is constant between: its peak is
+    1 / (1 - ramp) = 1.43 times the mean, which a minimum jerk has at 1.875, and it is the speed of
+    the knees that ends a fast trot.
+    """
+    top = 1.0 / (1.0 - _RAMP)
+    rest = min(s, 1.0 - s)  # of the nearer end
+    if rest < _RAMP:
+        angle = math.pi * rest / _RAMP
+        way = 0.5 * top * (rest - _RAMP / math.pi * math.sin(angle))
+        slope = 0.5 * top * (1.0 - math.cos(angle))
+        curve = 0.5 * top * math.pi / _RAMP * math.sin(angle)
+    else:
+        way, slope, curve = top * (rest - 0.5 * _RAMP), top, 0.0
+    if s > 0.5:
+        return 1.0 - way, slope, -curve
+    return way, slope, curve
 
 
 @jit
 def swing_point(
-    start: np.ndarray, end: np.ndarray, height: float, phase: float, duration: float
+    start: np.ndarray,
+    end: np.ndarray,
+    height: float,
+    phase: float,
+    duration: float,
+    arrival: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Foot on its way from `start` to `end`, both (3,) [m], at `phase` in [0, 1] of `duration` [s].
 
     Returns position [m], velocity [m/s] and acceleration [m/s^2], each (3,). The foot passes
-    `height` [m] above the higher of the two ends at half time and lands at rest.
+    `height` [m] above the higher of the two ends at half time and lands at rest; it is above its
+    end from the phase `arrival` on.
     """
     s = min(max(phase, 0.0), 1.0)
     rate = 1.0 / duration
-    value, slope, curve = minimum_jerk(s)
+    value, slope, curve = swing_profile(min(s / arrival, 1.0))
+    slope, curve = slope / arrival, curve / arrival**2
     position, velocity, acceleration = np.empty(3), np.empty(3), np.empty(3)
     for k in range(2):
         travel = end[k] - start[k]
@@ -49,10 +76,10 @@ def swing_point(
     low, high = start[2], end[2]
     top = max(low, high) + height
     if s < 0.5:
-        value, slope, curve = minimum_jerk(2.0 * s)
+        value, slope, curve = swing_profile(2.0 * s)
         base, rise = low, top - low
     else:
-        value, slope, curve = minimum_jerk(2.0 * s - 1.0)
+        value, slope, curve = swing_profile(2.0 * s - 1.0)
         base, rise = top, high - top
     position[2] = base + value * rise
     velocity[2] = 2.0 * slope * rate * rise
@@ -102,8 +129,16 @@ def find_footholds(
     return feet
 
 
-# On the Go2 landing aims this deep into the ground [m]: a foot arrives even if it is lower.
-_PRESS = 0.005
+# Where a soft and a firm landing aim on the Go2, above the level of feet that bear load [m]. A
+# foot without load touches a little above; one that aims below arrives even if it is lower there.
+_LANDING = (0.003, -0.004)
+
+
+class Tread(NamedTuple):
+    """How feet are set: how high they are lifted [m], and how firmly they land, in [0, 1]."""
+
+    height: float
+    firmness: float
 
 
 class SwingTargets(NamedTuple):
@@ -127,9 +162,8 @@ class FootMotion(NamedTuple):
 
 
 class SwingGains(NamedTuple):
-    """Height of a step [m]; acceleration per error of position [1/s^2] and of velocity [1/s]."""
+    """Acceleration of a foot per error of position [1/s^2] and of velocity [1/s]."""
 
-    height: float
     position: float
     velocity: float
 
@@ -138,7 +172,8 @@ class SwingLegs:
     """Leads the feet in the air to their footholds; keeps where they left the ground."""
 
     def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
-        self._clearance = model.geometry.foot_radius - _PRESS * model.scale.of('m')
+        self._foot_radius = model.geometry.foot_radius
+        self._landing = _LANDING[0] * model.scale.of('m'), _LANDING[1] * model.scale.of('m')
         self.nominal = model.geometry.hip.copy()
         self.nominal[:, 1] += model.geometry.offset
         self.nominal[:, 2] = 0.0
@@ -149,9 +184,7 @@ class SwingLegs:
         """Take other gains and another height of steps."""
         gains, rule = params.whole_body, params.foothold
         self._rule = FootholdRule(self.nominal, rule.velocity_gain, rule.reach)
-        self._gains = SwingGains(
-            params.gait.step_height, gains.swing_position_gain, gains.swing_velocity_gain
-        )
+        self._gains = SwingGains(gains.swing_position_gain, gains.swing_velocity_gain)
 
     def reset(self, feet: np.ndarray) -> None:
         """Take the present feet (4, 3), world, as lift-off points."""
@@ -162,11 +195,18 @@ class SwingLegs:
         self._lift_off[legs] = feet[legs]
 
     def landing(
-        self, base: BaseMotion, schedule: GaitState, reference: BaseReference, ground: Ground
+        self,
+        base: BaseMotion,
+        schedule: GaitState,
+        reference: BaseReference,
+        ground: Ground,
+        firmness: float = 0.0,
     ) -> np.ndarray:
         """Where the foot centres land on the ground's plane, (4, 3), world axes [m]."""
         feet = find_footholds(plain(self._rule), plain(base), plain(reference), plain(schedule))
-        feet[:, 2] = ground.heights(feet) + self._clearance
+        soft, firm = self._landing
+        above = soft + firmness * (firm - soft)
+        feet[:, 2] = ground.heights(feet) + self._foot_radius + above
         return feet
 
     def step(
@@ -176,12 +216,17 @@ class SwingLegs:
         is_stance: np.ndarray,
         reference: BaseReference,
         ground: Ground,
+        tread: Tread,
     ) -> SwingTargets:
         """Targets of this tick."""
-        landing = self.landing(state.base, schedule, reference, ground)
+        landing = self.landing(state.base, schedule, reference, ground, tread.firmness)
         feet = FootMotion(state.feet, foot_velocities(state))
         targets = _swing_targets(
-            self._lift_off, landing, plain(schedule), is_stance, plain(feet), plain(self._gains)
+            plain(FootPaths(self._lift_off, landing, *tread)),
+            plain(schedule),
+            is_stance,
+            plain(feet),
+            plain(self._gains),
         )
         return SwingTargets(*targets, is_stance)
 
@@ -194,27 +239,37 @@ def foot_velocities(state: RobotState) -> np.ndarray:
     return np.asarray(state.base.velocity + relative @ state.base.R.T)
 
 
+class FootPaths(NamedTuple):
+    """Where the feet left the ground and will land, both (4, 3), and the tread of all."""
+
+    lift_off: np.ndarray
+    landing: np.ndarray
+    height: float
+    firmness: float
+
+
 @jit
 def _swing_targets(
-    lift_off: np.ndarray,
-    landing: np.ndarray,
+    paths: FootPaths,
     schedule: GaitState,
     is_stance: np.ndarray,
     feet: FootMotion,
     gains: SwingGains,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    lift_off, landing, height, firmness = paths
     schedule = GaitState(*schedule)
     feet = FootMotion(*feet)
     gains = SwingGains(*gains)
     position = feet.position.copy()
     velocity = np.zeros((4, 3))
     acceleration = np.zeros((4, 3))
+    arrival = _ARRIVAL + firmness * (1.0 - _ARRIVAL)
     for leg in range(4):
         if is_stance[leg]:
             continue
         phase = schedule.phase[leg]
         p, v, a = swing_point(
-            lift_off[leg], landing[leg], gains.height, phase, schedule.swing_time
+            lift_off[leg], landing[leg], height, phase, schedule.swing_time, arrival
         )
         for k in range(3):
             position[leg, k], velocity[leg, k] = p[k], v[k]

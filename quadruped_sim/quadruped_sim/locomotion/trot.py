@@ -18,7 +18,9 @@ from quadruped_sim.locomotion.gait import Gait
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.reference import horizon
 from quadruped_sim.locomotion.reference import Reference
+from quadruped_sim.locomotion.step_height import StepHeight
 from quadruped_sim.locomotion.swing import SwingLegs
+from quadruped_sim.locomotion.swing import Tread
 from quadruped_sim.locomotion.whole_body import WholeBody
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
@@ -58,6 +60,7 @@ class Locomotion:
         self.whole_body = WholeBody(params.whole_body, params.mpc)
         self._tracking = BaseTracking(params.whole_body, model, inertia)
         self.swing_legs = SwingLegs(model, params)
+        self.step_height = StepHeight(params.gait, params.contact, model)
         self._params = params
         self._nominal_height = self._height_of(params)
         self.schedule = self.gait.state()
@@ -74,6 +77,7 @@ class Locomotion:
         self.ground.params = params.ground
         self.reference.params = params.reference
         self.swing_legs.tune(params)
+        self.step_height.tune(params.gait, params.contact)
         self.mpc.tune(params.mpc)
         self.whole_body.tune(params.whole_body, params.mpc)
         self._tracking.tune(params.whole_body)
@@ -91,6 +95,7 @@ class Locomotion:
         self.schedule = self.gait.state()
         self.is_stance = np.ones(4, dtype=bool)
         self.swing_legs.reset(state.feet)
+        self.step_height.reset()
         self._early = np.zeros(4, dtype=bool)
         self._forces = standing_forces(self._model.weight, self.is_stance)
         self._since_solution = math.inf
@@ -106,12 +111,19 @@ class Locomotion:
         speed = math.hypot(float(command[0]), float(command[1])) + self._turning_radius * abs(
             float(command[2])
         )
-        self.schedule = self.gait.step(dt, speed, self._wants_steps(state, command, is_halting))
+        wants_steps = self._wants_steps(state, command, is_halting)
+        error = self._velocity_error(state, command)
+        self.schedule = self.gait.step(dt, speed, wants_steps, error)
         self._update_stance(state)
-        self.ground.step(self._contact_points(state), self._is_loaded(state), dt)
+        points = self._contact_points(state)
+        self.ground.step(points, self._is_loaded(state), dt)
+        height_of_step = self.step_height.step(state, self.schedule, points, self.ground, dt)
+        tread = Tread(height_of_step, max(self.schedule.pace, self.step_height.roughness))
         height = self._settle_height(dt)
         reference = self.reference.step(state, command, self.ground, height, dt)
-        swing = self.swing_legs.step(state, self.schedule, self.is_stance, reference, self.ground)
+        swing = self.swing_legs.step(
+            state, self.schedule, self.is_stance, reference, self.ground, tread
+        )
         if self.gait.is_stepping:
             self._plan_forces(state, reference, dt)
             acceleration = self._tracking.acceleration(state, reference, self._forces)
@@ -128,6 +140,13 @@ class Locomotion:
         return joint_command(
             self._params.whole_body, self._model, state, reference, swing, result.torque
         )
+
+    def _velocity_error(self, state: RobotState, command: np.ndarray) -> float:
+        """Return how far the velocity is off the commanded [m/s]."""
+        c, s = math.cos(float(state.base.rpy[2])), math.sin(float(state.base.rpy[2]))
+        vx, vy, _ = state.base.velocity.tolist()
+        ahead, left = c * vx + s * vy, c * vy - s * vx
+        return math.hypot(ahead - float(command[0]), left - float(command[1]))
 
     def _settle_height(self, dt: float) -> float:
         """Height of the base above the ground, on its way from that at entry to the nominal."""

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How high the feet are lifted: by what the ground has felt like."""
+
+import math
+
+import numpy as np
+
+from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.locomotion.gait import GaitState
+from quadruped_sim.parameters import ContactParameters
+from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import RobotState
+
+# Feet that stand this far off the plane through all are the noise of a flat floor, and this far
+# off are on rough ground, in full; on the Go2 [m].
+_FLAT, _ROUGH = 0.012, 0.035
+# Part of a swing in which a force is a stumble: before, the foot leaves; after, it lands.
+_MID_SWING = (0.15, 0.85)
+
+
+class StepHeight:
+    """
+    Steps are low on flat ground, high after a stumble [Focchi2013] or where footholds are uneven.
+
+    State: how rough the ground is, from 0 to 1. It is felt at once and forgotten slowly.
+    """
+
+    def __init__(self, params: GaitParameters, contact: ContactParameters, model: RobotModel):
+        self._scale = model.scale.of('m')
+        self.tune(params, contact)
+        self.reset()
+
+    def tune(self, params: GaitParameters, contact: ContactParameters) -> None:
+        """Take other heights and another threshold of force."""
+        self._params, self._force = params, contact.force_on
+
+    def reset(self) -> None:
+        """Expect flat ground."""
+        self.roughness = 0.0
+
+    def step(
+        self, state: RobotState, schedule: GaitState, points: np.ndarray, ground: Ground, dt: float
+    ) -> float:
+        """
+        Height of a step [m] after `dt` [s].
+
+        `points` (4, 3) are where the feet touch or would touch, world axes [m].
+        """
+        params = self._params
+        phase = schedule.phase
+        is_mid = ~schedule.is_stance & (phase > _MID_SWING[0]) & (phase < _MID_SWING[1])
+        stumbles = bool((is_mid & (np.abs(state.forces).max(axis=1) > self._force)).any())
+        felt = 1.0 if stumbles else self._unevenness(state, points, ground)
+        self.roughness = max(self.roughness * math.exp(-dt / params.terrain_time), felt)
+        return params.step_height + self.roughness * (
+            params.rough_step_height - params.step_height
+        )
+
+    def _unevenness(self, state: RobotState, points: np.ndarray, ground: Ground) -> float:
+        off = np.where(state.is_contact, np.abs(points[:, 2] - ground.heights(points)), 0.0)
+        flat, rough = _FLAT * self._scale, _ROUGH * self._scale
+        return min(max((float(off.max()) - flat) / (rough - flat), 0.0), 1.0)

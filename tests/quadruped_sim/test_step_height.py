@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.locomotion.gait import GaitState
+from quadruped_sim.locomotion.step_height import StepHeight
+from quadruped_sim.parameters import GroundParameters
+from quadruped_sim.parameters import LegControllerParameters
+
+TICK = 0.002
+PARAMETERS = LegControllerParameters()
+LOW, HIGH = PARAMETERS.gait.step_height, PARAMETERS.gait.rough_step_height
+FEET = np.array(((0.2, 0.1, 0.0), (0.2, -0.1, 0.0), (-0.2, 0.1, 0.0), (-0.2, -0.1, 0.0)))
+
+
+class Walk:
+    """Step heights of a Go2 whose FL is in mid swing over level ground at z 0."""
+
+    def __init__(self, model, state):
+        self.height = StepHeight(PARAMETERS.gait, PARAMETERS.contact, model)
+        self.ground = Ground(GroundParameters())
+        self._state = state
+
+    def step(self, phase=0.5, force=0.0, raised=0.0, dt=TICK):
+        forces = np.zeros((4, 3))
+        forces[0, 0] = -force
+        stands = np.array((False, True, True, True))
+        points = FEET + np.outer((0, 1, 0, 0), (0, 0, raised))
+        state = replace(self._state, forces=forces, is_contact=stands)
+        schedule = GaitState(stands, np.full(4, phase), 0.2, 0.2, 0.0)
+        return self.height.step(state, schedule, points, self.ground, dt)
+
+
+@pytest.fixture
+def walk(model, robot_state):
+    return Walk(model, robot_state)
+
+
+def test_on_flat_ground_steps_are_low(walk):
+    assert walk.step(raised=0.01) == LOW
+
+
+def test_a_foot_that_hits_something_in_mid_swing_lifts_the_next_ones(walk):
+    assert walk.step(force=40.0) == pytest.approx(HIGH)
+    assert walk.step() == pytest.approx(HIGH, rel=0.01)
+
+
+@pytest.mark.parametrize('phase', [0.05, 0.95])
+def test_leaving_and_landing_are_no_stumble(walk, phase):
+    assert walk.step(phase, force=40.0) == LOW
+
+
+def test_the_more_uneven_the_footholds_the_higher_the_steps(walk):
+    heights = [walk.step(raised=raised, dt=1e6) for raised in (0.01, 0.02, 0.03, 0.05, 0.1)]
+    assert heights == sorted(heights)
+    assert heights[0] == LOW
+    assert heights[-1] == pytest.approx(HIGH)
+
+
+def test_rough_ground_is_forgotten_in_its_time(walk):
+    walk.step(force=40.0)
+    for _ in range(round(PARAMETERS.gait.terrain_time / TICK)):
+        height = walk.step()
+    assert (height - LOW) / (HIGH - LOW) == pytest.approx(math.exp(-1.0), rel=1e-3)
+
+
+def test_after_a_reset_flat_ground_is_expected(walk):
+    walk.step(force=40.0)
+    walk.height.reset()
+    assert walk.step() == LOW
