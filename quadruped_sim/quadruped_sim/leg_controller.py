@@ -22,6 +22,7 @@ from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.locomotion.trot import Locomotion
+from quadruped_sim.parameters import GAITS
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import BaseMotion
 from quadruped_sim.robot_model import LegOdometry
@@ -63,7 +64,7 @@ class LegController:
         self.sticks = Sticks()
         self.words = KeyWords()
         self.command_filter = CommandFilter(
-            self._params.command, scale, self.model.agility, self.model.turning
+            self._params.command, scale, self._agility, self.model.turning
         )
         self.locomotion = Locomotion(self.model, self._params)
         self._solvers = (self.locomotion.mpc.solver, self.locomotion.whole_body.solver)
@@ -94,10 +95,15 @@ class LegController:
         return scale_parameters(params, model.scale, model.friction, model.motor_speed)
 
     @property
+    def _agility(self) -> float:
+        """Share of the Go2's trot at full stick, for its size, that motors and gait allow."""
+        return self.model.agility * GAITS[self._params.gait.name].agility
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What the driver should know of the motors, a line each."""
         model = self.model
-        return model.motor_notes(velocity_limits('sport', model.scale, model.agility).forward)
+        return model.motor_notes(velocity_limits('sport', model.scale, self._agility).forward)
 
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""

@@ -19,17 +19,19 @@ class GaitRow(NamedTuple):
     """
     When in a period each foot begins to stand, FL FR RL RR.
 
-    `longer` is the share of the period that it stands beyond what the parameters say.
+    `longer` is the share of the period that it stands beyond what the parameters say, `agility`
+    the share of a trot's full stick that it follows.
     """
 
     offsets: tuple[float, float, float, float]
     longer: float = 0.0
+    agility: float = 1.0
 
 
 # A row is a gait that can be chosen.
 GAITS = {
     'trot': GaitRow((0.0, 0.5, 0.5, 0.0)),  # diagonal pairs together
-    'walk': GaitRow((0.0, 0.5, 0.75, 0.25), longer=0.21),  # one foot after the other
+    'walk': GaitRow((0.0, 0.5, 0.75, 0.25), longer=0.21, agility=0.5),  # one foot after the other
 }
 DUTY_MAX = 0.95
 
