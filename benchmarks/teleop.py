@@ -98,6 +98,7 @@ class Typist:
         self.process.send_signal(signal.SIGTERM)
         self.process.wait()
         self._executor.shutdown()
+        self._threads[0].join()  # it waits in the executor; Python cannot end around it
         self.node.destroy_node()
         os.close(self.slave)
         os.close(self.master)
