@@ -66,9 +66,11 @@ class CommandFilter:
         self.tune(params)
         self.reset()
 
-    def tune(self, params: CommandParameters) -> None:
+    def tune(self, params: CommandParameters, agility: float | None = None) -> None:
         """Take other limits, ramps and time-out; they hold for the present request, too."""
         self._params = params
+        if agility is not None:
+            self._robot = self._robot[0], agility, self._robot[2]
         self.limits = velocity_limits(params.limits, *self._robot)
         self._age.timeout = params.timeout
         self._request = self._clamped(*self._request.tolist())

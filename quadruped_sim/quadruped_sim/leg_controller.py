@@ -83,7 +83,7 @@ class LegController:
         """Go on with other parameters, as for the Go2, from the next step; what it does stays."""
         own = self._scaled(params)
         self._params = self._parts.params = own
-        self.command_filter.tune(own.command)
+        self.command_filter.tune(own.command, self._agility)
         self.locomotion.tune(own)
         self.safety.params = own.safety
         self._detector.params = own.contact

@@ -175,7 +175,8 @@ def load_robot(
     if strict and (lines := loaded.meshes.repairs):
         more = f' (and {len(lines) - 1} more)' if len(lines) > 1 else ''
         raise DescriptionError(f'{loaded.path}: --strict: {lines[0].line()}{more}')
-    loaded = replace(loaded, wheels=wheels)
+    if wheels is not ANY_WHEELS:
+        loaded = replace(loaded, wheels=wheels)
     robot, line = loaded.robot, ''
     if isinstance(loaded._quadruped, Quadruped):
         robot, line = equip_legs(robot, loaded._quadruped)
@@ -183,4 +184,4 @@ def load_robot(
     notes = [line] if line else [*loaded.drive.notes, *hanging(robot, loaded.drive)]
     for line in (*loaded.warnings, *loaded.repairs, *notes):
         LOGGER.warning('description: %s', line)
-    return replace(loaded, robot=robot)
+    return loaded if robot is loaded.robot else replace(loaded, robot=robot)

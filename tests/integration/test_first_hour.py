@@ -246,7 +246,7 @@ def test_a_fallen_go2_names_the_reset_key_and_stands_again_after_it(
 ) -> None:
     runner = new_runner()
     play = '0.1 2\n2.6 4\n4.5 w 2\n5 BACKSPACE\n5.2 2'
-    push = ('--push', '3 0 900 0 0.2', '--duration', '8')
+    push = ('--push', '3 600 0 0 0.2', '--duration', '8')  # head over heels, onto its back
     report = runner.report('go2', *push, play=play)
     assert report['falls'] == 1
     assert runner.said.count('press BACKSPACE to reset (the robot has fallen)') >= 1

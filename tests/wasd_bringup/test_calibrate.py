@@ -75,7 +75,7 @@ def test_the_file_keeps_what_the_controller_was_started_with(tmp_path):
         (['--right-radius', '-1'], '--right-radius: got -1, wanted metres from 0.001 to 10'),
         (['--wheel-separation', 'nan'], '--wheel-separation: got nan, wanted metres'),
         (['--description', 'moon'], 'moon: no such file, and no robot of that name'),
-        (['--description', 'go2'], 'needs 2 driven wheels'),
+        (['--description', 'go2'], 'has no two driven wheels'),
         (['--controller', 'none.yaml'], 'none.yaml: No such file'),
         (['--output', 'no/such/folder.yaml'], '--output no/such/folder.yaml: wanted a file'),
         (['--output', '.'], '--output .: wanted a file'),
