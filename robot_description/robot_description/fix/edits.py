@@ -20,9 +20,9 @@ from robot_description.lint.geometry import find_wheels
 from robot_description.lint.geometry import FOOTPRINT
 from robot_description.lint.geometry import swapped_pairs
 from robot_description.lint.model import Element
-from robot_description.lint.model import PREFIX
-from robot_description.lint.model import SourceTag
-from robot_description.lint.model import unprefixed_calls
+from robot_description.xacro.source import PREFIX
+from robot_description.xacro.source import SourceTag
+from robot_description.xacro.source import unprefixed_calls
 
 QUOTES = {'"': '&quot;', "'": '&apos;'}
 TEXT = """{indent}<link name="{footprint}"/>

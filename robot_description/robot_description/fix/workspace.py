@@ -14,8 +14,6 @@ from wasd_core.safe_files import Place
 from robot_description.lint import lint_session
 from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
-from robot_description.lint.model import parse_source
-from robot_description.lint.model import SourceTag
 from robot_description.lint.rules import Finding
 from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
@@ -24,6 +22,8 @@ from robot_description.packages import PackageFinder
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import Expansion
 from robot_description.xacro.expand import XacroSession
+from robot_description.xacro.source import parse_source
+from robot_description.xacro.source import SourceTag
 
 FIND = re.compile(r'\$\(find\s+([^\s)]+)\s*\)')
 

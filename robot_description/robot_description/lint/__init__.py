@@ -13,8 +13,6 @@ from robot_description.lint import geometry
 from robot_description.lint import structure
 from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
-from robot_description.lint.model import unprefixed_calls
-from robot_description.lint.model import XACRO_TAGS
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
 from robot_description.meshes.contents import open_meshes
@@ -25,6 +23,8 @@ from robot_description.meshes.resolver import UNUSABLE
 from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import XacroSession
+from robot_description.xacro.source import unprefixed_calls
+from robot_description.xacro.source import XACRO_TAGS
 
 CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     structure.check_names,

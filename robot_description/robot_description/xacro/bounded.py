@@ -17,7 +17,7 @@ import select
 import signal
 import subprocess
 import sys
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 from wasd_core.errors import DescriptionError
 
@@ -56,34 +56,48 @@ def run_bounded(work: Work, job: Mapping[str, Any]) -> Any:
 
 
 def _in_fork(work: Work, job: Mapping[str, Any]) -> Any:
-    with mmap.mmap(-1, NOTE) as note:
-        reader, writer = os.pipe()
+    reader, writer = os.pipe()
+    with open(reader, 'rb') as pipe, mmap.mmap(-1, NOTE) as note:
         before = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-        child = os.fork()
-        if child == 0:
-            _be_child(work, job, note, writer)
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        os.close(writer)
+        child = -1
+        try:
+            child = os.fork()
+            if child == 0:
+                _be_child(work, job, note, writer)
+        except OSError as error:
+            raise OutOfBounds(f'needs a process of its own: {error.strerror}') from None
+        finally:
+            os.close(writer)
+            if child < 0:
+                signal.pthread_sigmask(signal.SIG_SETMASK, before)
         answer = None
         try:
-            answer = _read(reader)
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)  # a signal that waited comes now
+            answer = _read(pipe)
         finally:
             if answer is None:
                 os.kill(child, signal.SIGKILL)
-            status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+            status = _wait_for(child, bool(answer))
         if answer is None or status != 0:
             at = json.loads(note[:].rstrip(b'\0') or b'null')
             raise OutOfBounds(_cause_of_death(status), at)
     return json.loads(answer)
 
 
-def _read(reader: int) -> bytes | None:
+def _read(pipe: BinaryIO) -> bytes | None:
     """Return what the child has written when it ends; None when it is late, or too much."""
-    with open(reader, 'rb') as pipe:
-        if not select.select([pipe], [], [], WALL)[0]:
-            return None
-        answer = pipe.read(LARGEST_ANSWER + 1)
+    if not select.select([pipe], [], [], WALL)[0]:
+        return None
+    answer = pipe.read(LARGEST_ANSWER + 1)
     return answer if len(answer) <= LARGEST_ANSWER else None
+
+
+def _wait_for(child: int, has_answered: bool) -> int:
+    """Return how a child has ended; where the system keeps no record, by whether it answered."""
+    try:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    except ChildProcessError:  # whoever started us has SIGCHLD ignored
+        return 0 if has_answered else 1
 
 
 def _cause_of_death(status: int) -> str:
@@ -91,9 +105,11 @@ def _cause_of_death(status: int) -> str:
         return f'took more than {CPU:g} s of CPU time'
     if status == NO_MEMORY:
         return f'took more than {MEMORY / 1e6:g} MB'
-    if status == -signal.SIGKILL:
+    if status in (0, -signal.SIGKILL):  # it may have ended before we gave up on it
         return f'took more than {WALL:g} s, or made more than {LARGEST_ANSWER / 1e6:g} MB'
-    return f'ended Python (status {status}): nested too deep?'
+    if status == -signal.SIGSEGV:
+        return 'ended Python: nested too deep?'
+    return f'ended Python ({signal.Signals(-status).name if status < 0 else status})'
 
 
 def _be_child(work: Work, job: Mapping[str, Any], note: mmap.mmap, writer: int) -> NoReturn:
@@ -118,15 +134,11 @@ def _be_child(work: Work, job: Mapping[str, Any], note: mmap.mmap, writer: int) 
 
 
 def _bound() -> None:
-    """Bound this process, and have it die of signals without a word."""
+    """Bound this process. Signals stay blocked: what Ctrl-C ends is for the parent to say."""
     import resource  # Unix has it
 
-    for number in signal.valid_signals():
-        if callable(signal.getsignal(number)):
-            signal.signal(number, signal.SIG_DFL)
-    signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGPROF, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_SETMASK, ())
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGPROF,))
     pages = int(Path('/proc/self/statm').read_text().split()[0])
     for limit, wanted in (
         (resource.RLIMIT_AS, pages * resource.getpagesize() + MEMORY),

@@ -32,6 +32,8 @@ from robot_description.xacro.documents import listed
 from robot_description.xacro.expressions import evaluate
 from robot_description.xacro.expressions import evaluate_substitution
 from robot_description.xacro.formats import check_format
+from robot_description.xacro.source import FOREIGN_TAGS
+from robot_description.xacro.source import unprefixed_calls
 
 LONGEST_REASON = 300
 LONGEST_NOTE = 200
@@ -41,8 +43,6 @@ MANY_MACROS = 50
 # Frames of Python; a macro within a macro takes about ten.
 FRAMES = 6000
 CONDITIONS = ('xacro:if', 'xacro:unless')
-# What is for other programs: a package that is not here does not matter.
-FOREIGN = {'gazebo', 'ros2_control', 'transmission'}
 
 
 def process(job: Mapping[str, Any], note: Callable[[Any], None]) -> dict[str, Any]:
@@ -159,8 +159,6 @@ class Processor:
 
     def _unprefixed(self) -> str:
         """Return a tag, of <property> and its like, that was not read for want of its prefix."""
-        from robot_description.lint.model import unprefixed_calls  # which needs this module
-
         for path, tag in unprefixed_calls(self.read):
             where = Place(path, tag.line)
             return f'; <{tag.name}> at {where} lacks its prefix: write <xacro:{tag.name}>'
@@ -205,7 +203,7 @@ class Processor:
         sys.setrecursionlimit(max(sys.getrecursionlimit(), FRAMES))
 
     def _find(self, package: str) -> str:
-        is_foreign = any(node.tagName in FOREIGN for node in self._stack if node is not None)
+        is_foreign = any(node.tagName in FOREIGN_TAGS for node in self._stack if node is not None)
         is_include = self._detail is not None and self._detail.tagName == 'xacro:include'
         try:
             return str(self._allowed.package(package))
