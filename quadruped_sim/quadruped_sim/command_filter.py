@@ -130,4 +130,8 @@ class CommandFilter:
             (params.forward_acceleration, params.lateral_acceleration, params.yaw_acceleration)
         )
         self.command = self.command + np.clip(target - self.command, -most, most)
+        # On its way from one curve to another the yaw rate waits for the speed.
+        speed = math.hypot(self.command[0], self.command[1])
+        tightest = params.curve_acceleration / max(speed, 1e-9)
+        self.command[2] = min(max(self.command[2], -tightest), tightest)
         return self.command

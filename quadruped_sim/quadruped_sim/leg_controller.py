@@ -102,8 +102,9 @@ class LegController:
     @property
     def notes(self) -> tuple[str, ...]:
         """What the driver should know of the motors, a line each."""
-        model = self.model
-        return model.motor_notes(velocity_limits('sport', model.scale, self._agility).forward)
+        limits = self._params.command.limits
+        usual = velocity_limits(limits, self.model.scale, GAITS[self._params.gait.name].agility)
+        return self.model.motor_notes(self.command_filter.limits.forward, usual.forward)
 
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""

@@ -27,6 +27,13 @@ class GaitRow(NamedTuple):
     longer: float = 0.0
     agility: float = 1.0
 
+    @property
+    def duty_to_rest(self) -> float:
+        """Share of the period that feet must stand to stand all at once, for 1/50 of a period."""
+        starts = sorted(offset % 1.0 for offset in self.offsets)
+        gaps = (b - a for a, b in zip(starts, (*starts[1:], starts[0] + 1.0), strict=True))
+        return 1.0 - max(gaps) + 0.02
+
 
 # A row is a gait that can be chosen.
 GAITS = {

@@ -258,10 +258,14 @@ class RobotModel:
         names = self.quadruped.joint_names
         return {names[i]: float(torque[i]) for i in np.flatnonzero(torque > self.limits.effort)}
 
-    def motor_notes(self, forward: float) -> tuple[str, ...]:
-        """Return what its motors cannot do, with numbers; `forward` [m/s] is full stick."""
+    def motor_notes(self, forward: float, usual: float) -> tuple[str, ...]:
+        """
+        Return what its motors cannot do, with numbers.
+
+        `forward` [m/s] is full stick, `usual` what it would be with motors as fast as a Go2's.
+        """
         notes, names = [], self.quadruped.joint_names
-        if self.motor_speed < 1.0:
+        if self.motor_speed < 1.0 and forward < usual:
             speed, name = self.limits.velocity[self._slowest], names[self._slowest]
             notes.append(
                 f'motors of {speed:.3g} rad/s (joint {visible(name)}) allow {forward:.2g} m/s; '

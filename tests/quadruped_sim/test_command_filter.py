@@ -36,6 +36,21 @@ def test_a_curve_too_fast_for_the_feet_is_driven_more_slowly_on_the_same_curve(r
     assert inward == pytest.approx(min(2.0, np.hypot(*request_[:2]) * abs(request_[2])))
 
 
+def test_between_two_curves_feet_hold_and_ramps_last():
+    parameters = CommandParameters()
+    command_filter = CommandFilter(parameters)
+    settle(command_filter, 3.0, (2.0, 0.0, 1.15))
+    before = command_filter.command
+    for _ in range(1000):
+        command_filter.request(1.15, 0.0, 2.0)
+        command = command_filter.step(DT)
+        assert abs(command[0] * command[2]) <= parameters.curve_acceleration + 1e-9
+        assert abs(command[0] - before[0]) <= parameters.forward_acceleration * DT + 1e-9
+        assert abs(command[2] - before[2]) <= parameters.yaw_acceleration * DT + 1e-9
+        before = command
+    np.testing.assert_allclose(command, (1.15, 0.0, 2.0), atol=1e-9)
+
+
 def test_acceleration_is_limited():
     command_filter = CommandFilter(CommandParameters())
     np.testing.assert_allclose(settle(command_filter, 0.2, (2.0, 0.0, 0.0)), (0.4, 0.0, 0.0))

@@ -106,6 +106,15 @@ def test_in_a_walk_one_foot_after_the_other_begins_to_stand():
     assert states[-1].stance_time == pytest.approx(0.75 * 0.8)
 
 
+@pytest.mark.parametrize('name', GAITS)
+@pytest.mark.parametrize('duty', [0.3, 0.5, 0.54, 0.6])
+def test_any_gait_ends_on_four_feet_whatever_its_duty(name, duty):
+    gait = Gait(GaitParameters(name=name, slow_duty=duty))
+    run(gait, 1.03)
+    assert run(gait, 1.0, wants=False)[-1].is_stance.all()
+    assert not gait.is_stepping
+
+
 def test_a_walk_stops_on_four_feet_too():
     gait = Gait(GaitParameters(name='walk'))
     run(gait, 1.03)

@@ -147,16 +147,16 @@ def test_a_joint_without_a_motor_is_named(urdf):
 
 def test_motors_are_weighed_against_the_robot(urdf, model):
     assert model.overloaded(legs=4) == model.overloaded(legs=2) == {}
-    assert model.motor_notes(2.0) == ()
+    assert model.motor_notes(2.0, 2.0) == ()
     weak = make_model(urdf.replace('effort="35.55"', 'effort="8"'))
     assert set(weak.overloaded(legs=2)) == {f'{leg}_calf_joint' for leg in LEGS}
-    (note,) = weak.motor_notes(2.0)
+    (note,) = weak.motor_notes(2.0, 2.0)
     assert note.startswith('motors too weak to trot: ')
     assert note.endswith(' N m, has 8 N m (and 3 more joints)')
     limp = make_model(urdf.replace('effort="35.55"', 'effort="2"'))
     torque = model.weight / 4 * 0.213 * np.sin(1.3 - 0.67)  # a quarter, on the calf's lever
     assert limp.overloaded(legs=4)['RR_calf_joint'] == pytest.approx(torque)
-    (note,) = limp.motor_notes(2.0)
+    (note,) = limp.motor_notes(2.0, 2.0)
     assert 'motors too weak to stand: ' in note
     assert 'needs 4.95 N m, has 2 N m (and 3 more joints)' in note
 
@@ -166,9 +166,10 @@ def test_slow_motors_make_a_slow_robot(urdf, model):
     slow = make_model(urdf.replace('velocity="15.7"', 'velocity="7.85"'))
     assert slow.agility == pytest.approx(0.5)
     assert slow.friction == model.friction == 0.6
-    assert slow.motor_notes(1.0) == (
+    assert slow.motor_notes(1.0, 2.0) == (
         'motors of 7.85 rad/s (joint FL_calf_joint) allow 1 m/s; full stick lowered',
     )
+    assert slow.motor_notes(0.4, 0.4) == ()  # by --limits guide it is not
 
 
 def test_an_arm_is_weighed_where_it_is_held(urdf, model, angles):

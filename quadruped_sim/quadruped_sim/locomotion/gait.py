@@ -43,7 +43,7 @@ class Gait:
         self._phase = 0.0
         self.is_stepping = False
         self._haste = 0.0
-        self._follow(speed=0.0)
+        self._follow(0.0, wants_steps=False)
 
     def step(self, dt: float, speed: float, wants_steps: bool, error: float = 0.0) -> GaitState:
         """
@@ -56,7 +56,7 @@ class Gait:
         params = self.params
         pushed = params.haste_gain * (error - params.haste_error)
         self._haste = max(self._haste - params.haste_decay * dt, pushed, 0.0)
-        self._follow(max(speed, self._haste))
+        self._follow(max(speed, self._haste), wants_steps)
         if wants_steps and not self.is_stepping:
             self.is_stepping = True
             self._phase = 0.0
@@ -66,14 +66,16 @@ class Gait:
                 self.is_stepping = False
         return self.state()
 
-    def _follow(self, speed: float) -> None:
+    def _follow(self, speed: float, wants_steps: bool) -> None:
         params = self.params
         span = max(params.fast_speed - params.slow_speed, 1e-6)
         self._pace = share = min(max((speed - params.slow_speed) / span, 0.0), 1.0)
         self._period = params.slow_period + share * (params.fast_period - params.slow_period)
         duty = params.slow_duty + share * (params.fast_duty - params.slow_duty)
         row = GAITS[params.name]
-        self._duty = min(duty + row.longer, DUTY_MAX)
+        # Who is to end on four feet needs a moment in which all stand.
+        least = 0.0 if wants_steps else row.duty_to_rest
+        self._duty = min(max(duty + row.longer, least), DUTY_MAX)
         self._offsets = np.array(row.offsets)
 
     def _leg_phases(self, phase: float) -> np.ndarray:
