@@ -57,6 +57,14 @@ def command(result: dict[str, Any]) -> str:
     return 'wasd bench --quick' if result['quick'] else 'wasd bench'
 
 
+def duration_of_last_result() -> str:
+    """Return how long the result on disk took to measure, in brackets; nothing without one."""
+    try:
+        return f' ({duration(last_result())})'
+    except (OSError, ValueError, LookupError):
+        return ''
+
+
 def duration(result: dict[str, Any]) -> str:
     """Return how long a result took to measure, for a help."""
     minutes = max(1, round(result['seconds'] / 60.0))

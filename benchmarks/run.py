@@ -15,6 +15,7 @@ from pathlib import Path
 import sys
 import tempfile
 import time
+import traceback
 
 import both
 import cycles
@@ -62,6 +63,7 @@ def measure(name: str, quick: bool, descriptions: Sequence[str] = ()) -> list[Ro
         try:
             return pool.submit(_measure_here, name, quick, descriptions).result()
         except Exception as error:
+            traceback.print_exception(error)
             return [Row(what=name, measured=f'broke: {error}', must='runs', passed=False)]
 
 
@@ -83,13 +85,13 @@ def draw(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
     return 0
 
 
-def main() -> int:
-    """Run the benchmark of one part or of all."""
+def make_parser() -> argparse.ArgumentParser:
+    """Return what reads the command line."""
     parser = argparse.ArgumentParser(prog='wasd bench', description=__doc__)
     parser.add_argument('part', nargs='?', choices=list(PARTS), help='default: all')
     parser.add_argument('--json', default='wasd_bench.json', metavar='FILE', help='what to write')
     parser.add_argument(
-        '--quick', action='store_true', help=f'fewer seeds ({page.duration(page.last_result())})'
+        '--quick', action='store_true', help=f'fewer seeds{page.duration_of_last_result()}'
     )
     parser.add_argument(
         '--write', action='store_true', help='write docs/numbers.md, and docs/numbers.json'
@@ -104,6 +106,12 @@ def main() -> int:
     parser.add_argument(
         '--picture', metavar='FILE', help="draw mbot's square as a PNG, and measure nothing"
     )
+    return parser
+
+
+def main() -> int:
+    """Run the benchmark of one part or of all."""
+    parser = make_parser()
     arguments = parser.parse_args()
     if arguments.picture is not None:
         return draw(parser, arguments)
