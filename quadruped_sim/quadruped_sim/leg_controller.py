@@ -21,7 +21,7 @@ from quadruped_sim.keys import Sticks
 from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegMotion
-from quadruped_sim.locomotion.trot import Locomotion
+from quadruped_sim.locomotion.locomotion import Locomotion
 from quadruped_sim.parameters import GAITS
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import BaseMotion

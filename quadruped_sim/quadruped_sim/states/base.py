@@ -12,7 +12,7 @@ from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.keys import Sticks
 from quadruped_sim.locomotion.feedback import base_acceleration
 from quadruped_sim.locomotion.feedback import standing_forces
-from quadruped_sim.locomotion.trot import Locomotion
+from quadruped_sim.locomotion.locomotion import Locomotion
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import NO_TORQUE

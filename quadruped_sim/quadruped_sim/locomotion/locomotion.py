@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trot: gait, footholds, swing feet, MPC forces and whole-body torques put together."""
+"""Walking: gait, footholds, swing feet, MPC forces and whole-body torques put together."""
 
 import math
 
