@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from robot_description.description import load_robot
 from robot_description.description import parse_description
+from robot_description.meshes.load import load_mesh
 from robot_description.meshes.load import mesh_points
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import share_directory
@@ -247,6 +248,25 @@ def test_the_points_of_a_mesh_are_those_of_its_file_scaled(tetrahedron):
     points = mesh_points(robot, robot.links['a'].visuals[0])
     np.testing.assert_allclose(points.min(axis=0), (0.0, 0.0, -2.0))
     assert mesh_points(parse_urdf(text), robot.links['a'].visuals[0]) is None
+
+
+def test_a_mesh_is_read_once_to_be_measured_often_and_again_when_it_changes(
+    tetrahedron, monkeypatch
+):
+    text = f'<robot name="r">{link("a", mesh("visual", "tetrahedron.obj", "1 1 1"))}</robot>'
+    robot = parse_description(text, tetrahedron.parent / 'r.urdf').robot
+    read = []
+    monkeypatch.setattr(
+        'robot_description.meshes.load.load_mesh',
+        lambda path: read.append(path) or load_mesh(path),
+    )
+    (shape,) = robot.links['a'].visuals
+    first = mesh_points(robot, shape)
+    first *= 9.0  # who measures may change what it gets
+    assert mesh_points(robot, shape).max() == 1.0
+    tetrahedron.write_text(tetrahedron.read_text().replace('v 1 0 0', 'v 12 0 0'))
+    assert mesh_points(robot, shape).max() == 12.0
+    assert len(read) == 2
 
 
 @pytest.mark.parametrize(('moment', 'is_mended'), [('1e-3', False), ('1', False), ('60', True)])

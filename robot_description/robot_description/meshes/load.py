@@ -130,11 +130,21 @@ def _decoded(path: Path, _: str) -> Mesh:
 def mesh_points(robot: Robot, shape: Shape) -> np.ndarray | None:
     """Return the points (n, 3) [m] of a mesh in its frame, scaled; None of one not to be had."""
     path = robot.mesh_files.get(shape.url)
+    if path is None:
+        return None
     try:
-        mesh = load_mesh(path) if path is not None else None
+        status = path.stat()
+        vertices = _vertices(path, status.st_mtime_ns, status.st_size)
     except (OSError, ValueError):
         return None
-    return None if mesh is None else mesh.vertices.astype(float) * np.array(shape.scale)
+    points: np.ndarray = vertices.astype(float) * np.array(shape.scale)
+    return points
+
+
+@lru_cache(maxsize=MOST_KEPT)
+def _vertices(path: Path, _mtime_ns: int, _size: int) -> np.ndarray:
+    """Return a file's points (n, 3) [m]; the other arguments tell its contents apart."""
+    return load_mesh(path).vertices
 
 
 def _check_beginning(path: Path) -> None:
