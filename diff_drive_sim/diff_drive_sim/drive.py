@@ -245,6 +245,11 @@ def configure_wheels(
     left, right = geometry.left_joint, geometry.right_joint
     if 'right' in left.lower() and 'left' in right.lower():
         notes.append(f'{left} is on the left and {right} on the right: their names are swapped')
+    elif parameters.left_wheel_names not in ((), (left,)):
+        notes.append(
+            f'left_wheel_names names {parameters.left_wheel_names[0]}, which is on the right: '
+            f'{left} is taken as the left one'
+        )
     changes = {}
     multiplier = parameters.wheel_separation_multiplier
     for name in ('wheel_separation', 'wheel_radius'):

@@ -67,6 +67,21 @@ def test_swapped_names_are_said():
     assert configure_wheels(find_wheels(load_robot('mbot').robot), WheelParameters())[1] == ()
 
 
+def test_a_file_that_names_the_right_wheel_as_the_left_one_is_told():
+    geometry = find_wheels(robot(wheel('l', 0.2), wheel('r', -0.2)))
+    for left, right, said in (('l', 'r', False), ('r', 'l', True)):
+        parameters = WheelParameters(
+            left_wheel_names=(f'{left}_joint',), right_wheel_names=(f'{right}_joint',)
+        )
+        used, notes = configure_wheels(geometry, parameters)
+        assert (used.left_joint, used.right_joint) == ('l_joint', 'r_joint')
+        line = (
+            'left_wheel_names names r_joint, which is on the right: l_joint is taken as the left '
+            'one'
+        )
+        assert notes == (line,) * said
+
+
 def test_a_calibration_corrects_each_wheel_and_the_track():
     parameters = WheelParameters(
         wheel_separation_multiplier=1.1,

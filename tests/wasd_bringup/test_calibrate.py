@@ -3,13 +3,18 @@
 
 import contextlib
 import io
+from pathlib import Path
 
 from diff_drive_sim.controller_file import read_controller_file
 import numpy as np
 import pytest
 from wasd_bringup.calibrate import to_yaml
 from wasd_bringup.cli import main
+from wasd_core.errors import UserError
 
+from wasd_bringup import calibrate
+
+WHEELS = Path(__file__).parents[1] / 'catalogue' / 'wheels'
 TRUE_RADIUS, TRUE_SEPARATION = 0.06, 0.38
 
 
@@ -65,6 +70,21 @@ def test_the_file_keeps_what_the_controller_was_started_with(tmp_path):
     }
     assert values['left_wheel_names'] == ('left_wheel_joint',)
     assert values['wheel_separation_multiplier'] == pytest.approx(0.38 / 0.26, abs=1e-6)
+
+
+def test_a_radius_is_that_of_the_wheels_that_the_file_chooses(monkeypatch, capsys):
+    believed = []
+
+    def stop(test, parameters, *more):
+        believed.append(parameters)
+        raise UserError('enough')
+
+    monkeypatch.setattr(calibrate, 'drive_squares', stop)
+    words = ['--description', str(WHEELS / 'four_wheels.xacro')]
+    words += ['--controller', str(WHEELS / 'front_wheels.yaml'), '--left-radius', '0.04']
+    assert main(['calibrate', *words]) == 2
+    assert capsys.readouterr().err == 'error: enough\n'
+    assert believed[0]['left_wheel_radius_multiplier'] == pytest.approx(0.04 / 0.08)
 
 
 @pytest.mark.parametrize(

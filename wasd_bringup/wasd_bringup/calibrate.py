@@ -23,6 +23,7 @@ import numpy as np
 import rclpy
 import rclpy.logging
 from robot_description.description import load_robot
+from robot_description.morphology.wheels import ANY_WHEELS
 from wasd_core.errors import UserError
 from wasd_core.node import init_ros
 from wasd_core.output_file import check_apart
@@ -339,10 +340,12 @@ def _read_test(arguments: argparse.Namespace) -> SquareTest:
 def _read_belief(arguments: argparse.Namespace, test: SquareTest) -> dict[str, Any]:
     """Return the controller's parameters as the command line and its file give them."""
     parameters: dict[str, Any] = {}
+    choice = ANY_WHEELS
     if arguments.controller is not None:
+        file = read_controller_file(arguments.controller)
+        choice = file.parameters.wheel_choice()
         # YAML has lists, where our parameters are tuples.
-        given = read_controller_file(arguments.controller).values
-        parameters = {key: list(v) if isinstance(v, tuple) else v for key, v in given.items()}
+        parameters = {k: list(v) if isinstance(v, tuple) else v for k, v in file.values.items()}
     for option in ('wheel_separation', 'left_radius', 'right_radius'):
         value = getattr(arguments, option)
         if value is not None and not 0.001 <= value <= 10.0:
@@ -351,8 +354,8 @@ def _read_belief(arguments: argparse.Namespace, test: SquareTest) -> dict[str, A
     if arguments.wheel_separation is not None:
         parameters[SEPARATION] = arguments.wheel_separation
     if arguments.left_radius is not None or arguments.right_radius is not None:
-        loaded = load_robot(test.description, test.package_path)
-        radius = parameters.get(RADIUS) or find_wheels(loaded.robot).wheel_radius
+        loaded = load_robot(test.description, test.package_path, wheels=choice)
+        radius = parameters.get(RADIUS) or find_wheels(loaded.robot, choice).wheel_radius
         for option, key in ((arguments.left_radius, LEFT), (arguments.right_radius, RIGHT)):
             if option is not None:
                 parameters[key] = option / radius
