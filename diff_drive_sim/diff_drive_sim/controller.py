@@ -4,6 +4,7 @@
 import math
 from typing import NamedTuple
 
+from robot_description.morphology.wheel_motor import Strength
 from wasd_core.timing import Watchdog
 
 from diff_drive_sim.geometry import DiffDriveGeometry
@@ -70,9 +71,9 @@ class DiffDriveController:
         self,
         geometry: DiffDriveGeometry,
         parameters: DiffDriveParameters,
-        strength: tuple[float, float] = (math.inf, math.inf),
+        strength: tuple[Strength, Strength] = (Strength(), Strength()),
     ) -> None:
-        """Take wheels and parameters; `strength` is what motors can do, [m/s^2] and [rad/s^2]."""
+        """Take wheels and parameters; `strength` is what motors can do, ahead and in a turn."""
         self.geometry = geometry
         self._strength = strength
         self.odometry = WheelOdometry(geometry, window=parameters.velocity_rolling_window_size)

@@ -115,7 +115,8 @@ class DiffDrive:
         described = replace(described, speed_limit=self.motor.top_speed)
         geometry, notes = configure_wheels(described, parameters)
         ahead, turning = strength(robot, pair)
-        self._strength = USED_SHARE * ahead, USED_SHARE * turning
+        self._strength = ahead.scaled(USED_SHARE), turning.scaled(USED_SHARE)
+        self._weakest = pair.weakest.joint
         self._slower = min(pair.wheels, key=lambda wheel: wheel.joint.velocity or math.inf).joint
         self.notes = (*notes, *self._weaknesses(parameters, geometry))
         # Whoever wants to hear what is worth a line while it drives puts a function here.
@@ -221,9 +222,9 @@ class DiffDrive:
         self, parameters: DiffDriveParameters, geometry: DiffDriveGeometry
     ) -> Iterator[str]:
         """Yield what the motors are too weak for."""
-        name = f'{self._slower.name} has {self._slower.effort:g} N m'
-        if self._strength[0] == 0.0:
-            yield f'{name}, its own friction takes {self._slower.friction:g}: it does not move'
+        name = f'{self._weakest.name} has {self._weakest.effort:g} N m'
+        if self._strength[0].speed_up == 0.0:
+            yield f'{name}, its own friction takes {self._weakest.friction:g}: it does not move'
             return
         for axis, unit, limits, most in (
             ('linear.x', 'm/s^2', parameters.linear_limits(), self._strength[0]),
@@ -232,8 +233,8 @@ class DiffDrive:
         ):  # fmt: skip
             if limits.within(most).speed_up < limits.speed_up:
                 yield (
-                    f'{name}: enough for {most:.2g} {unit}, not for the {limits.speed_up:g} of '
-                    f'{axis}.max_acceleration'
+                    f'{name}: enough for {most.speed_up:.2g} {unit}, not for the '
+                    f'{limits.speed_up:g} of {axis}.max_acceleration'
                 )
 
 

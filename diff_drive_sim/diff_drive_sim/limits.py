@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from robot_description.morphology.wheel_motor import Strength
+
 from diff_drive_sim.geometry import DiffDriveGeometry
 
 NAN = float('nan')
@@ -67,10 +69,11 @@ class AxisLimits(NamedTuple):
         limit = self.forward if velocity > 0.0 else self.backward
         return limit / abs(velocity) if abs(velocity) > limit else 1.0
 
-    def within(self, strength: float) -> 'AxisLimits':
+    def within(self, strength: Strength) -> 'AxisLimits':
         """Return the limits with no acceleration beyond what motors can do; none stays none."""
         speed_up, slow_down, speed_up_backward, slow_down_backward = (
-            min(limit, strength) if math.isfinite(limit) else limit for limit in self[2:6]
+            min(limit, most) if math.isfinite(limit) else limit
+            for limit, most in zip(self[2:6], 2 * strength, strict=True)
         )
         return self._replace(
             speed_up=speed_up,

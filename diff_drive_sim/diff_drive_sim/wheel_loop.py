@@ -51,7 +51,7 @@ def wheel_motor(robot: Robot, drive: Drive) -> WheelMotor:
     Without an effort limit or without masses it has no torque.
     """
     size = size_motor(robot, drive)
-    joint = drive.wheels[0].joint
+    joint = drive.weakest.joint
     resisting = size.damping + joint.damping
     lag = size.straight / resisting if size.damping > 0.0 else math.inf
     return WheelMotor(

@@ -9,10 +9,10 @@ import mujoco
 import numpy as np
 from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
+from wasd_core.robot_io import TIME_STEP
 
 from mujoco_sim.parameters import WORLD_NAMES
 
-TIME_STEP = 0.001
 ROOM_SIZE = 6.0
 WALL_HEIGHT = 0.5
 

@@ -14,9 +14,9 @@ from robot_description.description import load_robot
 from robot_description.morphology.wheel_motor import rotors
 from robot_description.morphology.wheel_motor import size_motor
 from robot_description.morphology.wheel_motor import STALL_SHARE
-from robot_description.morphology.wheel_motor import STEP
 from robot_description.morphology.wheels import find_drive
 from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import TIME_STEP
 
 DT = 0.005
 
@@ -38,7 +38,7 @@ def test_a_light_wheel_gets_a_rotor_so_that_the_physics_step_allows_its_line(mbo
     size = size_motor(light, find_drive(light))
     own = 0.5 * 0.01 * 0.06**2
     assert size.damping == pytest.approx(STALL_SHARE * 2.0 / 25.0, rel=0.2)
-    assert size.rotor + own == pytest.approx(size.damping * STEP)
+    assert size.rotor + own == pytest.approx(size.damping * TIME_STEP)
     assert rotors(light, find_drive(light)) == dict.fromkeys(
         ('left_wheel_joint', 'right_wheel_joint'), size.rotor
     )
@@ -53,10 +53,15 @@ def test_without_limits_it_has_no_torque(mbot):
 
 
 class Rig:
-    """mbot in its world, stepped by a DiffDrive."""
+    """mbot in its world, with other limits of its wheels' joints, stepped by a DiffDrive."""
 
-    def __init__(self, **parameters):
+    def __init__(self, wheels=None, **parameters):
         loaded = load_robot('mbot')
+        joints = {
+            name: replace(joint, **(wheels or {})) if 'wheel' in name else joint
+            for name, joint in loaded.robot.joints.items()
+        }
+        loaded = replace(loaded, robot=replace(loaded.robot, joints=joints))
         self.world = build_world(loaded)
         self.unit = DiffDrive(loaded.robot, DiffDriveParameters(**parameters))
         names = ('left_wheel_joint', 'right_wheel_joint')
@@ -110,3 +115,15 @@ def test_no_command_asks_more_than_its_torque_of_a_motor():
     _, first = rig.run(1.0, 0.2)
     _, reverse = rig.run(-1.0, 0.2)
     assert max(first.max(), reverse.max()) == pytest.approx(2.0)
+
+
+@pytest.mark.slow
+def test_dry_friction_makes_no_stop_longer():
+    stops = []
+    for friction in (0.0, 0.97):
+        rig = Rig({'effort': 1.0, 'friction': friction})
+        speeds, _ = rig.run(0.3, 2.0)
+        assert speeds[-1] == pytest.approx(0.3, rel=0.02)
+        speeds, _ = rig.run(0.0, 1.0)
+        stops.append(next(index * DT for index, speed in enumerate(speeds) if speed < 0.003))
+    assert stops[1] <= stops[0] < 0.4

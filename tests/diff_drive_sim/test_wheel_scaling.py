@@ -15,12 +15,13 @@ from robot_description.morphology.wheel_motor import axle_inertia
 from robot_description.morphology.wheel_motor import QUICKEST
 from robot_description.morphology.wheel_motor import size_motor
 from robot_description.morphology.wheel_motor import SLOWEST
-from robot_description.morphology.wheel_motor import STEP
+from robot_description.morphology.wheel_motor import Strength
 from robot_description.morphology.wheel_motor import strength
 from robot_description.morphology.wheel_motor import yaw_inertia
 from robot_description.morphology.wheels import find_drive
 from robot_description.urdf import parse_urdf
 import wasd
+from wasd_core.robot_io import TIME_STEP
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_from_matrix
 
@@ -82,7 +83,7 @@ def test_a_loaded_wheel_nears_its_speed_as_soon_as_mbots_does_and_does_not_ring(
     lag = max(size.straight, size.turning) / (size.damping - 4.0 * joint.damping)
     assert QUICKEST * (1.0 - 1e-9) <= lag <= SLOWEST * (1.0 + 1e-9) or joint.damping > 0.0
     # What the physics takes explicitly stops a wheel in the air in one step at the soonest.
-    assert size.damping * STEP <= (axle_inertia(robot, joint) + size.rotor) * (1.0 + 1e-9)
+    assert size.damping * TIME_STEP <= (axle_inertia(robot, joint) + size.rotor) * (1.0 + 1e-9)
 
 
 def test_mbot_needs_no_rotor_and_keeps_the_motor_that_its_description_says(mbot):
@@ -110,10 +111,44 @@ def test_torque_over_inertia_is_what_the_motors_allow(mbot):
     ahead, turning = strength(mbot, drive)
     own = axle_inertia(mbot, drive.wheels[0].joint)
     # Two wheels' torques move mass and wheels: 2 T = (M r + 2 I / r) a.
-    assert pytest.approx((1.8 * 0.06 + 2.0 * own / 0.06) * ahead) == 2.0 * 2.0
+    assert pytest.approx((1.8 * 0.06 + 2.0 * own / 0.06) * ahead.speed_up) == 2.0 * 2.0
     yaw = yaw_inertia(mbot, 0.0, 0.0) + 0.5 * own * (0.38 / 0.06) ** 2
-    assert pytest.approx(yaw * turning) == 2.0 / 0.06 * 0.38
+    assert pytest.approx(yaw * turning.speed_up) == 2.0 / 0.06 * 0.38
     assert size.turning < size.straight
+    assert all(each.slow_down == each.speed_up for each in (ahead, turning))
+
+
+def with_wheels(robot, **wheels):
+    """Return a robot with other limits of its wheels' joints, by side."""
+    joints = dict(robot.joints)
+    for side, changes in wheels.items():
+        joints[f'{side}_wheel_joint'] = replace(joints[f'{side}_wheel_joint'], **changes)
+    return replace(robot, joints=joints)
+
+
+def test_dry_friction_takes_of_what_speeds_up_and_adds_to_what_brakes(mbot):
+    rubs = with_wheels(mbot, left={'friction': 0.5}, right={'friction': 0.5})
+    for smooth, rough in zip(
+        strength(mbot, find_drive(mbot)), strength(rubs, find_drive(rubs)), strict=True
+    ):
+        assert rough == pytest.approx((smooth.speed_up * 1.5 / 2.0, smooth.speed_up * 2.5 / 2.0))
+
+
+@pytest.mark.parametrize('weak', ['left', 'right'])
+@pytest.mark.parametrize('limits', [{'effort': 0.01}, {'friction': 1.99}], ids=['motor', 'joint'])
+def test_the_weaker_of_two_wheels_decides_and_is_named(mbot, weak, limits):
+    both = with_wheels(mbot, left=limits, right=limits)
+    robot = with_wheels(mbot, **{weak: limits})
+    found, weaker, usual = (strength(each, find_drive(each)) for each in (robot, both, mbot))
+    for one, other, strong in zip(found, weaker, usual, strict=True):
+        assert one.speed_up == pytest.approx(other.speed_up)
+        # A joint that rubs brakes the better: there the stronger motor's wheel decides.
+        assert one.slow_down == pytest.approx(min(other.slow_down, strong.slow_down))
+    notes = DiffDrive(robot, DiffDriveParameters()).notes
+    assert notes == tuple(
+        note.replace('left', weak) for note in DiffDrive(both, DiffDriveParameters()).notes
+    )
+    assert notes[0].startswith(f'{weak}_wheel_joint has ')
 
 
 @pytest.mark.slow
@@ -173,4 +208,5 @@ def test_a_robot_without_masses_has_no_motors_to_size():
     text = (CATALOGUE / 'no_masses.urdf').read_text()
     robot = parse_urdf(text)
     assert size_motor(robot, find_drive(robot)).damping == 0.0
-    assert strength(robot, find_drive(robot)) == (math.inf, math.inf)
+    assert strength(robot, find_drive(robot)) == (Strength(), Strength())
+    assert Strength() == (math.inf, math.inf)

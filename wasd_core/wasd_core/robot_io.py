@@ -8,6 +8,8 @@ import numpy as np
 
 # What controllers reckon with and MuJoCo's worlds have [m/s^2].
 GRAVITY = 9.81
+# The physics' step [s].
+TIME_STEP = 0.001
 
 
 class BaseState(NamedTuple):

@@ -21,6 +21,8 @@ one: it adds to what turns about the wheel's axis.
 import math
 from typing import NamedTuple
 
+from wasd_core.robot_io import TIME_STEP
+
 from robot_description.morphology.wheels import Drive
 from robot_description.robot import Joint
 from robot_description.robot import Robot
@@ -32,8 +34,6 @@ STALL_SHARE = 3.75
 QUICKEST, SLOWEST = 0.010, 0.025
 # A joint that damps is driven by a line so much steeper: else it would decide the speed.
 OVER_DRAG = 4.0
-# The simulator's step [s].
-STEP = 0.001
 
 
 class MotorSize(NamedTuple):
@@ -50,10 +50,21 @@ class MotorSize(NamedTuple):
     turning: float
 
 
+class Strength(NamedTuple):
+    """What motors allow along one axis [m/s^2] or [rad/s^2]; infinite where nobody knows."""
+
+    speed_up: float = math.inf
+    slow_down: float = math.inf
+
+    def scaled(self, factor: float) -> 'Strength':
+        """Return so many times this."""
+        return Strength(factor * self.speed_up, factor * self.slow_down)
+
+
 def size_motor(robot: Robot, drive: Drive) -> MotorSize:
     """Return the motor of each of two wheels; without a torque limit or masses it has none."""
     left, right = drive.wheels
-    joint, radius = left.joint, left.radius
+    joint, radius = drive.weakest.joint, drive.weakest.radius
     middle = 0.5 * (left.position + right.position)
     straight = 0.5 * robot.mass * radius**2
     turning = 2.0 * yaw_inertia(robot, float(middle[0]), float(middle[1]))
@@ -62,24 +73,28 @@ def size_motor(robot: Robot, drive: Drive) -> MotorSize:
     described = STALL_SHARE * joint.effort / joint.velocity if joint.velocity > 0.0 else 0.0
     steepest = load / QUICKEST + OVER_DRAG * joint.damping
     damping = min(max(described, load / SLOWEST), steepest) if described > 0.0 else 0.0
-    rotor = max(0.0, STEP * damping - axle_inertia(robot, joint))
+    rotor = max(0.0, TIME_STEP * damping - axle_inertia(robot, joint))
     return MotorSize(damping, rotor, straight, turning)
 
 
-def strength(robot: Robot, drive: Drive) -> tuple[float, float]:
+def strength(robot: Robot, drive: Drive) -> tuple[Strength, Strength]:
     """
-    Return the largest acceleration ahead [m/s^2] and of a turn [rad/s^2] that the motors allow.
+    Return what the motors allow ahead [m/s^2] and of a turn [rad/s^2]: the weaker one decides.
 
-    Infinite where nothing is known of torques or masses.
+    Dry friction takes of the torque that speeds a wheel up, and helps to brake it.
     """
     size = size_motor(robot, drive)
     if size.damping == 0.0:
-        return math.inf, math.inf
-    left = drive.wheels[0]
-    own = axle_inertia(robot, left.joint) + size.rotor
-    torque = max(0.0, left.joint.effort - left.joint.friction)
-    ahead = left.radius * torque / (size.straight + own)
-    return ahead, 2.0 * left.radius / drive.track * torque / (size.turning + own)
+        return Strength(), Strength()
+    weakest = drive.weakest
+    torque = Strength(
+        max(0.0, weakest.joint.effort - weakest.joint.friction),
+        min(wheel.joint.effort + wheel.joint.friction for wheel in drive.wheels),
+    )
+    own = axle_inertia(robot, weakest.joint) + size.rotor
+    ahead = weakest.radius / (size.straight + own)
+    turning = 2.0 * weakest.radius / drive.track / (size.turning + own)
+    return torque.scaled(ahead), torque.scaled(turning)
 
 
 def rotors(robot: Robot, drive: Drive) -> dict[str, float]:

@@ -105,6 +105,11 @@ class Drive(NamedTuple):
         return float(left.position[1] - right.position[1])
 
     @property
+    def weakest(self) -> DriveWheel:
+        """The wheel whose motor has the least torque to spare over its joint's dry friction."""
+        return min(self.wheels, key=lambda wheel: wheel.joint.effort - wheel.joint.friction)
+
+    @property
     def speed_limit(self) -> float:
         """What the slower of the two wheels can do [rad/s]; infinite where nothing limits it."""
         speeds = [wheel.joint.velocity for wheel in self.wheels if wheel.joint.velocity > 0.0]
