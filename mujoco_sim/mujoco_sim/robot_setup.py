@@ -7,14 +7,14 @@ from dataclasses import field
 import math
 
 from robot_description.description import Description
+from robot_description.morphology.equip_wheels import held_joints
+from robot_description.morphology.equip_wheels import lowest_point
 from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
 from robot_description.morphology.quadruped import scale_of
 from robot_description.morphology.quadruped import similar_pose
 from robot_description.morphology.wheel_motor import rotors
-from robot_description.morphology.wheels import held_joints
-from robot_description.morphology.wheels import lowest_point
 
 from mujoco_sim.sensors.noise import SensorNoise
 

@@ -15,15 +15,15 @@ from robot_description.meshes.contents import open_meshes
 from robot_description.meshes.contents import with_stand_ins
 from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
+from robot_description.morphology.equip_wheels import equip_drive
+from robot_description.morphology.equip_wheels import hanging
 from robot_description.morphology.quadruped import equip_legs
 from robot_description.morphology.quadruped import find_quadruped
 from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.morphology.wheels import Drive
-from robot_description.morphology.wheels import equip_drive
 from robot_description.morphology.wheels import find_drive
-from robot_description.morphology.wheels import hanging
 from robot_description.morphology.wheels import WheelChoice
 from robot_description.packages import description_path
 from robot_description.robot import credible_inertias

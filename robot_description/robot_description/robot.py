@@ -116,6 +116,11 @@ class Joint:
         """Whether it has one degree of freedom."""
         return self.kind in MOVABLE
 
+    @property
+    def rest(self) -> float:
+        """Where it rests: at 0, or as near as its limits let it [rad] or [m]."""
+        return min(max(0.0, self.lower), self.upper)
+
     def transform(self, position: float) -> Pose:
         """Return the child's pose in the parent at a joint position [rad] or [m]."""
         if self.kind in ('revolute', 'continuous'):

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import pytest
 from robot_description.description import load_robot
-from robot_description.morphology.wheels import equip_drive
+from robot_description.morphology.equip_wheels import equip_drive
+from robot_description.morphology.equip_wheels import lowest_point
 from robot_description.morphology.wheels import find_drive
-from robot_description.morphology.wheels import GRAVITY
-from robot_description.morphology.wheels import lowest_point
 from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import expand
+from wasd_core.robot_io import GRAVITY
 
 
 def parsed(name):

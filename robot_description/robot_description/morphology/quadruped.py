@@ -150,7 +150,7 @@ def _is_mirrored(leg: Leg, other: Leg) -> bool:
 
 def _held(robot: Robot, joints: list[Joint]) -> dict[str, float]:
     """Return where joints stay that nobody moves: at 0 if they can; what mimics one, with it."""
-    held = {j.name: min(max(0.0, j.lower), j.upper) for j in joints}
+    held = {joint.name: joint.rest for joint in joints}
     for joint in joints:
         other = robot.joints.get(joint.mimics)
         if other is not None and other.name in held:

@@ -58,7 +58,7 @@ def draw(robot: Robot, find_mesh: FindMesh, path: Path) -> None:
 def _rest(model: mujoco.MjModel, robot: Robot) -> mujoco.MjData:
     data = mujoco.MjData(model)
     for joint in robot.movable_joints:
-        data.joint(joint.name).qpos[0] = min(max(0.0, joint.lower), joint.upper)
+        data.joint(joint.name).qpos[0] = joint.rest
     mujoco.mj_forward(model, data)
     return data
 

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is put into a robot with two driven wheels: motors, tyres, casters; and what is held."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+from wasd_core.robot_io import GRAVITY
+from wasd_core.rotations import Origin
+from wasd_core.rotations import rpy_from_matrix
+
+from robot_description.meshes.load import mesh_points
+from robot_description.morphology.wheels import Drive
+from robot_description.morphology.wheels import Tyre
+from robot_description.robot import Joint
+from robot_description.robot import Link
+from robot_description.robot import Robot
+from robot_description.robot import Shape
+
+# What hangs at most so much higher than the wheels' lowest point [m] is there to touch the floor.
+FLOOR_GAP = 0.003
+# Wheels hang where what is before and behind them reaches lower by more than this [m].
+HANGING = 0.001
+# A motor that a description does not speak of: rim speed [m/s], and torque as a multiple of what
+# makes a wheel slip on a floor with friction 1.
+RIM_SPEED = 1.5
+TORQUE_SHARE = 2.0
+TYRE_FRICTION = 1.0
+
+
+def equip_drive(robot: Robot, drive: Drive) -> Robot:
+    """
+    Return the robot with what its two driven wheels need and its description leaves out.
+
+    It adds motors, tyres with grip, and casters without friction that give way, which are the
+    links that touch the floor beside the wheels. Wheels that are no clean cylinder or ball to
+    collide with get one, and what carries them is held. What the description says is kept.
+    """
+    if not drive.wheels:
+        return robot
+    joints, links = dict(robot.joints), dict(robot.links)
+    friction = dict(robot.friction)
+    for wheel in drive.wheels:
+        joint = wheel.joint
+        torque = 0.5 * TORQUE_SHARE * robot.mass * GRAVITY * wheel.radius
+        joints[joint.name] = replace(
+            joint,
+            kind='continuous',
+            lower=-math.inf,
+            upper=math.inf,
+            effort=joint.effort if joint.effort > 0.0 else torque,
+            velocity=joint.velocity if joint.velocity > 0.0 else RIM_SPEED / wheel.radius,
+        )
+        joints |= {mount.name: _held(mount) for mount in wheel.mounts}
+        friction.setdefault(joint.child, TYRE_FRICTION)
+        if not wheel.tyre.is_exact:
+            links[joint.child] = _with_tyre(links[joint.child], joint.axis, wheel.tyre)
+    robot = replace(robot, joints=joints, links=links, friction=friction)
+    floor = min(float(wheel.position[2]) - wheel.radius for wheel in drive.wheels)
+    low = [link for link in links if lowest_point(robot, link) <= floor + FLOOR_GAP]
+    casters = frozenset(link for link in low if link not in friction)
+    friction |= dict.fromkeys(casters, 0.0)
+    return replace(robot, casters=casters)
+
+
+def hanging(robot: Robot, drive: Drive) -> tuple[str, ...]:
+    """Return a line where others carry the robot before and behind its wheels, which hang."""
+    if not drive.wheels:
+        return ()
+    own = {wheel.joint.child for wheel in drive.wheels}
+    floor = min(float(wheel.position[2]) - wheel.radius for wheel in drive.wheels)
+    lowest = {link: lowest_point(robot, link) for link in robot.links if link not in own}
+    low = [link for link, height in lowest.items() if height < floor - HANGING]
+    ahead = {
+        float(robot.rest_poses[link].position[0] - drive.wheels[0].position[0]) > 0.0
+        for link in low
+    }
+    if len(ahead) < 2:
+        return ()
+    depth = 1e3 * (floor - max(lowest[link] for link in low))
+    return (
+        f'{", ".join(low)} reach {depth:.2g} mm below the driven wheels, which hang in the air: '
+        'raise them or lower the wheels',
+    )
+
+
+def held_joints(robot: Robot, drive: Drive) -> dict[str, float]:
+    """Return where the motors of what a wheeled robot carries, an arm say, hold [rad] or [m]."""
+    return {
+        joint.name: joint.rest
+        for joint in robot.movable_joints
+        if drive.wheels and joint.kind != 'continuous' and joint.effort > 0.0 and not joint.mimics
+    }
+
+
+def _held(joint: Joint) -> Joint:
+    """Return a joint that does not move from where it rests."""
+    pose, rpy = joint.transform(joint.rest), joint.pose.rpy
+    if joint.kind != 'prismatic' and joint.rest != 0.0:
+        roll, pitch, yaw = rpy_from_matrix(pose.rotation).tolist()
+        rpy = roll, pitch, yaw
+    origin = Origin(pose.position, pose.rotation, rpy)
+    return replace(joint, kind='fixed', pose=origin, lower=-math.inf, upper=math.inf, effort=0.0)
+
+
+def _with_tyre(link: Link, axis: np.ndarray, tyre: Tyre) -> Link:
+    """Return a wheel's link that collides as a cylinder about its axis, and looks as before."""
+    # Its x level in the link, so that roll and yaw have but one meaning.
+    level = np.array([-axis[1], axis[0], 0.0])
+    length = float(np.linalg.norm(level))
+    x = level / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
+    rotation = np.column_stack((x, np.cross(axis, x), axis))
+    roll, pitch, yaw = rpy_from_matrix(rotation).tolist()
+    pose = Origin(tyre.centre, rotation, (roll, pitch, yaw))
+    rolls = Shape('cylinder', (tyre.radius, tyre.width), pose, collides=True)
+    return replace(link, shapes=(*link.visuals, rolls))
+
+
+def lowest_point(robot: Robot, link: str | None = None) -> float:
+    """
+    Return the least z that collides in the root's frame [m], of a link or of all.
+
+    Where nothing collides what is drawn does, without meshes.
+    """
+    collides = any(each.collisions for each in robot.links.values())
+    links = [robot.links[link]] if link is not None else robot.links.values()
+    heights = (
+        float(pose.position[2]) - _reach_down(robot, shape, pose.rotation[2])
+        for each in links
+        for shape in (each.collisions if collides else each.visuals)
+        for pose in [robot.rest_poses[each.name] @ shape.pose]
+    )
+    return min(heights, default=math.inf)
+
+
+def _reach_down(robot: Robot, shape: Shape, up: np.ndarray) -> float:
+    """Return how far a shape reaches below its centre [m]; `up` is z in its axes."""
+    if shape.kind == 'mesh' and shape.collides:
+        points = mesh_points(robot, shape)
+        return -math.inf if points is None else -float((points @ up).min())
+    if shape.kind == 'sphere':
+        return shape.size[0]
+    if shape.kind == 'box':
+        return 0.5 * float(np.abs(up) @ np.array(shape.size))
+    if shape.kind == 'capsule':
+        radius, length = shape.size
+        return radius + 0.5 * length * abs(float(up[2]))
+    if shape.kind == 'cylinder':
+        radius, length = shape.size
+        return radius * math.hypot(up[0], up[1]) + 0.5 * length * abs(float(up[2]))
+    return -math.inf
