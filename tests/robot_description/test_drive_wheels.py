@@ -58,6 +58,29 @@ def test_tyres_hold_and_what_else_touches_the_floor_slides(bare):
     }
 
 
+@pytest.mark.parametrize('said', [{}, {'rim': 0.7}, {'hub': 0.6}, {'hub': 0.6, 'rim': 0.7}])
+def test_a_tyre_that_is_welded_to_the_wheel_grips_as_the_wheel_does(said):
+    tyre = (
+        '<collision><origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.1" length="0.02"/>'
+        '</geometry></collision>'
+    )
+    wheels = ''.join(
+        f'<link name="hub{n}"/><joint name="axle{n}" type="continuous"><origin xyz="0 {y} 0"/>'
+        f'<parent link="base"/><child link="hub{n}"/><axis xyz="0 1 0"/></joint>'
+        f'<link name="rim{n}">{tyre}</link><joint name="weld{n}" type="fixed">'
+        f'<parent link="hub{n}"/><child link="rim{n}"/></joint>'
+        for n, y in (('1', 0.2), ('2', -0.2))
+    )
+    robot = parse_urdf(f'<robot name="cart"><link name="base"/>{wheels}</robot>')
+    described = {f'{name}{n}': mu for name, mu in said.items() for n in '12'}
+    after = equipped(replace(robot, friction=described))
+    usual = next(iter(said.values()), 1.0)
+    assert after.casters == frozenset()
+    assert after.friction == {
+        f'{name}{n}': said.get(name, usual) for name in ('hub', 'rim') for n in '12'
+    }
+
+
 @pytest.mark.slow
 def test_a_robot_without_such_wheels_is_left_alone():
     robot = parsed('go2')

@@ -10,6 +10,7 @@ from wasd_core.rotations import Origin
 from wasd_core.rotations import rpy_from_matrix
 
 from robot_description.meshes.load import mesh_points
+from robot_description.morphology.wheels import carried
 from robot_description.morphology.wheels import Drive
 from robot_description.morphology.wheels import Tyre
 from robot_description.robot import Joint
@@ -52,7 +53,9 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
             velocity=joint.velocity if joint.velocity > 0.0 else RIM_SPEED / wheel.radius,
         )
         joints |= {mount.name: _held(mount) for mount in wheel.mounts}
-        friction.setdefault(joint.child, TYRE_FRICTION)
+        parts = [link.name for link, _ in carried(robot, joint.child)]
+        said = [friction[name] for name in parts if name in friction]
+        friction = dict.fromkeys(parts, said[0] if said else TYRE_FRICTION) | friction
         if not wheel.tyre.is_exact:
             links[joint.child] = _with_tyre(links[joint.child], joint.axis, wheel.tyre)
     robot = replace(robot, joints=joints, links=links, friction=friction)

@@ -195,7 +195,7 @@ def _moving_above(robot: Robot, joint: Joint) -> tuple[Joint, ...]:
 def _tyre(robot: Robot, joint: Joint, radius: float) -> Tyre | str:
     """Return what of a joint's links is round about its axis, or why nothing is."""
     why = 'has no shape'
-    for link, pose in _carried(robot, joint.child):
+    for link, pose in carried(robot, joint.child):
         for shape in (*link.collisions, *link.visuals):
             tyre = _measure(robot, joint.axis, shape, pose @ shape.pose)
             if isinstance(tyre, Tyre) and tyre.radius <= 0.0:
@@ -208,7 +208,7 @@ def _tyre(robot: Robot, joint: Joint, radius: float) -> Tyre | str:
     return Tyre(np.zeros(3), radius, USUAL_WIDTH, is_exact=False) if radius else why
 
 
-def _carried(robot: Robot, link: str) -> list[tuple[Link, Pose]]:
+def carried(robot: Robot, link: str) -> list[tuple[Link, Pose]]:
     """Return a link and those welded to it, with their poses in it."""
     found = [(robot.links[link], IDENTITY)]
     for above, pose in found:  # which grows meanwhile
