@@ -6,7 +6,10 @@ from dataclasses import dataclass
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
-WORLD_NAMES = 'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT'
+WORLD_NAMES = (
+    'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT, '
+    'ice:MU, gap:WIDTH'
+)
 
 
 @dataclass(frozen=True, kw_only=True)

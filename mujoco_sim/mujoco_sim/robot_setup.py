@@ -43,6 +43,9 @@ class RobotSetup:
     the robot has one even when its description names none.
 
     `held` joints [rad] or [m] stay there until a command names them.
+
+    `friction` is what its feet have on any ground, or of a robot without feet all that it touches
+    the ground with, wheels too; without one it is what the description says.
     """
 
     joint_positions: Mapping[str, float] = field(default_factory=dict)
@@ -55,6 +58,7 @@ class RobotSetup:
     reflected_inertia: Mapping[str, float] = field(default_factory=dict)
     imu: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
+    friction: float | None = None
 
 
 def usual_setup(description: Description, noise: bool = True) -> RobotSetup:

@@ -24,6 +24,14 @@ GROUND = (0.34, 0.40, 0.46, 1.0)
 TREAD = 0.30
 STEPS = 6
 CELL = 0.25
+# Where a patch of ice begins, far enough for a robot to be at speed, and how long it is [m].
+ICE_AHEAD, ICE_LENGTH = 2.0, 3.0
+# A foot's own friction, of priority 1, counts on any ground but this.
+ICE_PRIORITY = 2
+# How deep a gap is: deeper than a leg is long [m].
+PIT = 0.5
+# What is random in where an edge lies [m]: each seed meets it with another leg.
+EDGE = 0.3
 
 
 def add_scene(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
@@ -53,23 +61,23 @@ def add_scene(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
     spec.add_numeric(name='filament.ao.enabled', size=1, data=[0.0])
     spec.stat.extent = 1.0
     spec.stat.center = np.zeros(3)
-    name, colon, size = world.partition(':')
+    name, colon, _ = world.partition(':')
     if world in WORLDS:
         WORLDS[world](spec)
     elif name in TERRAINS and colon:
         _flat(spec)
-        build, largest = TERRAINS[name]
-        build(spec, _size(world, size, largest), np.random.default_rng(seed))
+        TERRAINS[name][0](spec, _size(world), np.random.default_rng(seed))
     else:
         _attach_file(spec, world)
 
 
-def _size(world: str, text: str, largest: float) -> float:
+def _size(world: str) -> float:
+    name, _, text = world.partition(':')
+    _, smallest, largest = TERRAINS[name]
     try:
         value = float(text)
     except ValueError:
         value = math.nan
-    smallest = -largest if world.startswith('slope') else 0.001
     if not smallest <= value <= largest:
         raise SimulationError(
             f'--world {world}: wanted a number from {smallest:g} to {largest:g} after the colon'
@@ -190,7 +198,7 @@ def add_stairs(spec: mujoco.MjSpec, rise: float, _: np.random.Generator) -> None
 
 def add_step(spec: mujoco.MjSpec, height: float, random: np.random.Generator) -> None:
     """Step up once [m], where the seed says: each run meets the edge with another leg."""
-    start = AHEAD + float(random.uniform(0.0, 0.3))
+    start = AHEAD + float(random.uniform(0.0, EDGE))
     half = LENGTH / 2.0
     _add_box(spec, (start + half, 0.0, height / 2.0), (half, HALF_WIDTH, height / 2.0))
 
@@ -232,15 +240,40 @@ def add_rough(spec: mujoco.MjSpec, height: float, random: np.random.Generator) -
     )
 
 
+def add_ice(spec: mujoco.MjSpec, friction: float, random: np.random.Generator) -> None:
+    """Give whatever crosses a patch of ICE_LENGTH this friction there, instead of its own."""
+    start = ICE_AHEAD + float(random.uniform(0.0, EDGE))
+    _end_floor(spec, start)
+    ice = _add_floor(spec, start, ICE_LENGTH)
+    ice.rgba = (0.72, 0.86, 0.94, 1.0)
+    ice.priority = ICE_PRIORITY
+    ice.friction[0] = friction
+    _add_floor(spec, start + ICE_LENGTH, LENGTH)
+
+
+def add_gap(spec: mujoco.MjSpec, width: float, random: np.random.Generator) -> None:
+    """Cut the floor across: a pit of a width [m], PIT deep."""
+    start = AHEAD + float(random.uniform(0.0, EDGE))
+    _end_floor(spec, start)
+    _add_floor(spec, start, width).pos[2] -= PIT
+    _add_floor(spec, start + width, LENGTH)
+
+
+def _add_floor(spec: mujoco.MjSpec, start: float, length: float) -> mujoco.MjsGeom:
+    """Add a piece of floor from x = start on [m], with walls where the floor is cut."""
+    half = np.array((length / 2.0, HALF_WIDTH, PIT / 2.0))
+    return _add_box(spec, (start + half[0], 0.0, -half[2]), tuple(half))
+
+
 def _add_box(
     spec: mujoco.MjSpec,
     position: tuple[float, float, float],
     half_size: tuple[float, float, float],
     quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
     shade: float = 1.0,
-) -> None:
+) -> mujoco.MjsGeom:
     rgba = [shade * channel for channel in GROUND[:3]] + [1.0]
-    spec.worldbody.add_geom(
+    return spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         pos=position,
         size=half_size,
@@ -253,17 +286,19 @@ def _end_floor(spec: mujoco.MjSpec, x: float) -> None:
     """Let the endless floor end at x, so that it is not in the way of what goes down."""
     floor = spec.geom('floor')
     floor.type = mujoco.mjtGeom.mjGEOM_BOX
-    floor.size = [3.0, HALF_WIDTH, 0.05]
-    floor.pos = [x - 3.0, 0.0, -0.05]
+    floor.size = [3.0, HALF_WIDTH, PIT / 2.0]
+    floor.pos = [x - 3.0, 0.0, -PIT / 2.0]
 
 
 WORLDS: dict[str, Callable[[mujoco.MjSpec], None]] = {'flat': _flat, 'room': _room}
-# What builds a terrain, and the largest size it makes sense with: degrees, else metres.
+# What builds a terrain, and its least and largest size that make sense: degrees, friction or [m].
 Terrain = Callable[[mujoco.MjSpec, float, np.random.Generator], None]
-TERRAINS: dict[str, tuple[Terrain, float]] = {
-    'slope': (add_slope, 45.0),
-    'stairs': (add_stairs, 0.5),
-    'step': (add_step, 0.5),
-    'boxes': (add_boxes, 0.5),
-    'rough': (add_rough, 0.5),
+TERRAINS: dict[str, tuple[Terrain, float, float]] = {
+    'slope': (add_slope, -45.0, 45.0),
+    'stairs': (add_stairs, 0.001, 0.5),
+    'step': (add_step, 0.001, 0.5),
+    'boxes': (add_boxes, 0.001, 0.5),
+    'rough': (add_rough, 0.001, 0.5),
+    'ice': (add_ice, 0.01, 2.0),
+    'gap': (add_gap, 0.001, 1.0),
 }

@@ -22,6 +22,7 @@ from wasd_core.robot_io import Reading
 from mujoco_sim.physics import Actuation
 from mujoco_sim.physics import Physics
 from mujoco_sim.physics import RobotParts
+from mujoco_sim.robot_setup import foot_links
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.scene import add_scene
 from mujoco_sim.sensors.noise import NoisySensors
@@ -209,9 +210,19 @@ def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) ->
     for joint, inertia in setup.reflected_inertia.items():
         spec.joint(joint).armature = inertia
     hold_joints(spec, loaded.robot, setup.held)
+    if setup.friction is not None:
+        _set_friction(spec, foot_links(loaded), setup.friction)
     if setup.imu and find_imu(loaded.robot) is None:
         add_imu(spec, loaded.robot)
     return spec
+
+
+def _set_friction(spec: mujoco.MjSpec, feet: Sequence[str], friction: float) -> None:
+    """Let this friction count on any ground, of the feet, or of what is not free of friction."""
+    for geom in spec.geoms:
+        if geom.name.partition('/')[0] in feet or (not feet and geom.condim > 1):
+            geom.priority = 1
+            geom.friction[0] = friction
 
 
 def build_world(

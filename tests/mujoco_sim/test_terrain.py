@@ -42,6 +42,7 @@ def height(go2):
 
 
 WORLDS = ['slope:15', 'slope:-15', 'stairs:0.1', 'step:0.08', 'boxes:0.05', 'rough:0.05']
+WORLDS += ['ice:0.2', 'gap:0.1']
 
 
 @pytest.mark.slow
@@ -128,7 +129,17 @@ def test_a_robot_let_fall_on_it_stays_on_top(height, world):
 
 
 @pytest.mark.parametrize(
-    'world', ['slope:60', 'slope:', 'slope:steep', 'slope:nan', 'boxes:0', 'stairs:-0.1', 'step:1']
+    'world',
+    [
+        'slope:60',
+        'slope:',
+        'slope:steep',
+        'slope:nan',
+        'boxes:0',
+        'stairs:-0.1',
+        'step:1',
+        'ice:0',
+    ],
 )
 def test_a_size_that_is_none_is_said(go2, world):
     with pytest.raises(SimulationError, match=f'--world {world}: wanted a number from'):

@@ -28,7 +28,7 @@ def test_defaults_are_those_of_the_contract(read):
     assert (options.robot, options.description, options.world) == ('go2', 'go2', 'flat')
     assert (options.speed, options.seed, options.duration) == (1.0, 0, math.inf)
     assert (options.estimator, options.limits, options.preset) == ('kalman', None, 'unitree')
-    assert options.viewer is None
+    assert (options.viewer, options.friction) == (None, None)
     assert options.keys is None
     assert not options.scripted
 
@@ -79,6 +79,8 @@ def test_pushes_and_folders_may_be_given_again_and_again(read, tmp_path):
         (('--duration', 'nan'), "--duration: got 'nan', wanted a number >= 0"),
         (('--duration', '-1'), "--duration: got '-1'"),
         (('--speed', 'fast'), "--speed: got 'fast', wanted a number >= 0"),
+        (('--friction', '0'), '--friction: got 0, wanted 0.01 to 2'),
+        (('--friction', 'ice'), "--friction: got 'ice', wanted a number >= 0"),
         (('--speed', 'inf'), "--speed: got 'inf'"),
         (('--play', 'gone'), '--play gone: No such file'),
         (('--twist', 'bytes'), '--twist bytes: not a text file'),

@@ -63,6 +63,7 @@ class RunOptions:
     duration: float = math.inf
     speed: float = 1.0
     seed: int = 0
+    friction: float | None = None
     record: OutputFile | None = None
     report: OutputFile | None = None
     save_keys: OutputFile | None = None
@@ -148,10 +149,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
     Raises:
         UserError, KeyScriptError: what is wrong, in one line.
     """
-    if arguments.seed < 0:
-        raise UserError(f'--seed: got {arguments.seed}, wanted >= 0')
-    if not 0 <= arguments.port <= 65535:
-        raise UserError(f'--port: got {arguments.port}, wanted 0 to 65535')
+    _check_whole_numbers(arguments)
     keys = twists = None
     if arguments.play is not None:
         keys = tuple(parse_key_script(_read(arguments.play, '--play'), arguments.play))
@@ -181,6 +179,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         duration=duration,
         speed=read_number(arguments.speed, '--speed'),
         seed=arguments.seed,
+        friction=_friction(arguments.friction),
         record=outputs['record'],
         report=outputs['report'],
         save_keys=outputs['save_keys'],
@@ -191,6 +190,13 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         mode=getattr(arguments, 'mode', None),
         controller=_file(getattr(arguments, 'controller', None), '--controller'),
     )
+
+
+def _check_whole_numbers(arguments: argparse.Namespace) -> None:
+    if arguments.seed < 0:
+        raise UserError(f'--seed: got {arguments.seed}, wanted >= 0')
+    if not 0 <= arguments.port <= 65535:
+        raise UserError(f'--port: got {arguments.port}, wanted 0 to 65535')
 
 
 def _read(path: str, option: str) -> str:
@@ -221,6 +227,13 @@ def read_number(text: str, option: str) -> float:
         value = math.nan
     if not (math.isfinite(value) and value >= 0.0):
         raise UserError(f'{option}: got {text!r}, wanted a number >= 0')
+    return value
+
+
+def _friction(text: str | None) -> float | None:
+    value = None if text is None else read_number(text, '--friction')
+    if value is not None and not 0.01 <= value <= 2.0:
+        raise UserError(f'--friction: got {text}, wanted 0.01 to 2')
     return value
 
 

@@ -169,6 +169,11 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed (default 0)')
     parser.add_argument(
+        '--friction',
+        metavar='MU',
+        help='of feet or wheels on any floor, unknown to the controller (default: the robot file)',
+    )
+    parser.add_argument(
         '--discovery',
         choices=RANGES,
         help='who may join over ROS: nobody, this machine, the network (default: localhost, or as '

@@ -182,6 +182,7 @@ def _load(options: RunOptions) -> Description:
 
 def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
     setup = usual_setup(loaded, noise=options.estimator == 'kalman')
+    setup = dataclasses.replace(setup, friction=options.friction)
     place = ROBOTS[options.robot].place
     if not options.namespace or place is None:
         return setup

@@ -102,6 +102,7 @@ def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict
         'package_path': [str(path) for path in options.package_path],
         'world': _absolute(options.world),
         'seed': options.seed,
+        'friction': options.friction,
         'estimator': options.estimator,
         'limits': options.limits,
         'gait': options.gait,
@@ -131,9 +132,10 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
             # The Go2's own keys; those that became velocities are recorded as such.
             preset='' if known['robot'] == BOTH else ROBOTS[known['robot']].preset,
             seed=known['seed'],
+            friction=known.get('friction'),  # older recordings have none
             estimator=known['estimator'],
             limits=known['limits'],
-            gait=known.get('gait'),  # older recordings have none
+            gait=known.get('gait'),  # nor this
             mode=known['mode'],
             controller=None if controller is None else Path(controller),
             pushes=tuple(map(parse_push, known['pushes'])),
