@@ -145,17 +145,19 @@ class TorqueSpeedCurve:
 
     def __init__(self, torque: np.ndarray, speed: np.ndarray) -> None:
         """Take torque limits [N m] and no-load speeds [rad/s], both of shape (n,) and > 0."""
-        self._torque = torque
-        self._speed = speed
-        self._slope = 1.0 / (1.0 - FULL_TORQUE_SHARE)
+        zero = np.zeros_like(torque)
+        self._lowest = np.column_stack((-torque, zero))
+        self._highest = np.column_stack((zero, torque))
+        # The falling line of one that drives forward, or backward, goes on until it is cut.
+        at_rest = torque / (1.0 - FULL_TORQUE_SHARE)
+        self._at_rest = np.column_stack((-at_rest, at_rest))
+        self._slope = (at_rest / speed)[:, None]
 
     def limits(self, velocity: np.ndarray) -> np.ndarray:
         """Return the least and the largest torque [N m] at joint velocities [rad/s], (n, 2)."""
-        share = np.clip((1.0 - np.abs(velocity) / self._speed) * self._slope, 0.0, 1.0)
-        driving = self._torque * share
-        lower = np.where(velocity < 0.0, -driving, -self._torque)
-        upper = np.where(velocity > 0.0, driving, self._torque)
-        return np.stack((lower, upper), axis=1)
+        limits = self._at_rest - self._slope * velocity[:, None]
+        np.maximum(limits, self._lowest, out=limits)
+        return np.asarray(np.minimum(limits, self._highest, out=limits))
 
 
 class Actuation:
@@ -178,6 +180,11 @@ class Actuation:
         self._time_step = float(model.opt.timestep)
         self._delay = round(setup.command_delay / self._time_step)
         self._curve = self._torque_speed_curve()
+        # Views on MuJoCo's own memory: to ask for them at every step costs more than to use them.
+        self._velocities = data.qvel
+        self._force_range = model.actuator_forcerange[self._motors]
+        self._effort = data.actuator_force[self._motors]
+        self._magnitude = np.empty(len(parts.motor_names))
         self._peak_effort = np.zeros(len(parts.motor_names))
         # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
         stopping = 1.0 / (model.dof_invweight0[self._motor_velocity] * self._time_step)
@@ -213,13 +220,13 @@ class Actuation:
     def limit_torques(self) -> None:
         """Limit the motors as their speeds allow."""
         if self._curve is not None:
-            velocity = self._data.qvel[self._motor_velocity]
-            self._model.actuator_forcerange[self._motors] = self._curve.limits(velocity)
+            velocity = self._velocities.take(self._motor_velocity)
+            self._force_range[:] = self._curve.limits(velocity)
 
     def note_efforts(self) -> None:
         """Note the largest efforts."""
-        effort = np.abs(self._data.actuator_force[self._motors])
-        np.maximum(self._peak_effort, effort, out=self._peak_effort)
+        np.abs(self._effort, out=self._magnitude)
+        np.maximum(self._peak_effort, self._magnitude, out=self._peak_effort)
 
     def take_peak_effort(self) -> np.ndarray:
         """Return the largest effort of each motor since the last call [N m], shape (m,)."""

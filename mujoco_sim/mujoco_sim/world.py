@@ -67,6 +67,7 @@ class World:
         self.time_step = self.physics.time_step
         gyro = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SENSOR, f'{prefix}gyro')
         self.has_imu = gyro >= 0
+        self._views = _Views(self.data, self.parts, prefix if self.has_imu else None)
         self._sensors: NoisySensors | None = None
         # How often was reset, and the tick, when the sensors were read last.
         self._read_at = (-1, -1)
@@ -121,12 +122,11 @@ class World:
 
     def joints(self) -> JointStates:
         """Return the joints without noise; the efforts are those in the last physics step."""
+        views, parts = self._views, self.parts
         effort = np.zeros(len(self.joint_names))
-        effort[self.parts.motor_joint] = self.data.actuator_force[self.parts.motors]
+        effort[parts.motor_joint] = views.effort
         return JointStates(
-            self.data.qpos[self.parts.position],
-            self.data.qvel[self.parts.velocity],
-            effort,
+            views.qpos.take(parts.position), views.qvel.take(parts.velocity), effort
         )
 
     def take_peak_effort(self) -> np.ndarray:
@@ -135,11 +135,7 @@ class World:
 
     def base(self) -> BaseState:
         """Return the root frame as it is, without noise."""
-        if self.parts.pose is None:
-            pose = self.data.xpos[self.root].copy(), self.data.xquat[self.root].copy()
-            return BaseState(*pose, np.zeros(3), np.zeros(3))
-        pose, twist = self.data.qpos[self.parts.pose], self.data.qvel[self.parts.twist]
-        return BaseState(pose[:3].copy(), pose[3:].copy(), twist[:3].copy(), twist[3:].copy())
+        return BaseState(*[part.copy() for part in self._views.base])
 
     def base_since_start(self) -> BaseState:
         """Return `base` as a perfect odometry has it: counted from the place of the start."""
@@ -191,9 +187,29 @@ class World:
         return np.array([forces[link] for link in links])
 
     def _true_imu(self) -> ImuReading:
-        gyro = self.data.sensor(f'{self.prefix}gyro')
-        accelerometer = self.data.sensor(f'{self.prefix}accelerometer')
-        return ImuReading(self.base().orientation, gyro.data.copy(), accelerometer.data.copy())
+        return ImuReading(*[part.copy() for part in self._views.imu])
+
+
+class _Views:
+    """
+    Views on what MuJoCo knows of one robot: to ask for one anew costs more than to read it.
+
+    `base` are the parts of a `BaseState`, `imu` those of an `ImuReading`; empty without an IMU.
+    """
+
+    def __init__(self, data: mujoco.MjData, parts: RobotParts, imu: str | None) -> None:
+        self.qpos, self.qvel = data.qpos, data.qvel
+        self.effort = data.actuator_force[parts.motors]
+        if parts.pose is None or parts.twist is None:
+            still = np.zeros(3), np.zeros(3)
+            self.base = (data.xpos[parts.root], data.xquat[parts.root], *still)
+        else:
+            pose, twist = data.qpos[parts.pose], data.qvel[parts.twist]
+            self.base = (pose[:3], pose[3:], twist[:3], twist[3:])
+        self.imu: tuple[np.ndarray, ...] = ()
+        if imu is not None:
+            sensors = [data.sensor(imu + name).data for name in ('gyro', 'accelerometer')]
+            self.imu = (self.base[1], *sensors)
 
 
 def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) -> mujoco.MjSpec:

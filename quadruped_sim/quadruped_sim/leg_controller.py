@@ -189,9 +189,8 @@ class LegController:
             self.sticks.zero()
             state.enter(robot)
             self._entered = self._machine.state
-        command = state.step(robot, dt)
-        damping = damping_command(self.model.scale, robot.joint_position)
-        return self.safety.filter_command(command, damping)
+        command = self.safety.filter_command(state.step(robot, dt))
+        return command or damping_command(self.model.scale, robot.joint_position)
 
     def _let_go(self, reason: str) -> None:
         for solver in self._solvers:
@@ -225,7 +224,7 @@ class LegController:
             contact=contact_points(motion, up, model.geometry.foot_radius),
             dynamics=dynamics,
             feet=position + motion.position @ R.T,
-            com=model.centre_of_mass(angles),
+            com=dynamics.com,
             normal_forces=self._detector.normal_forces,
             is_contact=self._detector.is_contact,
             forces=self._detector.forces,

@@ -7,6 +7,7 @@ import numpy as np
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
 
+from quadruped_sim.algebra import jit
 from quadruped_sim.parameters import SafetyParameters
 from quadruped_sim.robot_model import JointLimits
 
@@ -63,27 +64,39 @@ class Safety:
             return f'{self.broken_in_a_row} sensor readings in a row are not finite'
         if self.is_fallen(R):
             return f'tilt {math.degrees(self.tilt(R)):.0f} deg exceeds the limit'
-        margin = self.params.joint_margin
-        if (joint_position < self._limits.lower - margin).any() or (
-            joint_position > self._limits.upper + margin
-        ).any():
+        limits = self._limits
+        if _is_beyond(joint_position, limits.lower, limits.upper, self.params.joint_margin):
             return 'a joint is beyond its limits'
         if failures_in_a_row >= self.params.solver_failures:
             return f'{failures_in_a_row} QPs in a row failed'
         return None
 
-    def filter_command(self, command: JointCommand, damping: JointCommand) -> JointCommand:
-        """Command with efforts inside the motors' limits; `damping` instead of one with NaN."""
-        if not np.isfinite(np.concatenate(command)).all():
+    def filter_command(self, command: JointCommand) -> JointCommand | None:
+        """Command with efforts inside the motors' limits; None instead of one with NaN."""
+        if not _are_finite(command):
             self.broken_commands += 1
-            return damping
-        effort = np.clip(command.effort, -self._limits.effort, self._limits.effort)
-        return command._replace(effort=effort)
+            return None
+        limit = self._limits.effort
+        return command._replace(effort=np.minimum(np.maximum(command.effort, -limit), limit))
 
 
 def _is_finite(reading: Reading) -> bool:
     if reading.imu is None:
         return False
     quaternion = reading.imu.orientation
-    parts = np.concatenate((*reading.joints, *reading.imu))
-    return bool(np.isfinite(parts).all()) and float(quaternion @ quaternion) > 0.25
+    return _are_finite((*reading.joints, *reading.imu)) and float(quaternion @ quaternion) > 0.25
+
+
+def _are_finite(parts: tuple[np.ndarray, ...]) -> bool:
+    """Whether nothing in vectors is NaN, infinite or beyond 1e150: one product tells."""
+    numbers = np.concatenate(parts)
+    return math.isfinite(float(numbers @ numbers))
+
+
+@jit
+def _is_beyond(position: np.ndarray, lower: np.ndarray, upper: np.ndarray, margin: float) -> bool:
+    """Whether a joint is more than `margin` [rad] outside its limits."""
+    for i in range(len(position)):
+        if position[i] < lower[i] - margin or position[i] > upper[i] + margin:
+            return True
+    return False
