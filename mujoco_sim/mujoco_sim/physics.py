@@ -3,6 +3,7 @@
 
 from collections import deque
 import math
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -69,15 +70,15 @@ class Physics:
         self.tick += count
         if all(robot.is_kinematic for robot in self.robots):
             return
-        limited = [robot for robot in self.robots if robot.has_curve]
-        if not limited:
+        changing = [robot for robot in self.robots if robot.changes_each_step]
+        if not changing:
             mujoco.mj_step(self.model, self.data, count)
             return
         for _ in range(count):
-            for robot in limited:
-                robot.limit_torques()
+            for robot in changing:
+                robot.begin_step()
             mujoco.mj_step(self.model, self.data)
-            for robot in limited:
+            for robot in changing:
                 robot.note_efforts()
 
 
@@ -160,6 +161,18 @@ class TorqueSpeedCurve:
         return np.asarray(np.minimum(limits, self._highest, out=limits))
 
 
+class Push(NamedTuple):
+    """
+    A world-frame force [N], shape (3,), for so long [s].
+
+    It acts at a point of the root's frame [m], shape (3,), or else at the centre of mass.
+    """
+
+    force: np.ndarray
+    duration: float
+    point: np.ndarray | None = None
+
+
 class Actuation:
     """
     What acts on one robot in a model: its start, the command and the pushes in force.
@@ -193,7 +206,7 @@ class Actuation:
     def reset(self) -> None:
         """Begin anew at the start of the setup, with limp motors; the state is that of rest."""
         put_at_start(self._model, self._data, self._parts, self._setup)
-        self._pushes: list[tuple[int, np.ndarray]] = []
+        self._pushes: list[tuple[int, Push]] = []  # each with the tick of its end
         self._pending: deque[tuple[int, np.ndarray]] = deque()
         self._put_in_force(np.zeros((5, len(self._parts.motor_names))))
 
@@ -213,15 +226,17 @@ class Actuation:
             self._sum_pushes()
 
     @property
-    def has_curve(self) -> bool:
-        """Whether the motors' limits depend on their speed: each step is then taken by itself."""
-        return self._curve is not None
+    def changes_each_step(self) -> bool:
+        """Whether the motors' limits, or the moment of a push, depend on how the robot moves."""
+        return self._curve is not None or any(push.point is not None for _, push in self._pushes)
 
-    def limit_torques(self) -> None:
-        """Limit the motors as their speeds allow."""
+    def begin_step(self) -> None:
+        """Limit the motors as their speeds allow, and turn pushes off the centre with the root."""
         if self._curve is not None:
             velocity = self._velocities.take(self._motor_velocity)
             self._force_range[:] = self._curve.limits(velocity)
+        if self._pushes:
+            self._sum_pushes()
 
     def note_efforts(self) -> None:
         """Note the largest efforts."""
@@ -259,14 +274,20 @@ class Actuation:
         self._model.actuator_biasprm[self._motors, 1] = 0.0
         self._data.ctrl[self._motors] = 0.0
 
-    def push(self, force: np.ndarray, duration: float, tick: int) -> None:
-        """Add a force [N] at the root's centre of mass to those in force, for so long [s]."""
-        self._pushes.append((tick + max(1, round(duration / self._time_step)), force))
+    def push(self, push: Push, tick: int) -> None:
+        """Add a push to those in force."""
+        self._pushes.append((tick + max(1, round(push.duration / self._time_step)), push))
         self._sum_pushes()
 
     def _sum_pushes(self) -> None:
-        total = sum((force for _, force in self._pushes), start=np.zeros(3))
-        self._data.xfrc_applied[self._parts.root, :3] = total
+        data, root = self._data, self._parts.root
+        total = np.zeros(6)
+        for _, push in self._pushes:
+            total[:3] += push.force
+            if push.point is not None:
+                place = data.xpos[root] + data.xmat[root].reshape(3, 3) @ push.point
+                total[3:] += np.cross(place - data.xipos[root], push.force)
+        data.xfrc_applied[root] = total
 
     def _put_in_force(self, command: np.ndarray) -> None:
         position, velocity, effort, kp, kd = command

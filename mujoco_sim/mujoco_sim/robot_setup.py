@@ -17,6 +17,7 @@ from robot_description.morphology.quadruped import similar_pose
 from robot_description.morphology.wheel_motor import rotors
 
 from mujoco_sim.sensors.noise import SensorNoise
+from mujoco_sim.untold import Untold
 
 # Thigh and calf of a Go2 that lies on its belly with its legs folded [rad], where unitree_sdk2's
 # stand example begins; the height of its base then [m], and how deep in the floor its feet are.
@@ -44,8 +45,7 @@ class RobotSetup:
 
     `held` joints [rad] or [m] stay there until a command names them.
 
-    `friction` is what its feet have on any ground, or of a robot without feet all that it touches
-    the ground with, wheels too; without one it is what the description says.
+    `untold` is what was changed of it.
     """
 
     joint_positions: Mapping[str, float] = field(default_factory=dict)
@@ -58,7 +58,7 @@ class RobotSetup:
     reflected_inertia: Mapping[str, float] = field(default_factory=dict)
     imu: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
-    friction: float | None = None
+    untold: Untold = Untold()
 
 
 def usual_setup(description: Description, noise: bool = True) -> RobotSetup:

@@ -21,12 +21,16 @@ from wasd_core.robot_io import Reading
 
 from mujoco_sim.physics import Actuation
 from mujoco_sim.physics import Physics
+from mujoco_sim.physics import Push
 from mujoco_sim.physics import RobotParts
 from mujoco_sim.robot_setup import foot_links
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.scene import add_scene
 from mujoco_sim.sensors.noise import NoisySensors
+from mujoco_sim.untold import Payload
 
+# Of a payload, a bag of sand [kg/m^3].
+PAYLOAD_DENSITY = 1600.0
 FALL_TILT = np.deg2rad(60.0)
 
 
@@ -158,16 +162,23 @@ class World:
         """
         self._actuation.brake()
 
-    def push(self, force: Sequence[float], duration: float) -> bool:
+    def push(
+        self, force: Sequence[float], duration: float, point: Sequence[float] | None = None
+    ) -> bool:
         """
-        Apply a world-frame force [N], shape (3,), at the root's centre of mass, so long [s].
+        Apply a world-frame force [N], shape (3,), to the root, so long [s].
 
-        It adds to the pushes in force. Return if it was taken: what is not finite is not.
+        It acts at a point of the root's frame [m], shape (3,), and moves with it; without one at
+        the centre of mass. It adds to the pushes in force. Return if it was taken: what is not
+        finite is not.
         """
         vector = np.array(force, dtype=float)
-        if vector.shape != (3,) or not np.isfinite([*vector, duration]).all():
+        arm = None if point is None else np.array(point, dtype=float)
+        numbers = [*vector, duration, *([] if arm is None else arm)]
+        shapes = {vector.shape, (3,) if arm is None else arm.shape}
+        if shapes != {(3,)} or not np.isfinite(numbers).all():
             return False
-        self._actuation.push(vector, duration, self.tick)
+        self._actuation.push(Push(vector, duration, arm), self.tick)
         return True
 
     def contact_forces(self, links: Sequence[str]) -> np.ndarray:
@@ -226,8 +237,10 @@ def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) ->
     for joint, inertia in setup.reflected_inertia.items():
         spec.joint(joint).armature = inertia
     hold_joints(spec, loaded.robot, setup.held)
-    if setup.friction is not None:
-        _set_friction(spec, foot_links(loaded), setup.friction)
+    if setup.untold.friction is not None:
+        _set_friction(spec, foot_links(loaded), setup.untold.friction)
+    if setup.untold.payload is not None:
+        _add_payload(spec.body(loaded.robot.base), setup.untold.payload)
     if setup.imu and find_imu(loaded.robot) is None:
         add_imu(spec, loaded.robot)
     return spec
@@ -239,6 +252,24 @@ def _set_friction(spec: mujoco.MjSpec, feet: Sequence[str], friction: float) -> 
         if geom.name.partition('/')[0] in feet or (not feet and geom.condim > 1):
             geom.priority = 1
             geom.friction[0] = friction
+
+
+def _add_payload(base: mujoco.MjsBody, payload: Payload) -> None:
+    """Weld a cube of the payload's mass to the base; it is to be seen and touches nothing."""
+    edge = (payload.mass / PAYLOAD_DENSITY) ** (1.0 / 3.0)
+    load = base.add_body(name='payload', pos=payload.place)
+    load.explicitinertial = True
+    load.mass, load.ipos = payload.mass, np.zeros(3)
+    load.inertia = np.full(3, payload.mass * edge**2 / 6.0)
+    load.add_geom(
+        name='payload/0',
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=np.full(3, edge / 2.0),
+        contype=0,
+        conaffinity=0,
+        mass=0.0,
+        rgba=[0.85, 0.65, 0.25, 1.0],
+    )
 
 
 def build_world(

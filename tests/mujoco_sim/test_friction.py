@@ -13,6 +13,7 @@ from mujoco_sim.scene import ICE_LENGTH
 from mujoco_sim.scene import PIT
 from mujoco_sim.scene import TERRAINS
 from mujoco_sim.scene import WORLDS
+from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
@@ -31,7 +32,9 @@ def test_the_help_names_every_world():
 
 def contacts(description, friction, world='flat', x=0.0):
     """Return the sliding frictions with the ground, by link, of a robot that lies at x."""
-    setup = dataclasses.replace(usual_setup(description), friction=friction, place=(x, 0.0))
+    setup = dataclasses.replace(
+        usual_setup(description), untold=Untold(friction=friction), place=(x, 0.0)
+    )
     lying = build_world(description, world, setup=setup)
     found = {}
     for _ in range(200):

@@ -35,6 +35,27 @@ def test_a_push_acts_at_the_centre_of_mass(ball):
     np.testing.assert_allclose(ball.base().angular_velocity, np.zeros(3), atol=1e-12)
 
 
+def test_a_push_off_the_centre_turns_the_robot_by_its_moment(ball):
+    # 2 N upward for 100 ms at 0.1 m to the left of the centre: about x, 0.02 N m s on 0.1 kg m^2.
+    ball.push((0.0, 0.0, 2.0), 0.1, (0.0, 0.1, 0.0))
+    ball.step(200)
+    np.testing.assert_allclose(ball.base().angular_velocity, (0.2, 0.0, 0.0), rtol=1e-3)
+    np.testing.assert_allclose(ball.base().linear_velocity, (0.0, 0.0, 0.1), rtol=1e-9)
+    np.testing.assert_array_equal(ball.data.xfrc_applied, 0.0)
+
+
+def test_the_point_of_a_push_turns_with_the_robot(ball):
+    # Half a turn per second about z: what begins ahead is to the left, then behind.
+    ball.data.qvel[5] = math.pi
+    ball.push((0.0, 0.0, 0.02), 2.0, (0.1, 0.0, 0.0))
+    ball.step(500)
+    moment = ball.data.xfrc_applied[ball.root, 3:]
+    np.testing.assert_allclose(moment, (0.002, 0.0, 0.0), atol=2e-5)
+    ball.step(500)
+    moment = ball.data.xfrc_applied[ball.root, 3:]
+    np.testing.assert_allclose(moment, (0.0, 0.002, 0.0), atol=4e-5)
+
+
 def test_pushes_at_the_same_time_add_up(ball):
     # 1 N for 50 ms, and from 20 ms on 3 N for 10 ms and 2 N to the left for 100 ms, on 2 kg.
     ball.push((1.0, 0.0, 0.0), 0.050)
@@ -64,6 +85,8 @@ def test_pushes_at_the_same_time_add_up(ball):
 )
 def test_a_push_that_is_not_finite_is_refused_and_moves_nothing(ball, force, duration):
     assert not ball.push(force, duration)
+    assert not ball.push((1.0, 0.0, 0.0), 0.1, (math.nan, 0.0, 0.0))
+    assert not ball.push((1.0, 0.0, 0.0), 0.1, (0.0, 0.0))
     ball.step(10)
     np.testing.assert_array_equal(ball.base().linear_velocity, np.zeros(3))
     assert ball.push((2.0, 0.0, 0.0), 0.1)

@@ -5,6 +5,8 @@ import argparse
 import math
 from pathlib import Path
 
+from mujoco_sim.untold import Payload
+from mujoco_sim.untold import Untold
 import pytest
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import read_options
@@ -28,7 +30,7 @@ def test_defaults_are_those_of_the_contract(read):
     assert (options.robot, options.description, options.world) == ('go2', 'go2', 'flat')
     assert (options.speed, options.seed, options.duration) == (1.0, 0, math.inf)
     assert (options.estimator, options.limits, options.preset) == ('kalman', None, 'unitree')
-    assert (options.viewer, options.friction) == (None, None)
+    assert (options.viewer, options.untold) == (None, Untold())
     assert options.keys is None
     assert not options.scripted
 
@@ -69,6 +71,11 @@ def test_pushes_and_folders_may_be_given_again_and_again(read, tmp_path):
     options = read('--push', '1 1 0 0 1', '--push', '2 0 1 0 1', '--package-path', '.')
     assert [push.time for push in options.pushes] == [1.0, 2.0]
     assert options.package_path == (tmp_path.resolve(),)
+
+
+def test_what_the_controller_is_not_told_is_read(read):
+    untold = read('--friction', '0.3', '--payload', '8@0,0.1,0').untold
+    assert untold == Untold(friction=0.3, payload=Payload(8.0, (0.0, 0.1, 0.0)))
 
 
 @pytest.mark.parametrize(

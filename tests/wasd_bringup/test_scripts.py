@@ -3,10 +3,13 @@
 
 import math
 
+from mujoco_sim.untold import Payload
 import pytest
+from wasd_bringup.inputs import parse_payload
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import Player
+from wasd_bringup.inputs import push_text
 from wasd_bringup.inputs import ScriptedPush
 from wasd_bringup.inputs import ScriptedTwist
 from wasd_bringup.inputs import TwistPlayer
@@ -50,15 +53,37 @@ def test_times_must_rise():
         parse_twist_script('2 0 0 0\n1 0 0 0', 'drive.txt')
 
 
-def test_a_push_is_five_numbers():
-    assert parse_push(' 1 0 -60.5 0  0.1 ') == ScriptedPush(1.0, (0.0, -60.5, 0.0), 0.1)
+PUSHES = {
+    ' 1 0 -60.5 0  0.1 ': ScriptedPush(1.0, (0.0, -60.5, 0.0), 0.1),
+    '1 0 60 0 0.1 0.2 0 -.05': ScriptedPush(1.0, (0.0, 60.0, 0.0), 0.1, (0.2, 0.0, -0.05)),
+}
+
+
+@pytest.mark.parametrize('text', PUSHES)
+def test_a_push_is_five_numbers_or_eight_and_is_written_as_it_was_read(text):
+    push = parse_push(text)
+    assert push == PUSHES[text]
+    assert parse_push(push_text(push)) == push
+
+
+def test_a_payload_is_a_mass_and_where_it_is():
+    assert parse_payload('8') == Payload(8.0, (0.0, 0.0, 0.0))
+    assert parse_payload('.5@0.1,-.2,3e-2') == Payload(0.5, (0.1, -0.2, 0.03))
+
+
+@pytest.mark.parametrize('text', ['', '0', '-1', 'heavy', 'inf', '8@', '8@1,2', '8@0,0,nan', '@'])
+def test_anything_else_is_no_payload(text):
+    with pytest.raises(UserError, match='--payload: got .*, wanted KG or KG@X,Y,Z'):
+        parse_payload(text)
 
 
 @pytest.mark.parametrize(
-    'text', ['', '1 2 3 4', '1 2 3 4 5 6', 'x 0 0 0 1', '1 nan 0 0 1', '1 0 0 0 -1', '-1 0 0 0 1']
+    'text',
+    ['', '1 2 3 4', '1 2 3 4 5 6', '1 2 3 4 5 6 7', '1 0 0 0 1 0 0 inf', '1 0 0 0 1 0 0 0 0']
+    + ['x 0 0 0 1', '1 nan 0 0 1', '1 0 0 0 -1', '-1 0 0 0 1'],
 )
 def test_anything_else_is_no_push(text):
-    with pytest.raises(UserError, match="--push: got .*, wanted 't fx fy fz seconds'"):
+    with pytest.raises(UserError, match="--push: got .*, wanted 't fx fy fz seconds .x y z.'"):
         parse_push(text)
 
 

@@ -97,10 +97,19 @@ class Robot:
             duration=end * self._world.time_step,
         )
 
-    def push(self, force: Sequence[float], seconds: float) -> None:
-        """Push the base with a world-frame force [N], shape (3,), for so long [s]."""
-        if not self._world.push(force, seconds):
-            raise UserError(f'push: got {force!r} for {seconds!r} s, wanted three finite numbers')
+    def push(
+        self, force: Sequence[float], seconds: float, point: Sequence[float] | None = None
+    ) -> None:
+        """
+        Push the base with a world-frame force [N], shape (3,), for so long [s].
+
+        It acts at a point of the base's frame [m], shape (3,), or else at the centre of mass.
+        """
+        if not self._world.push(force, seconds, point):
+            at = '' if point is None else f' at {point!r}'
+            raise UserError(
+                f'push: got {force!r} for {seconds!r} s{at}, wanted three finite numbers'
+            )
 
     def reset(self) -> None:
         """Put the robot back to its start, controller included; time goes on."""

@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import math
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
+from mujoco_sim.untold import Payload
 from teleop_keyboard.dashboard import HELP_KEY
 from wasd_core.errors import UserError
 from wasd_core.key_events import HELD
@@ -25,11 +26,16 @@ class ScriptedTwist(NamedTuple):
 
 
 class ScriptedPush(NamedTuple):
-    """A world-frame force [N] on the trunk from `time` on for `duration` [s]."""
+    """
+    A world-frame force [N] on the trunk from `time` on for `duration` [s].
+
+    It acts at a point of the base's frame [m], or else at the centre of mass.
+    """
 
     time: float
     force: tuple[float, float, float]
     duration: float
+    point: tuple[float, float, float] | None = None
 
 
 class Command(NamedTuple):
@@ -94,24 +100,50 @@ def _twist_line(words: list[str]) -> ScriptedTwist:
 
 def parse_push(text: str) -> ScriptedPush:
     """
-    Return the push of a `--push "t fx fy fz seconds"`.
+    Return the push of a `--push "t fx fy fz seconds [x y z]"`.
 
     Raises:
-        UserError: it is not five finite numbers with t and seconds >= 0.
+        UserError: it is not five or eight finite numbers with t and seconds >= 0.
     """
     try:
-        time, fx, fy, fz, duration = text.split()
-        push = ScriptedPush(_seconds(time), (float(fx), float(fy), float(fz)), _seconds(duration))
-        if not all(math.isfinite(value) for value in push.force):
+        words = text.split()
+        _, fx, fy, fz, _, *point = numbers = [float(word) for word in words]
+        if not all(map(math.isfinite, numbers)):
             raise ValueError
+        push = ScriptedPush(
+            _seconds(words[0]), (fx, fy, fz), _seconds(words[4]), _triple(point) if point else None
+        )
     except ValueError:
-        raise UserError(f"--push: got {text!r}, wanted 't fx fy fz seconds'") from None
+        raise UserError(f"--push: got {text!r}, wanted 't fx fy fz seconds [x y z]'") from None
     return push
 
 
 def push_text(push: ScriptedPush) -> str:
     """Return a push as `parse_push` reads it, every digit kept."""
-    return ' '.join(map(repr, (push.time, *push.force, push.duration)))
+    return ' '.join(map(repr, (push.time, *push.force, push.duration, *(push.point or ()))))
+
+
+def parse_payload(text: str) -> Payload:
+    """
+    Return the load of a `--payload KG[@X,Y,Z]`.
+
+    Raises:
+        UserError: it is not a mass > 0 and three finite lengths.
+    """
+    mass, at, place = text.partition('@')
+    try:
+        words = place.split(',') if at else ('0', '0', '0')
+        payload = Payload(float(mass), _triple([float(word) for word in words]))
+        if not 0.0 < payload.mass < math.inf or not all(map(math.isfinite, payload.place)):
+            raise ValueError
+    except ValueError:
+        raise UserError(f'--payload: got {text!r}, wanted KG or KG@X,Y,Z with KG > 0') from None
+    return payload
+
+
+def _triple(numbers: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = numbers
+    return x, y, z
 
 
 def _seconds(word: str) -> float:

@@ -12,6 +12,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mujoco_sim.untold import Untold
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
 from wasd_core.errors import one_line
@@ -22,6 +23,7 @@ from wasd_core.output_file import check_apart
 from wasd_core.output_file import OutputFile
 
 from wasd_bringup.inputs import Command
+from wasd_bringup.inputs import parse_payload
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import ScriptedPush
@@ -63,7 +65,7 @@ class RunOptions:
     duration: float = math.inf
     speed: float = 1.0
     seed: int = 0
-    friction: float | None = None
+    untold: Untold = Untold()
     record: OutputFile | None = None
     report: OutputFile | None = None
     save_keys: OutputFile | None = None
@@ -179,7 +181,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         duration=duration,
         speed=read_number(arguments.speed, '--speed'),
         seed=arguments.seed,
-        friction=_friction(arguments.friction),
+        untold=_untold(arguments),
         record=outputs['record'],
         report=outputs['report'],
         save_keys=outputs['save_keys'],
@@ -230,11 +232,13 @@ def read_number(text: str, option: str) -> float:
     return value
 
 
-def _friction(text: str | None) -> float | None:
-    value = None if text is None else read_number(text, '--friction')
-    if value is not None and not 0.01 <= value <= 2.0:
+def _untold(arguments: argparse.Namespace) -> Untold:
+    text = arguments.friction
+    friction = None if text is None else read_number(text, '--friction')
+    if friction is not None and not 0.01 <= friction <= 2.0:
         raise UserError(f'--friction: got {text}, wanted 0.01 to 2')
-    return value
+    payload = None if arguments.payload is None else parse_payload(arguments.payload)
+    return Untold(friction=friction, payload=payload)
 
 
 def _folders(paths: Sequence[str]) -> tuple[Path, ...]:

@@ -105,7 +105,14 @@ def add_run_options(parser: argparse.ArgumentParser, row: RobotRow) -> None:
         action='append',
         default=[],
         metavar='"T FX FY FZ S"',
-        help='a force on the robot, world frame [N] (repeatable)',
+        help='a force on the robot, world frame [N] (repeatable); with three more numbers at a '
+        "point of the base's frame [m] instead of the centre of mass",
+    )
+    parser.add_argument(
+        '--payload',
+        metavar='KG[@X,Y,Z]',
+        help='a load on the base, in its frame [m], unknown to the controller (default: none; at '
+        'the origin)',
     )
     _add_shared_options(parser)
     row.kind.add_options(parser)
@@ -138,6 +145,7 @@ def add_both_options(parser: argparse.ArgumentParser) -> None:
         preset='',
         twist=None,
         push=[],
+        payload=None,
     )
     _add_shared_options(parser)
     add_legged_options(parser)

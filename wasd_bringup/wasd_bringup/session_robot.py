@@ -95,7 +95,7 @@ class SessionRobot:
     def begin_instant(self) -> None:
         """Put the pushes in force that are due."""
         for push in self._pushes.due(self.world.time):
-            self.world.push(push.force, push.duration)
+            self.world.push(push.force, push.duration, push.point)
 
     def publish_diagnostics(self) -> None:
         """Tell how the controller does."""
@@ -182,7 +182,7 @@ def _load(options: RunOptions) -> Description:
 
 def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
     setup = usual_setup(loaded, noise=options.estimator == 'kalman')
-    setup = dataclasses.replace(setup, friction=options.friction)
+    setup = dataclasses.replace(setup, untold=options.untold)
     place = ROBOTS[options.robot].place
     if not options.namespace or place is None:
         return setup

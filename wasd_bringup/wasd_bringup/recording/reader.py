@@ -2,6 +2,7 @@
 """Reads a recording: what run it is of, its topics and messages, the commands in it."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict
 import json
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +10,8 @@ from typing import Any, NamedTuple
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 from mcap.reader import make_reader
+from mujoco_sim.untold import Payload
+from mujoco_sim.untold import Untold
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_core.errors import one_line
@@ -102,7 +105,7 @@ def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict
         'package_path': [str(path) for path in options.package_path],
         'world': _absolute(options.world),
         'seed': options.seed,
-        'friction': options.friction,
+        'untold': asdict(options.untold),
         'estimator': options.estimator,
         'limits': options.limits,
         'gait': options.gait,
@@ -132,7 +135,7 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
             # The Go2's own keys; those that became velocities are recorded as such.
             preset='' if known['robot'] == BOTH else ROBOTS[known['robot']].preset,
             seed=known['seed'],
-            friction=known.get('friction'),  # older recordings have none
+            untold=_untold(known.get('untold')),  # older recordings have none
             estimator=known['estimator'],
             limits=known['limits'],
             gait=known.get('gait'),  # nor this
@@ -142,6 +145,16 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f'recorded by another version of wasd ({error!r})') from None
+
+
+def _untold(known: Mapping[str, Any] | None) -> Untold:
+    if known is None:
+        return Untold()
+    payload = known['payload']
+    return Untold(
+        friction=known['friction'],
+        payload=None if payload is None else Payload(payload[0], tuple(payload[1])),
+    )
 
 
 def recorded_ros_arguments(run: Mapping[str, str]) -> list[str]:

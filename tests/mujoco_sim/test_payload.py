@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A payload: as heavy as it says, where it says, of no other effect."""
+
+import dataclasses
+
+from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.untold import Payload
+from mujoco_sim.untold import Untold
+from mujoco_sim.world import build_world
+import numpy as np
+import pytest
+from robot_description.description import load_robot
+
+
+@pytest.fixture(scope='module')
+def go2():
+    return load_robot('go2')
+
+
+def base_of(description, payload):
+    """Return mass [kg], centre [m] and moments about its frame [kg m^2] of a robot's base."""
+    setup = dataclasses.replace(usual_setup(description), untold=Untold(payload=payload))
+    world = build_world(description, setup=setup)
+    model, root = world.model, world.root
+    mass, centre = float(model.body_mass[root]), model.body_ipos[root].copy()
+    return mass, centre, float(model.body_inertia[root].sum()), world
+
+
+@pytest.mark.parametrize('place', [(0.0, 0.0, 0.0), (0.05, 0.1, 0.1)])
+def test_the_base_is_as_much_heavier_and_its_centre_where_both_are_in_balance(go2, place):
+    mass, centre, _, world = base_of(go2, None)
+    loaded, moved, _, other = base_of(go2, Payload(8.0, place))
+    assert loaded == pytest.approx(mass + 8.0)
+    expected = (mass * centre + 8.0 * np.array(place)) / (mass + 8.0)
+    np.testing.assert_allclose(moved, expected, atol=1e-9)
+    assert other.joint_names == world.joint_names
+    assert other.model.nbody == world.model.nbody
+
+
+def test_off_the_centre_it_adds_to_the_moments_of_inertia_as_steiner_says(go2):
+    mass, centre, inertia, _ = base_of(go2, None)
+    _, _, at_centre, _ = base_of(go2, Payload(2.0, tuple(centre)))
+    _, _, away, _ = base_of(go2, Payload(2.0, tuple(centre + (0.0, 0.0, 0.2))))
+    assert at_centre > inertia
+    # The sum of the three moments grows by twice the reduced mass times the distance squared.
+    reduced = mass * 2.0 / (mass + 2.0)
+    assert away - at_centre == pytest.approx(2.0 * reduced * 0.2**2, rel=1e-6)
+
+
+def test_a_payload_touches_nothing(go2):
+    _, _, _, world = base_of(go2, Payload(8.0, (0.0, 0.0, -0.3)))
+    geom = world.model.geom('payload/0')
+    assert geom.contype[0] == geom.conaffinity[0] == 0
