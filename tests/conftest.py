@@ -23,6 +23,9 @@ os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 sys.dont_write_bytecode = False
 # ./wasd test says how it was called; programs that tests start were called by nobody.
 os.environ.pop('WASD_CALLED', None)
+# Nor shall they open pages on somebody's desktop.
+for name in ('DISPLAY', 'WAYLAND_DISPLAY'):
+    os.environ.pop(name, None)
 # Tests compare what nodes say.
 os.environ.setdefault('RCUTILS_COLORIZED_OUTPUT', '0')
 

@@ -34,7 +34,8 @@ exec(code)" "$3" "$(readlink -f "$0").looks" ;;
     mkdir -p "$folder/bin" && ln -s "$(readlink -f "$0")" "$folder/bin/python" ;;
   *build_tf2_msgs) [ ! -e "$FAKE/no-compiler" ] || { echo 'error: no compiler' >&2; exit 2; } ;;
   *'-m pip'*)
-    echo 'Collecting something'
+    case "$*" in *--quiet*) ;; *) echo 'Collecting something' ;; esac
+    echo 'Collecting something==1.0 (from nowhere)' >"$venv/install.log"
     touch "$venv/rubble" "$FAKE/pip-started"
     while [ -e "$FAKE/slow" ]; do sleep 0.02; done
     if [ -e "$FAKE/pip-error" ]; then cat "$FAKE/pip-error" >"$venv/install.log"; exit 1; fi
@@ -104,15 +105,17 @@ class Checkout:
         real = os.path.realpath(sys.executable)
         return {'PATH': str(self.tools), 'FAKE': str(self.fake), 'REAL': real, **extra}
 
-    def start(self, *arguments: str, **extra: str) -> subprocess.Popen[str]:
-        """Start the script in a process group of its own."""
+    def start(
+        self, *arguments: str, terminal: int | None = None, **extra: str
+    ) -> subprocess.Popen[str]:
+        """Start the script in a process group of its own, perhaps on a terminal."""
         return subprocess.Popen(
             [extra.pop('script', str(self.script)), *arguments],
             env=self.environment(**extra),
             cwd=self.folder.parent,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL if terminal is None else terminal,
+            stdout=subprocess.PIPE if terminal is None else terminal,
+            stderr=subprocess.PIPE if terminal is None else terminal,
             text=True,
             start_new_session=True,
         )

@@ -3,6 +3,7 @@
 
 import os
 from pathlib import Path
+import pty
 import shutil
 import signal
 import subprocess
@@ -33,8 +34,53 @@ def test_the_first_start_installs_and_then_runs_the_command_with_all_arguments(c
     ]
     assert 'argument:' not in result.stderr
     assert 'wasd: making ' in result.stderr
-    assert 'Collecting something' in result.stderr
+    # A newcomer reads a few lines; all that pip does is in its log.
+    assert len(result.stderr.splitlines()) <= 6
+    assert 'Collecting' not in result.stderr
+    assert f'-e {checkout.folder}[ros,pinocchio]' in checkout.calls('-m pip')[0]
+
+
+def test_on_a_terminal_one_line_says_where_the_install_is(checkout):
+    (checkout.fake / 'slow').touch()
+    master, slave = pty.openpty()
+    process = checkout.start('mbot', terminal=slave)
+    os.close(slave)
+    text = read_until(master, '2 s, something')
+    (checkout.fake / 'slow').unlink()
+    text += read_until(master, 'argument: mbot')
+    process.wait(20.0)
+    os.close(master)
+    before, _, after = text.partition('wasd: 1 s, something')
+    # It is written over, and gone when the next line comes.
+    assert '\n' not in after.partition('wasd: compiling')[0]
+    assert before.endswith('\r\x1b[K')
+    assert text.partition('wasd: compiling')[0].endswith('\r\x1b[K')
+
+
+def read_until(master: int, words: str) -> str:
+    """Return what is written on a terminal until `words` have come."""
+    text = ''
+    while words not in text:
+        text += os.read(master, 4096).decode()
+    return text
+
+
+def test_the_tests_bring_what_they_need_once(checkout):
+    checkout.run()
+    checkout.calls()
+    result = checkout.run('test', '--quick')
+    assert 'what the tests need' in result.stderr
+    assert result.stdout.splitlines()[:2] == ['argument: test', 'argument: --quick']
     assert f'-e {checkout.folder}[ros,pinocchio,test]' in checkout.calls('-m pip')[0]
+    again = checkout.run('test')
+    assert (again.stderr, checkout.calls('-m pip')) == ('', [])
+    assert checkout.run('go2').stderr == ''
+
+
+def test_a_first_start_that_tests_installs_all_of_it(checkout):
+    result = checkout.run('test')
+    assert (result.returncode, result.stdout.splitlines()[0]) == (0, 'argument: test')
+    assert checkout.run('test').stderr == ''
 
 
 def test_the_running_command_keeps_no_later_start_from_installing(checkout):
@@ -206,7 +252,7 @@ def test_a_sourced_jazzy_brings_its_own_rclpy(checkout):
     asked = checkout.calls()
     assert any('-m venv --system-site-packages' in call for call in asked)
     # That there are versions which fit is what tests/jazzy tries with a real pip.
-    assert any(call.endswith(f'-e {checkout.folder}[pinocchio,test]') for call in asked)
+    assert any(call.endswith(f'-e {checkout.folder}[pinocchio]') for call in asked)
 
 
 def test_a_sourced_pinocchio_is_used_with_the_numpy_beside_it(checkout):
@@ -222,7 +268,7 @@ def test_a_sourced_pinocchio_is_used_with_the_numpy_beside_it(checkout):
     assert checkout.run(**sourced).returncode == 0
     asked = checkout.calls()
     assert [call for call in asked if '-m venv' in call]
-    assert any(call.endswith(f'-e {checkout.folder}[test] numpy==1.26.4') for call in asked)
+    assert any(call.endswith(f'-e {checkout.folder} numpy==1.26.4') for call in asked)
     assert checkout.run(**sourced).stderr == ''
 
 

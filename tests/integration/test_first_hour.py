@@ -105,9 +105,9 @@ def window(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[...
     """Return a function that opens a window; all are closed after the test."""
     opened: list[Window] = []
 
-    def open_window(*words: str, columns: int = 80) -> Window:
+    def open_window(*words: str, columns: int = 80, **variables: str) -> Window:
         viewer = () if '--viewer' in words else ('--viewer', 'none')
-        opened.append(Window([*words, *viewer], environment, columns))
+        opened.append(Window([*words, *viewer], {**environment, **variables}, columns))
         return opened[-1]
 
     yield open_window
@@ -252,3 +252,35 @@ def test_a_fallen_go2_names_the_reset_key_and_stands_again_after_it(
     assert runner.said.count('press BACKSPACE to reset (the robot has fallen)') >= 1
     assert report['samples']['state'][-1] == 'fixed stand'
     assert position(report, 7.9)[2] > 0.25
+
+
+@pytest.mark.parametrize(
+    ('more', 'variables', 'opens'),
+    [
+        ((), {'DISPLAY': ':0'}, True),
+        (('--no-open',), {'DISPLAY': ':0'}, False),
+        ((), {'DISPLAY': 'localhost:10.0', 'SSH_CONNECTION': '192.0.2.1 5 192.0.2.2 22'}, False),
+        ((), {}, False),
+    ],
+)
+def test_the_page_opens_itself_where_somebody_sits_in_front_of_a_desktop(
+    window: Callable[..., Window],
+    tmp_path: Path,
+    more: tuple[str, ...],
+    variables: dict[str, str],
+    opens: bool,
+) -> None:
+    tools, asked = tmp_path / 'tools', tmp_path / 'asked'
+    tools.mkdir()
+    (tools / 'xdg-open').write_text(f'#!/bin/sh\necho "$@" >{asked}.new; mv {asked}.new {asked}\n')
+    (tools / 'xdg-open').chmod(0o755)
+    path = f'{tools}{os.pathsep}{os.environ["PATH"]}'
+    run = window('mbot', '--viewer', 'web', *more, columns=120, PATH=path, **variables)
+    run.wait_for(lambda line: line.startswith('stopped'))
+    if opens:
+        deadline = time.monotonic() + 20.0
+        while not asked.exists() and time.monotonic() < deadline:
+            run.read(0.05)
+    assert asked.exists() == opens
+    if opens:
+        assert f'viewer: {asked.read_text().strip()}' in run.shown

@@ -59,6 +59,7 @@ class RunOptions:
     layout: str = 'qwerty'
     viewer: str | None = None
     port: int = 0
+    opens_page: bool = True
     keys: tuple[KeyPress, ...] | None = None
     twists: tuple[ScriptedTwist, ...] | None = None
     pushes: tuple[ScriptedPush, ...] = ()
@@ -175,6 +176,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         layout=arguments.layout,
         viewer=arguments.viewer,
         port=arguments.port,
+        opens_page=not arguments.no_open,
         keys=keys,
         twists=twists,
         pushes=tuple(parse_push(text) for text in arguments.push),

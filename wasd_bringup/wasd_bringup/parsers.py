@@ -162,6 +162,11 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
         '--port', type=int, default=0, metavar='N', help='port of the page (default: 8080 or next)'
     )
     parser.add_argument(
+        '--no-open',
+        action='store_true',
+        help='print where the page is, but do not open it in your browser',
+    )
+    parser.add_argument(
         '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
     )
     parser.add_argument(

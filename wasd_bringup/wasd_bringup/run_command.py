@@ -2,11 +2,13 @@
 """`wasd go2` and the like: robots, driven from the terminal, the page, a pipe or a script."""
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import contextlib
 import dataclasses
 import math
 import os
+import shutil
+import subprocess
 import sys
 from typing import TextIO, TYPE_CHECKING
 
@@ -101,7 +103,9 @@ class _Run:
             self._recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
         self._session = Session(options, reader, viewer != 'none', self._recorder)
         _halt_with(stop, reader, self._session)
-        self._session.open_view(viewer)
+        where = self._session.open_view(viewer)
+        if viewer == 'web' and options.interactive and options.opens_page:
+            show_page(where)
         if options.interactive or viewer != 'none':
             print('\n'.join(self._session.first_lines), flush=True)
         self._session.run(stop)
@@ -119,6 +123,28 @@ class _Run:
         """Return what has happened, in a line."""
         assert self._session is not None
         return _summary(self._session, self._options)
+
+
+def show_page(url: str, environment: Mapping[str, str] = os.environ) -> bool:
+    """
+    Have the desktop open a page in its browser; return whether there is a desktop to ask.
+
+    A display that is forwarded over SSH is none: the page is not on the machine that shows it.
+    """
+    opener = shutil.which('xdg-open', path=environment.get('PATH'))
+    has_display = environment.get('DISPLAY') or environment.get('WAYLAND_DISPLAY')
+    if not opener or not has_display or environment.get('SSH_CONNECTION'):
+        return False
+    # Its own session and no terminal: Ctrl-C is for us, and its words are not the driver's.
+    subprocess.Popen(
+        [opener, url],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+        env=dict(environment),
+    )
+    return True
 
 
 def _where_to_say(options: RunOptions) -> TextIO:
