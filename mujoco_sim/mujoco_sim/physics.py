@@ -192,6 +192,8 @@ class Actuation:
         self.is_kinematic = False
         self._time_step = float(model.opt.timestep)
         self._delay = round(setup.command_delay / self._time_step)
+        strength = setup.drawn.strength
+        self._strength = np.array([strength.get(name, 1.0) for name in parts.motor_names])
         self._curve = self._torque_speed_curve()
         # Views on MuJoCo's own memory: to ask for them at every step costs more than to use them.
         self._velocities = data.qvel
@@ -291,9 +293,9 @@ class Actuation:
 
     def _put_in_force(self, command: np.ndarray) -> None:
         position, velocity, effort, kp, kd = command
-        self._model.actuator_biasprm[self._motors, 1] = -kp
-        self._model.actuator_biasprm[self._motors, 2] = -kd
-        self._data.ctrl[self._motors] = effort + kp * position + kd * velocity
+        self._model.actuator_biasprm[self._motors, 1] = -kp * self._strength
+        self._model.actuator_biasprm[self._motors, 2] = -kd * self._strength
+        self._data.ctrl[self._motors] = (effort + kp * position + kd * velocity) * self._strength
         for motor, hold in self._holds:
             if command[:, motor].any():
                 self._data.eq_active[hold] = False
@@ -311,7 +313,7 @@ class Actuation:
         limits, names = self._setup.speed_limits, self._parts.motor_names
         if not limits or not all(limits.get(name, math.inf) > 0.0 for name in names):
             return None
-        torque = self._model.actuator_forcerange[self._motors, 1].copy()
+        torque = self._model.actuator_forcerange[self._motors, 1] * self._strength
         return TorqueSpeedCurve(torque, np.array([limits.get(name, math.inf) for name in names]))
 
 

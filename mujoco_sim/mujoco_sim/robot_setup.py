@@ -17,6 +17,7 @@ from robot_description.morphology.quadruped import similar_pose
 from robot_description.morphology.wheel_motor import rotors
 
 from mujoco_sim.sensors.noise import SensorNoise
+from mujoco_sim.untold import Drawn
 from mujoco_sim.untold import Untold
 
 # Thigh and calf of a Go2 that lies on its belly with its legs folded [rad], where unitree_sdk2's
@@ -45,7 +46,7 @@ class RobotSetup:
 
     `held` joints [rad] or [m] stay there until a command names them.
 
-    `untold` is what was changed of it.
+    `untold` is what the controller is not told, `drawn` how the robot differs at random.
     """
 
     joint_positions: Mapping[str, float] = field(default_factory=dict)
@@ -59,6 +60,7 @@ class RobotSetup:
     imu: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
     untold: Untold = Untold()
+    drawn: Drawn = Drawn()
 
 
 def usual_setup(description: Description, noise: bool = True) -> RobotSetup:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot in a world: built, stepped, read, commanded, or put where it is to be."""
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 import math
 from typing import NamedTuple
@@ -27,6 +28,7 @@ from mujoco_sim.robot_setup import foot_links
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.scene import add_scene
 from mujoco_sim.sensors.noise import NoisySensors
+from mujoco_sim.untold import Drawn
 from mujoco_sim.untold import Payload
 
 # Of a payload, a bag of sand [kg/m^3].
@@ -73,6 +75,11 @@ class World:
         self.has_imu = gyro >= 0
         self._views = _Views(self.data, self.parts, prefix if self.has_imu else None)
         self._sensors: NoisySensors | None = None
+        self._strength = self._strength_of_joints()
+        # Readings, each with its tick, that are not yet known; the first is.
+        self._late: deque[tuple[int, Reading]] = deque()
+        self._sensor_delay = round(self.setup.drawn.sensor_delay / self.time_step)
+        _change_base(self.model, self.data, self.root, self.setup.drawn)
         # How often was reset, and the tick, when the sensors were read last.
         self._read_at = (-1, -1)
         self._actuation = Actuation(self.model, self.data, self.parts, self.setup)
@@ -118,11 +125,18 @@ class World:
         if now[0] != self._read_at[0]:
             noise = self.setup.noise
             self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
+            self._late.clear()
         if now != self._read_at:
-            true = Reading(self.joints(), self._true_imu() if self.has_imu else None)
-            self._reading = true if self._sensors is None else self._sensors.measure(true)
+            joints = self.joints()
+            # A motor knows its current: what its torque would be if it were as strong as it says.
+            joints = joints._replace(effort=joints.effort / self._strength)
+            true = Reading(joints, self._true_imu() if self.has_imu else None)
+            reading = true if self._sensors is None else self._sensors.measure(true)
+            self._late.append((self.tick, reading))
+            while len(self._late) > 1 and self._late[1][0] <= self.tick - self._sensor_delay:
+                self._late.popleft()
             self._read_at = now
-        return self._reading
+        return self._late[0][1]
 
     def joints(self) -> JointStates:
         """Return the joints without noise; the efforts are those in the last physics step."""
@@ -197,6 +211,10 @@ class World:
                     forces[link] += float(wrench[0])
         return np.array([forces[link] for link in links])
 
+    def _strength_of_joints(self) -> np.ndarray:
+        strength = self.setup.drawn.strength
+        return np.array([strength.get(name, 1.0) for name in self.joint_names])
+
     def _true_imu(self) -> ImuReading:
         return ImuReading(*[part.copy() for part in self._views.imu])
 
@@ -223,6 +241,17 @@ class _Views:
             self.imu = (self.base[1], *sensors)
 
 
+def _change_base(model: mujoco.MjModel, data: mujoco.MjData, root: int, drawn: Drawn) -> None:
+    """Make a body heavier and move its centre of mass; its radii of gyration stay."""
+    if not (drawn.mass or any(drawn.centre)):
+        return
+    ratio = 1.0 + drawn.mass / float(model.body_mass[root])
+    model.body_mass[root] *= ratio
+    model.body_inertia[root] *= ratio
+    model.body_ipos[root] += drawn.centre
+    mujoco.mj_setConst(model, data)
+
+
 def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) -> mujoco.MjSpec:
     """
     Return a robot with what its setup adds to it, nothing around it.
@@ -237,8 +266,9 @@ def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) ->
     for joint, inertia in setup.reflected_inertia.items():
         spec.joint(joint).armature = inertia
     hold_joints(spec, loaded.robot, setup.held)
-    if setup.untold.friction is not None:
-        _set_friction(spec, foot_links(loaded), setup.untold.friction)
+    friction = setup.drawn.friction if setup.untold.friction is None else setup.untold.friction
+    if friction is not None:
+        _set_friction(spec, foot_links(loaded), friction)
     if setup.untold.payload is not None:
         _add_payload(spec.body(loaded.robot.base), setup.untold.payload)
     if setup.imu and find_imu(loaded.robot) is None:

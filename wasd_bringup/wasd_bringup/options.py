@@ -240,7 +240,10 @@ def _untold(arguments: argparse.Namespace) -> Untold:
     if friction is not None and not 0.01 <= friction <= 2.0:
         raise UserError(f'--friction: got {text}, wanted 0.01 to 2')
     payload = None if arguments.payload is None else parse_payload(arguments.payload)
-    return Untold(friction=friction, payload=payload)
+    level = read_number(getattr(arguments, 'randomise', '0'), '--randomise')
+    if level > 1.0:
+        raise UserError(f'--randomise: got {level:g}, wanted 0 to 1')
+    return Untold(friction=friction, payload=payload, randomise=level)
 
 
 def _folders(paths: Sequence[str]) -> tuple[Path, ...]:

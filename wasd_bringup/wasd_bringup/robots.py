@@ -43,6 +43,13 @@ def add_legged_options(parser: Parser) -> None:
         help='what feeds the controller: IMU and legs (default), or the simulator without noise',
     )
     parser.add_argument(
+        '--randomise',
+        default='0',
+        metavar='LEVEL',
+        help='0 to 1: how much mass, friction, motors, delays and noise differ at random, by '
+        '--seed and unknown to the controller (default 0)',
+    )
+    parser.add_argument(
         '--gait',
         choices=GAITS,
         help='trot: diagonal pairs (default); walk: one foot after the other',

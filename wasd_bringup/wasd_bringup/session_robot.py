@@ -5,6 +5,7 @@ import dataclasses
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from mujoco_sim.randomise import randomise
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.sensors.table import has_camera
@@ -34,6 +35,7 @@ from wasd_bringup.options import RunOptions
 from wasd_bringup.report import build_report
 from wasd_bringup.report import Recorder
 from wasd_bringup.report import SAMPLE_PERIOD
+from wasd_bringup.robots import LEGGED
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.stack import make_stack
 
@@ -111,6 +113,8 @@ class SessionRobot:
             'seed': options.seed,
             'estimator': self.stack.estimator,
         }
+        if options.untold.randomise:
+            asked['drawn'] = dataclasses.asdict(self.world.setup.drawn)
         ticks = self.stack.ticks.summary()
         return build_report(self._recorder, asked, self.world.time, wall_time, ticks)
 
@@ -183,6 +187,8 @@ def _load(options: RunOptions) -> Description:
 def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
     setup = usual_setup(loaded, noise=options.estimator == 'kalman')
     setup = dataclasses.replace(setup, untold=options.untold)
+    if options.untold.randomise and ROBOTS[options.robot].kind is LEGGED:
+        setup = randomise(setup, options.seed, loaded.quadruped)
     place = ROBOTS[options.robot].place
     if not options.namespace or place is None:
         return setup

@@ -154,6 +154,7 @@ def _untold(known: Mapping[str, Any] | None) -> Untold:
     return Untold(
         friction=known['friction'],
         payload=None if payload is None else Payload(payload[0], tuple(payload[1])),
+        randomise=known['randomise'],
     )
 
 
