@@ -2,7 +2,7 @@
 """Makes any velocity command one the robot can follow: clamp, ramp, watchdog, no NaN."""
 
 import math
-from typing import NamedTuple
+from operator import mul
 
 import numpy as np
 from robot_description.morphology.quadruped import GO2
@@ -10,38 +10,25 @@ from robot_description.morphology.quadruped import Scale
 from wasd_core.timing import Watchdog
 
 from quadruped_sim.parameters import CommandParameters
-
-
-class VelocityLimits(NamedTuple):
-    """Largest commanded speeds: forward, backward, sideways [m/s] and turning [rad/s]."""
-
-    forward: float
-    backward: float
-    lateral: float
-    yaw: float
-
-
-# unitree_guide's, and what the controller is good for on the Go2.
-GUIDE = VelocityLimits(0.4, 0.4, 0.3, 0.5)
-SPORT = VelocityLimits(2.0, 1.5, 0.8, 2.0)
+from quadruped_sim.presets import GAITS
+from quadruped_sim.presets import LIMITS
+from quadruped_sim.presets import VelocityLimits
 
 
 def velocity_limits(
-    name: str, scale: Scale, agility: float = 1.0, turning: float = 1.0
+    name: str, scale: Scale, agility: float = 1.0, turning: float = 1.0, gait: str = 'trot'
 ) -> VelocityLimits:
     """
-    Return the limits of a robot: `sport` grows with it, `guide` is the same for all.
+    Return the limits of a robot in a gait: they grow with it, only `guide` is the same for all.
 
     `agility` is the share of that which its legs are fast enough for, `turning` the share of that
-    when it turns; no robot is asked for more than its `sport`.
+    when it turns; no robot is asked for more than its gait allows.
     """
     speed, turn = agility * scale.of('m/s'), agility * turning * scale.of('1/s')
-    sport = VelocityLimits(
-        SPORT.forward * speed, SPORT.backward * speed, SPORT.lateral * speed, SPORT.yaw * turn
-    )
-    if name == 'sport':
-        return sport
-    return VelocityLimits(*map(min, GUIDE, sport))
+    unit = VelocityLimits(speed, speed, speed, turn)
+    able = LIMITS['race' if name == 'race' else 'sport']
+    grown = VelocityLimits(*map(mul, map(min, able, GAITS[gait].limits), unit))
+    return VelocityLimits(*map(min, LIMITS['guide'], grown)) if name == 'guide' else grown
 
 
 class CommandFilter:
@@ -58,20 +45,21 @@ class CommandFilter:
         scale: Scale = GO2,
         agility: float = 1.0,
         turning: float = 1.0,
+        gait: str = 'trot',
     ) -> None:
         self._robot = scale, agility, turning
         self.refused = 0
         self._age = Watchdog(params.timeout)
         self._request = np.zeros(3)
-        self.tune(params)
+        self.tune(params, gait)
         self.reset()
 
-    def tune(self, params: CommandParameters, agility: float | None = None) -> None:
+    def tune(self, params: CommandParameters, gait: str = 'trot') -> None:
         """Take other limits, ramps and time-out; they hold for the present request, too."""
         self._params = params
-        if agility is not None:
-            self._robot = self._robot[0], agility, self._robot[2]
-        self.limits = velocity_limits(params.limits, *self._robot)
+        self.limits = velocity_limits(params.limits, *self._robot, gait)
+        able = velocity_limits('race', *self._robot)
+        self._able = np.array((able.forward, able.lateral, able.yaw))
         self._age.timeout = params.timeout
         self._request = self._clamped(*self._request.tolist())
 
@@ -116,6 +104,8 @@ class CommandFilter:
                 min(max(yaw_rate, -limits.yaw), limits.yaw),
             )
         )
+        # Full speed ahead leaves the feet no time to go sideways or around as well.
+        velocity = velocity / max(float(np.linalg.norm(velocity / self._able)), 1.0)
         inward = math.hypot(velocity[0], velocity[1]) * abs(float(velocity[2]))
         most = self._params.curve_acceleration
         return velocity if inward <= most else velocity * math.sqrt(most / inward)

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from quadruped_sim.presets import VelocityLimits
+
 
 class StateName(StrEnum):
     """The eight states, in words."""
@@ -115,6 +117,8 @@ STICK_KEYS = {
     'k': ('ry', -1),
 }
 ZERO_KEYS = (' ', 'SPACE')
+# Key -> how far on in the table of gaits.
+GAIT_KEYS = {'n': 1, 'N': -1}
 
 
 def is_stick_key(key: str) -> bool:
@@ -262,6 +266,11 @@ class KeyWords:
         cure = self._press(state, StateName.MOVE_BASE)
         return f'{cure} (cmd_vel drives in move base, not {state.value})'
 
+    def to_gait(self, gait: str, limits: VelocityLimits) -> str:
+        """Return how fast the robot goes in a gait that was chosen, or asked for more."""
+        sideways = f'{limits.lateral:.2g} m/s, {limits.yaw:.2g} rad/s'
+        return f'{gait}: at most {limits.forward:.2g}, {sideways} ({self.name("n")}: next gait)'
+
     def to_stick(self, state: StateName, key: str, has_moved: bool) -> str | None:
         """Return what to tell of a stick's key; None where it drives."""
         if state is StateName.MOVE_BASE or key in ZERO_KEYS:
@@ -287,7 +296,9 @@ class KeyWords:
             if key in self.elsewhere:
                 return None
             return f'press {self.name(ARROWS[key])} ({key} does nothing)'
-        cure = f'{self.help_key} shows the keys' if self.help_key else 'keys: 0-5 8 9, wasd, ijkl'
+        cure = (
+            f'{self.help_key} shows the keys' if self.help_key else 'keys: 0-5 8 9, wasd, ijkl, n'
+        )
         # Whatever came on a topic: its control characters made visible, and not all of it.
         return f'{cure} ({self._called(key)[:LONGEST_NAME]!r} does nothing)'
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The leg controller: keys and velocity commands in, joint commands and odometry out."""
 
+from dataclasses import replace
+
 import numpy as np
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import JointCommand
@@ -13,6 +15,7 @@ from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.estimation.contacts import ContactDetector
 from quadruped_sim.estimation.kalman import ImuSample
 from quadruped_sim.estimation.kalman import KalmanEstimator
+from quadruped_sim.keys import GAIT_KEYS
 from quadruped_sim.keys import KeyWords
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateMachine
@@ -22,8 +25,8 @@ from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.locomotion.locomotion import Locomotion
-from quadruped_sim.parameters import GAITS
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import BaseMotion
 from quadruped_sim.robot_model import LegOdometry
 from quadruped_sim.robot_model import make_odometry
@@ -60,11 +63,17 @@ class LegController:
         self._uses_truth = estimator == 'truth'
         self.model = model
         scale = model.scale
-        self._params = self._scaled(params or LegControllerParameters())
+        self._given = params or LegControllerParameters()
+        self._params = self._scaled(self._given)
+        self._first_gait = self.gait
         self.sticks = Sticks()
         self.words = KeyWords()
         self.command_filter = CommandFilter(
-            self._params.command, scale, self._agility, self.model.turning
+            self._params.command,
+            scale,
+            self.model.agility,
+            self.model.turning,
+            self._params.gait.name,
         )
         self.locomotion = Locomotion(self.model, self._params)
         self._solvers = (self.locomotion.mpc.solver, self.locomotion.whole_body.solver)
@@ -81,13 +90,23 @@ class LegController:
 
     def tune(self, params: LegControllerParameters) -> None:
         """Go on with other parameters, as for the Go2, from the next step; what it does stays."""
-        own = self._scaled(params)
+        self._given, own = params, self._scaled(params)
         self._params = self._parts.params = own
-        self.command_filter.tune(own.command, self._agility)
+        self.command_filter.tune(own.command, own.gait.name)
         self.locomotion.tune(own)
         self.safety.params = own.safety
         self._detector.params = own.contact
         self._kalman.tune(own.kalman)
+
+    @property
+    def gait(self) -> str:
+        """Name of the gait that is chosen."""
+        return self._given.gait.name
+
+    def choose_gait(self, name: str) -> None:
+        """Step as a row of `GAITS` says; legs that move glide into it."""
+        if name != self.gait:
+            self.tune(replace(self._given, gait=replace(self._given.gait, name=name)))
 
     def _scaled(self, params: LegControllerParameters) -> LegControllerParameters:
         """Return the Go2's parameters as they are on this robot."""
@@ -95,19 +114,15 @@ class LegController:
         return scale_parameters(params, model.scale, model.friction, model.motor_speed)
 
     @property
-    def _agility(self) -> float:
-        """Share of the Go2's trot at full stick, for its size, that motors and gait allow."""
-        return self.model.agility * GAITS[self._params.gait.name].agility
-
-    @property
     def notes(self) -> tuple[str, ...]:
         """What the driver should know of the motors, a line each."""
-        limits = self._params.command.limits
-        usual = velocity_limits(limits, self.model.scale, GAITS[self._params.gait.name].agility)
+        limits, gait = self._params.command.limits, self._params.gait.name
+        usual = velocity_limits(limits, self.model.scale, gait=gait)
         return self.model.motor_notes(self.command_filter.limits.forward, usual.forward)
 
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""
+        self.choose_gait(self._first_gait)
         self._machine = StateMachine()
         self._entered: StateName | None = None
         self.sticks.zero()
@@ -151,18 +166,25 @@ class LegController:
         if key in STATE_KEYS:
             is_legal = state is not STATE_KEYS[key] and self._machine.press(key)
             return None if is_legal else self.words.to_state(state, STATE_KEYS[key])
+        if key in GAIT_KEYS and key not in self.words.elsewhere:
+            gaits = tuple(GAITS)
+            self.choose_gait(gaits[(gaits.index(self.gait) + GAIT_KEYS[key]) % len(gaits)])
+            return self.words.to_gait(self.gait, self.command_filter.limits)
         before = self.sticks.values
         if not self.sticks.press(key):
             return self.words.to_other(state, key)
         return self.words.to_stick(state, key, has_moved=self.sticks.values != before)
 
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
-        """Velocity command for move base [m/s, m/s, rad/s]; a text when it is refused."""
+        """Velocity command for move base [m/s, m/s, rad/s]; a text when not driven so."""
         if self._machine.state is not StateName.MOVE_BASE:
             if self.is_fallen:
                 return self.words.to_fallen()
             return self.words.to_velocity(self._machine.coming)
-        return self.command_filter.request(vx, vy, yaw_rate)
+        refusal, limits = self.command_filter.request(vx, vy, yaw_rate), self.command_filter.limits
+        if refusal is None and self.gait != 'trot' and not limits.hold(vx, vy, yaw_rate):
+            return self.words.to_gait(self.gait, limits)
+        return refusal
 
     def e_stop(self) -> None:
         """Go passive at once."""

@@ -166,6 +166,7 @@ class LegControllerNode(Node):
     def reset(self) -> None:
         """Begin anew, passive."""
         self.controller.reset()
+        self._tell_gait()
         self.notice.say(None)
 
     def close(self) -> None:
@@ -185,6 +186,12 @@ class LegControllerNode(Node):
         if message.data.startswith(NO_PRESS):
             return  # the sticks go by presses alone
         self._say(self.controller.press(message.data))
+        self._tell_gait()
+
+    def _tell_gait(self) -> None:
+        """Have the parameter say which gait a key, or the reset, has chosen."""
+        if self.controller.gait != self.settings.gait.name:
+            self.set_parameters([Parameter('gait', value=self.controller.gait)])
 
     def _on_twist(self, message: Twist) -> None:
         refusal = self.controller.set_velocity(

@@ -7,49 +7,22 @@ the units that stand here.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from wasd_core.parameters import group
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
-
-class GaitRow(NamedTuple):
-    """
-    When in a period each foot begins to stand, FL FR RL RR.
-
-    `longer` is the share of the period that it stands beyond what the parameters say, `agility`
-    the share of a trot's full stick that it follows.
-    """
-
-    offsets: tuple[float, float, float, float]
-    longer: float = 0.0
-    agility: float = 1.0
-
-    @property
-    def duty_to_rest(self) -> float:
-        """Share of the period that feet must stand to stand all at once, for 1/50 of a period."""
-        starts = sorted(offset % 1.0 for offset in self.offsets)
-        gaps = (b - a for a, b in zip(starts, (*starts[1:], starts[0] + 1.0), strict=True))
-        return 1.0 - max(gaps) + 0.02
-
-
-# A row is a gait that can be chosen.
-GAITS = {
-    'trot': GaitRow((0.0, 0.5, 0.5, 0.0)),  # diagonal pairs together
-    'walk': GaitRow((0.0, 0.5, 0.75, 0.25), longer=0.21, agility=0.5),  # one foot after the other
-}
-DUTY_MAX = 0.95
+from quadruped_sim.presets import DUTY_MAX
+from quadruped_sim.presets import GAITS
+from quadruped_sim.presets import LIMITS
 
 
 @dataclass(frozen=True, kw_only=True)
 class GaitParameters(Parameters):
     """Which foot steps when: period and duty run from the slow to the fast value over speed."""
 
-    name: str = parameter(
-        'trot', name='gait', choices=GAITS, doc='Order in which the feet step', read_only=True
-    )
+    name: str = parameter('trot', name='gait', choices=GAITS, doc='Order in which the feet step')
     slow_period: float = parameter(
         0.45,
         above=0.0,
@@ -308,13 +281,13 @@ class EstimatorParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class CommandParameters(Parameters):
-    """What a velocity command may ask for; `guide` and `sport` are presets of the limits."""
+    """What a velocity command may ask for; the limits are presets."""
 
     limits: str = parameter(
         'sport',
         name='limits',
-        choices=('sport', 'guide'),
-        doc='Full stick: what the controller is good for, or what unitree_guide allows',
+        choices=LIMITS,
+        doc='Full stick: good on any ground, as in unitree_guide, or all that a good floor allows',
     )
     forward_acceleration: float = parameter(2.0, above=0.0, unit='m/s^2', doc='Ramp of vx')
     lateral_acceleration: float = parameter(1.5, above=0.0, unit='m/s^2', doc='Ramp of vy')

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A gait that can be chosen follows its full stick, in each direction, and back to rest."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from quadruped_sim.parameters import GAITS
+from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.presets import GAITS
 import wasd
 
 STEPS, COUNT = 0.1, 15
@@ -32,3 +35,26 @@ def test_it_follows_its_full_stick(gait: str) -> None:
     dog.drive(0.0)
     dog.run(2.5)
     assert np.abs(dog.truth.planar_velocity).max() < 0.02
+
+
+def test_the_page_says_what_the_rows_say() -> None:
+    page = (Path(__file__).parents[2] / 'docs/gaits.md').read_text()
+    rows = {
+        cells[1].strip(' `'): cells[3:8]
+        for cells in (line.split('|') for line in page.split('\n') if line.startswith('| `'))
+    }
+    assert list(rows) == list(GAITS)
+    gait = GaitParameters()
+    for name, (offsets, period, stands, footprint, limits) in rows.items():
+        row = GAITS[name]
+        assert _numbers(offsets) == list(row.offsets)
+        assert _numbers(footprint) == list(row.footprint)
+        assert _numbers(limits) == list(row.limits)
+        periods = row.period * gait.slow_period, row.period * gait.fast_period
+        assert _numbers(period.replace('-', ',')) == pytest.approx(periods, abs=0.006)
+        duties = row.longer + gait.slow_duty, row.longer + gait.fast_duty
+        assert _numbers(stands.replace('-', ',')) == pytest.approx(duties, abs=1e-9)
+
+
+def _numbers(cell: str) -> list[float]:
+    return [float(number) for number in cell.split(',')]

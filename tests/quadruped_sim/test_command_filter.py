@@ -75,3 +75,22 @@ def test_silence_brings_it_to_rest_half_a_second_later():
     settle(command_filter, 0.45)
     assert command_filter.is_silent
     np.testing.assert_array_equal(command_filter.command, 0.0)
+
+
+def test_racing_full_speed_goes_in_one_direction_at_a_time():
+    """What is asked for lies inside the ellipsoid of the three limits, on the same course."""
+    parameters = CommandParameters(limits='race', curve_acceleration=100.0)
+    limits = CommandFilter(parameters).limits
+    full = np.array((limits.forward, limits.lateral, limits.yaw))
+    for axis in range(3):
+        request = full * np.eye(3)[axis]
+        np.testing.assert_allclose(settle(CommandFilter(parameters), 3.0, request), request)
+    command = settle(CommandFilter(parameters), 3.0, full)
+    np.testing.assert_allclose(command, full / np.sqrt(3.0))
+
+
+def test_a_gait_has_limits_of_its_own():
+    walking = CommandFilter(CommandParameters(), gait='walk')
+    np.testing.assert_allclose(settle(walking, 3.0, (2.0, 0.0, 0.0)), (1.0, 0.0, 0.0))
+    walking.tune(CommandParameters())
+    np.testing.assert_allclose(settle(walking, 3.0, (2.0, 0.0, 0.0)), (2.0, 0.0, 0.0))

@@ -8,6 +8,7 @@ from quadruped_sim.locomotion.swing import SwingLegs
 from quadruped_sim.parameters import FootholdParameters
 from quadruped_sim.parameters import GroundParameters
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.parameters import ReferenceParameters
 from quadruped_sim.robot_model import BaseMotion
 from wasd_core.rotations import yaw_matrix
 
@@ -62,3 +63,18 @@ def test_turning_they_lead_by_half_a_stance(land):
 def test_the_shift_has_a_limit(land):
     shift = land((50.0, 0.0, 0.0)) - land()
     np.testing.assert_allclose(shift[:, 0], FootholdParameters().reach, atol=1e-12)
+
+
+def test_in_a_curve_they_land_where_the_way_leads_and_farther_out(land):
+    """
+    The middle of a stance on a circle is under the hips, but for what the bend would topple.
+
+    Out of the circle by h/g v^2/r, as the weight and the force to the middle then point to the
+    centre of mass.
+    """
+    speed, rate, height = 1.0, 2.0, ReferenceParameters().height
+    feet = land((speed, 0.0, 0.0), yaw_rate=rate).mean(axis=0)
+    radius, turned = speed / rate, rate * 0.5 * STANCE
+    out = height / 9.81 * speed * rate
+    wanted = np.array((np.sin(turned), -np.cos(turned))) * (radius + out) + (0.0, radius)
+    np.testing.assert_allclose(feet[:2], wanted, atol=2e-4)

@@ -3,9 +3,10 @@ import numpy as np
 import pytest
 from quadruped_sim.locomotion.gait import Gait
 from quadruped_sim.parameters import GaitParameters
-from quadruped_sim.parameters import GaitRow
-from quadruped_sim.parameters import GAITS
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.presets import GaitRow
+from quadruped_sim.presets import GAITS
+from quadruped_sim.presets import LIMITS
 from wasd_bringup.cli import make_parser
 from wasd_core.parameters import InvalidParameter
 
@@ -124,11 +125,51 @@ def test_a_walk_stops_on_four_feet_too():
 
 
 def test_a_row_is_a_gait_that_can_be_chosen(monkeypatch):
-    with pytest.raises(InvalidParameter, match='gait must be one of trot, walk, got .pace.'):
-        GaitParameters().changed({'gait': 'pace'})
-    monkeypatch.setitem(GAITS, 'pace', GaitRow((0.0, 0.5, 0.0, 0.5)))
-    params = LegControllerParameters().changed({'gait': 'pace'})
+    with pytest.raises(InvalidParameter, match='gait must be one of trot, walk, .* got .amble.'):
+        GaitParameters().changed({'gait': 'amble'})
+    monkeypatch.setitem(GAITS, 'amble', GaitRow((0.0, 0.5, 0.0, 0.5), LIMITS['guide']))
+    params = LegControllerParameters().changed({'gait': 'amble'})
     for state in run(Gait(params.gait), 2.0):
         assert state.is_stance[0] == state.is_stance[2]
         assert state.is_stance[1] == state.is_stance[3]
-    assert make_parser().parse_args(['go2', '--gait', 'pace']).gait == 'pace'
+    assert make_parser().parse_args(['go2', '--gait', 'amble']).gait == 'amble'
+
+
+def durations(flags):
+    """How long a flag is set each time [s], without the first time."""
+    change = np.diff(np.array(flags, dtype=int))
+    begins, ends = np.flatnonzero(change > 0), np.flatnonzero(change < 0)
+    ends = ends[ends > begins[0]]
+    return DT * (ends - begins[: len(ends)])
+
+
+@pytest.mark.parametrize('name', [name for name in GAITS if name != 'trot'])
+def test_chosen_while_the_legs_move_a_gait_comes_gliding(name):
+    """No step is much shorter or longer than those before and after, and these are the row's."""
+    gait = Gait(GaitParameters())
+    run(gait, 1.03)
+    before = gait.state()
+    gait.params = GaitParameters(name=name)
+    states = run(gait, 4.0)
+    after = states[-1]
+    for leg in range(4):
+        for part in ('stance', 'swing'):
+            flags = [state.is_stance[leg] == (part == 'stance') for state in states]
+            usual = [getattr(state, f'{part}_time') for state in (before, after)]
+            for took in durations(flags):
+                assert 0.6 * min(usual) < took < 1.7 * max(usual)
+    row, period = GAITS[name], after.stance_time + after.swing_time
+    assert after.footprint == row.footprint
+    touches = [
+        DT * np.flatnonzero(np.diff([int(state.is_stance[leg]) for state in states]) > 0)[-1]
+        for leg in range(4)
+    ]
+    apart = (np.subtract(touches[0], touches) / period - row.offsets + 0.5) % 1.0
+    np.testing.assert_allclose(apart, 0.5, atol=2.0 * DT / period)
+
+
+def test_chosen_at_rest_a_gait_is_there_at_once():
+    gait, always = Gait(GaitParameters()), Gait(GaitParameters(name='walk'))
+    gait.params = GaitParameters(name='walk')
+    for state, wanted in zip(run(gait, 0.5), run(always, 0.5), strict=True):
+        np.testing.assert_array_equal(state.is_stance, wanted.is_stance)

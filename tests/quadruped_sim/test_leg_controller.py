@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from quadruped_sim.keys import KeyWords
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.presets import GAITS
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
 
@@ -205,3 +207,32 @@ def test_a_failing_solver_is_survived_then_counted_against_it(controller, run, m
     controller.press('2')
     run(controller, 5)
     assert controller.state == 'fixed stand'
+
+
+def test_keys_choose_gaits_in_turn_and_say_how_fast_they_are(controller):
+    names = list(GAITS)
+    for name in (*names[1:], *names[:1]):
+        said = controller.press('n')
+        assert controller.gait == name
+        limits = controller.command_filter.limits
+        assert said.startswith(f'{name}: at most {limits.forward:.2g}, ')
+    controller.press('N')
+    assert controller.gait == names[-1]
+    assert controller.locomotion.gait.params.name == names[-1]
+    controller.reset()
+    assert controller.gait == names[0]
+
+
+def test_a_key_of_the_keymap_chooses_no_gait(controller):
+    controller.words = KeyWords(elsewhere=frozenset('n'))
+    controller.press('n')
+    assert controller.gait == 'trot'
+
+
+def test_asked_for_more_than_its_gait_can_it_says_so(controller, run):
+    run(controller, 2)
+    for key in '25n':
+        controller.press(key)
+        run(controller, 3)
+    assert controller.set_velocity(0.5, 0.0, 0.0) is None
+    assert controller.set_velocity(2.0, 0.0, 0.0).startswith('walk: at most 1, ')

@@ -17,6 +17,7 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from std_msgs.msg import String
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import known_parameters
 from wasd_core.parameters import Parameters
@@ -165,6 +166,17 @@ def test_a_running_node_takes_a_gait_period_from_the_next_tick(make, trot, spawn
     after = legs.controller.locomotion.schedule
     assert after.stance_time == pytest.approx(2.0 * before.stance_time)
     assert legs.settings.gait.slow_period == 0.9
+
+
+def test_the_parameter_and_the_key_choose_the_same_gait(make):
+    legs = make()
+    (result,) = legs.set_parameters([Parameter('gait', value='walk')])
+    assert result.successful
+    assert legs.controller.gait == 'walk'
+    legs.keys.put(String(data='n'))
+    assert legs.controller.gait == legs.get_parameter('gait').value == 'pace'
+    legs.reset()
+    assert legs.controller.gait == legs.get_parameter('gait').value == 'trot'
 
 
 def test_a_bad_value_at_run_time_is_refused_and_changes_nothing(make):

@@ -10,8 +10,10 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from quadruped_sim.keys import GAIT_KEYS
 from quadruped_sim.keys import STICK_KEYS
-from quadruped_sim.parameters import GAITS
+from quadruped_sim.presets import GAITS
+from quadruped_sim.presets import LIMITS
 from teleop_keyboard.key_names import on_layout
 from teleop_keyboard.keymap_file import load_preset
 
@@ -20,7 +22,7 @@ from diff_drive_sim import MODES as DRIVE_MODES
 UNITREE_PRESET = 'unitree'
 UNITREE_HELP = (
     '2 stand   4 trot   5 move base (cmd_vel)   1 passive',
-    '3 free stand   0 balance test   9 swing test   8 step test',
+    '3 free stand   0 balance test   9 swing test   8 step test   {n} next gait',
     '{w}/{s} forward, backward   {a}/{d} left, right   {j}/{l} turn   {i}/{k} height'
     '   space: centre',
     'First 2, then 4, then {w}.',
@@ -52,12 +54,13 @@ def add_legged_options(parser: Parser) -> None:
     parser.add_argument(
         '--gait',
         choices=GAITS,
-        help='trot: diagonal pairs (default); walk: one foot after the other',
+        help='which feet step together; n chooses the next while it moves (default: trot)',
     )
     parser.add_argument(
         '--limits',
-        choices=('sport', 'guide'),
-        help="full stick: what the controller is good for (default), or unitree_guide's",
+        choices=LIMITS,
+        help="full stick: good on any ground (sport, default), unitree_guide's, or all that a "
+        'good floor allows (race)',
     )
 
 
@@ -167,4 +170,4 @@ def unitree_first_keys(layout: str) -> str:
 
 
 def _names(layout: str) -> dict[str, str]:
-    return {key: on_layout(key, layout) for key in STICK_KEYS}
+    return {key: on_layout(key, layout) for key in (*STICK_KEYS, *GAIT_KEYS)}

@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gait clock: which foot stands when. It runs on the time it is given, on no other clock."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from quadruped_sim.parameters import DUTY_MAX
 from quadruped_sim.parameters import GaitParameters
-from quadruped_sim.parameters import GAITS
+from quadruped_sim.presets import DUTY_MAX
+from quadruped_sim.presets import GaitRow
+from quadruped_sim.presets import GAITS
+
+# How fast a gait becomes another while the legs move: shares of a period, and of each of the
+# row's other numbers, per second.
+_GLIDE = 0.6
 
 
 class GaitState(NamedTuple):
@@ -16,7 +22,8 @@ class GaitState(NamedTuple):
 
     `is_stance` (4,) bool; `phase` (4,) in [0, 1) is the progress of the present stance or swing;
     `stance_time` and `swing_time` [s] are their full durations; `pace` in [0, 1] is where between
-    the slow gait and the fast one they are.
+    the slow gait and the fast one they are. `footprint` is the length and width between the
+    feet as shares of those between the hips.
     """
 
     is_stance: np.ndarray
@@ -24,14 +31,16 @@ class GaitState(NamedTuple):
     stance_time: float
     swing_time: float
     pace: float
+    footprint: tuple[float, float] = (1.0, 1.0)
 
 
 class Gait:
     """
     Gait whose period and duty follow the speed; stands still when it may.
 
-    State: one phase in [0, 1) for all legs, whether the legs move, and the speed that pushes of
-    late count as. `step(dt, ...)` advances it.
+    State: one phase in [0, 1) for all legs, whether the legs move, the offsets and shape of their
+    steps on the way to those of the chosen gait, and the speed that pushes of late count as.
+    `step(dt, ...)` advances it.
     """
 
     def __init__(self, params: GaitParameters) -> None:
@@ -43,6 +52,9 @@ class Gait:
         self._phase = 0.0
         self.is_stepping = False
         self._haste = 0.0
+        self._offsets, self._shape = np.zeros(4), np.zeros(4)
+        self._reached: GaitRow | None = None
+        self._glide(math.inf)
         self._follow(0.0, wants_steps=False)
 
     def step(self, dt: float, speed: float, wants_steps: bool, error: float = 0.0) -> GaitState:
@@ -56,6 +68,7 @@ class Gait:
         params = self.params
         pushed = params.haste_gain * (error - params.haste_error)
         self._haste = max(self._haste - params.haste_decay * dt, pushed, 0.0)
+        self._glide(_GLIDE * dt if self.is_stepping else math.inf)
         self._follow(max(speed, self._haste), wants_steps)
         if wants_steps and not self.is_stepping:
             self.is_stepping = True
@@ -66,35 +79,52 @@ class Gait:
                 self.is_stepping = False
         return self.state()
 
+    def _glide(self, most: float) -> None:
+        """Move the present offsets and shape toward the gait's, by at most `most`."""
+        row = GAITS[self.params.name]
+        if row is self._reached:
+            return
+        offsets = np.array(row.offsets)
+        shape = np.array((row.period, row.longer, *row.footprint))
+        around = (offsets - self._offsets + 0.5) % 1.0 - 0.5
+        change = np.concatenate((around, shape - self._shape))
+        if np.abs(change).max() <= most:
+            self._offsets, self._shape, self._reached = offsets, shape, row
+            return
+        step = np.clip(change, -most, most)
+        self._offsets, self._shape = self._offsets + step[:4], self._shape + step[4:]
+        self._reached = None
+
     def _follow(self, speed: float, wants_steps: bool) -> None:
         params = self.params
         span = max(params.fast_speed - params.slow_speed, 1e-6)
         self._pace = share = min(max((speed - params.slow_speed) / span, 0.0), 1.0)
-        self._period = params.slow_period + share * (params.fast_period - params.slow_period)
+        period, longer = self._shape[:2].tolist()
+        self._period = period * (
+            params.slow_period + share * (params.fast_period - params.slow_period)
+        )
         duty = params.slow_duty + share * (params.fast_duty - params.slow_duty)
-        row = GAITS[params.name]
         # Who is to end on four feet needs a moment in which all stand.
-        least = 0.0 if wants_steps else row.duty_to_rest
-        self._duty = min(max(duty + row.longer, least), DUTY_MAX)
-        self._offsets = np.array(row.offsets)
+        least = 0.0 if wants_steps else duty_to_rest(self._offsets)
+        self._duty = min(max(duty + longer, least), DUTY_MAX)
 
     def _leg_phases(self, phase: float) -> np.ndarray:
         return np.asarray((phase + self._offsets) % 1.0)
 
     def _stance_at(self, phase: float) -> np.ndarray:
-        return self._leg_phases(phase) < self._duty
+        return np.asarray(self._leg_phases(phase) < self._duty)
 
     def state(self) -> GaitState:
         """Schedule now."""
         stance_time = self._duty * self._period
-        swing_time = self._period - stance_time
+        length, width = self._shape[2:].tolist()
+        rest = stance_time, self._period - stance_time, self._pace, (length, width)
         if not self.is_stepping:
-            rest = np.ones(4, dtype=bool), np.full(4, 0.5)
-            return GaitState(*rest, stance_time, swing_time, self._pace)
+            return GaitState(np.ones(4, dtype=bool), np.full(4, 0.5), *rest)
         legs = self._leg_phases(self._phase)
         is_stance = legs < self._duty
         phase = np.where(is_stance, legs / self._duty, (legs - self._duty) / (1.0 - self._duty))
-        return GaitState(is_stance, phase, stance_time, swing_time, self._pace)
+        return GaitState(is_stance, phase, *rest)
 
     def forecast(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
@@ -107,3 +137,9 @@ class Gait:
             return np.ones(shape, dtype=bool), np.full(shape, 0.5)
         legs = (self._phase + times[:, None] / self._period + self._offsets) % 1.0
         return legs < self._duty, legs / self._duty
+
+
+def duty_to_rest(offsets: np.ndarray) -> float:
+    """Share of the period that feet must stand to stand all at once, for 1/50 of a period."""
+    starts = np.sort(offsets % 1.0)
+    return 1.02 - float(np.diff(starts, append=starts[0] + 1.0).max())

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 from wasd_core.robot_io import JointCommand
+from wasd_core.rotations import cross
 from wasd_core.rotations import yaw_matrix
 
 from quadruped_sim.estimation.contacts import Ground
@@ -18,6 +19,8 @@ from quadruped_sim.locomotion.gait import Gait
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.reference import horizon
 from quadruped_sim.locomotion.reference import Reference
+from quadruped_sim.locomotion.reference import travel
+from quadruped_sim.locomotion.reference import turned
 from quadruped_sim.locomotion.step_height import StepHeight
 from quadruped_sim.locomotion.swing import SwingLegs
 from quadruped_sim.locomotion.swing import Tread
@@ -161,11 +164,15 @@ class Locomotion:
         if in_place or float(np.abs(command).max()) > 1e-3:
             return True
         speed = math.hypot(float(state.base.velocity[0]), float(state.base.velocity[1]))
-        nominal = self.swing_legs.nominal @ yaw_matrix(float(state.base.rpy[2])).T
+        nominal = self._footprint() @ yaw_matrix(float(state.base.rpy[2])).T
         stray = (state.feet - state.base.position - nominal)[:, :2]
         distance = math.sqrt(float((stray * stray).sum(axis=1).max()))
         limits = self._rest if self.gait.is_stepping else self._unrest
         return speed > limits[0] or distance > limits[1]
+
+    def _footprint(self) -> np.ndarray:
+        """Where feet stand below a base at rest, yaw frame (4, 3) [m]."""
+        return self.swing_legs.nominal * (*self.schedule.footprint, 0.0)
 
     def trust(self, state: RobotState) -> np.ndarray:
         """How surely each foot stands (4,) in [0, 1]: by schedule, phase and felt force."""
@@ -213,14 +220,19 @@ class Locomotion:
         """New forces from the MPC; the old ones stay when it fails."""
         yaw = float(state.base.rpy[2])
         Rz = yaw_matrix(yaw)
-        origin = state.base.position
+        base, com = state.base, state.base.R @ state.com
+        spin = base.R @ base.omega
+        about_com = reference._replace(
+            position=reference.position + com,
+            velocity=reference.velocity + reference.yaw_rate * np.array((-com[1], com[0], 0.0)),
+        )
         pose_reference, rate_reference = horizon(
-            reference, yaw, origin, self.mpc.times + self._params.mpc.step
+            about_com, yaw, base.position + com, self.mpc.times + self._params.mpc.step
         )
         pose = np.zeros(6)
-        pose[:2] = state.base.rpy[:2]
-        rates = np.concatenate((state.base.R @ state.base.omega @ Rz, state.base.velocity @ Rz))
-        stance, arms = self._contact_plan(state, reference, Rz)
+        pose[:2] = base.rpy[:2]
+        rates = np.concatenate((spin @ Rz, (base.velocity + cross(spin, com)) @ Rz))
+        stance, arms = self._contact_plan(state, about_com, Rz)
         problem = MpcProblem(
             pose, rates, pose_reference, rate_reference, stance, arms, Rz.T @ self.ground.frame()
         )
@@ -232,21 +244,30 @@ class Locomotion:
     def _contact_plan(
         self, state: RobotState, reference: BaseReference, Rz: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Stance flags (N, 4) and contact points relative to the CoM (N, 4, 3), yaw frame."""
+        """
+        Stance flags (N, 4) and contact points relative to the CoM (N, 4, 3), yaw frame.
+
+        `reference` is that of the CoM.
+        """
         times = self.mpc.times + 0.5 * self._params.mpc.step
         stance, phase = self.gait.forecast(times)
         stance[0] = self.is_stance
         com = state.base.R @ state.com
         here = (state.feet - state.base.position - com) @ Rz
         here[:, 2] -= self._model.geometry.foot_radius
-        velocity = reference.velocity @ Rz
-        travelled = times[:, None] * velocity
+        velocity, rate = (reference.velocity @ Rz)[:2], reference.yaw_rate
         # A foot that stands keeps its place, seen from a body that moves on.
-        arms = here[None] - travelled[:, None]
-        arms[..., 2] = here[:, 2]
+        arms = np.tile(here, (len(times), 1, 1))
+        arms[..., :2] -= travel(velocity, rate, times)[:, None]
         # One that lands later stands around its nominal place, ahead of it first, behind it last.
         lands = np.logical_or.accumulate(~stance, axis=0)
-        swept = (0.5 - phase)[..., None] * self.schedule.stance_time * velocity
-        future = self.swing_legs.nominal[None] + swept
+        until_middle = (0.5 - phase) * self.schedule.stance_time
+        now = np.broadcast_to(times[:, None], phase.shape)
+        future = np.empty_like(arms)
+        future[..., :2] = turned(self._footprint()[:, :2], rate * (now + until_middle))
+        future[..., :2] += (
+            turned(velocity, rate * (now + 0.5 * until_middle)) * until_middle[..., None]
+        )
+        future[..., :2] -= (com @ Rz)[:2]
         future[..., 2] = here[:, 2].mean()
         return stance, np.where(lands[..., None], future, arms)

@@ -124,24 +124,32 @@ def horizon(
     c, s = math.cos(yaw), math.sin(yaw)
     x, y, z = (reference.position - origin).tolist()
     vx, vy, vz = reference.velocity.tolist()
-    start = (c * x + s * y, -s * x + c * y)
-    forward, left = c * vx + s * vy, -s * vx + c * vy
+    start = np.array((c * x + s * y, -s * x + c * y))
 
     rate = reference.yaw_rate
-    turned = rate * times
-    cosine, sine = np.cos(turned), np.sin(turned)
+    velocity = np.array((c * vx + s * vy, -s * vx + c * vy))
     rates = np.zeros((len(times), 6))
     rates[:, 2] = rate
-    rates[:, 3] = cosine * forward - sine * left
-    rates[:, 4] = sine * forward + cosine * left
+    rates[:, 3:5] = turned(velocity, rate * times)
     rates[:, 5] = vz
     pose = np.empty((len(times), 6))
     pose[:, 0], pose[:, 1] = float(reference.rpy[0]), float(reference.rpy[1])
-    pose[:, 2] = heading + turned
-    # Travel of the turning velocity; sin(x)/x forms stay good as the rate goes to zero.
-    half = 0.5 * turned
-    chord = times * np.sinc(half / math.pi)
-    pose[:, 3] = start[0] + chord * (np.cos(half) * forward - np.sin(half) * left)
-    pose[:, 4] = start[1] + chord * (np.sin(half) * forward + np.cos(half) * left)
+    pose[:, 2] = heading + rate * times
+    pose[:, 3:5] = start + travel(velocity, rate, times)
     pose[:, 5] = z + times * vz
     return pose, rates
+
+
+def turned(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Vectors (..., 2) in the plane, turned left by `angles` (...) [rad]."""
+    cosine, sine = np.cos(angles), np.sin(angles)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack((cosine * x - sine * y, sine * x + cosine * y), axis=-1)
+
+
+def travel(velocity: np.ndarray, rate: float, times: np.ndarray) -> np.ndarray:
+    """Way (N, 2) [m] in `times` (N,) [s] at a velocity (2,) that turns by `rate` [rad/s]."""
+    half = 0.5 * rate * times
+    # sin(x)/x stays good as the rate goes to zero.
+    chord = times * np.sinc(half / math.pi)
+    return np.asarray(chord[:, None] * turned(velocity, half))

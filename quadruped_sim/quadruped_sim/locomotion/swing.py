@@ -5,6 +5,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
@@ -88,11 +89,16 @@ def swing_point(
 
 
 class FootholdRule(NamedTuple):
-    """Feet below their hips in the base's yaw frame, (4, 3) [m]; gain [s] and reach [m]."""
+    """
+    Feet below their hips in the base's yaw frame, (4, 3) [m]; gain [s] and reach [m].
+
+    `fall_time` [s] is sqrt(h / g), by which a body of height h topples.
+    """
 
     nominal: np.ndarray
     velocity_gain: float
     reach: float
+    fall_time: float
 
 
 @jit
@@ -104,7 +110,8 @@ def find_footholds(
 
     The shift from the place below the hip is v T/2 + gain (v - command) [Raibert1986], limited to
     `reach`, with T the time of stance; the yaw motion to come until the middle of the stance turns
-    the place with it.
+    place and velocity with it. In a curve feet stand h/g v x yaw rate farther out, so that the
+    force that bends the way does not topple the body.
     """
     rule = FootholdRule(*rule)
     base = BaseMotion(*base)
@@ -112,20 +119,31 @@ def find_footholds(
     schedule = GaitState(*schedule)
     position, velocity, command = base.position, base.velocity, reference.velocity
     stance_time, gain, reach = schedule.stance_time, rule.velocity_gain, rule.reach
+    length, width = schedule.footprint
+    lean = rule.fall_time**2 * reference.yaw_rate
     feet = np.zeros((4, 3))
-    x = 0.5 * stance_time * velocity[0] + gain * (velocity[0] - command[0])
-    y = 0.5 * stance_time * velocity[1] + gain * (velocity[1] - command[1])
-    length = math.sqrt(x * x + y * y)
-    if length > reach:
-        x *= reach / length
-        y *= reach / length
     for leg in range(4):
         remaining = (1.0 - schedule.phase[leg]) * schedule.swing_time
-        angle = base.rpy[2] + reference.yaw_rate * (remaining + 0.5 * stance_time)
+        # The velocity turns, too: by half of each stretch on the way along it.
+        angle = reference.yaw_rate * (remaining + 0.25 * stance_time)
         c, s = math.cos(angle), math.sin(angle)
-        nx, ny = rule.nominal[leg, 0], rule.nominal[leg, 1]
-        feet[leg, 0] = position[0] + remaining * velocity[0] + c * nx - s * ny + x
-        feet[leg, 1] = position[1] + remaining * velocity[1] + s * nx + c * ny + y
+        x = 0.5 * stance_time * (c * velocity[0] - s * velocity[1])
+        y = 0.5 * stance_time * (s * velocity[0] + c * velocity[1])
+        x += gain * (velocity[0] - command[0])
+        y += gain * (velocity[1] - command[1])
+        angle = reference.yaw_rate * (remaining + 0.5 * stance_time)
+        c, s = lean * math.cos(angle), lean * math.sin(angle)
+        x += s * velocity[0] + c * velocity[1]
+        y += s * velocity[1] - c * velocity[0]
+        share = min(1.0, reach / max(math.sqrt(x * x + y * y), 1e-9))
+        middle = base.rpy[2] + angle
+        angle = 0.5 * reference.yaw_rate * remaining
+        c, s = remaining * math.cos(angle), remaining * math.sin(angle)
+        x = position[0] + c * velocity[0] - s * velocity[1] + share * x
+        y = position[1] + s * velocity[0] + c * velocity[1] + share * y
+        c, s = math.cos(middle), math.sin(middle)
+        nx, ny = length * rule.nominal[leg, 0], width * rule.nominal[leg, 1]
+        feet[leg, 0], feet[leg, 1] = x + c * nx - s * ny, y + s * nx + c * ny
     return feet
 
 
@@ -183,7 +201,8 @@ class SwingLegs:
     def tune(self, params: LegControllerParameters) -> None:
         """Take other gains and another height of steps."""
         gains, rule = params.whole_body, params.foothold
-        self._rule = FootholdRule(self.nominal, rule.velocity_gain, rule.reach)
+        fall_time = math.sqrt(params.reference.height / GRAVITY)
+        self._rule = FootholdRule(self.nominal, rule.velocity_gain, rule.reach, fall_time)
         self._gains = SwingGains(gains.swing_position_gain, gains.swing_velocity_gain)
 
     def reset(self, feet: np.ndarray) -> None:

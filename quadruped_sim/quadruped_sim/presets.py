@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a driver chooses by name: how the feet step, and how fast full stick is; on the Go2."""
+
+from typing import NamedTuple
+
+
+class VelocityLimits(NamedTuple):
+    """Largest commanded speeds: forward, backward, sideways [m/s] and turning [rad/s]."""
+
+    forward: float
+    backward: float
+    lateral: float
+    yaw: float
+
+    def hold(self, vx: float, vy: float, yaw_rate: float) -> bool:
+        """Whether a velocity [m/s, m/s, rad/s] is within them."""
+        ahead = -self.backward <= vx <= self.forward
+        return ahead and abs(vy) <= self.lateral and abs(yaw_rate) <= self.yaw
+
+
+# unitree_guide's; what the controller is good for on any ground; what it can do on a good floor.
+LIMITS = {
+    'guide': VelocityLimits(0.4, 0.4, 0.3, 0.5),
+    'sport': VelocityLimits(2.0, 1.5, 0.8, 2.0),
+    'race': VelocityLimits(3.0, 2.0, 1.5, 5.0),
+}
+
+
+class GaitRow(NamedTuple):
+    """
+    When in a period each foot begins to stand, FL FR RL RR, and what else differs from a trot.
+
+    `period` is that of a trot's period, `longer` the share of it that a foot stands beyond what
+    the parameters say, `footprint` the length and width between the feet as shares of those
+    between the hips; the command is kept within `limits`.
+    """
+
+    offsets: tuple[float, float, float, float]
+    limits: VelocityLimits
+    period: float = 1.0
+    longer: float = 0.0
+    footprint: tuple[float, float] = (1.0, 1.0)
+
+
+# A row is a gait that can be chosen.
+GAITS = {
+    # diagonal pairs together
+    'trot': GaitRow((0.0, 0.5, 0.5, 0.0), LIMITS['race']),
+    # one foot after the other
+    'walk': GaitRow(
+        (0.0, 0.5, 0.75, 0.25), VelocityLimits(1.0, 0.75, 0.4, 1.0), period=1.5, longer=0.21
+    ),
+    # left pair and right pair
+    'pace': GaitRow(
+        (0.0, 0.5, 0.0, 0.5), VelocityLimits(1.0, 0.6, 0.3, 1.0), footprint=(1.0, 0.4)
+    ),
+    # front pair and rear pair
+    'bound': GaitRow(
+        (0.0, 0.0, 0.5, 0.5),
+        VelocityLimits(1.3, 0.6, 0.3, 1.0),
+        period=0.7,
+        footprint=(0.6, 1.0),
+    ),
+    # all at once
+    'pronk': GaitRow((0.0, 0.0, 0.0, 0.0), VelocityLimits(1.1, 0.6, 0.3, 1.0), period=0.8),
+}
+DUTY_MAX = 0.95
