@@ -247,6 +247,7 @@ def installed_folders() -> list[Path]:
     return [*own, *_data_folders(), *(prefix / 'share' for prefix in _ament_prefixes())]
 
 
+@cache
 def _import_folder(name: str) -> Path | None:
     found = importlib.util.find_spec(name)
     if found is None or not found.submodule_search_locations:

@@ -8,6 +8,7 @@ The reader works on YAML nodes and not on loaded values: nodes know their lines,
 
 from collections.abc import Callable
 import dataclasses
+import functools
 from importlib import resources
 import math
 from pathlib import Path
@@ -79,8 +80,7 @@ def _with_keys_of_layout(keymap: Keymap, layout: str) -> Keymap:
 def _load(name_or_path: str) -> Keymap:
     names = preset_names()
     if name_or_path in names:
-        file = resources.files('teleop_keyboard').joinpath('presets', f'{name_or_path}.yaml')
-        return read_keymap(file.read_text(encoding='utf-8'), f'{name_or_path}.yaml', name_or_path)
+        return _built_in(name_or_path)
     path = Path(name_or_path).expanduser()
     if '/' not in name_or_path and path.suffix not in ('.yaml', '.yml'):
         hint = did_you_mean(name_or_path, names)
@@ -96,6 +96,12 @@ def _load(name_or_path: str) -> Keymap:
         line = error.object.count(b'\n', 0, error.start) + 1
         raise KeymapError(f'{name_or_path}:{line}: not UTF-8 text') from None
     return read_keymap(text, name_or_path, path.stem)
+
+
+@functools.cache
+def _built_in(name: str) -> Keymap:
+    file = resources.files('teleop_keyboard').joinpath('presets', f'{name}.yaml')
+    return read_keymap(file.read_text(encoding='utf-8'), f'{name}.yaml', name)
 
 
 def describe_keymap(name: str, layout: str) -> list[str]:
