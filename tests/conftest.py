@@ -2,6 +2,7 @@
 """What all tests share: a ROS domain of their own, rclpy in this process, waiting."""
 
 from collections.abc import Callable, Iterator
+import gc
 import importlib.util
 import itertools
 import os
@@ -41,6 +42,17 @@ for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """Return how many workers `-n auto` means: one more than processors, for tests wait, too."""
     return len(os.sched_getaffinity(0)) + 1
+
+
+def pytest_collection() -> None:
+    """Load all tests without looking for garbage, of which that makes next to none."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage from here on, but not what is loaded: it stays till the end."""
+    gc.freeze()
+    gc.enable()
 
 
 # Domains up to 101 have their ports below the ephemeral ones; 0 is everybody's. Two test runs on

@@ -95,9 +95,9 @@ def _marks_reached(function: Callable[..., Any]) -> frozenset[str]:
 def _marks_of_thing(thing: Any) -> set[str]:
     """Return what using one function, class or module means."""
     if isinstance(thing, ModuleType):
-        return _marks_of_module(thing.__name__)
+        return set(_marks_of_module(thing.__name__))
     name = str(getattr(thing, '__name__', ''))
-    marks = _marks_of_module(str(getattr(thing, '__module__', '')))
+    marks = set(_marks_of_module(str(getattr(thing, '__module__', ''))))
     if name in _RUN_NAMES:
         marks.add('run')
     if name == 'browser':
@@ -105,14 +105,15 @@ def _marks_of_thing(thing: Any) -> set[str]:
     return marks
 
 
-def _marks_of_module(name: str) -> set[str]:
+@functools.cache
+def _marks_of_module(name: str) -> frozenset[str]:
     found = {
         'process': bool({name, name.partition('.')[0]} & _PROCESS_MODULES),
         'ros': name.startswith(_ROS_MODULES) or (name.endswith('_node') and '.' in name),
         'run': name == 'wasd_bringup.cli',
         'browser': name.startswith('selenium'),
     }
-    return {mark for mark, is_used in found.items() if is_used}
+    return frozenset(mark for mark, is_used in found.items() if is_used)
 
 
 def _names_in(thing: Any) -> list[Any]:

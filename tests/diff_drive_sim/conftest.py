@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """mbot's wheels."""
 
+from descriptions import robot_named
 from diff_drive_sim.geometry import DiffDriveGeometry
 import pytest
-from robot_description.description import load_robot
 from robot_description.robot import Robot
 
 
@@ -16,4 +16,4 @@ def geometry() -> DiffDriveGeometry:
 @pytest.fixture(scope='session')
 def mbot() -> Robot:
     """Return mbot's description."""
-    return load_robot('mbot').robot
+    return robot_named('mbot').robot

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from descriptions import robot_named
 from diff_drive_sim.drive import configure_wheels
 from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.geometry import DiffDriveError
@@ -9,7 +10,6 @@ from diff_drive_sim.geometry import find_wheels
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.parameters import WheelParameters
 import pytest
-from robot_description.description import load_robot
 from robot_description.morphology.wheels import WheelChoice
 from robot_description.urdf import parse_urdf
 
@@ -31,7 +31,7 @@ def robot(*wheels):
 
 
 def test_mbot_has_a_track_of_38_cm_and_wheels_of_6_cm():
-    geometry = find_wheels(load_robot('mbot').robot)
+    geometry = find_wheels(robot_named('mbot').robot)
     assert (geometry.left_joint, geometry.right_joint) == ('left_wheel_joint', 'right_wheel_joint')
     assert geometry.wheel_separation == pytest.approx(0.38, abs=1e-12)
     assert geometry.wheel_radius == 0.06
@@ -64,7 +64,7 @@ def test_swapped_names_are_said():
     assert notes == (
         'right_joint is on the left and left_joint on the right: their names are swapped',
     )
-    assert configure_wheels(find_wheels(load_robot('mbot').robot), WheelParameters())[1] == ()
+    assert configure_wheels(find_wheels(robot_named('mbot').robot), WheelParameters())[1] == ()
 
 
 def test_a_file_that_names_the_right_wheel_as_the_left_one_is_told():
@@ -88,7 +88,7 @@ def test_a_calibration_corrects_each_wheel_and_the_track():
         left_wheel_radius_multiplier=1.02,
         right_wheel_radius_multiplier=0.98,
     )
-    geometry, notes = configure_wheels(find_wheels(load_robot('mbot').robot), parameters)
+    geometry, notes = configure_wheels(find_wheels(robot_named('mbot').robot), parameters)
     assert notes == ()
     assert geometry.wheel_speeds(0.3, 0.0) == pytest.approx((5.0 / 1.02, 5.0 / 0.98))
     # A turn in place: each wheel goes half the corrected track times the angle.
@@ -219,7 +219,7 @@ def test_a_left_turn_lets_the_right_wheel_go_faster(geometry):
 
 def test_a_separation_that_has_been_calibrated_is_used_without_a_word():
     parameters = WheelParameters(wheel_separation=0.26, wheel_separation_multiplier=1.461538)
-    geometry, notes = configure_wheels(find_wheels(load_robot('mbot').robot), parameters)
+    geometry, notes = configure_wheels(find_wheels(robot_named('mbot').robot), parameters)
     assert notes == ()
     assert geometry.wheel_separation == pytest.approx(0.38, abs=1e-6)
 
@@ -235,7 +235,7 @@ MODES = {
 @pytest.mark.slow
 @pytest.mark.parametrize('parameters', MODES.values(), ids=MODES)
 def test_a_drive_is_the_same_whichever_way_a_joint_counts(parameters):
-    urdf = load_robot('mbot').urdf
+    urdf = robot_named('mbot').urdf
     before, right = urdf.split('<joint name="right_wheel_joint"')
     other = before + '<joint name="right_wheel_joint"' + right.replace('0 1 0', '0 -1 0', 1)
     plain, flipped = (DiffDrive(parse_urdf(text), parameters) for text in (urdf, other))

@@ -4,13 +4,13 @@
 from dataclasses import replace
 import math
 
+from descriptions import robot_named
 from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.wheel_loop import wheel_motor
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from robot_description.description import load_robot
 from robot_description.morphology.wheel_motor import rotors
 from robot_description.morphology.wheel_motor import size_motor
 from robot_description.morphology.wheel_motor import STALL_SHARE
@@ -56,7 +56,7 @@ class Rig:
     """mbot in its world, with other limits of its wheels' joints, stepped by a DiffDrive."""
 
     def __init__(self, wheels=None, **parameters):
-        loaded = load_robot('mbot')
+        loaded = robot_named('mbot')
         joints = {
             name: replace(joint, **(wheels or {})) if 'wheel' in name else joint
             for name, joint in loaded.robot.joints.items()

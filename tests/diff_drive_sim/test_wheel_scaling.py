@@ -5,6 +5,7 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
+from descriptions import robot_named
 from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.wheel_loop import wheel_motor
@@ -165,7 +166,7 @@ def test_a_weak_motor_is_told_with_its_torque_and_the_ramp_keeps_to_it():
     for _ in range(200):
         unit.step_fake(0.005)
     assert unit.controller.velocity.linear == pytest.approx(0.3, abs=0.02)
-    assert DiffDrive(load_robot('mbot').robot, DiffDriveParameters()).notes == ()
+    assert DiffDrive(robot_named('mbot').robot, DiffDriveParameters()).notes == ()
 
 
 def test_a_motor_weaker_than_its_joints_friction_is_told(mbot):

@@ -78,6 +78,13 @@ def modules(package: str) -> dict[str, Path]:
     }
 
 
+@pytest.fixture(scope='module', autouse=True)
+def _forget_syntax_trees():
+    """Let half a million nodes go: later tests fork, and collect garbage."""
+    yield
+    nodes.cache_clear()
+
+
 @functools.cache
 def nodes(path: Path) -> tuple[ast.AST, ...]:
     """Return every node of a module's syntax tree."""

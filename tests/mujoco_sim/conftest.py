@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small worlds whose motion is known in closed form."""
 
+from descriptions import robot_named
 import mujoco
 from mujoco_sim.world import build_world
 from mujoco_sim.world import World
 import pytest
 from robot_description.description import Description
-from robot_description.description import load_robot
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.urdf import parse_urdf
 
@@ -19,7 +19,7 @@ BALL = """
 @pytest.fixture(scope='session')
 def loaded() -> Description:
     """Return mbot's description."""
-    return load_robot('mbot')
+    return robot_named('mbot')
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 import math
 
+from descriptions import robot_named
 import mujoco
 from mujoco_sim.scene import add_scene
 from mujoco_sim.sensors.camera import Camera
@@ -12,7 +13,6 @@ from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import World
 import numpy as np
 import pytest
-from robot_description.description import load_robot
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco.builder import to_mujoco
 from wasd_core.errors import SimulationError
@@ -24,7 +24,7 @@ RED, GREEN = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0)
 
 @pytest.fixture(scope='module')
 def kinect():
-    return load_robot('mbot_kinect')
+    return robot_named('mbot_kinect')
 
 
 @pytest.fixture(scope='module')

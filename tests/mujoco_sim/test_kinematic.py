@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from descriptions import robot_named
 from mujoco_sim.world import build_world
 from mujoco_sim.world import place_robot
 from mujoco_sim.world import PlanarPose
 import numpy as np
 import pytest
-from robot_description.description import load_robot
 
 
 @pytest.fixture
 def world():
-    world = build_world(load_robot('mbot'))
+    world = build_world(robot_named('mbot'))
     world.is_kinematic = True
     return world
 

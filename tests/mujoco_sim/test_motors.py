@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motors give what their torque-speed curve allows, in the simulation, too."""
 
+from descriptions import robot_named
 from mujoco_sim.physics import FULL_TORQUE_SHARE
 from mujoco_sim.physics import TorqueSpeedCurve
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from robot_description.description import load_robot
 from wasd_core.robot_io import JointCommand
 
 TORQUE, SPEED = 23.7, 30.1
@@ -61,7 +61,7 @@ def test_each_motor_has_its_own_limits(curve):
 @pytest.fixture
 def floating():
     """A Go2 far above the ground, with its motors' real limits."""
-    loaded = load_robot('go2')
+    loaded = robot_named('go2')
     speeds = {joint.name: joint.velocity for joint in loaded.robot.movable_joints}
     angles = {name: -1.5 for name in speeds if 'calf' in name}
     return build_world(
@@ -109,7 +109,7 @@ def test_the_largest_effort_is_kept_until_it_is_taken(floating):
 
 @pytest.mark.slow
 def test_a_command_takes_effect_after_the_delay():
-    loaded = load_robot('go2')
+    loaded = robot_named('go2')
     world = build_world(loaded, setup=RobotSetup(height=50.0, command_delay=0.002))
     world.apply(push(5.0))
     world.step(2)
@@ -120,7 +120,7 @@ def test_a_command_takes_effect_after_the_delay():
 
 @pytest.mark.slow
 def test_braking_does_not_wait_for_a_command_on_its_way():
-    world = build_world(load_robot('go2'), setup=RobotSetup(height=50.0, command_delay=0.002))
+    world = build_world(robot_named('go2'), setup=RobotSetup(height=50.0, command_delay=0.002))
     world.apply(push(5.0))
     world.brake()
     world.step(5)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
+from descriptions import robot_named
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
 import pytest
-from robot_description.description import load_robot
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import SimulationError
 
@@ -30,7 +30,7 @@ def lidar(kind='ray', word='ray', plugin='', name='eye', samples=3, yaw=0):
 
 @pytest.fixture(scope='module')
 def mbot():
-    loaded = load_robot('mbot')
+    loaded = robot_named('mbot')
     return read_sensor_tags(loaded.robot)
 
 
@@ -67,7 +67,7 @@ def test_mbots_camera_is_the_courses_with_depth_beside_it(mbot):
 
 
 def test_a_kinect_has_colour_and_depth():
-    loaded = load_robot('mbot_kinect')
+    loaded = robot_named('mbot_kinect')
     (_, (kinect,)), _ = read_sensor_tags(loaded.robot)
     assert kinect.colour_topic == 'kinect/rgb/image_raw'
     assert kinect.colour_info_topic == 'kinect/rgb/camera_info'
@@ -75,7 +75,7 @@ def test_a_kinect_has_colour_and_depth():
 
 
 def test_a_robot_without_sensors_has_none():
-    loaded = load_robot('mbot_bare')
+    loaded = robot_named('mbot_bare')
     assert read_sensor_tags(loaded.robot) == ([[], []], [])
 
 

@@ -3,6 +3,7 @@
 
 import math
 
+from descriptions import robot_named
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.sensors.noise import NoisySensors
@@ -11,7 +12,6 @@ from mujoco_sim.sensors.noise import turn_by
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from robot_description.description import load_robot
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
@@ -116,7 +116,7 @@ def test_tilting_turns_about_the_axes_of_the_body(axis):
 
 @pytest.fixture(scope='module')
 def go2():
-    return load_robot('go2')
+    return robot_named('go2')
 
 
 @pytest.mark.slow

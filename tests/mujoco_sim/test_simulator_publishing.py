@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages are made when there is somebody to get them; what moves does not depend on that."""
 
+from descriptions import robot_named
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from rclpy.node import Node
-from robot_description.description import load_robot
 from sensor_msgs.msg import JointState
 
 from mujoco_sim import simulator_node
@@ -23,7 +23,7 @@ PARTS = (
 
 @pytest.fixture(scope='module')
 def go2():
-    return load_robot('go2')
+    return robot_named('go2')
 
 
 def simulate(spawn, go2, steps=100):

@@ -3,6 +3,7 @@
 
 import math
 
+from descriptions import robot_named
 import mujoco
 from mujoco_sim.scene import AHEAD
 from mujoco_sim.scene import STEPS
@@ -10,13 +11,12 @@ from mujoco_sim.scene import TREAD
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from robot_description.description import load_robot
 from wasd_core.errors import SimulationError
 
 
 @pytest.fixture(scope='module')
 def go2():
-    return load_robot('go2')
+    return robot_named('go2')
 
 
 @pytest.fixture(scope='module')
@@ -122,7 +122,7 @@ def test_rough_ground_has_no_edges(height):
 @pytest.mark.parametrize('world', ['boxes:0.05', 'stairs:0.1', 'slope:20'])
 def test_a_robot_let_fall_on_it_stays_on_top(height, world):
     # Physics sees what rays see: a robot lands on the ground, not in it.
-    landed = build_world(load_robot('go2'), world)
+    landed = build_world(robot_named('go2'), world)
     landed.data.qpos[:3] = (2.0, 0.0, height(world, 2.0) + 0.3)
     landed.step(300)
     assert landed.base().position[2] > height(world, float(landed.base().position[0])) + 0.01

@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped begins lying, with real motors and sensors; other robots as they are."""
 
+from descriptions import robot_named
 from mujoco_sim.robot_setup import COMMAND_DELAY
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from robot_description.description import load_robot
 
 
 @pytest.fixture(scope='module')
 def go2():
-    return load_robot('go2')
+    return robot_named('go2')
 
 
 @pytest.fixture(scope='module')
 def mbot():
-    return load_robot('mbot')
+    return robot_named('mbot')
 
 
 def test_mbot_is_put_into_the_world_as_it_is(mbot):

@@ -3,19 +3,18 @@
 
 from dataclasses import replace
 
+from descriptions import robot_named
 import pytest
 from robot_description.description import load_robot
 from robot_description.morphology.equip_wheels import equip_drive
 from robot_description.morphology.equip_wheels import lowest_point
 from robot_description.morphology.wheels import find_drive
-from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import expand
 from wasd_core.robot_io import GRAVITY
 
 
 def parsed(name):
-    return parse_urdf(expand(description_path(name)))
+    return parse_urdf(robot_named(name).urdf)
 
 
 def equipped(robot):

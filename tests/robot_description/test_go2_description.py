@@ -4,6 +4,7 @@
 import math
 import xml.etree.ElementTree as ElementTree
 
+from descriptions import robot_named
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -24,7 +25,7 @@ FOOT_SHIFT = np.array((-0.002, 0.0, 0.0))
 
 @pytest.fixture(scope='module')
 def urdf() -> str:
-    return expand(description_path('go2'))
+    return robot_named('go2').urdf
 
 
 @pytest.fixture(scope='module')

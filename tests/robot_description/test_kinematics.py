@@ -5,6 +5,7 @@ from dataclasses import replace
 import math
 from pathlib import Path
 
+from descriptions import robot_named
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -35,7 +36,7 @@ def test_every_link_is_where_the_urdf_says_in_three_libraries(name):
 
 @pytest.mark.slow
 def test_a_wrong_link_is_found():
-    loaded = load_robot('go2')
+    loaded = robot_named('go2')
     shifted = replace(loaded, urdf=loaded.urdf.replace('-0.213"', '-0.214"'))
     deviations = check_kinematics(shifted)
     assert all(deviation.distance > 9e-4 for deviation in deviations)
@@ -43,7 +44,7 @@ def test_a_wrong_link_is_found():
 
 @pytest.fixture(scope='module')
 def go2():
-    loaded = load_robot('go2')
+    loaded = robot_named('go2')
     return loaded.robot, to_pinocchio(loaded)
 
 
@@ -69,7 +70,7 @@ def test_a_configuration_goes_by_name_whatever_the_order(go2):
 
 
 def test_a_joint_without_limits_is_a_cosine_and_a_sine():
-    model = to_pinocchio(load_robot('mbot'))
+    model = to_pinocchio(robot_named('mbot'))
     q = configuration(model, {'left_wheel_joint': math.pi / 2})
     joint = model.joints[model.getJointId('left_wheel_joint')]
     np.testing.assert_allclose(q[joint.idx_q : joint.idx_q + 2], [0.0, 1.0], atol=1e-15)
@@ -86,7 +87,7 @@ def test_a_robot_that_hangs_on_the_world_is_fixed_in_pinocchio_too():
 def test_for_control_a_robot_is_free_and_each_joint_one_number():
     hung = read_description(description_path('go2'), arguments={'DEBUG': 'true'})
     assert (to_pinocchio(hung, for_control=True).nq, to_pinocchio(hung).nq) == (19, 12)
-    wheeled = load_robot('mbot')
+    wheeled = robot_named('mbot')
     turning = len(wheeled.robot.movable_joints)  # none has limits
     assert to_pinocchio(wheeled).nq == 7 + 2 * turning
     assert to_pinocchio(wheeled, for_control=True).nq == 7 + turning

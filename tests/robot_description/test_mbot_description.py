@@ -3,11 +3,10 @@
 
 import xml.etree.ElementTree as ElementTree
 
+from descriptions import robot_named
 import numpy as np
 import pytest
-from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import expand
 from wasd_core.rotations import rpy_matrix
 
 WHEEL_RADIUS = 0.06
@@ -16,7 +15,7 @@ CASTER_RADIUS = 0.015
 
 @pytest.fixture(scope='module')
 def urdf():
-    return expand(description_path('mbot'))
+    return robot_named('mbot').urdf
 
 
 @pytest.fixture(scope='module')
@@ -29,7 +28,7 @@ def test_it_is_called_mbot_and_stands_on_its_footprint(mbot):
 
 
 def test_without_sensors_it_has_the_links_and_joints_of_the_courses_robot():
-    mbot = parse_urdf(expand(description_path('mbot_bare')))
+    mbot = parse_urdf(robot_named('mbot_bare').urdf)
     sides = ('left_wheel', 'right_wheel', 'front_caster', 'back_caster')
     assert set(mbot.links) == {'base_footprint', 'base_link', *(f'{s}_link' for s in sides)}
     kinds = {joint.name: joint.kind for joint in mbot.joints.values()}
@@ -39,7 +38,7 @@ def test_without_sensors_it_has_the_links_and_joints_of_the_courses_robot():
 @pytest.mark.slow
 @pytest.mark.parametrize('variant', ['mbot', 'mbot_bare', 'mbot_kinect'])
 def test_it_weighs_1_8_kg_whatever_it_carries(variant):
-    mbot = parse_urdf(expand(description_path(variant)))
+    mbot = parse_urdf(robot_named(variant).urdf)
     assert mbot.mass == pytest.approx(1.8, abs=1e-12)
     assert mbot.links['base_link'].mass == 1.0
 
@@ -54,7 +53,7 @@ def test_its_sensors_are_where_the_course_has_them(mbot):
 
 @pytest.mark.parametrize('variant', ['mbot', 'mbot_kinect'])
 def test_an_optical_frame_looks_along_z_with_y_down(variant):
-    mbot = parse_urdf(expand(description_path(variant)))
+    mbot = parse_urdf(robot_named(variant).urdf)
     (frame,) = (link for link in mbot.links if link.endswith('_optical_frame'))
     right, down, ahead = mbot.rest_poses[frame].rotation.T
     np.testing.assert_allclose(ahead, [1.0, 0.0, 0.0], atol=1e-12)

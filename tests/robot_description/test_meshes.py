@@ -3,6 +3,7 @@
 
 from pathlib import Path
 
+from descriptions import robot_named
 import mujoco
 from mujoco_sim.world import build_world
 import numpy as np
@@ -12,9 +13,7 @@ from robot_description.meshes import load
 from robot_description.meshes.load import load_mesh
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import expand
 
 URL = 'package://example-robot-data/robots/go2_description/visuals/{}.dae'
 TETRAHEDRON = 'v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n'
@@ -36,7 +35,7 @@ def tetrahedron(tmp_path) -> Path:
 
 @pytest.fixture(scope='module')
 def urdf() -> str:
-    return expand(description_path('go2'))
+    return robot_named('go2').urdf
 
 
 def shown(model, body):
@@ -63,7 +62,7 @@ def test_a_mesh_is_triangles_in_metres(tetrahedron):
 
 @pytest.mark.slow
 def test_the_go2s_trunk_has_the_size_of_a_go2():
-    path = load_robot('go2').meshes.files[URL.format('base')]
+    path = robot_named('go2').meshes.files[URL.format('base')]
     size = np.ptp(load_mesh(path).vertices, axis=0)
     # Longer than the hips are apart (0.39 m), shorter than the whole Go2 (0.70 m); z is up.
     np.testing.assert_allclose(size, [0.46, 0.19, 0.19], atol=0.02)
@@ -108,7 +107,7 @@ def test_what_is_no_mesh_is_a_value_error_in_one_line(tmp_path, name):
 
 @pytest.mark.slow
 def test_every_link_of_the_go2_is_drawn_with_its_mesh():
-    world = build_world(load_robot('go2'), visuals=True)
+    world = build_world(robot_named('go2'), visuals=True)
     assert shown(world.model, 'base') == [mujoco.mjtGeom.mjGEOM_MESH]
     for leg in ('FL', 'FR', 'RL', 'RR'):
         for part in ('hip', 'thigh', 'calf'):
@@ -119,7 +118,7 @@ def test_every_link_of_the_go2_is_drawn_with_its_mesh():
 
 @pytest.mark.slow
 def test_meshes_weigh_nothing_and_touch_nothing():
-    plain, drawn = (build_world(load_robot('go2'), visuals=v).model for v in (False, True))
+    plain, drawn = (build_world(robot_named('go2'), visuals=v).model for v in (False, True))
     np.testing.assert_array_equal(plain.body_mass, drawn.body_mass)
     np.testing.assert_array_equal(plain.body_inertia, drawn.body_inertia)
     meshes_drawn = drawn.geom_type == mujoco.mjtGeom.mjGEOM_MESH
@@ -131,7 +130,7 @@ def test_meshes_weigh_nothing_and_touch_nothing():
 @pytest.mark.slow
 def test_drawing_does_not_change_what_happens():
     def fall(visuals):
-        world = build_world(load_robot('go2'), visuals=visuals)
+        world = build_world(robot_named('go2'), visuals=visuals)
         world.data.qpos[2] = 0.5
         world.step(400)
         return world.data.qpos.copy()
@@ -141,7 +140,7 @@ def test_drawing_does_not_change_what_happens():
 
 @pytest.mark.slow
 def test_a_missing_mesh_shows_primitives_instead(urdf):
-    files = load_robot('go2').meshes.files
+    files = robot_named('go2').meshes.files
 
     def find(url):
         return None if 'thigh' in url else files.get(url)

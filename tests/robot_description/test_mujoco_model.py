@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+from descriptions import robot_named
 import mujoco
 import numpy as np
 import pytest
@@ -6,10 +7,8 @@ from robot_description.mujoco.builder import compile_model
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.mujoco.geoms import COLLISION_GROUP
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from robot_description.packages import description_path
 from robot_description.robot import ROOT_JOINT
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import expand
 from wasd_core.errors import DescriptionError
 
 INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'
@@ -28,7 +27,7 @@ def link(name, *shapes):
 
 @pytest.fixture(scope='module')
 def urdf():
-    return expand(description_path('mbot'))
+    return robot_named('mbot').urdf
 
 
 @pytest.fixture(scope='module')

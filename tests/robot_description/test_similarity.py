@@ -4,6 +4,7 @@
 from dataclasses import replace
 import math
 
+from descriptions import robot_named
 import numpy as np
 import pytest
 from robot_description.morphology.quadruped import find_quadruped
@@ -13,14 +14,12 @@ from robot_description.morphology.quadruped import Scale
 from robot_description.morphology.quadruped import scale_of
 from robot_description.morphology.quadruped import similar_pose
 from robot_description.morphology.quadruped import STOP_MARGIN
-from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import expand
 
 
 @pytest.fixture(scope='module')
 def go2() -> Quadruped:
-    return find_quadruped(parse_urdf(expand(description_path('go2'))))
+    return find_quadruped(parse_urdf(robot_named('go2').urdf))
 
 
 def resized(robot: Quadruped, length: float) -> Quadruped:

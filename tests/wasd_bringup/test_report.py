@@ -6,12 +6,12 @@ import math
 import os
 import stat
 
+from descriptions import robot_named
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.simulation import TickSummary
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from robot_description.description import load_robot
 from wasd_bringup.report import build_report
 from wasd_bringup.report import Recorder
 from wasd_bringup.report import Sample
@@ -26,7 +26,7 @@ TICKS = TickSummary(1.0, 2.0, 3.0, 0)
 
 @pytest.fixture
 def world():
-    return build_world(load_robot('mbot'), setup=RobotSetup(height=1.0))
+    return build_world(robot_named('mbot'), setup=RobotSetup(height=1.0))
 
 
 @pytest.fixture
