@@ -28,6 +28,7 @@ from wasd_core.rotations import rpy_from_matrix
 from wasd_bringup.inputs import RESET_KEY
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
+from wasd_bringup.report import TrunkWatch
 from wasd_bringup.robots import unitree_first_keys
 from wasd_bringup.robots import unitree_help
 from wasd_bringup.robots import UNITREE_PRESET
@@ -61,7 +62,7 @@ class Go2Stack(ControlStack):
         if options.interactive:
             # What it refuses is in the status line; a log would break that line.
             self._legs.get_logger().set_level(LoggingSeverity.ERROR)
-        self._was_up = False
+        self._trunk = TrunkWatch()
 
     @property
     def period(self) -> float:
@@ -114,7 +115,7 @@ class Go2Stack(ControlStack):
 
     def reset(self) -> None:
         """Forget the past: state, estimate, commands."""
-        self._was_up = False
+        self._trunk = TrunkWatch()
         self._legs.reset()
         super().reset()
 
@@ -129,9 +130,9 @@ class Go2Stack(ControlStack):
         vx, vy, wz = self._command()
         forces = self._world.contact_forces(self._touching)
         touching = (forces > 0.0).astype(int).tolist()
-        return Sample(
-            controller.state, (vx, vy, wz), pose, touching[:4], self._is_down(any(touching[4:]))
-        )
+        event = controller.event
+        is_down = self._trunk.is_down(any(touching[4:]), controller.state, event)
+        return Sample(controller.state, (vx, vy, wz), pose, touching[:4], is_down)
 
     def status(self) -> Status:
         """Return what a driver wants to see."""
@@ -167,15 +168,6 @@ class Go2Stack(ControlStack):
             return 0.0, 0.0, 0.0
         vx, vy, wz = self._legs.controller.command_filter.command
         return float(vx), float(vy), float(wz)
-
-    def _is_down(self, trunk_touches: bool) -> bool:
-        """Whether the trunk is on the ground against the driver's will."""
-        laid_down = self.state == 'passive' and self._legs.controller.event is None
-        if not trunk_touches:
-            self._was_up = self.state != 'passive'
-        elif laid_down:
-            self._was_up = False
-        return trunk_touches and self._was_up
 
     def _control(self) -> None:
         world = self._world

@@ -107,6 +107,21 @@ class Sample(NamedTuple):
     is_down: bool = False  # a legged robot whose trunk has come to the ground
 
 
+class TrunkWatch:
+    """Tells when the trunk of a legged robot has come to the ground against the driver's will."""
+
+    def __init__(self) -> None:
+        self._was_up = False
+
+    def is_down(self, touches: bool, state: str, event: str | None) -> bool:
+        """Whether it is down; `touches` the ground, in a state, which an `event` has led to."""
+        if not touches:
+            self._was_up = state != 'passive'
+        elif state == 'passive' and event is None:
+            self._was_up = False
+        return touches and self._was_up
+
+
 class Recorder:
     """
     Counts falls, and keeps samples if asked; `sample` is called every SAMPLE_PERIOD [s].
