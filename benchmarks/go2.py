@@ -12,6 +12,7 @@ from dataclasses import replace
 import subprocess
 from typing import NamedTuple
 
+from cores import simulate_all
 from experiment import Experiment
 from go2_time import determinism
 from go2_time import first_start
@@ -30,7 +31,6 @@ from go2_walks import steadiness
 from go2_walks import tracking
 from table import Row
 from trials import RunFailed
-from trials import simulate_all
 
 FIRST_SEED = 1000
 

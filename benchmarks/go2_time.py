@@ -32,7 +32,7 @@ TOPICS_PATIENCE = 180.0
 
 def slow_host(seed: int, speeds: Sequence[float]) -> Experiment:
     """Run the same short script on a host that is slow, on time, and fast."""
-    base = Run(seed=seed, twist=f'{START} 0.8 0 0.5\n', duration=5.0)
+    base = Run(seed=seed, twist=f'{START} 0.8 0 0.5\n', duration=5.0, command=True)
     runs = [replace(base, speed=speed) for speed in speeds]
     names = ', '.join(f'{speed:g}' for speed in speeds)
 
@@ -58,6 +58,7 @@ def slow_host(seed: int, speeds: Sequence[float]) -> Experiment:
 def determinism(seed: int, world: str) -> Experiment:
     """Run the same twice, over rough ground and with noise."""
     base = Run(seed=seed, twist=f'{START} 0.5 0 0\n', duration=START + 8.0, world=world)
+    base = replace(base, command=True)
     runs = [base, replace(base, repeat=1)]
 
     def judge(traces: Sequence[Trace]) -> Verdict:
@@ -82,7 +83,7 @@ def one_core() -> Iterator[None]:
 
 def ticks(seed: int, count: int) -> list[Row]:
     """Measure the controller's ticks and the whole simulation's speed on one core."""
-    run = Run(seed=seed, twist=f'{START} 1.0 0 0\n', duration=START + 17.0)
+    run = Run(seed=seed, twist=f'{START} 1.0 0 0\n', duration=START + 17.0, command=True)
     with one_core():
         reports = [simulate(replace(run, repeat=index)).report for index in range(count)]
     factors = [report['real_time_factor'] for report in reports]

@@ -61,9 +61,9 @@ def in_place(what: str, seeds: Sequence[int], step_in_place: bool) -> Experiment
     """Trotting (key 4) with nothing commanded for 20 s: where the robot is in the end."""
     keys = '0.1 2\n2.6 4\n'
     begin = START + 1.0
+    parameters = (('gait.step_in_place', step_in_place),)
     runs = [
-        Run(seed=seed, keys=keys, duration=begin + 20.0, step_in_place=step_in_place)
-        for seed in seeds
+        Run(seed=seed, keys=keys, duration=begin + 20.0, parameters=parameters) for seed in seeds
     ]
 
     def judge(traces: Sequence[Trace]) -> Verdict:

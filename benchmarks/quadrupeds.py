@@ -10,6 +10,7 @@ the truth.
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from cores import simulate_all
 from experiment import Experiment
 from experiment import Verdict
 import numpy as np
@@ -20,7 +21,6 @@ from robot_description.packages import share_directory
 from table import format_count
 from table import Row
 from trials import Run
-from trials import simulate_all
 from trials import START
 from trials import Trace
 from wasd_core.errors import UserError

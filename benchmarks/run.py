@@ -6,7 +6,6 @@ Exit status 1 when a bound is missed.
 """
 
 import argparse
-from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 import datetime
 import json
@@ -18,6 +17,7 @@ import time
 import traceback
 
 import both
+import cores
 import cycles
 import describe
 import go2
@@ -52,7 +52,7 @@ def note(text: str) -> None:
         print(f'\r\033[K{text}', end='', file=sys.stderr, flush=True)
 
 
-def measure(name: str, quick: bool, descriptions: Sequence[str] = ()) -> list[Row]:
+def measure(name: str, arguments: argparse.Namespace) -> list[Row]:
     """
     Measure one part in a process of its own: whatever it sets, no other part inherits.
 
@@ -61,15 +61,16 @@ def measure(name: str, quick: bool, descriptions: Sequence[str] = ()) -> list[Ro
     spawning = multiprocessing.get_context('spawn')
     with ProcessPoolExecutor(max_workers=1, mp_context=spawning) as pool:
         try:
-            return pool.submit(_measure_here, name, quick, descriptions).result()
+            return pool.submit(_measure_here, name, arguments).result()
         except Exception as error:
             traceback.print_exception(error)
             return [Row(what=name, measured=f'broke: {error}', must='runs', passed=False)]
 
 
-def _measure_here(name: str, quick: bool, descriptions: Sequence[str]) -> list[Row]:
-    quadrupeds.more += descriptions
-    return PARTS[name](quick, note)
+def _measure_here(name: str, arguments: argparse.Namespace) -> list[Row]:
+    quadrupeds.more += arguments.description
+    cores.cluster = arguments.dask
+    return PARTS[name](arguments.quick, note)
 
 
 def draw(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
@@ -104,6 +105,12 @@ def make_parser() -> argparse.ArgumentParser:
         help='another robot to walk with the quadrupeds (repeatable)',
     )
     parser.add_argument(
+        '--dask',
+        default='',
+        metavar='ADDRESS',
+        help="simulate on a Dask cluster, e.g. tcp://10.0.0.1:8786 (needs wasd's extra `cluster`)",
+    )
+    parser.add_argument(
         '--picture', metavar='FILE', help="draw mbot's square as a PNG, and measure nothing"
     )
     return parser
@@ -120,9 +127,7 @@ def main() -> int:
     begin = time.monotonic()
     names = [arguments.part] if arguments.part else list(PARTS)
     try:
-        rows = [
-            row for name in names for row in measure(name, arguments.quick, arguments.description)
-        ]
+        rows = [row for name in names for row in measure(name, arguments)]
     except KeyboardInterrupt:
         return 130
     finally:

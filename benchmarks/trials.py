@@ -1,26 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs of `wasd go2`, each a process of its own, and what their reports say."""
+"""Runs of a quadruped, in this process or as `wasd go2`, and what their reports say."""
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 import hashlib
 import json
 import math
-import os
 from pathlib import Path
 import subprocess
 import sys
 import tempfile
-import threading
 from typing import Any
 
 from environment import alone
 import numpy as np
+from walking import Felt
+from walking import Walk
 
-HERE = Path(__file__).resolve().parent
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
-STEPPING = (sys.executable, str(HERE / 'stepping.py'))
 # A run that takes longer than this has hung [s].
 PATIENCE = 900.0
 # What a report says of the machine; the rest is simulated.
@@ -44,10 +40,15 @@ class Run:
     duration: float
     world: str = 'flat'
     estimator: str = 'kalman'
-    push: str = ''
-    speed: float = 0.0
+    push: str = ''  # as --push reads it; several with ';' between
     description: str = ''  # a file; '' is the Go2
-    step_in_place: bool = False  # whether it steps at zero command
+    friction: float | None = None
+    payload: str = ''
+    randomise: float = 0.0
+    tumbled: float | None = None  # begins anyhow, at this x [m]
+    parameters: tuple[tuple[str, Any], ...] = ()  # of the controller, `group.name` and value
+    command: bool = False  # as `wasd go2`, in a process of its own
+    speed: float = 0.0  # of `wasd go2`
     repeat: int = 0  # tells a run from another that is the same
 
 
@@ -66,6 +67,7 @@ class Trace:
     odometry: np.ndarray  # x, y, yaw, (n, 3)
     contacts: np.ndarray  # 1 where a foot touches, (n, 4)
     torque: np.ndarray  # largest of any motor since the row before, (n,)
+    felt: Felt | None = None  # of a run in this process
 
     @property
     def is_up(self) -> bool:
@@ -100,20 +102,30 @@ class Trace:
         asked = {'seed': run.seed, 'world': run.world, 'estimator': run.estimator}
         if run.description:
             asked['description'] = Path(run.description).name
+        for name in ('friction', 'payload', 'randomise', 'push'):
+            if getattr(run, name):
+                asked[name] = getattr(run, name)
         seen = {'falls': self.report['falls'], 'state': self.state[-1]}
         return {**asked, 'passed': passed, **seen, **values}
 
 
 def simulate(run: Run) -> Trace:
     """
-    Run the Go2 and return what happened.
+    Run the robot and return what happened.
 
     Raises:
-        RunFailed: it wrote no report.
+        RunFailed: as a command it wrote no report.
     """
+    if run.command:
+        return _simulate_command(run)
+    report, felt = Walk(run).report()
+    return to_trace(run, report, felt)
+
+
+def _simulate_command(run: Run) -> Trace:
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder, 'report.json')
-        words = [*(STEPPING if run.step_in_place else WASD), 'go2', '--viewer', 'none']
+        words = [*WASD, 'go2', '--viewer', 'none']
         for option, text in (('--play', run.keys), ('--twist', run.twist)):
             path = Path(folder, option.strip('-'))
             path.write_text(text)
@@ -121,6 +133,9 @@ def simulate(run: Run) -> Trace:
         words += ['--push', run.push] if run.push else []
         words += ['--description', run.description] if run.description else []
         words += ['--world', run.world, '--seed', str(run.seed), '--estimator', run.estimator]
+        for option in ('friction', 'payload', 'randomise'):
+            value = getattr(run, option)
+            words += [f'--{option}', str(value)] if value else []
         words += ['--duration', str(run.duration), '--speed', str(run.speed)]
         words += ['--report', str(report)]
         finished = subprocess.run(
@@ -136,34 +151,11 @@ def simulate(run: Run) -> Trace:
         return to_trace(run, json.loads(report.read_text()))
 
 
-def to_trace(run: Run, report: dict[str, Any]) -> Trace:
+def to_trace(run: Run, report: dict[str, Any], felt: Felt | None = None) -> Trace:
     """Return a report with its samples as arrays."""
     same = {key: value for key, value in report.items() if key not in OF_THE_MACHINE}
     digest = hashlib.sha256(json.dumps(same, sort_keys=True).encode()).hexdigest()
     samples = report.pop('samples')
     names = ('position', 'rpy', 'velocity', 'odom', 'contacts', 'torque_max')
     arrays = [np.array(samples[name]) for name in names]
-    return Trace(run, report, digest, np.array(samples['t']), samples['state'], *arrays)
-
-
-def simulate_all(runs: Sequence[Run], note: Callable[[str], None]) -> dict[Run, Trace | RunFailed]:
-    """Run each once, as many at a time as there are cores; `note` is told how far it is."""
-    done: dict[Run, Trace | RunFailed] = {}
-    lock = threading.Lock()
-    wanted = list(dict.fromkeys(runs))
-
-    def one(run: Run) -> None:
-        result: Trace | RunFailed
-        try:
-            result = simulate(run)
-        except (RunFailed, subprocess.TimeoutExpired) as error:
-            result = RunFailed(str(error))
-        with lock:
-            done[run] = result
-            note(f'{len(done)} of {len(wanted)} runs')
-
-    with ThreadPoolExecutor(max_workers=len(os.sched_getaffinity(0))) as pool:
-        # Longest first: none is left to one core at the end.
-        for _ in pool.map(one, sorted(wanted, key=lambda run: -run.duration)):
-            pass
-    return done
+    return Trace(run, report, digest, np.array(samples['t']), samples['state'], *arrays, felt)

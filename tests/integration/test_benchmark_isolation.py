@@ -29,7 +29,8 @@ def curious(quick, note):
 run.PARTS |= {{'careless': careless, 'curious': curious}}
 if __name__ == '__main__':
     before = dict(os.environ)
-    rows = [*run.measure('careless', True), *run.measure('curious', True)]
+    asked = run.make_parser().parse_args([])
+    rows = [*run.measure('careless', asked), *run.measure('curious', asked)]
     print(rows[0].measured, os.environ == before)
 """
 GOES = '0 0.3 0 0\n'

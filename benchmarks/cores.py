@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Many runs at once: on all cores of this machine, or on those of a Dask cluster.
+
+A run is the same wherever it is simulated, so the figures are those of one after the other.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import as_completed
+from concurrent.futures import ProcessPoolExecutor
+import multiprocessing
+import os
+from pathlib import Path
+from typing import Any
+
+from trials import Run
+from trials import RunFailed
+from trials import simulate
+from trials import Trace
+
+HERE = Path(__file__).resolve().parent
+# Address of a Dask scheduler; '' is this machine.
+cluster = ''
+Result = Trace | RunFailed
+
+
+def simulate_all(runs: Sequence[Run], note: Callable[[str], None]) -> dict[Run, Result]:
+    """Run each once, as many at a time as there are cores; `note` is told how far it is."""
+    # Longest first: none is left to one core at the end.
+    wanted = sorted(dict.fromkeys(runs), key=lambda run: -run.duration)
+    done: dict[Run, Result] = {}
+    for run, result in on_cluster(wanted) if cluster else on_cores(wanted):
+        done[run] = result
+        note(f'{len(done)} of {len(wanted)} runs')
+    return done
+
+
+def attempt(run: Run) -> Result:
+    """Return what happened in a run, or why it has failed: the others have taken minutes."""
+    try:
+        return simulate(run)
+    except Exception as error:
+        return RunFailed(f'{type(error).__name__}: {error}')
+
+
+def on_cores(runs: Sequence[Run], cores: int | None = None) -> Iterator[tuple[Run, Result]]:
+    """Yield each run and its result, as they come."""
+    spawning = multiprocessing.get_context('spawn')
+    cores = cores or len(os.sched_getaffinity(0))
+    with ProcessPoolExecutor(max_workers=cores, mp_context=spawning) as pool:
+        futures = {pool.submit(attempt, run): run for run in runs}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+
+
+def on_cluster(runs: Sequence[Run]) -> Iterator[tuple[Run, Result]]:
+    """
+    Yield each run and its result, as they come from the cluster.
+
+    Its workers need this version of wasd; the benchmark's own files are sent to them.
+    """
+    # Here, because only who has such a cluster has installed it (extra `cluster`).
+    from distributed import as_completed as completed
+    from distributed import Client
+
+    with Client(cluster) as client:
+        for name in ('environment', 'walking', 'trials', 'cores'):
+            client.upload_file(str(HERE / f'{name}.py'))
+        futures: Iterable[Any] = client.map(attempt, runs, pure=False)
+        named = dict(zip(futures, runs, strict=True))
+        for future in completed(list(named)):
+            yield named[future], future.result()

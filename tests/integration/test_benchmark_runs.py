@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run of the benchmark is the same in its process, as a command, and in any other process."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
+
+
+@pytest.fixture(scope='module')
+def bench() -> Iterator[Any]:
+    """Return a function: a module of the benchmark by its name."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(BENCHMARKS))
+        yield importlib.import_module
+
+
+@pytest.fixture(scope='module')
+def run(bench: Any) -> Any:
+    """Return a short run with all that is untold: it stands up, walks and is pushed."""
+    return bench('trials').Run(
+        seed=3,
+        twist='3 0.7 0.1 0.3\n3.4 stop\n',
+        duration=3.6,
+        world='boxes:0.05',
+        push='3.2 0 100 0 0.1 0.1 0 0',
+        friction=0.5,
+        payload='2@0,0.1,0',
+        randomise=0.5,
+    )
+
+
+@pytest.fixture(scope='module')
+def trace(bench: Any, run: Any) -> Any:
+    """Return what happened in it, in this process."""
+    return bench('trials').simulate(run)
+
+
+COLUMNS = ('t', 'position', 'rpy', 'velocity', 'odometry', 'contacts', 'torque')
+
+
+@pytest.mark.process
+def test_it_is_what_the_command_reports(bench: Any, run: Any, trace: Any) -> None:
+    command = bench('trials').simulate(replace(run, command=True))
+    for name in COLUMNS:
+        np.testing.assert_array_equal(getattr(trace, name), getattr(command, name), name)
+    assert trace.state == command.state
+    assert trace.report['falls'] == command.report['falls']
+
+
+@pytest.mark.process
+def test_on_all_cores_the_figures_are_those_of_one_by_one(
+    bench: Any, run: Any, trace: Any
+) -> None:
+    runs = [run, replace(run, seed=4, world='flat', duration=0.5)]
+    said: list[str] = []
+    results = bench('cores').simulate_all([*runs, run], said.append)
+    assert set(results) == set(runs)
+    assert results[run].digest == trace.digest
+    assert len(said) == len(runs)
+
+
+@pytest.mark.slow
+def test_a_run_that_breaks_breaks_no_other(bench: Any, run: Any) -> None:
+    result = bench('cores').attempt(replace(run, world='moon'))
+    assert isinstance(result, bench('trials').RunFailed)
+    assert 'no such file' in str(result)
+
+
+@pytest.mark.process
+def test_on_a_cluster_the_figures_are_the_same(
+    bench: Any, run: Any, trace: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distributed = pytest.importorskip('distributed')
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=':0'
+    ) as own:
+        monkeypatch.setattr(bench('cores'), 'cluster', own.scheduler_address)
+        results = bench('cores').simulate_all([run], lambda _: None)
+    assert results[run].digest == trace.digest
+
+
+def test_the_cluster_is_loaded_only_when_it_is_asked_for() -> None:
+    for path in BENCHMARKS.glob('*.py'):
+        at_top = [line for line in path.read_text().splitlines() if not line.startswith(' ')]
+        assert not any('distributed' in line and 'import' in line for line in at_top), path
