@@ -36,7 +36,8 @@ class CommandFilter:
     Turns (vx, vy, yaw rate) requests into a command that ramps within limits.
 
     State: the request, its age and the present command. One `step` ages the request and moves the
-    command; a request older than `timeout` counts as zero.
+    command; a request older than `timeout` counts as zero. `grip` in (0, 1] slows the ramps on
+    slippery ground.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class CommandFilter:
         """Rest, as if no request had ever come."""
         self._request = np.zeros(3)
         self.command = np.zeros(3)
+        self.grip = 1.0
         self.forget_request()
 
     def forget_request(self) -> None:
@@ -116,12 +118,16 @@ class CommandFilter:
         self._is_new = False
         target = np.zeros(3) if self.is_silent else self._request
         params = self._params
-        most = dt * np.array(
-            (params.forward_acceleration, params.lateral_acceleration, params.yaw_acceleration)
+        most = (
+            self.grip
+            * dt
+            * np.array(
+                (params.forward_acceleration, params.lateral_acceleration, params.yaw_acceleration)
+            )
         )
         self.command = self.command + np.clip(target - self.command, -most, most)
         # On its way from one curve to another the yaw rate waits for the speed.
         speed = math.hypot(self.command[0], self.command[1])
-        tightest = params.curve_acceleration / max(speed, 1e-9)
+        tightest = self.grip * params.curve_acceleration / max(speed, 1e-9)
         self.command[2] = min(max(self.command[2], -tightest), tightest)
         return self.command

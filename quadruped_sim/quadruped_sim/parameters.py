@@ -255,6 +255,26 @@ class ContactParameters(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
+class GripParameters(Parameters):
+    """Friction by what feet feel [Focchi2018]; `mpc.friction` is the guess it starts from."""
+
+    slip_speed: float = parameter(
+        0.25, above=0.0, unit='m/s', doc='Speed from which on a foot that stands slips'
+    )
+    share: float = parameter(
+        0.8, above=0.0, maximum=1.0, doc='Share of the friction felt that forces may use'
+    )
+    fall_time: float = parameter(
+        0.02, above=0.0, unit='s', doc='Time constant in which slipping feet lower it'
+    )
+    rise: float = parameter(
+        0.5, minimum=0.0, unit='1/s', doc='How fast feet raise it that bear more and do not slip'
+    )
+    least: float = parameter(0.1, above=0.0, doc='Least friction believed in')
+    most: float = parameter(0.7, above=0.0, doc='Largest friction believed in')
+
+
+@dataclass(frozen=True, kw_only=True)
 class EstimatorParameters(Parameters):
     """Kalman filter of base position, velocity and the feet [Bloesch2012, linear form]."""
 
@@ -269,6 +289,12 @@ class EstimatorParameters(Parameters):
     )
     velocity_noise: float = parameter(
         0.08, above=0.0, unit='m/s', doc='Standard deviation of base velocity by one standing leg'
+    )
+    slip_speed: float = parameter(
+        0.25,
+        above=0.0,
+        unit='m/s',
+        doc="A foot that is off the base's velocity by more slips: not believed",
     )
     level_band: float = parameter(
         0.02, minimum=0.0, unit='m', doc='Feet farther from the start level are not drawn to it'
@@ -327,6 +353,7 @@ class LegControllerParameters(Parameters):
     reference: ReferenceParameters = group(ReferenceParameters)
     ground: GroundParameters = group(GroundParameters)
     contact: ContactParameters = group(ContactParameters)
+    grip: GripParameters = group(GripParameters)
     kalman: EstimatorParameters = group(EstimatorParameters)
     command: CommandParameters = group(CommandParameters)
     safety: SafetyParameters = group(SafetyParameters)

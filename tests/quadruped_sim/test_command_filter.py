@@ -56,6 +56,12 @@ def test_acceleration_is_limited():
     np.testing.assert_allclose(settle(command_filter, 0.2, (2.0, 0.0, 0.0)), (0.4, 0.0, 0.0))
 
 
+def test_with_half_the_grip_it_speeds_up_half_as_fast():
+    command_filter = CommandFilter(CommandParameters())
+    command_filter.grip = 0.5
+    np.testing.assert_allclose(settle(command_filter, 0.2, (2.0, 0.0, 0.0)), (0.2, 0.0, 0.0))
+
+
 @pytest.mark.parametrize('bad', [float('nan'), float('inf')])
 def test_nan_is_refused_and_changes_nothing(bad):
     command_filter = CommandFilter(CommandParameters())

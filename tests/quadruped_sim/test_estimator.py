@@ -96,3 +96,15 @@ def test_height_error_is_drawn_back_near_the_start_level_only(model):
         remaining.append(estimator.position[2] - start[2])
     assert abs(remaining[0]) < 1e-3
     assert abs(remaining[1] - 0.2) < 5e-3
+
+
+def test_a_foot_that_slips_is_left_out(model):
+    """One leg says 1 m/s, three say rest: all believed, they would make it 0.25 m/s."""
+    estimator = make(model)
+    slipping = rolling_rates(model, ANGLES, np.array((1.0, 0.0, 0.0)))
+    slipping[3:] = 0.0
+    imu = ImuSample(np.eye(3), np.zeros(3), np.array((0.0, 0.0, 9.81)))
+    for _ in range(20):
+        motion = leg_motion(model.geometry, ANGLES, slipping)
+        estimator.step(imu, motion, np.ones(4), UP, DT)
+    np.testing.assert_allclose(estimator.velocity, 0.0, atol=1e-6)

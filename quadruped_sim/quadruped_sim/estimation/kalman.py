@@ -16,6 +16,8 @@ from quadruped_sim.parameters import EstimatorParameters
 
 # Variance added per second to the position of a foot that moves freely.
 _SWING_VARIANCE = 100.0
+# Share of the base's speed by which a standing leg may be off its velocity.
+_DOUBT = 0.1
 # How much less a leg in the air says about the base's velocity than one on the ground.
 _SWING_FACTOR = 1e6
 
@@ -47,6 +49,7 @@ class SensorModel(NamedTuple):
     Where the IMU is and how round the feet are [m], and the noises' standard deviations.
 
     Those are of acceleration, standing foot, foot position by joint angles, velocity by a leg.
+    `slip` [m/s] is how far that may be off before the foot counts as slipping.
     """
 
     imu_offset: np.ndarray
@@ -55,6 +58,7 @@ class SensorModel(NamedTuple):
     foot: float
     kinematics: float
     velocity: float
+    slip: float
 
 
 class KalmanEstimator:
@@ -88,6 +92,7 @@ class KalmanEstimator:
             params.foot_noise,
             params.kinematics_noise,
             params.velocity_noise,
+            params.slip_speed,
         )
 
     def reset(self, position: np.ndarray, feet: np.ndarray) -> None:
@@ -156,7 +161,7 @@ def _filter_step(
     sensors = SensorModel(*sensors)
     x, P = estimate
     R, omega, _ = imu
-    foot, trust = motion.position, footing.trust
+    foot, trust = motion.position, footing.trust.copy()
     _predict_base(estimate, imu, sensors, dt)
     radius = np.empty(3)  # from a contact point to the centre of its foot, world axes
     for k in range(3):
@@ -173,6 +178,9 @@ def _filter_step(
         swept = rotate(R, swept)
         for k in range(3):
             velocity[i, k] = rolling[k] - swept[k]
+        if _slips(estimate, velocity[i], footing.normal, sensors.slip):
+            trust[i] = 0.0
+        for k in range(3):
             x[2 + i, k] += dt * trust[i] * rolling[k]
         P[2 + i, 2 + i] += (sensors.foot * sensors.foot + (1.0 - trust[i]) * _SWING_VARIANCE) * dt
 
@@ -187,6 +195,25 @@ def _filter_step(
         h[1] = 1.0
         noise = sensors.velocity * sensors.velocity * (1.0 + (1.0 - trust[i]) * _SWING_FACTOR)
         _scalar_update(estimate, h, velocity[i], noise)
+
+
+@jit
+def _slips(estimate: Gaussian, velocity: np.ndarray, normal: np.ndarray, limit: float) -> bool:
+    """
+    Whether a leg's word on the base's velocity is off along the ground by more than `limit` [m/s].
+
+    A quick base is known less well, and so is one that three deviations of the filter leave open:
+    feet that all slip cannot be doubted for ever.
+    """
+    x, P = estimate
+    squared = speed = off = 0.0
+    for k in range(3):
+        difference = velocity[k] - x[1, k]
+        squared += difference * difference
+        off += normal[k] * difference
+        speed += x[1, k] * x[1, k]
+    limit += _DOUBT * math.sqrt(speed)
+    return bool(squared - off * off > limit * limit + 9.0 * P[1, 1])
 
 
 @jit

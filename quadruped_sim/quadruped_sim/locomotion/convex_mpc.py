@@ -48,7 +48,7 @@ class ConvexMpc:
     def tune(self, params: MpcParameters) -> None:
         """Take other parameters, another horizon among them."""
         self._params = params
-        self._pyramids = FrictionPyramids(params.friction, params.force_min, params.force_max)
+        self.pyramids = FrictionPyramids(params.friction, params.force_min, params.force_max)
         n, dt = params.steps, params.step
         self.times = dt * np.arange(n)
         end = np.arange(1, n + 1)[:, None]
@@ -81,7 +81,7 @@ class ConvexMpc:
         g = B.T @ self._gradient(problem).ravel()
         H = B.T @ (self._K @ B)
         H.flat[:: 3 * count + 1] += self._params.force_weight
-        forces = self.solver.solve(H, g, self._pyramids.bounds(count))
+        forces = self.solver.solve(H, g, self.pyramids.bounds(count))
         if forces is None:
             return None
         first = np.zeros((4, 3))

@@ -31,6 +31,18 @@ class FrictionPyramids:
         self._force_max = force_max
         self._cache: dict[int, ForceBounds] = {}
 
+    @property
+    def friction(self) -> float:
+        """Coefficient in use, in steps of a hundredth."""
+        return self._friction
+
+    @friction.setter
+    def friction(self, friction: float) -> None:
+        rounded = round(friction, 2)
+        if rounded != self._friction:
+            self._friction = rounded
+            self._cache.clear()
+
     def bounds(self, count: int) -> ForceBounds:
         """Constraints on `count` feet, forces in axes whose z is the ground's normal."""
         if count not in self._cache:

@@ -9,6 +9,7 @@ from wasd_core.rotations import cross
 from wasd_core.rotations import yaw_matrix
 
 from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation.grip import Grip
 from quadruped_sim.locomotion.convex_mpc import ConvexMpc
 from quadruped_sim.locomotion.convex_mpc import MpcProblem
 from quadruped_sim.locomotion.feedback import base_acceleration
@@ -64,6 +65,7 @@ class Locomotion:
         self._tracking = BaseTracking(params.whole_body, model, inertia)
         self.swing_legs = SwingLegs(model, params)
         self.step_height = StepHeight(params.gait, params.contact, model)
+        self.grip = Grip(params.grip, params.mpc.friction)
         self._params = params
         self._nominal_height = self._height_of(params)
         self.schedule = self.gait.state()
@@ -80,6 +82,7 @@ class Locomotion:
         self.ground.params = params.ground
         self.reference.params = params.reference
         self.swing_legs.tune(params)
+        self.grip.tune(params.grip, params.mpc.friction)
         self.step_height.tune(params.gait, params.contact)
         self.mpc.tune(params.mpc)
         self.whole_body.tune(params.whole_body, params.mpc)
@@ -99,6 +102,7 @@ class Locomotion:
         self.is_stance = np.ones(4, dtype=bool)
         self.swing_legs.reset(state.feet)
         self.step_height.reset()
+        self.grip.reset()
         self._early = np.zeros(4, dtype=bool)
         self._forces = standing_forces(self._model.weight, self.is_stance)
         self._since_solution = math.inf
@@ -120,6 +124,8 @@ class Locomotion:
         self._update_stance(state)
         points = self._contact_points(state)
         self.ground.step(points, self._is_loaded(state), dt)
+        self.grip.step(state, self._is_loaded(state), self.ground.frame(), dt)
+        self.mpc.pyramids.friction = self.whole_body.pyramids.friction = self.grip.friction
         height_of_step = self.step_height.step(state, self.schedule, points, self.ground, dt)
         tread = Tread(height_of_step, max(self.schedule.pace, self.step_height.roughness))
         height = self._settle_height(dt)

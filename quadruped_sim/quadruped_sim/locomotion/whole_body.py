@@ -96,7 +96,7 @@ class WholeBody:
         """Take other weights; the limits of the forces are the MPC's."""
         self._weights = np.array(params.acceleration_weights)
         self._force_weight = params.force_weight
-        self._pyramids = FrictionPyramids(mpc.friction, mpc.force_min, mpc.force_max)
+        self.pyramids = FrictionPyramids(mpc.friction, mpc.force_min, mpc.force_max)
 
     def solve(self, task: WholeBodyTask, state: RobotState) -> WholeBodyResult:
         """
@@ -136,7 +136,7 @@ class WholeBody:
         H = weighted @ T
         H.flat[:: 3 * count + 1] += self._force_weight
         g = weighted @ error - self._force_weight * wanted
-        forces = self.solver.solve(H, g, self._pyramids.bounds(count))
+        forces = self.solver.solve(H, g, self.pyramids.bounds(count))
         return (wanted, False) if forces is None else (forces, True)
 
 

@@ -158,8 +158,9 @@ class Trotting(State):
     def step(self, robot: RobotState, dt: float) -> JointCommand:
         """Trot one tick."""
         self._read_command()
-        command = self._parts.command_filter.step(dt)
         locomotion = self._parts.locomotion
+        self._parts.command_filter.grip = locomotion.grip.share
+        command = self._parts.command_filter.step(dt)
         result = locomotion.step(robot, command, dt)
         self.trust = locomotion.trust(robot)
         return result

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much friction the feet find: by the forces felt, and by which of the feet slip."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import rotate
+from quadruped_sim.algebra import rotate_back
+from quadruped_sim.leg_kinematics import ContactPoints
+from quadruped_sim.parameters import GripParameters
+from quadruped_sim.robot_model import BaseMotion
+from quadruped_sim.robot_model import RobotState
+
+
+class Felt(NamedTuple):
+    """Joint rates (4, 3) [rad/s]; forces on the feet (4, 3), base axes [N]; which feet stand."""
+
+    rates: np.ndarray
+    forces: np.ndarray
+    stands: np.ndarray
+
+
+class Grip:
+    """
+    Friction coefficient that forces may use: a guess at first, then what is felt.
+
+    A foot that slips feels the coefficient itself, as the ratio of its tangential to its normal
+    force, and is not to be asked for more [Focchi2018]; one that bears as much as is believed in
+    without slipping says that there is more. State: that coefficient.
+    """
+
+    def __init__(self, params: GripParameters, guess: float) -> None:
+        self.tune(params, guess)
+        self.reset()
+
+    def tune(self, params: GripParameters, guess: float) -> None:
+        """Take other parameters and another guess."""
+        self._params, self._guess = params, guess
+
+    def reset(self) -> None:
+        """Believe the guess."""
+        self.friction = self._guess
+
+    @property
+    def share(self) -> float:
+        """Share of the guess that is there, at most 1: what speeding up must keep to."""
+        return min(1.0, self.friction / self._guess)
+
+    def step(self, state: RobotState, stands: np.ndarray, frame: np.ndarray, dt: float) -> None:
+        """
+        Feel for `dt` [s] with the feet of the mask `stands` (4,), which bear load.
+
+        `frame` (3, 3) turns ground axes, whose z is the normal, into the world.
+        """
+        params = self._params
+        felt = Felt(state.joint_velocity.reshape(4, 3), state.forces, stands)
+        slips, used = _feel(
+            plain(state.base), plain(state.contact), plain(felt), frame, params.slip_speed
+        )
+        if slips < math.inf:
+            lower = min(params.share * slips - self.friction, 0.0)
+            self.friction += min(1.0, dt / params.fall_time) * lower
+        elif used > params.share * self.friction:
+            self.friction += dt * params.rise
+        self.friction = min(max(params.least, self.friction), params.most)
+
+
+@jit
+def _feel(
+    base: BaseMotion,
+    contact: ContactPoints,
+    felt: Felt,
+    frame: np.ndarray,
+    slip_speed: float,
+) -> tuple[float, float]:
+    """Least ratio of tangential to normal force on feet that slip, and the largest on any."""
+    base = BaseMotion(*base)
+    contact = ContactPoints(*contact)
+    felt = Felt(*felt)
+    slips, used = math.inf, 0.0
+    for i in range(4):
+        if not felt.stands[i]:
+            continue
+        relative = cross3(base.omega, contact.position[i])
+        swept = rotate(contact.jacobian[i], felt.rates[i])
+        for k in range(3):
+            relative[k] += swept[k]
+        moves = rotate(base.R, relative)
+        for k in range(3):
+            moves[k] += base.velocity[k]
+        moves = rotate_back(frame, moves)
+        force = rotate_back(frame, rotate(base.R, felt.forces[i]))
+        ratio = math.hypot(force[0], force[1]) / max(force[2], 1e-6)
+        if math.hypot(moves[0], moves[1]) > slip_speed:
+            slips = min(slips, ratio)
+        used = max(used, ratio)
+    return slips, used
