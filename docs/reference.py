@@ -41,6 +41,7 @@ TOPICS = {
     'imu/data': 'orientation, angular velocity and acceleration in the IMU frame',
     'joint_commands': 'two points per message: positions, velocities, efforts; kp, kd',
     'joint_states': 'position, velocity and effort of every moving joint',
+    'joy': 'axes and buttons of a gamepad: see [gamepad](gamepad.md)',
     'joy_priority': 'lock of the mux: true stops what is below the joystick',
     'joy_vel': 'velocity from a joystick',
     'key_vel': 'velocity from a keyboard',

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keyboard teleoperation: keys, keys to twist, presets, mux."""
+"""Keyboard and gamepad teleoperation: keys, keys to twist, presets, mux."""
 
 from wasd_core import load_lazily
 from wasd_core import quiet_start
 
-quiet_start(__name__, 'key_publisher', 'keys_to_twist', 'teleop', 'twist_mux')
+quiet_start(__name__, 'gamepad', 'key_publisher', 'keys_to_twist', 'teleop', 'twist_mux')
 
 # Where each name is defined; ROS is loaded with those that need it.
 _HOMES = {
+    'Gamepad': 'gamepad_device',
+    'GamepadNode': 'gamepad_node',
+    'JoyToTwist': 'joy_to_twist',
     'KeyPublisherNode': 'key_publisher_node',
     'KeyReader': 'key_reader',
     'Keymap': 'keymap',

@@ -45,6 +45,22 @@ TWIST_MUX = Executable(
     ),
     example='twist_mux --ros-args -r cmd_vel_out:=cmd_vel',
 )
+GAMEPAD = Executable(
+    name='gamepad',
+    module='teleop_keyboard.gamepad_node',
+    about='Publishes a gamepad as joy, and drives by it: cmd_vel and keys.',
+    parameters=(
+        'teleop_keyboard.pad_parameters:PadParameters',
+        'teleop_keyboard.pad_parameters:JoyParameters',
+    ),
+    notes=TWIST_NOTES,
+    example='gamepad --ros-args -p preset:=go2 -r cmd_vel:=joy_vel',
+)
+
+
+def gamepad(args: Sequence[str] | None = None) -> int:
+    """Run `gamepad`; return the exit status."""
+    return GAMEPAD.run(args)
 
 
 def key_publisher(args: Sequence[str] | None = None) -> int:

@@ -36,7 +36,7 @@ CONTROLLER_BELOW = {'robot_description', 'wasd_core'}
 TOP = 'wasd_bringup'
 # The names that users rely on.
 EXECUTABLES = {
-    'teleop_keyboard': {'key_publisher', 'keys_to_twist', 'teleop', 'twist_mux'},
+    'teleop_keyboard': {'gamepad', 'key_publisher', 'keys_to_twist', 'teleop', 'twist_mux'},
     'robot_description': {'describe', 'state_publisher'},
     'mujoco_sim': {'simulator'},
     'diff_drive_sim': {'diff_drive_controller'},

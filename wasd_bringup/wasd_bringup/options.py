@@ -78,6 +78,7 @@ class RunOptions:
     gait: str | None = None
     mode: str | None = None
     controller: Path | None = None
+    gamepad: str | None = None  # None: no pad; '': the first that comes
     interactive: bool = False
     # Of a recording: the descriptions by namespace, and the commands in place of all others.
     urdfs: Mapping[str, str] = field(default_factory=dict)
@@ -92,6 +93,11 @@ class RunOptions:
     def scripted(self) -> bool:
         """Whether keys or velocities come from a file."""
         return self.keys is not None or self.twists is not None
+
+    @property
+    def has_guests(self) -> bool:
+        """Whether somebody may drive who comes and goes."""
+        return self.gamepad is not None
 
     @functools.cached_property
     def drive_file(self) -> 'ControllerFile | None':
@@ -188,6 +194,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         report=outputs['report'],
         save_keys=outputs['save_keys'],
         discovery=arguments.discovery,
+        gamepad=arguments.gamepad,
         estimator=getattr(arguments, 'estimator', 'kalman'),
         limits=getattr(arguments, 'limits', None),
         gait=getattr(arguments, 'gait', None),

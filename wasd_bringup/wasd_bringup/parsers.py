@@ -172,6 +172,7 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--layout', choices=LAYOUTS, default='qwerty', help='your keyboard (default: qwerty)'
     )
+    _add_guests(parser)
     parser.add_argument('--play', metavar='FILE', help='scripted keys: lines "t key [key ...]"')
     parser.add_argument('--duration', metavar='S', help='stop after S simulated seconds')
     parser.add_argument(
@@ -195,6 +196,17 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--save-keys', metavar='FILE', help='write the keys, as --play reads them')
     parser.add_argument('--record', metavar='FILE.mcap', help='record every topic')
     parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
+
+
+def _add_guests(parser: argparse.ArgumentParser) -> None:
+    """Declare who else may drive."""
+    parser.add_argument(
+        '--gamepad',
+        nargs='?',
+        const='',
+        metavar='DEVICE',
+        help='a gamepad drives, too (default: the first /dev/input/js*, whenever it comes)',
+    )
 
 
 def add_replay_options(parser: argparse.ArgumentParser) -> None:

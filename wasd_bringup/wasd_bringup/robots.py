@@ -90,11 +90,12 @@ class Kind:
     """What robots of one build share: the class of their nodes, and options of their commands."""
 
     stack: str  # module:class, loaded when such a robot runs
+    pad_preset: str  # what a gamepad means to it
     add_options: Callable[[Parser], None]
 
 
-LEGGED = Kind('wasd_bringup.go2_stack:Go2Stack', _add_leg_options)
-WHEELED = Kind('wasd_bringup.mbot_stack:MbotStack', _add_wheel_options)
+LEGGED = Kind('wasd_bringup.go2_stack:Go2Stack', 'go2', _add_leg_options)
+WHEELED = Kind('wasd_bringup.mbot_stack:MbotStack', 'mbot', _add_wheel_options)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,10 +49,11 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
     options = read_options(arguments)
     reader = _open_keys(options)
     viewer = options.viewer or ('web' if _is_interactive(reader) else 'none')
-    if reader is None and viewer == 'none' and options.duration == math.inf:
+    is_deaf = reader is None and viewer == 'none' and not options.has_guests
+    if is_deaf and options.duration == math.inf:
         raise UserError(
             'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
-            '--viewer web, or pipe keys into standard input'
+            '--viewer web, --gamepad, or pipe keys into standard input'
         )
     choose_range(options.discovery, options.scripted and options.speed == 0.0)
     place = own_place(options, ros_arguments)

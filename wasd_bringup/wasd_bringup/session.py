@@ -33,10 +33,12 @@ from wasd_bringup.inputs import Player
 from wasd_bringup.inputs import RESET_KEY
 from wasd_bringup.inputs import SWITCH_KEY
 from wasd_bringup.inputs import SWITCH_LINE
+from wasd_bringup.inputs import TWIST_RATE
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import join_reports
 from wasd_bringup.report import write_report
+from wasd_bringup.session_guests import make_guests
 from wasd_bringup.session_robot import build_robots
 from wasd_bringup.session_robot import SessionRobot
 from wasd_bringup.stack import ControlStack
@@ -123,6 +125,8 @@ class Session:
         self._page_drive = PageDrive([robot.stack for robot in self.robots])
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
         self._nodes = [node for robot in self.robots for node in robot.nodes]
+        self._guests = make_guests(options, self.robots, self._switch, self._press)
+        self._nodes += [node for guest in self._guests for node in guest.nodes]
         self._pump = MessagePump()
         self._time_source = TimeSource()
         self._time_source.ros_time_is_active = True
@@ -169,7 +173,8 @@ class Session:
         names = [f'{robot.name}: ' if len(self.robots) > 1 else '' for robot in self.robots]
         robots = zip(names, self.robots, strict=True)
         keys = [f'{name}{robot.stack.first_keys}' for name, robot in robots]
-        return [*self._where_lines, *keys, *self._run_lines]
+        guests = [guest.first_line for guest in self._guests]
+        return [*self._where_lines, *keys, *guests, *self._run_lines]
 
     @property
     def _run_lines(self) -> list[str]:
@@ -207,6 +212,8 @@ class Session:
 
     def halt(self) -> None:
         """Have every robot stand, and say so now: there may be no next instant."""
+        for guest in self._guests:
+            guest.halt()
         for robot in self.robots:
             robot.stack.halt()
 
@@ -230,6 +237,7 @@ class Session:
             UserError: what could not be written, a line each.
         """
         attempt_all(
+            *(guest.close for guest in self._guests),
             *(robot.stack.close for robot in self.robots),
             self._status.close,
             self._close_writer,
@@ -258,6 +266,8 @@ class Session:
         """Fix the order of one instant: time, scripts, controllers, publishers, report."""
         schedule = self.simulation.schedule
         schedule.every(min(robot.stack.period for robot in self.robots), self._begin_instant)
+        for guest in self._guests:
+            schedule.every(1.0 / TWIST_RATE, guest.repeat)
         for robot in self.robots:
             robot.schedule_control(schedule)
         for robot in self.robots:
@@ -327,6 +337,8 @@ class Session:
             for key in self._reader.poll(timeout):
                 self._press(key)
             timeout = 0.0
+        for guest in self._guests:
+            guest.look()
         now = time.monotonic()
         if timeout > 0.0 or self._message_times.is_due(now, self.world.time):
             started = now
@@ -366,7 +378,8 @@ class Session:
 
     def _keys_ended(self) -> bool:
         """Whether the pipe that gave the keys has ended and the robot has had time to stop."""
-        if self._reader is None or self._options.duration != math.inf:
+        is_endless = self._options.has_guests or self._options.duration != math.inf
+        if self._reader is None or is_endless:
             return False
         if self._reader.closed and self._ended_at == math.inf:
             self._ended_at = self.world.time

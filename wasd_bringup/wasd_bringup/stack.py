@@ -47,6 +47,7 @@ class ControlStack(ABC):
         """Take a robot's world and the node of its controller, which has `cmd_vel.put`."""
         self._world = world
         self._controller = controller
+        self.pad_preset = ROBOTS[options.robot].kind.pad_preset
         self.estimator = options.estimator
         self._teleop: KeysToTwistNode | None = None
         self.nodes: list[Node] = [controller]
@@ -102,6 +103,10 @@ class ControlStack(ABC):
         message = self._to_twist(velocity)
         self._controller.cmd_vel.put(message)
         self._twists.publish(message)
+
+    def say(self, words: str) -> None:
+        """Tell the driver."""
+        self.notice.say(words)
 
     def schedule(self, schedule: Schedule) -> None:
         """Have the nodes stepped on simulated time."""

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node that makes a gamepad `joy`, `joy` velocities and keys, and the executable `gamepad`."""
+
+from collections.abc import Callable, Sequence
+import sys
+import time
+from typing import NamedTuple
+
+from rclpy.clock import Clock
+from rclpy.clock import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import Joy
+from std_msgs.msg import String
+from wasd_core.node import run_node
+from wasd_core.ros_parameters import declare_parameters
+from wasd_core.streams import visible
+from wasd_core.topics import AbsenceWatch
+from wasd_core.topics import EVENTS
+from wasd_core.topics import LoopbackSubscription
+from wasd_core.topics import RELIABLE
+
+from teleop_keyboard.executables import GAMEPAD
+from teleop_keyboard.gamepad_device import Gamepad
+from teleop_keyboard.joy_messages import from_joy
+from teleop_keyboard.joy_messages import to_full_twist
+from teleop_keyboard.joy_messages import to_joy
+from teleop_keyboard.joy_to_twist import JoyToTwist
+from teleop_keyboard.joy_to_twist import JoyTwist
+from teleop_keyboard.pad_keys import PadKeys
+from teleop_keyboard.pad_keys import USUAL_CONTROLS
+from teleop_keyboard.pad_parameters import JoyParameters
+from teleop_keyboard.pad_parameters import PAD_PRESETS
+from teleop_keyboard.pad_parameters import PadParameters
+from teleop_keyboard.twist_messages import declare_stamped
+from teleop_keyboard.twist_messages import TwistOutput
+
+# How often the pad is looked at [s of wall time]: so late a release is noticed.
+LOOK_PERIOD = 0.01
+# The zero that ends it all may take this long to leave [s].
+LAST_WORDS_TIMEOUT = 0.25
+FRAME_ID = 'base_footprint'
+
+
+class PadOutput(NamedTuple):
+    """Where velocities, keys and words about the pad go."""
+
+    drive: Callable[[JoyTwist], None]
+    press: Callable[[str], None]
+    say: Callable[[str], None]
+
+
+class GamepadNode(Node):
+    """
+    Publishes a pad as `joy`, and what `joy` means as `cmd_vel` and `keys`.
+
+    Messages on `joy` from other processes mean the same: the pad may be on another machine. Alone
+    it looks at the pad by a timer of wall time. With an `output` somebody else calls `look` and
+    takes velocities and keys; nothing but `joy` is published. `pad` replaces the defaults.
+
+    Raises:
+        InvalidParameter: a parameter has a value that it cannot have.
+        UserError: the device can never be a pad.
+    """
+
+    def __init__(
+        self,
+        *,
+        output: PadOutput | None = None,
+        pad: PadParameters | None = None,
+        parameter_overrides: list[Parameter] | None = None,
+    ) -> None:
+        super().__init__('gamepad', parameter_overrides=parameter_overrides or [])
+        pad = declare_parameters(self, PadParameters, self._on_pad_parameters, pad)
+        settings = declare_parameters(
+            self, JoyParameters, self._on_parameters, PAD_PRESETS[pad.preset]
+        )
+        self.gamepad = Gamepad(pad.device, pad.deadzone, pad.autorepeat_rate)
+        self.logic = JoyToTwist(settings)
+        self._keys = PadKeys(settings.keys)
+        self._absence = AbsenceWatch(self)
+        self._joy = self.create_publisher(Joy, 'joy', RELIABLE)
+        self.joy = LoopbackSubscription(
+            self, Joy, 'joy', self._on_joy, is_stale=self._absence.is_stale
+        )
+        self._twists: TwistOutput | None = None
+        self._output = self._publish_all() if output is None else output
+        self._is_known = False
+        self._problem = ''
+        self._looked_at = time.monotonic()
+
+    @property
+    def is_enabled(self) -> bool:
+        """Whether a pad is there whose sticks drive now."""
+        return self.gamepad.is_there and self.logic.is_driving
+
+    def look(self) -> None:
+        """Tell what the pad has said since the last look; a lost one is a zero."""
+        now = time.monotonic()
+        told = self.gamepad.step(now - self._looked_at)
+        self._looked_at = now
+        if told.states and not self._is_known:
+            self._welcome()
+        for state in told.states:
+            message = to_joy(state, self.get_clock().now().to_msg())
+            self.joy.put(message)
+            self._joy.publish(message)
+        if told.is_lost:
+            self._forget()
+            self._output.say('gamepad lost: stopped')
+        if self.gamepad.problem != self._problem:
+            self._problem = self.gamepad.problem
+            if self._problem:
+                self._output.say(visible(self._problem))
+
+    def take_parameters(self, parameters: JoyParameters) -> None:
+        """Go on with other meanings of sticks and buttons, standing."""
+        self.halt()
+        self.logic.parameters = parameters
+        self._keys = PadKeys(parameters.keys, self.gamepad.controls)
+
+    def halt(self) -> None:
+        """Stop, and count what is held as let go until it was."""
+        self.gamepad.pad.let_go()
+        self._stop()
+
+    def close(self) -> None:
+        """Leave the robot stopped, if it was us who drove it."""
+        self._stop()
+        if self._twists is not None:
+            self._twists.wait_for_all_acked(LAST_WORDS_TIMEOUT)
+        self.gamepad.close()
+
+    def _publish_all(self) -> PadOutput:
+        """Make our own publishers, and the timer by which we look."""
+        twists = TwistOutput(self, 'cmd_vel', declare_stamped(self), lambda: FRAME_ID)
+        keys = self.create_publisher(String, 'keys', EVENTS)
+        self._twists = twists
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = self.create_timer(LOOK_PERIOD, self.look, clock=clock)
+        return PadOutput(
+            lambda velocity: twists.publish(to_full_twist(velocity)),
+            lambda key: keys.publish(String(data=key)),
+            lambda words: self.get_logger().info(words),
+        )
+
+    def _on_joy(self, message: Joy) -> None:
+        state = from_joy(message)
+        for key in self._keys.step(state):
+            self._output.press(key)
+        velocity = self.logic.step(state)
+        if velocity is not None:
+            self._output.drive(velocity)
+
+    def _welcome(self) -> None:
+        self._is_known = True
+        self._keys.controls = self.gamepad.controls
+        button = self.logic.parameters.enable_button
+        hold = (
+            f': hold button {button} to drive'
+            if self.logic.parameters.require_enable_button
+            else ''
+        )
+        self._output.say(f'gamepad {visible(self.gamepad.name)}{hold}')
+
+    def _forget(self) -> None:
+        """Be without a pad."""
+        self._is_known = False
+        self._keys.reset()
+        self._keys.controls = USUAL_CONTROLS
+        self._stop()
+
+    def _stop(self) -> None:
+        velocity = self.logic.lose() if self.logic.is_driving else None
+        if velocity is not None:
+            self._output.drive(velocity)
+
+    def _on_pad_parameters(self, parameters: PadParameters) -> None:
+        self.gamepad.pad.deadzone = parameters.deadzone
+        self.gamepad.rate = parameters.autorepeat_rate
+
+    def _on_parameters(self, parameters: JoyParameters) -> None:
+        self.logic.parameters = parameters
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run `gamepad`; return the exit status."""
+    return run_node(GamepadNode, args, joins=True, program=GAMEPAD)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

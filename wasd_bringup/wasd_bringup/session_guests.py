@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who else may drive in a run: a gamepad. Each lives on wall time, beside keys and page."""
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from rclpy.node import Node
+
+from wasd_bringup.inputs import KeySwitch
+from wasd_bringup.options import RunOptions
+from wasd_bringup.session_pad import SessionPad
+from wasd_bringup.session_robot import SessionRobot
+
+
+class Guest(Protocol):
+    """One of them."""
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """Its nodes, which the session spins and destroys."""
+
+    @property
+    def first_line(self) -> str:
+        """What a driver must know to begin."""
+
+    def look(self) -> None:
+        """Take what has come; called often, on wall time."""
+
+    def repeat(self) -> None:
+        """Say again what is in force; called at TWIST_RATE of simulated time."""
+
+    def halt(self) -> None:
+        """Drive no more by what is held now."""
+
+    def close(self) -> None:
+        """End."""
+
+
+def make_guests(
+    options: RunOptions,
+    robots: Sequence[SessionRobot],
+    switch: KeySwitch,
+    press: Callable[[str], None],
+) -> list[Guest]:
+    """
+    Return those that were asked for.
+
+    Raises:
+        UserError: one cannot come.
+    """
+    guests: list[Guest] = []
+    if options.gamepad is not None:
+        stacks = [robot.stack for robot in robots]
+        guests.append(SessionPad(options.gamepad, stacks, lambda: switch.active, press))
+    return guests
