@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a driver is told: the state in a line, what a key does, the lines of a dashboard."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,17 +20,29 @@ from teleop_keyboard.ramp import Velocity
 GAP = '  '
 
 
+class Axis(NamedTuple):
+    """Speed along or about one axis [`unit`]: commanded, measured, and what a full bar means."""
+
+    name: str
+    unit: str
+    command: float
+    measured: float
+    full: float
+
+
 class Status(NamedTuple):
     """
     What a driver wants to see of one robot.
 
     `state` is always shown, `message` (what to press) next, `facts` where there is room: the last
-    is left out last.
+    is left out last. `axes` and `body` (height, tilt) are for a window with room for a dashboard.
     """
 
     state: str
     facts: tuple[str, ...] = ()
     message: str = ''
+    axes: tuple[Axis, ...] = ()
+    body: str = ''
 
 
 def status_line(status: Status, clock: str, width: int) -> str:
@@ -143,10 +156,12 @@ def asks_for_help(key: str, keymap: Keymap) -> bool:
     return key in HELP_KEYS and key not in keymap.keys
 
 
+# Above the status line there is a dashboard in a window wider and taller than this.
+NARROW, LOW = 80, 20
 # A dashboard is no wider than one can look at.
 WIDEST = 100
 # Columns of a bar's label and of the number behind it.
-LABEL_WIDTH = 17
+LABEL_WIDTH = 18
 NUMBER_WIDTH = 14
 AXES = (('forward', 'm/s'), ('left', 'm/s'), ('up', 'm/s'), ('turn', 'rad/s'))
 FULL, EMPTY, MIDDLE, RULE = '█', '·', '│', '─'
@@ -189,6 +204,18 @@ def dashboard(logic: KeysToTwist, around: Surroundings, width: int, height: int)
     if len(lines) >= height:
         lines = [line for line in lines if line.text]
     return [Line(line.text[:columns], line.style) for line in lines[: height - 1]]
+
+
+def board(status: Status, keys: str, width: int, height: int) -> list[Line]:
+    """Return the dashboard of a run, which goes above its status line; nothing without room."""
+    if not status.axes or width <= NARROW or height <= LOW:
+        return []
+    columns = min(width, WIDEST)
+    lines = [Line(RULE * columns, 'dim')]
+    for axis in status.axes:
+        rows = (('command', axis.command), ('measured', axis.measured))
+        lines += _bar_lines(axis.name, axis.unit, axis.full, rows, columns)
+    return [*lines, Line(f' body    {status.body}'), Line(f' keys    {keys}'[:columns])]
 
 
 def plain_line(logic: KeysToTwist, around: Surroundings) -> str:
@@ -243,14 +270,24 @@ def _bars(logic: KeysToTwist, around: Surroundings, columns: int) -> list[Line]:
     # Without odometry the ramp is the best that is known.
     actual = logic.velocity if around.velocity is None else around.velocity
     source = 'ramp' if around.velocity is None else 'actual'
-    width = max(columns - LABEL_WIDTH - NUMBER_WIDTH, 3)
     lines = []
     for axis in logic.keymap.axes:
         name, unit = AXES[axis]
         full = logic.turn if unit == 'rad/s' else logic.speed
-        rows = ((name, 'target', logic.target[axis]), ('', source, actual[axis]))
-        for label, kind, value in rows:
-            number = round(value, 2) + 0.0  # no -0.00
-            text = f' {label:8}{kind:7} {bar(value, full, width)} {number:+6.2f} {unit}'
-            lines.append(Line(text, 'target' if kind == 'target' else 'actual'))
+        rows = (('target', logic.target[axis]), (source, actual[axis]))
+        lines += _bar_lines(name, unit, full, rows, columns)
+    return lines
+
+
+def _bar_lines(
+    name: str, unit: str, full: float, rows: Sequence[tuple[str, float]], columns: int
+) -> list[Line]:
+    """Return a bar for each kind of speed along one axis, the wanted one first."""
+    width = max(columns - LABEL_WIDTH - NUMBER_WIDTH, 3)
+    lines = []
+    for row, (kind, value) in enumerate(rows):
+        number = round(value, 2) + 0.0  # no -0.00
+        label = '' if row else name
+        text = f' {label:8}{kind:8} {bar(value, full, width)} {number:+6.2f} {unit}'
+        lines.append(Line(text, 'actual' if row else 'target'))
     return lines

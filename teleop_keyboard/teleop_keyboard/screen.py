@@ -71,7 +71,7 @@ class Screen:
         lines = page(size.columns, size.lines)
         if self._is_open and self._shown == (size, *lines):
             return
-        text = '\r\n'.join(self._with_style(line) + '\x1b[K' for line in lines)
+        text = '\r\n'.join(styled(line, self._in_ascii) + '\x1b[K' for line in lines)
         # A terminal that has no room for a frame gets the next one that it has room for.
         if offer(self._stream, ('' if self._is_open else OPEN) + BEGIN + text + END):
             self._shown = (size, *lines)
@@ -94,11 +94,13 @@ class Screen:
         """Give the terminal back as it was."""
         self.pause()
 
-    def _with_style(self, line: Line) -> str:
-        words = visible(line.text)
-        text = words.translate(ASCII) if self._in_ascii else words
-        style = STYLES.get(line.style, '')
-        return f'{style}{text}{NORMAL}' if style else text
+
+def styled(line: Line, in_ascii: bool) -> str:
+    """Return a line as it is written; control characters in it are shown, not done."""
+    words = visible(line.text)
+    text = words.translate(ASCII) if in_ascii else words
+    style = STYLES.get(line.style, '')
+    return f'{style}{text}{NORMAL}' if style else text
 
 
 def _encodes(stream: TextIO, text: str) -> bool:
@@ -119,44 +121,63 @@ class StatusLine:
 
     It is written in one piece and only when it changed, so it does not flicker; a text that is
     wider than the window is cut, so it stays one line; control characters are shown, not done.
+    With a `board` of lines above it the cursor waits on an empty line above them all: what others
+    write, as a log does, goes there and stays, and the rest moves down.
     """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._is_terminal = understands_escapes(stream)
+        self._in_ascii = not _encodes(stream, FULL)
         self._shown = ''
+        self._below = 0  # lines below the cursor
         self._shown_at = -math.inf
 
-    def show(self, compose: Callable[[int], str], now: float) -> None:
+    def show(
+        self,
+        compose: Callable[[int], str],
+        now: float,
+        board: Callable[[int, int], Sequence[Line]] = lambda width, height: (),
+    ) -> None:
         """
         Show a text, unless the last one is younger than the refresh period; `now` in [s].
 
-        `compose` is asked for a text of so many columns at most.
+        `compose` is asked for a text of so many columns at most, `board` for the lines above it in
+        a window of so many columns and lines.
         """
         if not self._is_terminal or now - self._shown_at < LINE_PERIOD:
             return
         if not may_draw_on(self._stream):
             return
-        width = max(shutil.get_terminal_size().columns - 1, 0)
-        text = visible(compose(width))[:width]
+        size = shutil.get_terminal_size()
+        width = max(size.columns - 1, 0)
+        last = visible(compose(width))[:width]
+        above = [styled(line, self._in_ascii) for line in board(width, size.lines)]
+        text = f'\r{last}\x1b[K'
+        if above:
+            lines = '\x1b[K\r\n'.join(['', *above, last])
+            text = f'\r{lines}\x1b[J\r\x1b[{len(above) + 1}A'
+        if self._below and not above:
+            text = f'\r\x1b[J{text}'
         # Where there is no room for it, a later one will do.
-        if text == self._shown or offer(self._stream, f'\r{text}\x1b[K'):
-            self._shown = text
+        if text == self._shown or offer(self._stream, text):
+            self._shown, self._below = text, len(above) + 1 if above else 0
         self._shown_at = now
 
     def print(self, lines: Sequence[str]) -> None:
         """Write lines above the status, which comes again below them."""
-        clear = '\r\x1b[K' if self._shown else ''
+        clear = ('\r\x1b[J' if self._below else '\r\x1b[K') if self._shown else ''
         offer(self._stream, clear + '\n'.join([*map(visible, lines), '']), PATIENCE)
         self.refresh()
 
     def refresh(self) -> None:
         """Have the next text shown at once: what stood here is no longer to be seen."""
-        self._shown = ''
+        self._shown, self._below = '', 0
         self._shown_at = -math.inf
 
     def close(self) -> None:
         """Leave the last text behind and go to the next line."""
         if self._shown:
-            offer(self._stream, '\n', PATIENCE)
-            self._shown = ''
+            down = f'\x1b[{self._below}B\r' if self._below else ''
+            offer(self._stream, f'{down}\n', PATIENCE)
+            self._shown, self._below = '', 0

@@ -63,9 +63,12 @@ class Checkout:
         self.other_tools = folder / 'usr'
         for made in (self.folder / 'package', self.tools, self.fake, self.other_tools):
             made.mkdir(parents=True)
-        text = (ROOT / 'wasd').read_text()
-        # The one absolute path of the script would let the real machine in.
-        self.script.write_text(text.replace('/usr/bin/python3', str(self.other_tools / 'python3')))
+        for name in ('wasd', 'wasd_bringup/install.sh'):
+            text = (ROOT / name).read_text()
+            path = self.folder / name
+            path.parent.mkdir(exist_ok=True)
+            # The one absolute path there would let the real machine in.
+            path.write_text(text.replace('/usr/bin/python3', str(self.other_tools / 'python3')))
         self.script.chmod(0o755)
         (self.folder / 'pyproject.toml').write_text('[project]\n')
         (self.folder / 'package' / 'package.xml').write_text('<version>1</version>\n')

@@ -19,7 +19,8 @@ BROKEN = 'sys.exit(127)\n'
 @pytest.mark.parametrize('shell', SHELLS)
 def test_every_shell_here_can_read_the_script(shell, checkout):
     command = [shell, 'sh'] if shell == 'busybox' else [shell]
-    subprocess.run([*command, '-n', str(checkout.script)], check=True)
+    for path in (checkout.script, checkout.folder / 'wasd_bringup/install.sh'):
+        subprocess.run([*command, '-n', str(path)], check=True)
 
 
 def test_the_first_start_installs_and_then_runs_the_command_with_all_arguments(checkout):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import io
+import re
 
+from teleop_keyboard.dashboard import Line
 from teleop_keyboard.screen import StatusLine
 
 
@@ -61,3 +63,67 @@ def test_lines_are_written_plainly_where_no_terminal_is():
     stream = io.StringIO()
     StatusLine(stream).print(['one'])
     assert stream.getvalue() == 'one\n'
+
+
+def board(width, height):
+    """Return two lines, as wide as they may be."""
+    return [Line('-' * width, 'dim'), Line('second')]
+
+
+def test_a_board_stands_above_the_line_and_the_cursor_above_both(monkeypatch):
+    monkeypatch.setenv('COLUMNS', '10')
+    screen = Screen()
+    line = StatusLine(screen)
+    line.show(lambda _: 'status', 0.0, board)
+    frame = '\r\x1b[K\r\n\x1b[2m---------\x1b[0m\x1b[K\r\nsecond\x1b[K\r\nstatus\x1b[J\r\x1b[3A'
+    assert screen.getvalue() == frame
+    line.print(['one'])
+    line.show(lambda _: 'status', 0.01, board)
+    assert screen.getvalue() == f'{frame}\r\x1b[Jone\n{frame}'
+    # The shell's prompt comes below all of it.
+    line.close()
+    assert screen.getvalue().endswith('\x1b[3B\r\n')
+
+
+def test_what_others_write_stays_above_the_board(monkeypatch):
+    """As on a terminal of 8 lines: a log's line goes where the cursor waits."""
+    monkeypatch.setenv('COLUMNS', '40')
+    screen = Screen()
+    line = StatusLine(screen)
+    for now in range(3):
+        line.show(lambda _, now=now: f'status {now}', float(now), board)
+        screen.write(f'log {now}\r\n')
+    line.close()
+    shown = [text.rstrip() for text in as_shown(screen.getvalue(), 8)]
+    # The board of the last frame lies below what was written after it.
+    assert [text for text in shown if text.startswith('log')] == ['log 0', 'log 1', 'log 2']
+    line.show(lambda _: 'status 3', 9.0, board)
+    shown = [text.rstrip() for text in as_shown(screen.getvalue(), 12)]
+    assert 'status 3' in shown
+    assert shown[shown.index('status 3') - 1] == 'second'
+
+
+def as_shown(text: str, height: int) -> list[str]:
+    """Return the lines of a window that understands what is written here, and no more."""
+    lines, row, column = [''], 0, 0
+    for part in re.findall(r'\x1b\[\d*[A-Za-z]|[\r\n]|[^\x1b\r\n]+', text):
+        if part == '\r':
+            column = 0
+        elif part == '\n':
+            row, column = row + 1, 0
+        elif part.startswith('\x1b['):
+            count = int(part[2:-1] or 1)
+            if part[-1] == 'A':
+                row = max(row - count, 0)
+            elif part[-1] == 'B':
+                row = min(row + count, len(lines) - 1)
+            elif part[-1] in 'JK':
+                lines[row] = lines[row][:column]
+                if part[-1] == 'J':
+                    del lines[row + 1 :]
+        else:
+            lines[row] = lines[row].ljust(column)
+            lines[row] = lines[row][:column] + part + lines[row][column + len(part) :]
+            column += len(part)
+        lines += [''] * (row + 1 - len(lines))
+    return lines[-height:]

@@ -14,6 +14,7 @@ from rclpy.logging import LoggingSeverity
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from std_msgs.msg import String
+from teleop_keyboard.dashboard import Axis
 from teleop_keyboard.dashboard import driving_keys
 from teleop_keyboard.dashboard import HELP_KEY
 from teleop_keyboard.dashboard import KeyHints
@@ -139,7 +140,21 @@ class Go2Stack(ControlStack):
         vx, vy, wz = self._command()
         command = (f'command {vx:+.2f} {vy:+.2f} m/s {wz:+.2f} rad/s',)
         state = 'fallen' if self._legs.controller.is_fallen else self.state
-        return Status(state, command if self.state in DRIVEN else (), self.notice.text)
+        facts = command if self.state in DRIVEN else ()
+        return Status(state, facts, self.notice.text, self._axes((vx, vy, wz)))
+
+    def _axes(self, command: tuple[float, float, float]) -> tuple[Axis, ...]:
+        """Return the speeds commanded, and measured by the legs."""
+        controller = self._legs.controller
+        limits, odometry = controller.command_filter.limits, controller.odometry
+        measured = (0.0, 0.0, 0.0)
+        if odometry is not None:
+            ahead, left, _ = odometry.linear_velocity.tolist()
+            measured = (ahead, left, float(odometry.angular_velocity[2]))
+        full = (limits.forward, limits.lateral, limits.yaw)
+        names = (('forward', 'm/s'), ('left', 'm/s'), ('turn', 'rad/s'))
+        rows = zip(names, command, measured, full, strict=True)
+        return tuple(Axis(*name, wanted, now, most) for name, wanted, now, most in rows)
 
     def halt(self) -> None:
         """Command standstill, now and in the last word on cmd_vel, until the next key."""

@@ -16,6 +16,7 @@ import numpy as np
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from std_msgs.msg import String
+from teleop_keyboard.dashboard import Axis
 from teleop_keyboard.dashboard import driving_keys
 from teleop_keyboard.dashboard import HELP_KEY
 from teleop_keyboard.dashboard import KeyHints
@@ -128,7 +129,12 @@ class MbotStack(ControlStack):
             f'now {linear:+.2f} m/s {angular:+.2f} rad/s',
             f'full {logic.speed:.2f} m/s {logic.turn:.2f} rad/s',
         )
-        return Status(controller.state, facts, self.notice.text)
+        wanted, wheels = controller.target, controller.odometry_state
+        axes = (
+            Axis('forward', 'm/s', wanted.linear, wheels.linear, logic.speed),
+            Axis('turn', 'rad/s', wanted.angular, wheels.angular, logic.turn),
+        )
+        return Status(controller.state, facts, self.notice.text, axes)
 
     @property
     def _logic(self) -> KeysToTwist:

@@ -15,7 +15,9 @@ from rclpy.clock import ROSClock
 from rclpy.node import Node
 from rclpy.time_source import TimeSource
 from rosgraph_msgs.msg import Clock
+from teleop_keyboard.dashboard import board
 from teleop_keyboard.dashboard import HELP_KEYS
+from teleop_keyboard.dashboard import Line
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.dashboard import status_line
 from teleop_keyboard.key_reader import KeyReader
@@ -357,7 +359,7 @@ class Session:
         if self._bag is not None:
             self._bag.save_if_due()
         self._let_notices_age(now)
-        self._status.show(lambda width: status_line(*self._state(), width), now)
+        self._status.show(lambda width: status_line(*self._state(), width), now, self._board)
 
     def _stop_what_the_view_moved(self) -> None:
         """Stop what moves by the keys of a viewer that is gone, by keys, as a driver would."""
@@ -399,6 +401,17 @@ class Session:
         if len(self.robots) > 1:
             status = status._replace(state=f'[{self.robot.name}] {status.state}')
         return status, f'{self.world.time:.1f} s {pace}'
+
+    def _board(self, width: int, height: int) -> list[Line]:
+        """Return what a window with room for it shows above the status line."""
+        status = self.stack.status()
+        axes = status.axes
+        if axes:
+            base = self.world.base()
+            lift = round(float(base.position[2]), 2) + 0.0  # no -0.00
+            body = f'height {lift:.2f} m   tilt {math.degrees(base.tilt):.1f} deg'
+            status = status._replace(body=body)
+        return board(status, self.stack.first_keys, width, height)
 
     def _status_words(self) -> list[str]:
         """Return the same as lines, for the page."""

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+# Installs the project into the environment; `wasd` reads this where there is none that will do.
+
+OLDEST_PYTHON='3, 11'
+LOG=install.log
+CANDIDATES='python3 /usr/bin/python3 python3.14 python3.13 python3.12 python3.11'
+
+check_machine() {
+  [ "$home" = jazzy ] || [ "$machine" = 'Linux x86_64' ] ||
+    fail "rclpy comes as wheels for Linux x86_64 only, and this is $machine:" \
+      'install ROS 2 Jazzy, source it and start this again'
+  [ "${venv#*:}" = "$venv" ] ||
+    fail "'$venv' contains ':', which separates paths in PATH and its like:" \
+      'name another folder with WASD_VENV=DIR'
+}
+
+# Prints why the Python "$1" will not do, or nothing.
+fault() {
+  "$1" -I -c "
+import sys
+if sys.version_info < ($OLDEST_PYTHON):
+    print('is', '.'.join(map(str, sys.version_info[:2])))
+else:
+    try:
+        import ensurepip, venv
+    except ImportError:
+        print('has no venv')
+" 2>/dev/null || echo 'does not start'
+}
+
+# Sets `python`. Where ROS is sourced it has to be the one that ROS was built for.
+find_python() {
+  found=
+  for python in ${WASD_PYTHON:+"$WASD_PYTHON"} $CANDIDATES; do
+    if ! command -v "$python" >/dev/null; then
+      why='is not there'
+      [ "$python" = "${WASD_PYTHON-}" ] || [ "$python" = python3 ] || continue
+    else
+      why=$(fault "$python")
+      if [ -z "$why" ] && [ "$home" = jazzy ] && ! "$python" -P -c 'import rclpy' 2>/dev/null; then
+        why='cannot import rclpy'
+      fi
+    fi
+    [ -n "$why" ] || return 0
+    found="$found, $python $why"
+    [ "$python" != "${WASD_PYTHON-}" ] || break  # asked for by name: no other will do
+  done
+  if [ "$home" = jazzy ]; then
+    fail "ROS 2 Jazzy is sourced, but no Python >= 3.11 with venv can import its rclpy" \
+      "(${found#, }): sudo apt install ros-jazzy-rclpy python3-venv"
+  fi
+  fail "needs Python >= 3.11 with venv, and found none (${found#, })." \
+    'On Debian or Ubuntu: sudo apt install python3 python3-venv. Or name one: WASD_PYTHON=PATH'
+}
+
+# Takes the folder as ours, alone: a second start waits until the first is through or dead.
+claim_folder() {
+  mkdir -p "$venv" 2>/dev/null && [ -w "$venv" ] ||
+    fail "cannot write to '$venv': name a folder that can be written, WASD_VENV=DIR $0"
+  venv=$(CDPATH='' cd -P -- "$venv" && pwd -P)
+  [ -z "$(ls -A "$venv")" ] || [ -e "$venv/$MARKER" ] ||
+    fail "'$venv' was not made by this script: remove it, or name another with WASD_VENV=DIR"
+  exec 9>>"$venv/$MARKER"
+  # The lock belongs to the open file, so it ends with its holders, however they end.
+  command -v flock >/dev/null || return 0
+  flock -n 9 || { say "another start is installing into '$venv'; waiting for it" && flock 9; }
+}
+
+# Keeps what an earlier install made only if that was completed, here, with the same Python.
+make_environment() {
+  if [ -f "$venv/$STAMP" ] && [ "$(identity)" = "$(sed -n 1p "$venv/$STAMP")" ]; then
+    say 'the project has changed; installing what is new'
+    rm "$venv/$STAMP"
+    return
+  fi
+  find "$venv" -mindepth 1 -maxdepth 1 ! -name "$MARKER" -exec rm -rf {} +
+  say "making '$venv' with $("$python" -I --version), once: a minute or two, 1.7 GB"
+  inherit=
+  # ROS' own Python packages (and those of Debian that they use) stay visible.
+  [ "$home" = wheels ] || inherit=--system-site-packages
+  "$python" -I -m venv $inherit "$venv" >&2 || fail "could not make '$venv' with $python"
+  : >"$venv/COLCON_IGNORE"
+}
+
+install_project() {
+  say "installing the project and what it needs; what pip does is in '$venv/$LOG'"
+  run_pip "$extras"
+  say 'compiling the message of /tf and the leg controller, once'
+  "$venv/bin/python" -m robot_description.build_tf2_msgs >&2 || :  # it has said what is missing
+  "$venv/bin/python" -m quadruped_sim >&2 || say 'not compiled; the first walk starts later'
+  { identity && contents; } >"$venv/$STAMP.new"
+  mv "$venv/$STAMP.new" "$venv/$STAMP"
+  say 'installed'
+}
+
+install_tests() {
+  say 'installing what the tests need, once'
+  case $extras in
+    '') run_pip '[test]' ;;
+    *) run_pip "${extras%]},test]" ;;
+  esac
+  { identity && contents; } >"$venv/$TESTS"
+}
+
+# Installs the project with the extras "$1". pip itself says only what goes wrong.
+run_pip() {
+  rm -f "$venv/$LOG"
+  numpy='import numpy; print("numpy==" + numpy.__version__)'
+  [ -z "$extras" ] && numpy=$("$venv/bin/python" -P -c "$numpy") || numpy=
+  show_progress 9>&- &
+  progress=$!
+  # A pip set up to install elsewhere (PIP_USER) would refuse an environment.
+  PIP_USER=0 "$venv/bin/python" -P -m pip install --quiet --disable-pip-version-check --no-input \
+    --log "$venv/$LOG" -e "$here$1" $numpy >&2 || explain_failure
+  end_progress
+}
+
+# On a terminal: one line that says at which package pip is, until it is ended or we are.
+show_progress() {
+  [ -t 2 ] || return 0
+  seconds=0
+  while sleep 1 && kill -0 $$ 2>/dev/null; do
+    seconds=$((seconds + 1))
+    package=$(sed -n -e 's/.*Collecting \([A-Za-z0-9_.-]*\).*/\1/p' \
+      -e 's/.*Installing collected packages.*/putting all in place/p' "$venv/$LOG" 2>/dev/null | tail -n 1)
+    printf '\r\033[Kwasd: %d s, %s' "$seconds" "${package:-looking what is needed}" >&2
+  done
+}
+
+end_progress() {
+  [ -n "$progress" ] || return 0
+  kill "$progress" 2>/dev/null || :
+  wait "$progress" 2>/dev/null || :
+  progress=
+  [ ! -t 2 ] || printf '\r\033[K' >&2
+}
+
+# Names the package at which pip gave up; pip's own lines name it only in passing.
+explain_failure() {
+  end_progress
+  package=$(sed -n 's/.*No matching distribution found for \([^ ]*\).*/\1/p' "$venv/$LOG" | tail -n 1)
+  [ -n "$package" ] ||
+    package=$(sed -n 's/.*Collecting \([^ ]*\).*/\1/p' "$venv/$LOG" | tail -n 1)
+  fail "could not install ${package:-the project}: pip says why above (it needs a network this" \
+    "once) and in '$venv/$LOG'; the next start tries again"
+}
+
+install() {
+  check_machine
+  find_python
+  progress=
+  trap 'end_progress; say "interrupted; the next start begins anew"; exit 130' INT
+  claim_folder
+  if ! is_ready; then
+    make_environment
+    install_project
+  fi
+  [ "$1" != test ] || can_test || install_tests
+  trap - INT
+  exec 9>&-
+}
