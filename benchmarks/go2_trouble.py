@@ -2,6 +2,7 @@
 """What is hard for the Go2: pushes, blind terrain, random commands, staying in place."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 import math
 
 from experiment import Experiment
@@ -22,22 +23,30 @@ TERRAIN_WAY = 4.0  # how far on x it must come [m]
 COMMAND_LASTS = 2.0
 
 
-def pushes(impulse: float, seed: int) -> Experiment:
-    """Push the trunk to the left while it trots at 0.5 m/s, once in each part of the gait."""
-    times = [PUSHED + GAIT_PERIOD * phase / PHASES for phase in range(PHASES)]
-    runs = [
+TIMES = [PUSHED + GAIT_PERIOD * phase / PHASES for phase in range(PHASES)]
+
+
+def push_runs(impulse: float, speed: float, seeds: Sequence[int]) -> list[Run]:
+    """Return runs that push the trunk to the left, for each seed once in each part of the gait."""
+    return [
         Run(
-            seed=seed + phase,
-            twist=f'{START} 0.5 0 0\n',
+            seed=PHASES * (seed - seeds[0]) + seeds[0] + phase,
+            twist=f'{START} {speed} 0 0\n',
             push=f'{time:.6f} 0 {impulse / PUSH_LASTS} 0 {PUSH_LASTS}',
             duration=math.ceil(PUSHED + GAIT_PERIOD + RECOVERY),
         )
-        for phase, time in enumerate(times)
+        for seed in seeds
+        for phase, time in enumerate(TIMES)
     ]
+
+
+def pushes(impulse: float, seed: int) -> Experiment:
+    """Push the trunk to the left while it trots at 0.5 m/s, once in each part of the gait."""
+    runs = push_runs(impulse, 0.5, [seed])
 
     def judge(traces: Sequence[Trace]) -> Verdict:
         trials = []
-        for phase, (trace, time) in enumerate(zip(traces, times, strict=True)):
+        for phase, (trace, time) in enumerate(zip(traces, TIMES, strict=True)):
             rows = trace.after(time)
             roll = math.degrees(float(np.abs(trace.rpy[rows, 0]).max()))
             speed = float(trace.velocity[rows, 1].max())
@@ -91,11 +100,18 @@ def in_place(what: str, seeds: Sequence[int], step_in_place: bool) -> Experiment
     return Experiment(what=what, must=must, runs=runs, judge=judge)
 
 
-def terrain(what: str, world: str, seeds: Sequence[int], share: float = 1.0) -> Experiment:
+def terrain(
+    what: str,
+    world: str,
+    seeds: Sequence[int],
+    share: float = 1.0,
+    friction: float | None = None,
+) -> Experiment:
     """Walk blindly at 0.5 m/s over a terrain; `share` of the seeds must come through."""
     twist = f'{START} 0.5 0 0\n'
     end = START + TERRAIN_TIME
-    runs = [Run(seed=seed, twist=twist, duration=end, world=world) for seed in seeds]
+    base = Run(seed=0, twist=twist, duration=end, world=world, friction=friction)
+    runs = [replace(base, seed=seed) for seed in seeds]
     needed = math.ceil(share * len(runs) - 1e-9)
 
     def judge(traces: Sequence[Trace]) -> Verdict:

@@ -21,6 +21,7 @@ import cores
 import cycles
 import describe
 import go2
+import legs
 import mbot
 from mbot_accuracy import simulate
 from mbot_accuracy import SQUARE
@@ -28,6 +29,7 @@ from mbot_picture import draw_square
 import page
 import quadrupeds
 import soak
+from success import draw_success
 from table import describe_machine
 from table import format_table
 from table import Row
@@ -37,6 +39,7 @@ from wasd_bringup.parsers import version
 PARTS = {
     'mbot': mbot.measure,
     'go2': go2.measure,
+    'legs': legs.measure,
     'both': both.measure,
     'teleop': teleop.measure,
     'describe': describe.measure,
@@ -74,14 +77,19 @@ def _measure_here(name: str, arguments: argparse.Namespace) -> list[Row]:
 
 
 def draw(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
-    """Draw mbot's square and return the exit status."""
+    """Draw mbot's square, or when the Go2 falls, and return the exit status."""
     path = Path(arguments.picture)
-    if arguments.part not in (None, 'mbot'):
-        parser.error(f'--picture is of mbot, not of {arguments.part}')
+    if arguments.part not in (None, 'mbot', 'legs'):
+        parser.error(f'--picture is of mbot or legs, not of {arguments.part}')
     if path.suffix != '.png' or not path.absolute().parent.is_dir():
         parser.error(f'--picture {path}: wanted a .png in a folder that exists')
-    with tempfile.TemporaryDirectory() as folder:
-        draw_square(simulate(Path(folder), '--twist', SQUARE, 29.0), path)
+    if arguments.part == 'legs':
+        cores.cluster = arguments.dask
+        count = 4 if arguments.quick else 20
+        print(draw_success(path, legs.FIRST_SEED, count, note))
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            draw_square(simulate(Path(folder), '--twist', SQUARE, 29.0), path)
     print(f'drawn to {path}')
     return 0
 
@@ -111,7 +119,9 @@ def make_parser() -> argparse.ArgumentParser:
         help="simulate on a Dask cluster, e.g. tcp://10.0.0.1:8786 (needs wasd's extra `cluster`)",
     )
     parser.add_argument(
-        '--picture', metavar='FILE', help="draw mbot's square as a PNG, and measure nothing"
+        '--picture',
+        metavar='FILE',
+        help="draw mbot's square as a PNG, or with legs when the Go2 falls, and measure nothing",
     )
     return parser
 

@@ -64,6 +64,7 @@ class Trace:
     position: np.ndarray  # (n, 3)
     rpy: np.ndarray  # (n, 3)
     velocity: np.ndarray  # ahead, to the left, turn, (n, 3)
+    command: np.ndarray  # in force, as the velocity, (n, 3)
     odometry: np.ndarray  # x, y, yaw, (n, 3)
     contacts: np.ndarray  # 1 where a foot touches, (n, 4)
     torque: np.ndarray  # largest of any motor since the row before, (n,)
@@ -156,6 +157,6 @@ def to_trace(run: Run, report: dict[str, Any], felt: Felt | None = None) -> Trac
     same = {key: value for key, value in report.items() if key not in OF_THE_MACHINE}
     digest = hashlib.sha256(json.dumps(same, sort_keys=True).encode()).hexdigest()
     samples = report.pop('samples')
-    names = ('position', 'rpy', 'velocity', 'odom', 'contacts', 'torque_max')
+    names = ('position', 'rpy', 'velocity', 'command', 'odom', 'contacts', 'torque_max')
     arrays = [np.array(samples[name]) for name in names]
     return Trace(run, report, digest, np.array(samples['t']), samples['state'], *arrays, felt)

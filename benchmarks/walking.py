@@ -58,8 +58,10 @@ class Felt(NamedTuple):
     energy: (
         np.ndarray
     )  # that motors have turned over since the start, sum |torque x speed| [J], (n,)
-    force: np.ndarray  # normal, on each foot [N], (n, 4)
+    clearance: np.ndarray  # of the base over the highest foot [m], (n,)
+    lowest: np.ndarray  # height of the lowest foot's underside [m], (n,)
     touchdowns: np.ndarray  # time [s] and speed of the foot then [m/s], (m, 2)
+    mass: float  # of the robot as it is described [kg]
 
 
 class Walk:
@@ -80,7 +82,8 @@ class Walk:
         self._keys = Player(parse_key_script(run.keys, 'keys'))
         self._twists = TwistPlayer(parse_twist_script(run.twist, 'twist'), self._drive)
         self._energy = 0.0
-        self._felt: list[tuple[float, float, np.ndarray]] = []
+        self._mass = model.mass
+        self._felt: list[tuple[float, float, float, float]] = []
 
     def report(self) -> tuple[dict[str, Any], Felt]:
         """Run it; return the report as `wasd go2` writes it, and what that does not tell."""
@@ -98,8 +101,8 @@ class Walk:
         report = build_report(self._recorder, asked, world.time, 0.0, ticks)
         report['samples'] = dict(report['samples'])
         self._recorder.close()
-        height, energy, force = (np.array(column) for column in zip(*self._felt, strict=True))
-        return report, Felt(height, energy, force, self._feet.touchdowns())
+        columns = np.array(self._felt).reshape(-1, 4).T
+        return report, Felt(*columns, self._feet.touchdowns(), self._mass)
 
     def _begin_instant(self) -> None:
         for push in self._pushes.due(self._world.time):
@@ -132,7 +135,8 @@ class Walk:
         touching = (forces > 0.0).astype(int).tolist()
         is_down = self._trunk.is_down(any(touching[4:]), state, controller.event)
         self._recorder.sample(Sample(state, command, (x, y, yaw), touching[:4], is_down))
-        self._felt.append((z, self._energy, forces[:4]))
+        feet, base = self._feet.heights(), float(self._world.base().position[2])
+        self._felt.append((z, self._energy, base - max(feet), min(feet)))
 
 
 class Feet:
@@ -157,6 +161,11 @@ class Feet:
             kind = mujoco.mjtObj.mjOBJ_GEOM
             mujoco.mj_objectVelocity(model, data, kind, geom, velocity, 0)
             self._speeds[foot] = np.linalg.norm(velocity[3:])
+
+    def heights(self) -> list[float]:
+        """Return how high the underside of each foot is [m]."""
+        model, data = self._world.model, self._world.data
+        return [float(data.geom_xpos[geom, 2] - model.geom_rbound[geom]) for geom in self._geoms]
 
     def touchdowns(self) -> np.ndarray:
         """Return time [s] and speed [m/s] of each, shape (m, 2)."""

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Benchmark of what the Go2's legs can do at most: speed, pushes, ground, ice, states, gaits.
+
+Control runs on the Kalman filter with the drifting IMU; what is measured is the physics' truth.
+Seeds begin at FIRST_SEED, which nobody tuned with.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+from cores import simulate_all
+from experiment import Experiment
+from go2_trouble import terrain
+from legs_ground import climbing
+from legs_ground import differing
+from legs_ground import known
+from legs_ground import long_way
+from legs_ground import patch
+from legs_ground import pushed
+from legs_ground import slippery
+from legs_speed import curve
+from legs_speed import gait
+from legs_speed import gait_switches
+from legs_speed import loaded
+from legs_speed import speed
+from legs_speed import touchdown
+from legs_speed import transport
+from legs_states import get_up
+from legs_states import jump
+from quadruped_sim.presets import GAITS
+import schedules
+from table import Row
+
+FIRST_SEED = 1000
+SPEEDS = {
+    'forward 3.0 m/s, 20 s': (3.0, 0.0, 0.0),
+    'backward 2.0 m/s, 20 s': (-2.0, 0.0, 0.0),
+    'lateral 1.5 m/s, 20 s': (0.0, 1.5, 0.0),
+    'yaw 5 rad/s, 20 s': (0.0, 0.0, 5.0),
+}
+GAIT_SPEEDS = {
+    'walk': 0.5,
+    'trot': 3.0,
+    'pace': 0.8,
+    'bound': 1.2,
+    'pronk': 1.0,
+    'gallop': 2.5,
+}
+
+
+class Sizes(NamedTuple):
+    """How many seeds of each kind, and how long random ways are [s]."""
+
+    many: int
+    gaits: int
+    pushes: int
+    tumbled: int
+    differing: int
+    switches: int
+    way: float
+    minute: float
+
+
+FULL = Sizes(20, 10, 3, 100, 100, 5, way=600.0, minute=60.0)
+QUICK = Sizes(1, 1, 1, 3, 2, 1, way=60.0, minute=20.0)
+
+
+def seeds(count: int) -> range:
+    """Return so many acceptance seeds."""
+    return range(FIRST_SEED, FIRST_SEED + count)
+
+
+def on_the_flat(sizes: Sizes) -> list[Experiment]:
+    """Return the rows about speed, curves, cost, gaits and published schedules."""
+    many, few = seeds(sizes.many), seeds(sizes.gaits)
+    known_gaits = {name: GAIT_SPEEDS[name] for name in GAITS if name in GAIT_SPEEDS}
+    return [
+        *(speed(what, velocity, many) for what, velocity in SPEEDS.items()),
+        curve((2.0, 0.0, 2.0), many),
+        curve((1.5, 0.8, 2.0), many),
+        *(transport(at, limit, few) for at, limit in ((0.5, 0.45), (1.0, 0.6), (2.0, 0.9))),
+        touchdown(few),
+        *(gait(name, at, few) for name, at in known_gaits.items()),
+        gait_switches(list(GAITS), seeds(sizes.switches), 2.0 * sizes.minute),
+        schedules.gauge('max_velocity', *schedules.most(), seeds(sizes.switches)),
+        schedules.gauge('diagonal_velocity', *schedules.diagonal(), seeds(sizes.switches)),
+        schedules.demo(few),
+    ]
+
+
+def in_trouble(sizes: Sizes) -> list[Experiment]:
+    """Return the rows about pushes, ground that is not seen, ice, and what nobody tells."""
+    many, pushing = seeds(sizes.many), seeds(sizes.pushes)
+    climbs = (('25 degrees up', 'slope:25'), ('25 degrees down', 'slope:-25'))
+    return [
+        pushed(35.0, 0.5, pushing, 1.0),
+        pushed(40.0, 0.5, pushing, 20.0 / 24.0),
+        pushed(30.0, 1.5, pushing, 22.0 / 24.0),
+        terrain('blind at 0.5 m/s: one 12 cm step', 'step:0.12', many, share=0.9),
+        terrain('blind at 0.5 m/s: stairs of 10 cm', 'stairs:0.1', many),
+        terrain('blind at 0.5 m/s: stairs of 12 cm', 'stairs:0.12', many, share=0.6),
+        terrain('blind at 0.5 m/s: boxes up to 12 cm', 'boxes:0.12', many),
+        *(
+            terrain(f'blind at 0.5 m/s: {what}, friction 0.8', world, many, friction=0.8)
+            for what, world in climbs
+        ),
+        slippery(0.25, many),
+        patch(0.2, 1.0, many, 0.9),
+        loaded('8@0,0.1,0', 35.0, FIRST_SEED),
+        differing(seeds(sizes.differing), sizes.minute),
+    ]
+
+
+def of_states(sizes: Sizes) -> list[Experiment]:
+    """Return the rows about getting up and jumping."""
+    many = seeds(sizes.many)
+    return [
+        get_up('any pose, flat', 'flat', 0.0, seeds(sizes.tumbled)),
+        get_up('any pose, boxes of 5 cm', 'boxes:0.05', 3.0, many),
+        get_up('any pose, slope of 10 degrees', 'slope:10', 3.0, many),
+        jump('in place', 'v', 0.0, many),
+    ]
+
+
+def of_odometry(sizes: Sizes) -> list[Experiment]:
+    """Return the rows about where the robot believes it is."""
+    many, few = seeds(sizes.many), seeds(sizes.switches)
+    far = f'random commands, {sizes.way / 60.0:g} min'
+    return [
+        known(far, long_way(few, sizes.way), 0.005, 0.05),
+        known('stairs of 10 cm', climbing('stairs:0.1', many), 0.02, None),
+        known('20 degrees up', climbing('slope:20', many), 0.02, None),
+    ]
+
+
+def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
+    """Run everything and return the rows; `note` is told how far it is."""
+    sizes = QUICK if quick else FULL
+    parts = [*on_the_flat(sizes), *in_trouble(sizes), *of_states(sizes), *of_odometry(sizes)]
+    results = simulate_all([run for part in parts for run in part.runs], note)
+    rows = [part.row(results) for part in parts]
+    return [replace(row, what=f'legs: {row.what}') for row in rows]

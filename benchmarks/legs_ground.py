@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the Go2 has to stay up: pushes, ice, ground it does not see, and knows where it is."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+import math
+from typing import Any
+
+from experiment import Experiment
+from go2_trouble import push_runs
+from go2_trouble import random_script
+from legs_speed import judged
+from legs_speed import worst
+from mujoco_sim.scene import EDGE
+from mujoco_sim.scene import ICE_AHEAD
+from mujoco_sim.scene import ICE_LENGTH
+import numpy as np
+from trials import Run
+from trials import START
+from trials import Trace
+
+
+def tilt(trace: Trace) -> float:
+    """Return the largest roll or pitch of a run [deg]."""
+    return math.degrees(float(np.abs(trace.rpy[:, :2]).max()))
+
+
+def pushed(impulse: float, speed: float, seeds: Sequence[int], share: float) -> Experiment:
+    """Push the trunk to the left in each part of the gait; a share of the runs must stay up."""
+    runs = push_runs(impulse, speed, seeds)
+
+    def trial(trace: Trace) -> dict[str, Any]:
+        return {'passed': trace.is_up, 'tilt': tilt(trace)}
+
+    what = f'lateral push {impulse:g} N s at {speed:g} m/s, 8 phases x {len(seeds)} seeds'
+    say = lambda trials: f'{worst(trials, "tilt"):.0f} deg at worst'  # noqa: E731
+    return judged(what, 'stays up', runs, trial, say, share)
+
+
+def slippery(friction: float, seeds: Sequence[int]) -> Experiment:
+    """Walk on ice from the start, told 0.5 m/s: it may slow down, not fall nor stand."""
+    runs = [
+        Run(seed=seed, twist=f'{START} 0.5 0 0\n', duration=START + 12.0, friction=friction)
+        for seed in seeds
+    ]
+
+    def trial(trace: Trace) -> dict[str, Any]:
+        x = float(trace.position[-1, 0])
+        return {'passed': trace.is_up and x >= 1.0, 'x': x, 'fell_at': trace.report['fell_at']}
+
+    def say(trials: list[dict[str, Any]]) -> str:
+        return f'{min(found["x"] for found in trials):.1f} m at least'
+
+    return judged(f'ice: friction {friction:g} from the start', '1 m', runs, trial, say)
+
+
+def patch(friction: float, speed: float, seeds: Sequence[int], share: float) -> Experiment:
+    """Run onto a patch of ice and off it again."""
+    end = ICE_AHEAD + EDGE + ICE_LENGTH + 0.5
+    world, twist = f'ice:{friction:g}', f'{START} {speed} 0 0\n'
+    duration = START + 2.0 * end / speed
+    runs = [Run(seed=seed, twist=twist, duration=duration, world=world) for seed in seeds]
+
+    def trial(trace: Trace) -> dict[str, Any]:
+        x = float(trace.position[-1, 0])
+        passed = trace.report['falls'] == 0 and x >= end
+        return {'passed': passed, 'x': x, 'fell_at': trace.report['fell_at']}
+
+    what = f'ice: a patch of {friction:g} entered at {speed:g} m/s'
+    return judged(what, f'{end:g} m', runs, trial, lambda _: '', share)
+
+
+def differing(seeds: Sequence[int], seconds: float, level: float = 1.0) -> Experiment:
+    """Follow random commands with a robot that differs from its description."""
+    runs = [
+        Run(
+            seed=seed,
+            twist=random_script(seed, seconds),
+            duration=START + seconds,
+            randomise=level,
+        )
+        for seed in seeds
+    ]
+
+    def trial(trace: Trace) -> dict[str, Any]:
+        fell_at = trace.report['fell_at']
+        return {'passed': trace.is_up, 'tilt': tilt(trace), 'fell_at': fell_at, 'path': trace.path}
+
+    what = f'randomised at {level:g}: random commands, {seconds:g} s each'
+    say = lambda trials: f'{sum(r["path"] for r in trials):.0f} m'  # noqa: E731
+    # One in a hundred may fall.
+    return judged(what, 'no fall', runs, trial, say, 1.0 - 1.0 / max(len(runs), 100))
+
+
+def known(what: str, runs: Sequence[Run], share: float, height: float | None) -> Experiment:
+    """
+    Judge odometry: x and y by a share of the path, height by the path's share or a length [m].
+
+    The error of x and y is also told with the heading's drift taken out.
+    """
+
+    def trial(trace: Trace) -> dict[str, Any]:
+        assert trace.felt is not None
+        rows = trace.after(START)
+        seen, true = trace.felt.height[rows], trace.position[rows, 2]
+        rise = abs(float((seen[-1] - seen[0]) - (true[-1] - true[0])))
+        flat, path = apart(trace), max(trace.path, 1e-6)
+        allowed = share * path if height is None else height
+        passed = trace.report['falls'] == 0 and flat <= share * path and rise <= allowed
+        xy = 100 * trace.odometry_error / path
+        return {'passed': passed, 'xy': xy, 'apart': 100 * flat / path, 'rise': rise, 'path': path}
+
+    def say(trials: list[dict[str, Any]]) -> str:
+        xy = f'{worst(trials, "apart"):.2f} % ({worst(trials, "xy"):.2f} % with heading)'
+        way = sum(found['path'] for found in trials)
+        return f'xy {xy}, height {100 * worst(trials, "rise"):.1f} cm at worst, {way:.0f} m'
+
+    limit = f'{100 * share:g} %' if height is None else f'{100 * height:g} cm'
+    return judged(
+        f'odometry: {what}', f'xy <= {100 * share:g} %, height <= {limit}', runs, trial, say
+    )
+
+
+def apart(trace: Trace) -> float:
+    """Return where odometry would end beside the truth if its heading were right [m]."""
+    rows = trace.after(START)
+    true, seen = trace.position[rows, :2], trace.odometry[rows]
+    steps = np.diff(seen[:, :2], axis=0)
+    turn = (trace.rpy[rows, 2] - seen[:, 2])[:-1]
+    cos, sin = np.cos(turn), np.sin(turn)
+    turned = np.column_stack(
+        (cos * steps[:, 0] - sin * steps[:, 1], sin * steps[:, 0] + cos * steps[:, 1])
+    )
+    return float(np.linalg.norm(turned.sum(axis=0) - (true[-1] - true[0])))
+
+
+def long_way(seeds: Sequence[int], seconds: float) -> list[Run]:
+    """Return runs of random commands on the flat."""
+    return [
+        Run(seed=seed, twist=random_script(seed, seconds), duration=START + seconds)
+        for seed in seeds
+    ]
+
+
+def climbing(world: str, seeds: Sequence[int], friction: float | None = None) -> list[Run]:
+    """Return walks at 0.5 m/s up a world."""
+    base = Run(seed=0, twist=f'{START} 0.5 0 0\n', duration=START + 12.0, world=world)
+    return [replace(base, seed=seed, friction=friction) for seed in seeds]

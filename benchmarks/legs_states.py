@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the Go2 does on a key: it gets up from any pose, and jumps."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from experiment import Experiment
+from legs_speed import judged
+from legs_speed import worst
+import numpy as np
+from trials import Run
+from trials import Trace
+
+SETTLED = 2.0  # a robot let fall lies still after so long [s]
+PATIENCE = 6.0
+STANDING = 0.27  # height of the trunk above the feet of one that stands [m]
+TURNED = np.deg2rad(15.0)
+
+
+def get_up(what: str, world: str, x: float, seeds: Sequence[int]) -> Experiment:
+    """Let the robot fall anyhow at x [m], and press key 2: it stands within 6 s."""
+    runs = [
+        Run(
+            seed=seed,
+            keys=f'{SETTLED} 2\n',
+            duration=SETTLED + PATIENCE + 1.0,
+            world=world,
+            tumbled=x,
+        )
+        for seed in seeds
+    ]
+
+    def trial(trace: Trace) -> dict[str, Any]:
+        assert trace.felt is not None
+        rows = trace.after(SETTLED)
+        is_level = np.abs(trace.rpy[rows, :2]).max(axis=1) < TURNED
+        is_up = (trace.felt.clearance[rows] > STANDING) & is_level
+        stays = np.logical_and.accumulate(is_up[::-1])[::-1]
+        took = float(trace.t[rows][stays.argmax()]) - SETTLED if stays.any() else np.inf
+        return {'passed': took <= PATIENCE, 'took': min(took, 99.0), 'ends': trace.state[-1]}
+
+    def say(trials: list[dict[str, Any]]) -> str:
+        return f'{worst([t for t in trials if t["passed"]] or trials, "took"):.1f} s at worst'
+
+    return judged(f'get up: {what}', f'<= {PATIENCE:g} s', runs, trial, say)
+
+
+def jump(what: str, key: str, far: float, seeds: Sequence[int], **parameters: float) -> Experiment:
+    """Jump once from a stand: all feet `clear` [m] at once, so `far` ahead [m]; then stand."""
+    chosen = tuple((f'jump.{name}', value) for name, value in parameters.items())
+    pressed = 3.0
+    runs = [
+        Run(seed=seed, keys=f'0.1 2\n{pressed} {key}\n', duration=7.0, parameters=chosen)
+        for seed in seeds
+    ]
+
+    def trial(trace: Trace) -> dict[str, Any]:
+        assert trace.felt is not None
+        rows = trace.after(pressed)
+        clear = float(trace.felt.lowest[rows].max())
+        ahead = float(trace.position[-1, 0] - trace.position[rows][0, 0])
+        stands = trace.report['falls'] == 0 and trace.state[-1] == 'fixed stand'
+        passed = stands and (ahead >= far if far else clear >= 0.25)
+        return {'passed': passed, 'clear': clear, 'ahead': ahead, 'ends': trace.state[-1]}
+
+    def say(trials: list[dict[str, Any]]) -> str:
+        clear, ahead = (min(found[name] for found in trials) for name in ('clear', 'ahead'))
+        return f'feet {100 * clear:.0f} cm clear, {ahead:.2f} m ahead at least'
+
+    must = f'{far:g} m ahead' if far else '25 cm clear'
+    return judged(f'jump: {what}', f'{must}, stands', runs, trial, say)
