@@ -9,7 +9,7 @@ from quadruped_sim.presets import VelocityLimits
 
 
 class StateName(StrEnum):
-    """The eight states, in words."""
+    """unitree_guide's eight states and two of ours, in words."""
 
     PASSIVE = 'passive'
     FIXED_STAND = 'fixed stand'
@@ -19,6 +19,8 @@ class StateName(StrEnum):
     BALANCE_TEST = 'balance test'
     SWING_TEST = 'swing test'
     STEP_TEST = 'step test'
+    GET_UP = 'get up'
+    LIE_DOWN = 'lie down'
 
 
 STATE_KEYS = {
@@ -30,25 +32,41 @@ STATE_KEYS = {
     '0': StateName.BALANCE_TEST,
     '9': StateName.SWING_TEST,
     '8': StateName.STEP_TEST,
+    '6': StateName.GET_UP,
+    '7': StateName.LIE_DOWN,
 }
 
 # Keys that leave each state.
 TRANSITIONS = {
-    StateName.PASSIVE: '2',
-    StateName.FIXED_STAND: '1345098',
-    StateName.FREE_STAND: '124',
-    StateName.TROTTING: '12',
-    StateName.MOVE_BASE: '12',
-    StateName.BALANCE_TEST: '12',
-    StateName.SWING_TEST: '12',
-    StateName.STEP_TEST: '12',
+    StateName.PASSIVE: '26',
+    StateName.FIXED_STAND: '13450987',
+    StateName.FREE_STAND: '1247',
+    StateName.TROTTING: '127',
+    StateName.MOVE_BASE: '127',
+    StateName.BALANCE_TEST: '127',
+    StateName.SWING_TEST: '127',
+    StateName.STEP_TEST: '127',
+    StateName.GET_UP: '1',
+    StateName.LIE_DOWN: '12',
 }
+# States that end by themselves, and what follows.
+SUCCESSORS = {
+    StateName.GET_UP: StateName.FIXED_STAND,
+    StateName.LIE_DOWN: StateName.PASSIVE,
+}
+# What raises a robot that has fallen.
+GET_UP_KEYS = '26'
 
 
 def keys_between(state: StateName, wanted: StateName) -> tuple[str, ...]:
-    """Return the fewest keys that lead from a state to another; none when it is the same."""
-    ways: dict[StateName, tuple[str, ...]] = {state: ()}
-    for source in (queue := [state]):
+    """
+    Return the fewest keys that lead from a state to another; none when it is the same.
+
+    Of a state that leads to a stand by itself, they are those that are pressed then.
+    """
+    stands = state is not wanted and SUCCESSORS.get(state) is StateName.FIXED_STAND
+    ways: dict[StateName, tuple[str, ...]] = {StateName.FIXED_STAND if stands else state: ()}
+    for source in (queue := list(ways)):
         for key in TRANSITIONS[source]:
             if STATE_KEYS[key] not in ways:
                 ways[STATE_KEYS[key]] = (*ways[source], key)
@@ -184,6 +202,8 @@ PURPOSES = {
     StateName.BALANCE_TEST: 'to balance',
     StateName.SWING_TEST: 'to swing',
     StateName.STEP_TEST: 'to step',
+    StateName.GET_UP: 'to get up',
+    StateName.LIE_DOWN: 'to lie down',
 }
 _LEAN = {
     ('ly', 1): 'nose down',
@@ -243,14 +263,15 @@ class KeyWords:
 
     def to_fallen(self) -> str:
         """Return what to do with a robot that lies on its side."""
-        if self.reset_key:
-            return f'press {self.reset_key} to reset (the robot has fallen)'
-        return 'put it on its feet, or reset it (the robot has fallen)'
+        reset = f', or {self.reset_key} to reset' if self.reset_key else ''
+        return f'press {GET_UP_KEYS[0]} to get up{reset} (the robot has fallen)'
 
     def to_state(self, state: StateName, wanted: StateName) -> str:
         """Return what to press for a state that cannot follow this one, or is this one."""
         if state is wanted:
             return f'{state.value} already'
+        if wanted is SUCCESSORS.get(state):
+            return f'wait: {wanted.value} follows {state.value} by itself'
         return f'{self._press(state, wanted)} ({wanted.value} cannot follow {state.value})'
 
     def to_event(self, event: str, is_fallen: bool) -> str:
@@ -296,9 +317,7 @@ class KeyWords:
             if key in self.elsewhere:
                 return None
             return f'press {self.name(ARROWS[key])} ({key} does nothing)'
-        cure = (
-            f'{self.help_key} shows the keys' if self.help_key else 'keys: 0-5 8 9, wasd, ijkl, n'
-        )
+        cure = f'{self.help_key} shows the keys' if self.help_key else 'keys: 0-9, wasd, ijkl, n'
         # Whatever came on a topic: its control characters made visible, and not all of it.
         return f'{cure} ({self._called(key)[:LONGEST_NAME]!r} does nothing)'
 
@@ -313,8 +332,11 @@ class KeyWords:
         purposes = dict(PURPOSES)
         if self.drive is StateName.MOVE_BASE:
             purposes[self.drive] = 'to drive'
-        words = [f'{key} {purposes[STATE_KEYS[key]]}' for key in keys_between(state, wanted)]
-        return f'press {", then ".join(words)}'
+        words = [
+            f'{self.name(key)} {purposes[STATE_KEYS[key]]}' for key in keys_between(state, wanted)
+        ]
+        stands = SUCCESSORS.get(state) is StateName.FIXED_STAND
+        return f'press {", then ".join(words)}{" when it stands" if stands else ""}'
 
     def _called(self, key: str) -> str:
         """Return how a key stands in a text."""

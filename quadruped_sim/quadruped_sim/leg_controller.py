@@ -16,11 +16,13 @@ from quadruped_sim.estimation.contacts import ContactDetector
 from quadruped_sim.estimation.kalman import ImuSample
 from quadruped_sim.estimation.kalman import KalmanEstimator
 from quadruped_sim.keys import GAIT_KEYS
+from quadruped_sim.keys import GET_UP_KEYS
 from quadruped_sim.keys import KeyWords
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateMachine
 from quadruped_sim.keys import StateName
 from quadruped_sim.keys import Sticks
+from quadruped_sim.keys import SUCCESSORS
 from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegMotion
@@ -39,6 +41,8 @@ from quadruped_sim.states import make_states
 from quadruped_sim.states.driving import damping_command
 
 _UP = np.array((0.0, 0.0, 1.0))
+# How high the base of a Go2 is that lies [m], and how fast its estimate sinks to that [m/s].
+_LYING_HEIGHT, _SINKING_SPEED = 0.06, 0.5
 
 
 class LegController:
@@ -130,8 +134,9 @@ class LegController:
         self.safety.reset()
         self._detector.reset()
         self._is_started = False
+        self._level: float | None = None  # of the ground under a robot that lies [m]
         self.robot: RobotState | None = None
-        self.is_fallen = False  # whether the robot lies on its side or back
+        self.is_fallen = False  # whether it lies on its side or back, or has since it stood
         self.event: str | None = None
         self._odometry: LegOdometry | None = None
 
@@ -160,9 +165,11 @@ class LegController:
 
     def press(self, key: str) -> str | None:
         """Take a key; a text for the driver when it does nothing, or not what one expects."""
-        if self.is_fallen and key != '1':
-            return self.words.to_fallen()
         state = self._machine.coming
+        if self.is_fallen and state is StateName.PASSIVE and key != '1':
+            if key not in GET_UP_KEYS:
+                return self.words.to_fallen()
+            key = GET_UP_KEYS[-1]
         if key in STATE_KEYS:
             is_legal = state is not STATE_KEYS[key] and self._machine.press(key)
             return None if is_legal else self.words.to_state(state, STATE_KEYS[key])
@@ -178,9 +185,10 @@ class LegController:
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Velocity command for move base [m/s, m/s, rad/s]; a text when not driven so."""
         if self._machine.state is not StateName.MOVE_BASE:
-            if self.is_fallen:
+            state = self._machine.coming
+            if self.is_fallen and state is StateName.PASSIVE:
                 return self.words.to_fallen()
-            return self.words.to_velocity(self._machine.coming)
+            return self.words.to_velocity(state)
         refusal, limits = self.command_filter.request(vx, vy, yaw_rate), self.command_filter.limits
         if refusal is None and self.gait != 'trot' and not limits.hold(vx, vy, yaw_rate):
             return self.words.to_gait(self.gait, limits)
@@ -199,20 +207,31 @@ class LegController:
             return damping_command(self.model.scale, np.zeros(12))
         robot = self._estimate(good, dt, truth)
         self.robot = robot
-        self.is_fallen = self.safety.is_fallen(robot.base.R)
-        reason = self.safety.reason_to_let_go(
-            robot.base.R, robot.joint_position, self._failures_in_a_row()
+        still_lies = self.is_fallen and self._machine.state is StateName.PASSIVE
+        self.is_fallen = still_lies or self.safety.is_fallen(robot.base.R)
+        self._change_state(robot)
+        state = self._states[self._machine.state]
+        command = self.safety.filter_command(state.step(robot, dt))
+        return command or damping_command(self.model.scale, robot.joint_position)
+
+    def _change_state(self, robot: RobotState) -> None:
+        """Enter the state that a guard, the end of the present one or a key leads to."""
+        state = self._states[self._machine.state]
+        may_lie = state.is_lying or self._machine.state is StateName.PASSIVE
+        reason = state.failure or self.safety.reason_to_let_go(
+            None if may_lie else robot.base.R, robot.joint_position, self._failures_in_a_row()
         )
         if reason is not None:
             self._let_go(reason)
+        elif state.is_over and self._machine.coming is self._machine.state:
+            self._machine.force(SUCCESSORS[self._machine.state])
         self._machine.begin_tick()
-        state = self._states[self._machine.state]
         if self._entered is not self._machine.state:
+            if self._machine.state is not StateName.PASSIVE:
+                self.event = None
             self.sticks.zero()
-            state.enter(robot)
+            self._states[self._machine.state].enter(robot)
             self._entered = self._machine.state
-        command = self.safety.filter_command(state.step(robot, dt))
-        return command or damping_command(self.model.scale, robot.joint_position)
 
     def _let_go(self, reason: str) -> None:
         for solver in self._solvers:
@@ -259,16 +278,50 @@ class LegController:
         assert reading.imu is not None  # `filter_reading` lets none without one through
         orientation, omega, acceleration = reading.imu
         R = matrix_from_quaternion(orientation)
+        relative = motion.position @ R.T
         if not self._is_started:
-            self._start(motion.position @ R.T)
-        trust = self._states[self._machine.state].trust
-        self._kalman.step(ImuSample(R, omega, acceleration), motion, trust, normal, dt)
+            self._start(relative)
+        state = self._states[self._machine.state]
+        is_passive = self._machine.state is StateName.PASSIVE
+        if state.is_lying or (is_passive and (self._level is not None or self._is_down(R))):
+            self._rest(relative, dt)
+        else:
+            self._level = None
+            self._kalman.step(ImuSample(R, omega, acceleration), motion, state.trust, normal, dt)
         position, velocity = self._kalman.position.copy(), self._kalman.velocity.copy()
         return BaseState(position, orientation, velocity, omega)
 
+    def _is_down(self, R: np.ndarray) -> bool:
+        """Whether something else than the feet carries the robot; `R` turns base axes to world."""
+        carried = float(self._detector.normal_forces.sum())
+        return self.safety.is_fallen(R) or carried < 0.5 * self.model.weight
+
+    def _rest(self, relative: np.ndarray, dt: float) -> None:
+        """
+        Take a robot that lies or rolls to be at rest, sinking to the ground that it stood on.
+
+        Its feet are in the air or under it and tell nothing; the accelerometer alone would drift.
+        """
+        if self._level is None:
+            position = self._kalman.position
+            self._level = float(position[2]) - self._height_over(self._kalman.feet - position)
+        position = self._kalman.position.copy()
+        most = _SINKING_SPEED * self.model.scale.of('m/s') * dt
+        height = self._level + self._height_over(relative)
+        position[2] += min(max(height - position[2], -most), most)
+        self._kalman.hold(position, position + relative)
+
+    def _height_over(self, relative: np.ndarray) -> float:
+        """
+        Height of the base above the ground on which the lowest foot is, or the trunk [m].
+
+        `relative` (4, 3) are the foot centres from the base, world axes.
+        """
+        on_feet = self.model.geometry.foot_radius - float(relative[:, 2].min())
+        return max(on_feet, _LYING_HEIGHT * self.model.scale.of('m'))
+
     def _start(self, relative: np.ndarray) -> None:
-        """Start the filter at x = y = 0 with the lowest foot on the ground."""
-        height = self.model.geometry.foot_radius - float(relative[:, 2].min())
-        position = np.array((0.0, 0.0, height))
+        """Start the filter at x = y = 0 on ground at height 0."""
+        position = np.array((0.0, 0.0, self._height_over(relative)))
         self._kalman.reset(position, position + relative)
         self._is_started = True

@@ -57,12 +57,12 @@ class Safety:
         return self.tilt(R) > self.params.tilt_max
 
     def reason_to_let_go(
-        self, R: np.ndarray, joint_position: np.ndarray, failures_in_a_row: int
+        self, R: np.ndarray | None, joint_position: np.ndarray, failures_in_a_row: int
     ) -> str | None:
-        """Why the robot must go passive now, or None."""
+        """Why the robot must go passive now, or None; without `R` it may lie."""
         if self.broken_in_a_row > _BROKEN_READINGS_MAX:
             return f'{self.broken_in_a_row} sensor readings in a row are not finite'
-        if self.is_fallen(R):
+        if R is not None and self.is_fallen(R):
             return f'tilt {math.degrees(self.tilt(R)):.0f} deg exceeds the limit'
         limits = self._limits
         if _is_beyond(joint_position, limits.lower, limits.upper, self.params.joint_margin):

@@ -264,15 +264,17 @@ def test_both_are_reset_together_and_to_their_own_places(new_runner: Callable[[]
     assert position(robots['mbot'], 1.4)[0] > 0.1
 
 
-def test_a_fallen_go2_names_the_reset_key_and_stands_again_after_it(
-    new_runner: Callable[[], Any],
+@pytest.mark.parametrize('keys', ['4.5 2', '5 BACKSPACE\n5.2 2'])
+def test_a_fallen_go2_names_the_keys_that_raise_and_reset_it_and_they_do(
+    new_runner: Callable[[], Any], keys: str
 ) -> None:
     runner = new_runner()
-    play = '0.1 2\n2.6 4\n4.5 w 2\n5 BACKSPACE\n5.2 2'
+    play = f'0.1 2\n2.6 4\n4.4 w\n{keys}'
     push = ('--push', '3 600 0 0 0.2', '--duration', '8')  # head over heels, onto its back
     report = runner.report('go2', *push, play=play)
     assert report['falls'] == 1
-    assert runner.said.count('press BACKSPACE to reset (the robot has fallen)') >= 1
+    cure = 'press 2 to get up, or BACKSPACE to reset (the robot has fallen)'
+    assert runner.said.count(cure) >= 1
     assert report['samples']['state'][-1] == 'fixed stand'
     assert position(report, 7.9)[2] > 0.25
 

@@ -9,6 +9,7 @@ from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateMachine
 from quadruped_sim.keys import StateName
 from quadruped_sim.keys import STICK_KEYS
+from quadruped_sim.keys import SUCCESSORS
 from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.leg_controller import LegController
 from teleop_keyboard.dashboard import Status
@@ -97,7 +98,7 @@ def test_w_says_which_keys_lead_to_a_trot_and_they_do(in_state, state):
     said = in_state(state).press('w')
     keys = [word for word in said.replace(':', ' ').split() if word in STATE_KEYS]
     machine = StateMachine()
-    machine.force(state)
+    machine.force(SUCCESSORS.get(state, state))
     for key in keys:
         assert machine.press(key)
         machine.begin_tick()
@@ -116,6 +117,8 @@ def test_w_in_the_states_one_meets_first(in_state):
         StateName.BALANCE_TEST: 'w: body forward',
         StateName.SWING_TEST: 'w: front right foot forward',
         StateName.STEP_TEST: 'press 2 to stand, then 4 to trot',
+        StateName.GET_UP: 'press 4 to trot when it stands',
+        StateName.LIE_DOWN: 'press 2 to stand, then 4 to trot',
     }
 
 
@@ -127,6 +130,8 @@ def test_a_refused_state_begins_with_the_keys_that_lead_there(in_state):
                 assert said is None
             elif wanted is state:
                 assert said == f'{state.value} already'
+            elif wanted is SUCCESSORS.get(state):
+                assert said == f'wait: {wanted.value} follows {state.value} by itself'
             else:
                 assert said.startswith(f'press {keys_between(state, wanted)[0]} ')
                 assert said.endswith(f'({wanted.value} cannot follow {state.value})')
@@ -138,13 +143,23 @@ def test_a_stick_at_its_end_says_so(in_state):
     assert said == [None] * 20 + ['w: full stick'] * 5
 
 
-@pytest.mark.parametrize('key', ['2', '4', 'w', ' ', 'UP', 'x'])
-def test_a_fallen_robot_names_the_key_that_resets_it(in_state, key):
+@pytest.mark.parametrize('key', ['3', '4', '7', 'w', ' ', 'UP', 'x'])
+def test_a_fallen_robot_names_the_keys_that_raise_and_reset_it(in_state, key):
     text = in_state(StateName.PASSIVE, is_fallen=True).press(key)
-    assert text == 'press BACKSPACE to reset (the robot has fallen)'
+    assert text == 'press 2 to get up, or BACKSPACE to reset (the robot has fallen)'
     bare = in_state(StateName.PASSIVE, KeyWords(), is_fallen=True)
-    assert 'fallen' in bare.press('2')
-    assert 'BACKSPACE' not in bare.press('2')
+    assert bare.press(key) == 'press 2 to get up (the robot has fallen)'
+    assert bare.set_velocity(0.1, 0.0, 0.0) == bare.press(key)
+
+
+@pytest.mark.parametrize('key', ['2', '6'])
+def test_a_fallen_robot_gets_up_at_these_keys_and_never_stands_up_as_it_lies(in_state, key):
+    legs = in_state(StateName.PASSIVE, is_fallen=True)
+    assert legs.press(key) is None
+    assert legs.coming_state == StateName.GET_UP
+    assert legs.press('2') == 'wait: fixed stand follows get up by itself'
+    assert legs.press('1') is None
+    assert legs.coming_state == StateName.PASSIVE
 
 
 def test_cmd_vel_says_which_keys_lead_to_move_base(in_state):
@@ -167,7 +182,7 @@ def test_keys_of_a_keymap_drive_in_move_base_and_are_not_called_unknown(in_state
 
 
 def test_keys_are_called_as_on_the_drivers_keyboard(in_state):
-    words = KeyWords(name={'w': 'z', 'W': 'Z'}.get)
+    words = KeyWords(name=lambda key: {'w': 'z', 'W': 'Z'}.get(key, key))
     said = in_state(StateName.PASSIVE, words).press('w')
     assert said == 'press 2 to stand, then 4 to trot (z does nothing here)'
     assert in_state(StateName.FREE_STAND, words).press('W').startswith('Z: nose down')

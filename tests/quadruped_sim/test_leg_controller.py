@@ -81,7 +81,7 @@ def test_velocity_commands_need_move_base(controller, run):
     assert controller.set_velocity(0.5, 0.0, 0.0) is None
 
 
-def test_tipping_over_goes_passive_in_the_same_tick_and_key_2_waits(
+def test_tipping_over_goes_passive_in_the_same_tick_and_key_2_gets_up(
     controller, run, standing, truth
 ):
     run(controller, 2)
@@ -94,7 +94,11 @@ def test_tipping_over_goes_passive_in_the_same_tick_and_key_2_waits(
     assert controller.is_fallen
     assert 'tilt' in controller.event
     np.testing.assert_array_equal(command.kp, 0.0)
-    assert 'fallen' in controller.press('2')
+    assert 'fallen' in controller.press('4')
+    assert controller.press('2') is None
+    run(controller, 3, tipped, truth._replace(orientation=orientation))
+    assert controller.state == 'get up'
+    assert controller.event is None
 
 
 def test_emergency_stop_acts_at_once(controller, run):

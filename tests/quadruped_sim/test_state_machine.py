@@ -5,6 +5,7 @@ from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateMachine
 from quadruped_sim.keys import StateName
 from quadruped_sim.keys import Sticks
+from quadruped_sim.keys import SUCCESSORS
 
 P, F, FREE, T, M, B, SW, ST = (STATE_KEYS[key] for key in '12345098')
 
@@ -55,7 +56,8 @@ def test_key_leads_where_the_table_says(state, key, wanted):
 @pytest.mark.parametrize('wanted', list(StateName))
 @pytest.mark.parametrize('state', list(StateName))
 def test_the_path_from_each_state_to_each_is_legal_and_leads_there(state, wanted):
-    machine = machine_in(state)
+    stands = SUCCESSORS.get(state) is F and wanted is not state
+    machine = machine_in(F if stands else state)  # which comes by itself
     keys = keys_between(state, wanted)
     assert len(keys) <= 2
     for key in keys:

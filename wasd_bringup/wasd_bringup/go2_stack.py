@@ -139,7 +139,8 @@ class Go2Stack(ControlStack):
         """Return what a driver wants to see."""
         vx, vy, wz = self._command()
         command = (f'command {vx:+.2f} {vy:+.2f} m/s {wz:+.2f} rad/s',)
-        state = 'fallen' if self._legs.controller.is_fallen else self.state
+        has_fallen = self._legs.controller.is_fallen and self.state == StateName.PASSIVE
+        state = 'fallen' if has_fallen else self.state
         facts = command if self.state in DRIVEN else ()
         return Status(state, facts, self.notice.text, self._axes((vx, vy, wz)))
 

@@ -107,6 +107,10 @@ class Sample(NamedTuple):
     is_down: bool = False  # a legged robot whose trunk has come to the ground
 
 
+# States in which the trunk may be on the ground: nobody has made it fall.
+LYING = ('passive', 'get up', 'lie down')
+
+
 class TrunkWatch:
     """Tells when the trunk of a legged robot has come to the ground against the driver's will."""
 
@@ -116,8 +120,8 @@ class TrunkWatch:
     def is_down(self, touches: bool, state: str, event: str | None) -> bool:
         """Whether it is down; `touches` the ground, in a state, which an `event` has led to."""
         if not touches:
-            self._was_up = state != 'passive'
-        elif state == 'passive' and event is None:
+            self._was_up = state not in LYING
+        elif state in LYING and event is None:
             self._was_up = False
         return touches and self._was_up
 

@@ -22,7 +22,7 @@ from diff_drive_sim import MODES as DRIVE_MODES
 UNITREE_PRESET = 'unitree'
 UNITREE_HELP = (
     '2 stand   4 trot   5 move base (cmd_vel)   1 passive',
-    '3 free stand   0 balance test   9 swing test   8 step test   {n} next gait',
+    '6 get up   7 lie down   3 free stand   0 balance   9 swing   8 step test   {n} next gait',
     '{w}/{s} forward, backward   {a}/{d} left, right   {j}/{l} turn   {i}/{k} height'
     '   space: centre',
     'First 2, then 4, then {w}.',

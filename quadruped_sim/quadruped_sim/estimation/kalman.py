@@ -100,6 +100,11 @@ class KalmanEstimator:
         x = np.vstack((position, np.zeros(3), feet))
         self._estimate = Gaussian(x, np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4)))
 
+    def hold(self, position: np.ndarray, feet: np.ndarray) -> None:
+        """Be at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]; no surer."""
+        x = self._estimate.x
+        x[0], x[1], x[2:] = position, 0.0, feet
+
     @property
     def position(self) -> np.ndarray:
         """Base position in world (3,) [m]."""

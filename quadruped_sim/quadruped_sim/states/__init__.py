@@ -12,6 +12,8 @@ from quadruped_sim.states.driving import Trotting
 from quadruped_sim.states.exercises import BalanceTest
 from quadruped_sim.states.exercises import StepTest
 from quadruped_sim.states.exercises import SwingTest
+from quadruped_sim.states.lying import GetUp
+from quadruped_sim.states.lying import LieDown
 
 __all__ = ['ControllerParts', 'State', 'make_states']
 
@@ -27,4 +29,6 @@ def make_states(parts: ControllerParts) -> dict[StateName, State]:
         StateName.BALANCE_TEST: BalanceTest(parts),
         StateName.SWING_TEST: SwingTest(parts),
         StateName.STEP_TEST: StepTest(parts),
+        StateName.GET_UP: GetUp(parts),
+        StateName.LIE_DOWN: LieDown(parts),
     }

@@ -47,6 +47,21 @@ class State(ABC):
         self._parts = parts
         self.trust = np.ones(4)
 
+    @property
+    def is_lying(self) -> bool:
+        """Whether the robot lies, or rolls, so that feet do not tell how it moves."""
+        return False
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has done what it does and gives way to its successor, if it has one."""
+        return False
+
+    @property
+    def failure(self) -> str | None:
+        """Why it cannot do what it does, so that the robot goes passive; None while it can."""
+        return None
+
     @abstractmethod
     def enter(self, robot: RobotState) -> None:
         """Start from where the robot is."""

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The states of keys 1 to 5: passive, two stands, and the trot by sticks or by cmd_vel."""
 
+from abc import abstractmethod
 import math
 
 import numpy as np
@@ -53,32 +54,33 @@ def stiff_command(model: RobotModel, position: np.ndarray) -> JointCommand:
     return NO_TORQUE._replace(position=position, kp=_KP * kp, kd=_KD * kd)
 
 
-class FixedStand(State):
+class AfterTrot(State):
     """
-    2.0 s from the measured pose to the stand; entering again starts again.
+    Begins with a robot that rests: one that trots is brought to a halt first.
 
-    A robot that trots is brought to rest first: stiff legs at 1 m/s are a somersault, which is
-    what unitree_guide's key 2 does.
+    Stiff legs at 1 m/s are a somersault, which is what unitree_guide's key 2 does.
     """
 
     def enter(self, robot: RobotState) -> None:
         """Remember the pose to start from, or halt first."""
-        self._start = robot.joint_position.copy()
-        self._time = 0.0
+        self._rest(robot)
         self._halting = _HALT_TIME_MAX if self._parts.locomotion.gait.is_stepping else 0.0
-        self.trust = np.ones(4)
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
-        """Next point of the line, or of the way to a halt."""
-        if self._halting > 0.0:
-            return self._halt(robot, dt)
-        self._time += dt
-        share = min(self._time / STAND_TIME, 1.0)
-        position = (1.0 - share) * self._start + share * self._parts.model.standing_pose
-        return stiff_command(self._parts.model, position)
+        """One tick of the way to a halt, or of what follows."""
+        return self._halt(robot, dt) if self._halting > 0.0 else self._at_rest(robot, dt)
+
+    @abstractmethod
+    def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
+        """Command of a tick, from `self._start` (12,) [rad] on at `self._time` [s]."""
+
+    def _rest(self, robot: RobotState) -> None:
+        self._start = robot.joint_position.copy()
+        self._time = 0.0
+        self.trust = np.ones(4)
 
     def _halt(self, robot: RobotState, dt: float) -> JointCommand:
-        """Trot on toward rest; the line starts from where the last step ends."""
+        """Trot on toward rest."""
         locomotion, command_filter = self._parts.locomotion, self._parts.command_filter
         command_filter.request(0.0, 0.0, 0.0)
         command = locomotion.step(robot, command_filter.step(dt), dt, is_halting=True)
@@ -87,9 +89,19 @@ class FixedStand(State):
         if not locomotion.gait.is_stepping or self._halting <= 0.0:
             locomotion.gait.reset()
             self._halting = 0.0
-            self._start = robot.joint_position.copy()
-            self.trust = np.ones(4)
+            self._rest(robot)
         return command
+
+
+class FixedStand(AfterTrot):
+    """2.0 s from the measured pose to the stand; entering again starts again."""
+
+    def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
+        """Next point of the line."""
+        self._time += dt
+        share = min(self._time / STAND_TIME, 1.0)
+        position = (1.0 - share) * self._start + share * self._parts.model.standing_pose
+        return stiff_command(self._parts.model, position)
 
 
 # Roll, pitch, yaw [rad] and height [m] at full stick, on the Go2.

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""On the ground and up from it: get up from any pose, key 6, and lie down gently, key 7."""
+
+from enum import auto
+from enum import Enum
+import math
+
+import numpy as np
+from robot_description.morphology.quadruped import similar_pose
+from wasd_core.robot_io import JointCommand
+
+from quadruped_sim.leg_kinematics import LEFT
+from quadruped_sim.robot_model import NO_TORQUE
+from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import RobotState
+from quadruped_sim.states.base import approach
+from quadruped_sim.states.base import ControllerParts
+from quadruped_sim.states.base import State
+from quadruped_sim.states.driving import AfterTrot
+from quadruped_sim.states.driving import stiff_command
+
+# Thigh and calf of folded legs, on which a robot neither rocks nor is in its own way [rad].
+FOLDED = (1.36, -2.65)
+# Two poses that roll a folded Go2 off its back or its right side onto its belly: hip, thigh and
+# calf of the left legs, then of the right [rad], and how long each is held [s]. An evolution
+# strategy of 12 samples a round found them, on level ground, boxes of 5 cm and 10 degrees.
+ROLLING = (
+    ((0.67, 3.31, -2.15), (-0.91, 2.03, -0.98)),
+    ((0.41, 0.93, -2.15), (-0.86, 3.13, -2.59)),
+)
+ROLLING_TIMES = (0.29, 0.24)
+# Stiffness [N m/rad], damping [N m s/rad] and speed [rad/s] of the joints meanwhile.
+_KP, _KD, _RATE = 100.0, 4.0, 10.0
+# Folded is so close to it [rad] for so long [s], or as close as it gets within so long [s].
+_NEAR, _AT_REST, _SETTLED, _FOLD_TIME_MAX = 0.35, 1.0, 0.1, 1.2
+# Cosines of the tilt up to which it stands up, and beyond which that has failed.
+_UPRIGHT, _TIPPED = 0.8, 0.6
+# Sine of the roll from which on it lies on that side; less is on its back.
+_ON_SIDE = 0.4
+# So often it is tried.
+ROLLS_MAX = 8
+_STAND_TIME, _LIE_TIME = 1.0, 2.0
+
+
+class Stage(Enum):
+    """Where on its way up a robot is."""
+
+    FOLD = auto()
+    FIRST_POSE = auto()
+    SECOND_POSE = auto()
+    STAND = auto()
+
+
+class GetUp(State):
+    """
+    From any pose to a stand: folds its legs, rolls until it is upright, stands up.
+
+    It looks at joint positions and at which way is up, alone [cf. Cheetah-Software's recovery
+    stand]. What did not bring a robot off its back is repeated to the other side.
+    """
+
+    def __init__(self, parts: ControllerParts) -> None:
+        super().__init__(parts)
+        self._folded = similar_pose(parts.model.quadruped, *FOLDED)
+        self._rolling = {side: rolling_poses(parts.model, side) for side in (1, -1)}
+        self._target = self._start = self._folded
+        self._folded_time = 0.0
+
+    @property
+    def is_lying(self) -> bool:
+        """Whether it is not yet on its feet."""
+        return self._stage is not Stage.STAND
+
+    @property
+    def failure(self) -> str | None:
+        """Whether all that rolling has been of no use."""
+        rolls = self._rolls - 1
+        return f'{rolls} rolls have not turned it over' if rolls == ROLLS_MAX else None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it stands."""
+        return self._stage is Stage.STAND and self._time >= _STAND_TIME
+
+    def enter(self, robot: RobotState) -> None:
+        """Fold, from wherever the joints are."""
+        self._parts.locomotion.gait.reset()
+        self._target = robot.joint_position.copy()
+        self._side = self._rolls = 0
+        self._begin(Stage.FOLD)
+
+    def step(self, robot: RobotState, dt: float) -> JointCommand:
+        """Go toward the pose of this stage, or of the next when its time has come."""
+        self._time += dt
+        up = robot.base.R[2]
+        if self._stage is Stage.FOLD:
+            near = float(np.abs(robot.joint_position - self._folded).max()) < _NEAR
+            rests = near and math.hypot(*robot.base.omega.tolist()) < _AT_REST
+            self._folded_time = self._folded_time + dt if rests else 0.0
+            if self._folded_time > _SETTLED or self._time > _FOLD_TIME_MAX:
+                self._leave_fold(up, near)
+        elif self._stage is Stage.STAND:
+            if up[2] < _TIPPED:
+                self._begin(Stage.FOLD)
+        elif self._time > ROLLING_TIMES[self._stage is Stage.SECOND_POSE]:
+            is_first = self._stage is Stage.FIRST_POSE
+            self._begin(Stage.SECOND_POSE if is_first else Stage.FOLD)
+        if self._stage is Stage.STAND:
+            share = smooth(self._time / _STAND_TIME)
+            self._target = self._start + share * (self._parts.model.standing_pose - self._start)
+            return stiff_command(self._parts.model, self._target.copy())
+        return self._move(robot, dt)
+
+    def _begin(self, stage: Stage) -> None:
+        self._stage, self._time, self._folded_time = stage, 0.0, 0.0
+        self._start = self._target.copy()
+
+    def _leave_fold(self, up: np.ndarray, is_folded: bool) -> None:
+        """
+        Stand up, or roll over the side that is down; `up` (3,) is in base axes.
+
+        A leg that the trunk lies on does not fold: rolling frees that, too.
+        """
+        if up[2] > _UPRIGHT and is_folded:
+            self._begin(Stage.STAND)
+            return
+        if self._side == 0 or abs(float(up[1])) > _ON_SIDE:
+            self._side = 1 if up[1] > 0.0 else -1
+        else:
+            self._side = -self._side
+        self._rolls += 1
+        self._begin(Stage.FIRST_POSE)
+
+    def _move(self, robot: RobotState, dt: float) -> JointCommand:
+        """Lead the joints to this stage's pose, with no more torque than the motors have."""
+        goal = self._folded
+        if self._stage is not Stage.FOLD:
+            goal = self._rolling[self._side][self._stage is Stage.SECOND_POSE]
+        model, scale = self._parts.model, self._parts.model.scale
+        most = np.full(12, _RATE * scale.of('rad/s') * dt)
+        self._target = approach(self._target, goal, most)
+        kp, kd = _KP * scale.of('N m/rad'), _KD * scale.of('N m s/rad')
+        damping, limit = kd * robot.joint_velocity, model.limits.effort
+        torque = kp * (self._target - robot.joint_position)
+        torque = np.clip(torque, damping - limit, damping + limit)
+        return NO_TORQUE._replace(
+            position=robot.joint_position + torque / kp, kp=np.full(12, kp), kd=np.full(12, kd)
+        )
+
+
+def rolling_poses(model: RobotModel, side: int) -> tuple[np.ndarray, ...]:
+    """Leg angles (12,) of the poses that roll a robot over its left (1) or right (-1) side."""
+    poses = []
+    for pose in ROLLING:
+        angles = np.empty((4, 3))
+        for leg, left in enumerate(LEFT):
+            hip, thigh, calf = pose[0 if left == side else 1]
+            angles[leg] = similar_pose(model.quadruped, thigh, calf).reshape(4, 3)[leg]
+            angles[leg, 0] = side * hip
+        poses.append(np.clip(angles.ravel(), model.limits.lower, model.limits.upper))
+    return tuple(poses)
+
+
+class LieDown(AfterTrot):
+    """Folds the legs under a robot that stands, so that it is let go of near the ground."""
+
+    def __init__(self, parts: ControllerParts) -> None:
+        super().__init__(parts)
+        self._folded = similar_pose(parts.model.quadruped, *FOLDED)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the legs are folded."""
+        return self._time >= _LIE_TIME
+
+    def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
+        """Next point of the way down."""
+        self._time += dt
+        position = self._start + smooth(self._time / _LIE_TIME) * (self._folded - self._start)
+        return stiff_command(self._parts.model, position)
+
+
+def smooth(share: float) -> float:
+    """Return a share of a way that begins and ends at rest, of a share of its time."""
+    share = min(share, 1.0)
+    return share * share * (3.0 - 2.0 * share)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Up from any pose, and gently down again."""
+
+from collections.abc import Callable
+
+from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.world import build_world
+from mujoco_sim.world import pose_base
+from mujoco_sim.world import pose_joints
+from mujoco_sim.world import update_bodies
+from mujoco_sim.world import World
+import numpy as np
+import pytest
+from quadruped_sim.leg_controller import LegController
+from quadruped_sim.robot_model import JointMap
+from quadruped_sim.states.lying import rolling_poses
+from quadruped_sim.states.lying import ROLLS_MAX
+from robot_description.description import load_robot
+from wasd_core.rotations import rpy_matrix
+from wasd_core.rotations import to_quaternion
+
+DT = 0.002
+LIES = 1.0  # by then a robot that was dropped lies still [s]
+
+
+class Dropped:
+    """A Go2 let go of just above the floor, its legs anywhere; its controller feels noise."""
+
+    def __init__(self, world: World, model, rpy: tuple[float, float, float], seed: int) -> None:
+        self.world, self.model = world, model
+        world.reset()
+        names = model.quadruped.joint_names
+        rng = np.random.default_rng(seed)
+        pose_joints(world, names, rng.uniform(model.limits.lower, model.limits.upper))
+        pose_base(world, (0.0, 0.0, 0.35), to_quaternion(rpy_matrix(*rpy)))
+        update_bodies(world)
+        self.controller = LegController(model)
+        self._joints = JointMap(model.quadruped, world.joint_names, world.motor_names)
+        self.torque = 0.0
+
+    def run(self, seconds: float, until: Callable[[], bool] = lambda: False, vx=None) -> float:
+        """Step so long, or until something holds, driving at `vx`; return how long it took [s]."""
+        for tick in range(round(seconds / DT)):
+            if until():
+                return tick * DT
+            if vx is not None:
+                self.controller.set_velocity(vx, 0.0, 0.0)
+            reading = self._joints.reading(self.world.read())
+            self.world.apply(self._joints.command(self.controller.step(reading, DT)))
+            self.world.step(round(DT / self.world.time_step))
+            self.torque = max(self.torque, float(np.abs(self.world.joints().effort).max()))
+        return seconds
+
+
+@pytest.fixture(scope='module')
+def floor() -> World:
+    loaded = load_robot('go2')
+    return build_world(loaded, 'flat', 3, usual_setup(loaded))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('rpy', 'seed'),
+    [((3.0, 0.2, 0.4), 1), ((1.6, 0.0, 0.0), 2), ((-1.6, 0.3, 2.0), 3), ((0.3, 0.0, 0.0), 4)],
+)
+def test_it_stands_within_six_seconds_from_any_pose_knows_where_and_drives(
+    floor, model, rpy, seed
+):
+    dog = Dropped(floor, model, rpy, seed)
+    dog.run(LIES)
+    assert dog.controller.press('6') is None
+    before = dog.controller.odometry.position
+    stands = dog.run(6.0, until=lambda: dog.controller.state == 'fixed stand')
+    assert stands < 6.0
+    assert np.abs(dog.controller.odometry.position - before)[:2].max() < 0.05
+    dog.run(0.3)
+    assert dog.controller.robot.is_contact.all()
+    start = dog.world.base().position
+    assert dog.controller.odometry.position[2] == pytest.approx(start[2], abs=0.03)
+    dog.controller.press('5')
+    dog.run(1.5, vx=0.5)
+    assert dog.controller.state == 'move base'
+    assert np.linalg.norm((dog.world.base().position - start)[:2]) > 0.4
+    assert dog.torque <= model.limits.effort.max() + 1e-9
+
+
+@pytest.mark.slow
+def test_key_1_and_an_emergency_stop_end_getting_up_at_once(floor, model):
+    dog = Dropped(floor, model, (3.1, 0.0, 0.0), 5)
+    dog.run(LIES)
+    for stop in (lambda: dog.controller.press('1'), dog.controller.e_stop):
+        dog.controller.press('2')
+        dog.run(0.6)
+        assert dog.controller.state == 'get up'
+        stop()
+        dog.run(0.01)
+        assert dog.controller.state == 'passive'
+    assert dog.controller.press('2') is None
+
+
+@pytest.mark.slow
+def test_a_robot_that_stays_on_its_back_gives_up_and_says_so(model, standing, truth):
+    controller = LegController(model, estimator='truth')
+    on_back = np.array(to_quaternion(rpy_matrix(np.pi, 0.0, 0.0)))
+    reading = standing._replace(imu=standing.imu._replace(orientation=on_back))
+    where = truth._replace(orientation=on_back)
+    for _ in range(2):
+        controller.step(reading, 0.02, where)
+    controller.press('6')
+    for _ in range(round(30.0 / 0.02)):
+        command = controller.step(reading, 0.02, where)
+        torque = command.kp * (command.position - reading.joints.position)
+        assert (np.abs(torque) <= model.limits.effort + 1e-9).all()
+        if controller.event:
+            break
+    assert controller.event == f'{ROLLS_MAX} rolls have not turned it over'
+    assert controller.state == 'passive'
+
+
+def test_the_poses_of_one_side_are_the_mirror_image_of_the_other_sides(model):
+    for left, right in zip(rolling_poses(model, 1), rolling_poses(model, -1), strict=True):
+        assert (left >= model.limits.lower).all()
+        assert (left <= model.limits.upper).all()
+        mirrored = left.reshape(4, 3)[[1, 0, 3, 2]] * (-1.0, 1.0, 1.0)
+        np.testing.assert_allclose(right.reshape(4, 3), mirrored, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_it_lies_down_at_less_than_a_tenth_of_a_metre_per_second(floor, model):
+    dog = Dropped(floor, model, (0.0, 0.0, 0.0), 4)
+    dog.run(LIES)
+    dog.controller.press('6')
+    dog.run(6.0, until=lambda: dog.controller.state == 'fixed stand')
+    dog.run(0.2)
+    dog.controller.press('7')
+    assert dog.run(3.0, until=lambda: dog.controller.state == 'passive') < 3.0
+    assert dog.world.base().position[2] < 0.13
+    assert float(dog.world.base().linear_velocity[2]) > -0.1
+    dog.run(1.0)
+    assert dog.world.base().position[2] < 0.11
+    assert dog.controller.event is None
