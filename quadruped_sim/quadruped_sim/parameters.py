@@ -226,12 +226,12 @@ class GroundParameters(Parameters):
     """Plane under the feet, from where they stood last."""
 
     slope_time: float = parameter(
-        0.5, above=0.0, unit='s', doc='Time constant of the estimated slope'
+        0.25, above=0.0, unit='s', doc='Time constant of the estimated slope'
     )
     height_time: float = parameter(
         0.1, above=0.0, unit='s', doc='Time constant of the estimated ground height'
     )
-    slope_max: float = parameter(0.45, minimum=0.0, unit='rad', doc='Steepest slope believed in')
+    slope_max: float = parameter(0.6, minimum=0.0, unit='rad', doc='Steepest slope believed in')
 
 
 @dataclass(frozen=True, kw_only=True)

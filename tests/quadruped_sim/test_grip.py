@@ -15,7 +15,7 @@ def feel(state, grip, ratio, slip=0.0, seconds=0.2, stands=(True,) * 4):
     """Forces of this ratio, tangential to normal, on feet that slip at so much; base axes."""
     R = state.base.R
     forces = np.tile((0.6 * ratio, 0.8 * ratio, 1.0), (4, 1)) * 60.0
-    base = replace_velocity(state, (slip, 0.0, 0.0))
+    base = replace_velocity(state, -slip * np.array((0.6, 0.8, 0.0)))
     felt = replace(state, forces=forces @ R, base=base)
     for _ in range(round(seconds / TICK)):
         grip.step(felt, np.array(stands), np.eye(3), TICK)
@@ -23,7 +23,7 @@ def feel(state, grip, ratio, slip=0.0, seconds=0.2, stands=(True,) * 4):
 
 
 def replace_velocity(state, velocity):
-    return state.base._replace(velocity=np.array(velocity), omega=np.zeros(3))
+    return state.base._replace(velocity=velocity, omega=np.zeros(3))
 
 
 @pytest.fixture
@@ -51,6 +51,10 @@ def test_feet_that_bear_more_without_slipping_raise_it(rest, grip):
 def test_feet_that_bear_little_say_nothing(rest, grip):
     assert feel(rest, grip, ratio=0.1) == GUESS
     assert feel(rest, grip, ratio=0.0, slip=0.5, stands=(False,) * 4) == GUESS
+
+
+def test_a_foot_that_does_not_move_against_its_force_is_landing(rest, grip):
+    assert feel(rest, grip, ratio=0.2, slip=-0.5) == GUESS
 
 
 def test_it_is_never_below_what_a_robot_can_stand_on(rest, grip):

@@ -16,6 +16,9 @@ from quadruped_sim.parameters import GripParameters
 from quadruped_sim.robot_model import BaseMotion
 from quadruped_sim.robot_model import RobotState
 
+# Cosine between motion and force of a foot below which it slips: -1, but for what is not known.
+_OPPOSED = -0.9
+
 
 class Felt(NamedTuple):
     """Joint rates (4, 3) [rad/s]; forces on the feet (4, 3), base axes [N]; which feet stand."""
@@ -31,7 +34,8 @@ class Grip:
 
     A foot that slips feels the coefficient itself, as the ratio of its tangential to its normal
     force, and is not to be asked for more [Focchi2018]; one that bears as much as is believed in
-    without slipping says that there is more. State: that coefficient.
+    without slipping says that there is more. Friction opposes what slips: a foot that moves
+    otherwise is only landing. State: that coefficient.
     """
 
     def __init__(self, params: GripParameters, guess: float) -> None:
@@ -96,7 +100,9 @@ def _feel(
         moves = rotate_back(frame, moves)
         force = rotate_back(frame, rotate(base.R, felt.forces[i]))
         ratio = math.hypot(force[0], force[1]) / max(force[2], 1e-6)
-        if math.hypot(moves[0], moves[1]) > slip_speed:
+        speed = math.hypot(moves[0], moves[1])
+        power = force[0] * moves[0] + force[1] * moves[1]
+        if speed > slip_speed and power < _OPPOSED * speed * ratio * force[2]:
             slips = min(slips, ratio)
         used = max(used, ratio)
     return slips, used
