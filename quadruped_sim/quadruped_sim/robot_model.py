@@ -25,8 +25,9 @@ from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 from wasd_core.streams import visible
 
-from quadruped_sim.algebra import jit
-from quadruped_sim.algebra import plain
+from quadruped_sim.dynamics import Dynamics
+from quadruped_sim.dynamics import in_leg_order
+from quadruped_sim.dynamics import PinocchioTerms
 from quadruped_sim.leg_kinematics import ContactPoints
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
@@ -60,31 +61,6 @@ class JointLimits:
     upper: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
-
-
-class Dynamics(NamedTuple):
-    """
-    Terms of M dv + h = tau + J' f, with v = (base linear, base angular, legs), base axes.
-
-    `mass` (18, 18); `bias` (18,) is h at the present velocity, gravity included; `momentum` (12,)
-    is the legs' part of M v and `momentum_drift` (12,) that of C' v - g. `com` (3,) is the centre
-    of mass in base axes [m], of which the mass matrix knows.
-    """
-
-    mass: np.ndarray
-    bias: np.ndarray
-    momentum: np.ndarray
-    momentum_drift: np.ndarray
-    com: np.ndarray
-
-
-class PinocchioTerms(NamedTuple):
-    """Mass matrix, its upper half, and h = C v + g, C and v, as Pinocchio orders its variables."""
-
-    mass: np.ndarray
-    bias: np.ndarray
-    coriolis: np.ndarray
-    velocity: np.ndarray
 
 
 class BaseMotion(NamedTuple):
@@ -348,38 +324,8 @@ class RobotModel:
         pin.crba(model, data, q)
         pin.nonLinearEffects(model, data, q, v)
         coriolis = pin.computeCoriolisMatrix(model, data, q, v)
-        out = Dynamics(*(np.empty(shape) for shape in ((18, 18), 18, 12, 12, 3)))
-        terms = plain(PinocchioTerms(data.M, data.nle, coriolis, v))
-        _put_in_order(terms, self._order, self._signs, plain(out))
-        return out
-
-
-@jit
-def _put_in_order(
-    terms: PinocchioTerms, order: np.ndarray, signs: np.ndarray, out: Dynamics
-) -> None:
-    """Write into `out`; variable i there is `signs[i]` times Pinocchio's `order[i]`."""
-    M, h, C, v = terms
-    mass, bias, momentum, momentum_drift, com = out
-    for i in range(18):
-        row, sign = order[i], signs[i]
-        bias[i] = sign * h[row]
-        for j in range(18):
-            column = order[j]
-            # Pinocchio fills what is above the diagonal.
-            mass[i, j] = sign * signs[j] * M[min(row, column), max(row, column)]
-    for i in range(12):
-        row = order[6 + i]
-        total = drift = 0.0
-        for k in range(18):
-            total += M[min(row, k), max(row, k)] * v[k]
-            drift += (C[row, k] + C[k, row]) * v[k]
-        momentum[i] = signs[6 + i] * total
-        momentum_drift[i] = signs[6 + i] * (drift - h[row])  # h = C v + g
-    # The base's block holds m times the centre's cross product [Featherstone2008, eq. 2.63].
-    com[0], com[1], com[2] = mass[1, 5], mass[2, 3], mass[0, 4]
-    for i in range(3):
-        com[i] /= mass[0, 0]
+        terms = PinocchioTerms(data.M, data.nle, coriolis, v)
+        return in_leg_order(terms, self._order, self._signs)
 
 
 def _check_feet(robot: Robot, quadruped: Quadruped) -> None:

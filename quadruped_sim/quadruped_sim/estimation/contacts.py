@@ -9,10 +9,10 @@ import numpy as np
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import solve_in_place
+from quadruped_sim.dynamics import Dynamics
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import ContactParameters
 from quadruped_sim.parameters import GroundParameters
-from quadruped_sim.robot_model import Dynamics
 
 
 class Observer(NamedTuple):

@@ -14,13 +14,13 @@ from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import solve_in_place
+from quadruped_sim.dynamics import Dynamics
 from quadruped_sim.leg_kinematics import ContactPoints
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.locomotion.friction_qp import FrictionPyramids
 from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
-from quadruped_sim.robot_model import Dynamics
 from quadruped_sim.robot_model import RobotState
 
 
