@@ -32,12 +32,20 @@ def code(key: str) -> int:
     return int(getattr(imgui.Key, key).value)
 
 
-def input_packet(keys: set[int], mouse: tuple[int, int] = SCENE, buttons: int = 0) -> bytes:
-    """Return what a page sends with each picture."""
+def input_packet(
+    keys: set[int],
+    mouse: tuple[int, int] = SCENE,
+    buttons: int = 0,
+    size: tuple[int, int] = SIZE,
+    text: str = '',
+) -> bytes:
+    """Return what a page of a size [pixels] sends with each picture; `text` is typed in it."""
     packet = bytearray(616)
     struct.pack_into('<IB', packet, 0, len(packet), INPUT_TYPE)
-    struct.pack_into('<HHhh', packet, 8, *SIZE, *mouse)
-    struct.pack_into('<HBBfff', packet, 536, 0, 1, 0, 1.0, 60.0, 0.0)
+    struct.pack_into('<HHhh', packet, 8, *size, *mouse)
+    for index, character in enumerate(text):
+        struct.pack_into('<H', packet, 24 + 2 * index, ord(character))
+    struct.pack_into('<HBBfff', packet, 536, len(text), 1, 0, 1.0, 60.0, 0.0)
     words = [0, 0, 0]
     for key in keys:
         words[(key - 512) // 64] |= 1 << (key - 512) % 64
@@ -56,7 +64,16 @@ class PagePuppet:
         AssertionError: the server speaks another version than this was made for.
     """
 
-    def __init__(self, url: str, rate: float = 50.0, session: str = 'puppet') -> None:
+    def __init__(
+        self,
+        url: str,
+        rate: float = 50.0,
+        session: str = 'puppet',
+        size: tuple[int, int] = SIZE,
+    ) -> None:
+        self.size = size
+        self._text = ''
+        self.received = 0  # bytes of panels
         self.keys: set[int] = set()
         self.mouse, self.buttons = SCENE, 0
         self.frames = self.pictures = 0
@@ -113,12 +130,49 @@ class PagePuppet:
             time.sleep(max(0.15, 2.5 / self.rate))
         time.sleep(0.3)
 
+    def draw(self, pictures: int = 3) -> None:
+        """Wait until so many pictures more were drawn, each with panels built after the last."""
+        until = self.pictures + pictures
+        while self.pictures < until:
+            time.sleep(0.002)
+
+    def press_at(self, place: tuple[int, int]) -> None:
+        """Put the pointer somewhere and the mouse's button down, and leave it so."""
+        self.mouse = place
+        self.draw()
+        self.buttons = 1
+        self.draw()
+
+    def drag_to(self, place: tuple[int, int], steps: int = 4) -> None:
+        """Move the pointer to a place, as a hand does."""
+        (x, y), (to_x, to_y) = self.mouse, place
+        for step in range(1, steps + 1):
+            share = step / steps
+            self.mouse = round(x + share * (to_x - x)), round(y + share * (to_y - y))
+            self.draw(1)
+
+    def let_go(self) -> None:
+        """Let the mouse's button up."""
+        self.buttons = 0
+        self.draw()
+
+    def type(self, text: str) -> None:
+        """Type a text, a character in each picture."""
+        for character in text:
+            self._text = character
+            while self._text:
+                time.sleep(0.002)
+            self.draw()
+
     def _draw(self) -> None:
         with contextlib.suppress(ConnectionClosed):
             while not self._stop.wait(1.0 / self.rate):
                 if not self.is_silent:
                     self.shown.append(self.frames)
-                    self.socket.send(input_packet(self.keys, self.mouse, self.buttons))
+                    text, self._text = self._text, ''
+                    self.socket.send(
+                        input_packet(self.keys, self.mouse, self.buttons, self.size, text)
+                    )
                     self.pictures += 1
 
     def _count(self) -> None:
@@ -126,6 +180,7 @@ class PagePuppet:
             while True:
                 size, kind = struct.unpack('<IB', self._read(8)[:5])
                 self._read(size - 8)
+                self.received += size
                 self.frames += kind == DRAW_TYPE
 
     def _read(self, size: int) -> bytes:

@@ -312,6 +312,11 @@ class TickStatistics:
         self._overruns += duration > self._period
         self._longest = max(self._longest, duration)
 
+    @property
+    def last(self) -> float:
+        """The duration of the last run [s], 0 before the first."""
+        return float(self._durations[(self._count - 1) % REMEMBERED])
+
     def summary(self, last: int | None = None) -> TickSummary:
         """
         Return the figures of all runs, or of the `last` ones; zeros before the first.

@@ -23,6 +23,7 @@ from quadruped_sim.keys import StateMachine
 from quadruped_sim.keys import StateName
 from quadruped_sim.keys import Sticks
 from quadruped_sim.keys import SUCCESSORS
+from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegMotion
@@ -165,14 +166,14 @@ class LegController:
 
     def press(self, key: str) -> str | None:
         """Take a key; a text for the driver when it does nothing, or not what one expects."""
-        state = self._machine.coming
-        if self.is_fallen and state is StateName.PASSIVE and key != '1':
-            if key not in GET_UP_KEYS:
-                return self.words.to_fallen()
-            key = GET_UP_KEYS[-1]
         if key in STATE_KEYS:
-            is_legal = state is not STATE_KEYS[key] and self._machine.press(key)
-            return None if is_legal else self.words.to_state(state, STATE_KEYS[key])
+            refusal = self.refusal(key)
+            if not refusal:
+                self._machine.press(self._meaning(key))
+            return refusal or None
+        state = self._machine.coming
+        if self._lies_fallen:
+            return self.words.to_fallen()
         if key in GAIT_KEYS and key not in self.words.elsewhere:
             gaits = tuple(GAITS)
             self.choose_gait(gaits[(gaits.index(self.gait) + GAIT_KEYS[key]) % len(gaits)])
@@ -181,6 +182,22 @@ class LegController:
         if not self.sticks.press(key):
             return self.words.to_other(state, key)
         return self.words.to_stick(state, key, has_moved=self.sticks.values != before)
+
+    def refusal(self, key: str) -> str:
+        """Return what to tell of a state's key that does nothing now, '' of one that does."""
+        if self._lies_fallen and key not in ('1', *GET_UP_KEYS):
+            return self.words.to_fallen()
+        state, meant = self._machine.coming, self._meaning(key)
+        is_legal = state is not STATE_KEYS[meant] and meant in TRANSITIONS[state]
+        return '' if is_legal else self.words.to_state(state, STATE_KEYS[meant])
+
+    @property
+    def _lies_fallen(self) -> bool:
+        return self.is_fallen and self._machine.coming is StateName.PASSIVE
+
+    def _meaning(self, key: str) -> str:
+        """Return what a state's key stands for: whoever has fallen must get up to stand."""
+        return GET_UP_KEYS[-1] if self._lies_fallen and key in GET_UP_KEYS else key
 
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Velocity command for move base [m/s, m/s, rad/s]; a text when not driven so."""

@@ -31,6 +31,7 @@ BELOW = {
     'wasd_core': set(),
     'robot_description': {'wasd_core'},
     'teleop_keyboard': {'wasd_core'},
+    'wasd_cockpit': {'mujoco_sim', 'wasd_core'},
 }
 CONTROLLER_BELOW = {'robot_description', 'wasd_core'}
 TOP = 'wasd_bringup'

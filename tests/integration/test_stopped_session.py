@@ -29,12 +29,12 @@ sys.exit(main(sys.argv[1:]))
 STUCK_LATER = """
 import sys, time
 from wasd_bringup.session import Session
-press = Session._press
+press = Session.press
 def press_or_hang(self, key, *rest):
     if key == 'X':
         time.sleep(60.0)
     press(self, key, *rest)
-Session._press = press_or_hang
+Session.press = press_or_hang
 from wasd_bringup.cli import main
 sys.exit(main(sys.argv[1:]))
 """

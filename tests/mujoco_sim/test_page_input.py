@@ -189,3 +189,27 @@ def test_a_connection_that_ends_is_lost_at_once_however_slow_it_was(page, clock)
     assert page.take_keys() == [LOST, 'RELEASE+w']
     page.hear('next', W)
     assert page.take_keys() == []
+
+
+def test_what_the_pointer_holds_counts_only_if_it_went_down_while_the_page_was_alive(page, clock):
+    page.hear('tab', NONE, buttons=1)
+    assert not page.may_hold
+    page.hear('tab', NONE, buttons=0)
+    page.hear('tab', NONE, buttons=1)
+    assert page.may_hold
+    clock.now += SILENCE + 0.01
+    assert not page.may_hold
+    for _ in range(3):
+        page.hear('tab', NONE, buttons=1)
+        assert page.is_alive
+        assert not page.may_hold
+    page.hear('tab', NONE, buttons=0)
+    assert page.may_hold
+
+
+def test_a_click_is_known_until_a_frame_was_begun_for_it(page):
+    page.hear('tab', NONE, buttons=0)
+    assert not page.has_clicked
+    page.hear('tab', NONE, buttons=1)
+    page.hear('tab', NONE, buttons=1)
+    assert page.has_clicked

@@ -12,8 +12,8 @@ import socket
 import time
 
 from mujoco_sim.viewer import server as page_server
+from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.page import CameraView
-from mujoco_sim.viewer.page import Panel
 from mujoco_sim.viewer.page import WebView
 from mujoco_sim.world import build_world
 from page_puppet import PagePuppet

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped's nodes in one process: leg controller, and keys to velocity where a preset asks."""
 
+from typing import TYPE_CHECKING
+
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
@@ -22,6 +24,7 @@ from teleop_keyboard.dashboard import Status
 from teleop_keyboard.key_names import on_layout
 from teleop_keyboard.key_names import on_qwerty
 from teleop_keyboard.key_names import STOP_KEY
+from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.key_events import is_press
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_from_matrix
@@ -34,6 +37,9 @@ from wasd_bringup.robots import unitree_first_keys
 from wasd_bringup.robots import unitree_help
 from wasd_bringup.robots import UNITREE_PRESET
 from wasd_bringup.stack import ControlStack
+
+if TYPE_CHECKING:
+    from wasd_bringup.cockpit.described import Described
 
 # States in which the robot is being driven.
 DRIVEN = ('trotting', 'move base')
@@ -50,7 +56,8 @@ class Go2Stack(ControlStack):
     has_states = True
 
     def __init__(self, loaded: Description, world: World, options: RunOptions) -> None:
-        self._layout = options.layout
+        self.layout = options.layout
+        self.start = world.setup.place
         self._legs = _make_legs(loaded, world, options)
         super().__init__(world, options, self._legs)
         quadruped = self._legs.quadruped
@@ -66,6 +73,23 @@ class Go2Stack(ControlStack):
         self._trunk = TrunkWatch()
 
     @property
+    def legs(self) -> LegControllerNode:
+        """The node that walks."""
+        return self._legs
+
+    @property
+    def logic(self) -> KeysToTwist | None:
+        """What makes keys velocities, None where they are sticks."""
+        return None if self._teleop is None else self._teleop.logic
+
+    def described(self) -> 'Described':
+        """Return what the cockpit shows of it."""
+        # Here, because only a page needs it.
+        from wasd_bringup.cockpit.legs import Legs
+
+        return Legs(self)
+
+    @property
     def period(self) -> float:
         """The controller's period [s]."""
         return 1.0 / self._legs.settings.update_rate
@@ -73,7 +97,7 @@ class Go2Stack(ControlStack):
     @property
     def help_lines(self) -> tuple[str, ...]:
         """The keys, for the terminal and the page."""
-        lines = unitree_help(self._layout)
+        lines = unitree_help(self.layout)
         if self._teleop is None:
             return lines
         return (*self._teleop.logic.keymap.help_lines, *lines[:2], 'First 2, then 5, then drive.')
@@ -82,15 +106,15 @@ class Go2Stack(ControlStack):
     def first_keys(self) -> str:
         """The keys to press first."""
         if self._teleop is None:
-            return unitree_first_keys(self._layout)
+            return unitree_first_keys(self.layout)
         keys = driving_keys(self._teleop.logic.keymap)
         return f'press 2 to stand, 5 to drive; then {keys} (forward, back, left, right)'
 
     def press(self, key: str) -> None:
         """Take a key; the leg controller knows those of qwerty."""
         legs_key = ZERO_KEYS[0] if key == STOP_KEY else key
-        if self._layout != 'qwerty':
-            legs_key = on_qwerty(legs_key, self._layout)
+        if self.layout != 'qwerty':
+            legs_key = on_qwerty(legs_key, self.layout)
         self._legs.keys.put(String(data=legs_key))
         if self._teleop is None or self._hints is None:
             return
@@ -112,7 +136,7 @@ class Go2Stack(ControlStack):
 
     def latches(self, key: str) -> bool:
         """Whether what a press of this key sets moving goes on when the key is let go."""
-        return on_qwerty(key, self._layout).lower() in STICK_KEYS or super().latches(key)
+        return on_qwerty(key, self.layout).lower() in STICK_KEYS or super().latches(key)
 
     def reset(self) -> None:
         """Forget the past: state, estimate, commands."""
@@ -128,7 +152,7 @@ class Go2Stack(ControlStack):
         if odometry is not None:
             yaw = rpy_from_matrix(matrix_from_quaternion(odometry.orientation))[2]
             pose = (float(odometry.position[0]), float(odometry.position[1]), float(yaw))
-        vx, vy, wz = self._command()
+        vx, vy, wz = self.command()
         forces = self._world.contact_forces(self._touching)
         touching = (forces > 0.0).astype(int).tolist()
         event = controller.event
@@ -137,7 +161,7 @@ class Go2Stack(ControlStack):
 
     def status(self) -> Status:
         """Return what a driver wants to see."""
-        vx, vy, wz = self._command()
+        vx, vy, wz = self.command()
         command = (f'command {vx:+.2f} {vy:+.2f} m/s {wz:+.2f} rad/s',)
         has_fallen = self._legs.controller.is_fallen and self.state == StateName.PASSIVE
         state = 'fallen' if has_fallen else self.state
@@ -173,13 +197,14 @@ class Go2Stack(ControlStack):
         keys = () if self._teleop is None else self._teleop.logic.keymap.keys
         return KeyWords(
             drive=StateName.TROTTING if self._teleop is None else StateName.MOVE_BASE,
-            elsewhere=frozenset(on_qwerty(key, self._layout) for key in keys),
+            elsewhere=frozenset(on_qwerty(key, self.layout) for key in keys),
             reset_key=RESET_KEY,
             help_key=HELP_KEY,
-            name=lambda key: on_layout(key, self._layout),
+            name=lambda key: on_layout(key, self.layout),
         )
 
-    def _command(self) -> tuple[float, float, float]:
+    def command(self) -> tuple[float, float, float]:
+        """Return the velocity that is commanded [m/s], [m/s], [rad/s]."""
         if self.state not in DRIVEN:
             return 0.0, 0.0, 0.0
         vx, vy, wz = self._legs.controller.command_filter.command

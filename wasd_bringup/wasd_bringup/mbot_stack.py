@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """mbot's nodes in one process: keys, velocity commands, drive controller, in lock-step."""
 
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.geometry import DiffDriveGeometry
@@ -30,8 +30,12 @@ from wasd_core.timing import Notice
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
 from wasd_bringup.robots import MBOT
+from wasd_bringup.robots import MODES
 from wasd_bringup.stack import ControlStack
 from wasd_bringup.stack import Velocity
+
+if TYPE_CHECKING:
+    from wasd_bringup.cockpit.described import Described
 
 WASD_ADVICE = 'or start with --preset wasd'
 
@@ -52,6 +56,8 @@ class MbotStack(ControlStack):
         self._is_stamped = self._driver.settings.stamped == 'true'
         super().__init__(world, options, self._driver, TwistStamped if self._is_stamped else Twist)
         self.estimator = 'wheels'
+        self.start = world.setup.place
+        self._mode = options.drive_mode or MODES[0]
         geometry = self._driver.controller.geometry
         self._wheels = (geometry.left_joint, geometry.right_joint)
         world.is_kinematic = self._driver.is_fake
@@ -67,10 +73,20 @@ class MbotStack(ControlStack):
         self._wheel_links = [loaded.robot.joints[name].child for name in self._wheels]
         is_usual = options.preset == MBOT.preset
         self._other_presets = WASD_ADVICE if is_usual and not options.namespace else ''
-        self._hints = KeyHints(
-            self._logic, HELP_KEY, advice=self._other_presets, axes=('x', 'yaw')
-        )
+        self._hints = KeyHints(self.logic, HELP_KEY, advice=self._other_presets, axes=('x', 'yaw'))
         self.notice = Notice()
+
+    @property
+    def driver(self) -> DiffDriveControllerNode:
+        """The node that drives."""
+        return self._driver
+
+    def described(self) -> 'Described':
+        """Return what the cockpit shows of it."""
+        # Here, because only a page needs it.
+        from wasd_bringup.cockpit.wheels import Wheels
+
+        return Wheels(self, self._mode)
 
     @property
     def period(self) -> float:
@@ -85,12 +101,12 @@ class MbotStack(ControlStack):
     @property
     def help_lines(self) -> tuple[str, ...]:
         """The keys, for the terminal and the page."""
-        return tuple(self._logic.keymap.help_lines)
+        return tuple(self.logic.keymap.help_lines)
 
     @property
     def first_keys(self) -> str:
         """The keys to press first."""
-        keys = driving_keys(self._logic.keymap)
+        keys = driving_keys(self.logic.keymap)
         advice = f', {self._other_presets}' if self._other_presets else ''
         return f'drive with {keys} (forward, back, left, right){advice}'
 
@@ -123,7 +139,7 @@ class MbotStack(ControlStack):
 
     def status(self) -> Status:
         """Return what a driver wants to see."""
-        logic, controller = self._logic, self._driver.controller
+        logic, controller = self.logic, self._driver.controller
         linear, angular = controller.velocity
         facts = (
             f'now {linear:+.2f} m/s {angular:+.2f} rad/s',
@@ -137,7 +153,8 @@ class MbotStack(ControlStack):
         return Status(controller.state, facts, self.notice.text, axes)
 
     @property
-    def _logic(self) -> KeysToTwist:
+    def logic(self) -> KeysToTwist:
+        """What makes keys velocities."""
         assert self._teleop is not None  # whatever the preset: wheels know no states
         return self._teleop.logic
 

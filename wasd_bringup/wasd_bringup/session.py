@@ -4,12 +4,9 @@
 import math
 import sys
 import time
-from typing import Any, cast, Protocol, TYPE_CHECKING
+from typing import Any, cast, TYPE_CHECKING
 
-from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.input import LOST
-from mujoco_sim.viewer.page import CameraView
-from mujoco_sim.viewer.page import WebView
 from mujoco_sim.world import World
 from rclpy.clock import ROSClock
 from rclpy.node import Node
@@ -39,51 +36,21 @@ from wasd_bringup.inputs import TWIST_RATE
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import join_reports
+from wasd_bringup.report import SAMPLE_PERIOD
 from wasd_bringup.report import write_report
 from wasd_bringup.session_guests import make_guests
 from wasd_bringup.session_robot import build_robots
 from wasd_bringup.session_robot import SessionRobot
 from wasd_bringup.stack import ControlStack
+from wasd_bringup.views import start_view
+from wasd_bringup.views import View
 
 if TYPE_CHECKING:
+    from wasd_bringup.cockpit.bridge import CockpitBridge
     from wasd_bringup.recording.recorder import BagRecorder
 
 # The page gets so many pictures a second of wall time.
 FRAME_PERIOD = 1.0 / 60.0
-
-
-class View(Protocol):
-    """What a session needs of a viewer."""
-
-    def sync(self) -> None:
-        """Show the state of now."""
-
-    def pressed_keys(self) -> list[str]:
-        """Return the keys pressed in the viewer since the last call; LOST where its user went."""
-
-    def follow(self, world: World) -> None:
-        """Look at another robot."""
-
-    def close(self) -> None:
-        """End it."""
-
-
-def start_view(
-    kind: str, world: World, camera: CameraView, panel: Panel, port: int
-) -> tuple[View, str]:
-    """
-    Start a viewer, `web` or `native`, on a world; return it and where it is.
-
-    Raises:
-        SimulationError: the port is taken, or there is no display.
-    """
-    if kind == 'native':
-        # Here, because it loads a window system.
-        from mujoco_sim.viewer.native import NativeView
-
-        return NativeView(world, camera), 'a window on this display'
-    web = WebView(world, camera, panel, port=port)
-    return web, web.url
 
 
 class Session:
@@ -113,6 +80,7 @@ class Session:
         self._reader = reader
         self._bag = recorder
         self._view: View | None = None
+        self._cockpit: CockpitBridge | None = None
         self._nodes: list[Node] = []
         self._wall_time = 0.0
         self._ended_at = math.inf
@@ -127,7 +95,7 @@ class Session:
         self._page_drive = PageDrive([robot.stack for robot in self.robots])
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
         self._nodes = [node for robot in self.robots for node in robot.nodes]
-        self._guests = make_guests(options, self.robots, self._switch, self._press)
+        self._guests = make_guests(options, self.robots, self._switch, self.press)
         self._nodes += [node for guest in self._guests for node in guest.nodes]
         self._pump = MessagePump()
         self._time_source = TimeSource()
@@ -143,6 +111,11 @@ class Session:
         if recorder is not None:
             recorder.now = lambda: round(self.world.time * 1e9)
             self.simulation.on_reset.append(lambda: recorder.event('reset'))
+
+    @property
+    def active(self) -> int:
+        """The number of the robot that the keys drive."""
+        return self._switch.active
 
     @property
     def robot(self) -> SessionRobot:
@@ -194,9 +167,17 @@ class Session:
             SimulationError: the port is taken, or there is no display.
         """
         if kind != 'none':
-            panel = Panel(self._status_words, ['Click the scene first.', *self.help_lines])
-            camera, port = self.stack.camera, self._options.port
-            self._view, self._where = start_view(kind, self.world, camera, panel, port)
+            # Here, because only a page needs it.
+            from wasd_bringup.cockpit.bridge import CockpitBridge
+
+            cockpit = CockpitBridge(self)
+            self._view, self._where = start_view(
+                kind, self.world, self.stack.camera, cockpit.content, self._options.port
+            )
+            if kind == 'web':
+                self._cockpit = cockpit
+                self.simulation.on_reset.append(cockpit.forget)
+                self.simulation.schedule.every(SAMPLE_PERIOD, cockpit.sample)
         return self._where
 
     def run(self, stop: Any) -> None:
@@ -282,7 +263,7 @@ class Session:
         for command in self._commands.due(self.world.time):
             self._repeat(command)
         for press in self._key_player.due(self.world.time):
-            self._press(press.key)
+            self.press(press.key)
 
     def _repeat(self, command: Command) -> None:
         """Do what a recording says was done."""
@@ -297,8 +278,10 @@ class Session:
             elif command.velocity is not None:
                 robot.stack.drive(command.velocity)
 
-    def _press(self, key: str, from_view: bool = False) -> None:
+    def press(self, key: str, from_view: bool = False) -> None:
         """Give a key to the robot that it is for."""
+        if self._cockpit is not None:
+            self._cockpit.note_key(key)
         if self._writer is not None:
             # At the instant that it is in force from: the one that comes next.
             self._writer.write(self.world.time, key)
@@ -337,7 +320,7 @@ class Session:
         """Look after everything that lives on wall time: keys, messages, the page, the status."""
         if self._reader is not None and not self._reader.closed:
             for key in self._reader.poll(timeout):
-                self._press(key)
+                self.press(key)
             timeout = 0.0
         for guest in self._guests:
             guest.look()
@@ -355,7 +338,9 @@ class Session:
                 if key == LOST:
                     self._stop_what_the_view_moved()
                 else:
-                    self._press(key, from_view=True)
+                    self.press(key, from_view=True)
+        if self._cockpit is not None:
+            self._cockpit.step(now)
         if self._bag is not None:
             self._bag.save_if_due()
         self._let_notices_age(now)
@@ -365,14 +350,15 @@ class Session:
         """Stop what moves by the keys of a viewer that is gone, by keys, as a driver would."""
         driven = self._switch.active
         for robot in self._page_drive.moved:
-            self._switch_to(robot)
-            self._press(self.stack.stop_key)
+            self.switch_to(robot)
+            self.press(self.stack.stop_key)
             self._page_drive.forget(robot)
-        self._switch_to(driven)
+        self.switch_to(driven)
 
-    def _switch_to(self, robot: int) -> None:
+    def switch_to(self, robot: int) -> None:
+        """Let the keys drive a robot, by its number."""
         while self._switch.active != robot:
-            self._press(SWITCH_KEY)
+            self.press(SWITCH_KEY)
 
     def _each_second(self) -> None:
         for robot in self.robots:
@@ -412,8 +398,3 @@ class Session:
             body = f'height {lift:.2f} m   tilt {math.degrees(base.tilt):.1f} deg'
             status = status._replace(body=body)
         return board(status, self.stack.first_keys, width, height)
-
-    def _status_words(self) -> list[str]:
-        """Return the same as lines, for the page."""
-        status, clock = self._state()
-        return [status.state, *status.facts, clock, *filter(None, [status.message])]

@@ -5,7 +5,7 @@ from abc import ABC
 from abc import abstractmethod
 import importlib
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from geometry_msgs.msg import Twist
 from mujoco_sim.simulation import Schedule
@@ -25,6 +25,9 @@ from wasd_core.topics import RELIABLE
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
 from wasd_bringup.robots import ROBOTS
+
+if TYPE_CHECKING:
+    from wasd_bringup.cockpit.described import Described
 
 Velocity = tuple[float, float, float]
 
@@ -59,6 +62,10 @@ class ControlStack(ABC):
             self.own_keys = frozenset(self._teleop.logic.keymap.keys)
         self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
         self.ticks = TickStatistics(self.period)
+
+    @abstractmethod
+    def described(self) -> 'Described':
+        """Return what the cockpit shows of it."""
 
     @property
     @abstractmethod

@@ -4,7 +4,7 @@
 from collections.abc import Callable, Sequence
 import logging
 import time
-from typing import Any, NamedTuple
+from typing import Any, Protocol
 
 import mujoco
 from mujoco.studio import ux
@@ -19,6 +19,7 @@ _OVERLAY = (
 )
 _EDGE = 12.0  # [pixels]
 _LOG = logging.getLogger(__name__)
+SLOW_PAGE = 'page slow: make its window smaller'
 
 # A browser that draws so many plain pictures a second, for so long [s], gets detailed ones.
 FAST, FAST_FOR = 20, 3.0
@@ -30,31 +31,93 @@ _COSTLY = (int(mujoco.mjtRndFlag.mjRND_SHADOW), int(mujoco.mjtRndFlag.mjRND_REFL
 
 # The scene is sent at least this often [s], whatever the panels do.
 SCENE_PERIOD = 1.0 / 60.0
+# Panels are drawn no more often than so [s]: thirty times a second is enough to read, and half
+# the work. A little less than the time of two pictures of most browsers.
+PANEL_PERIOD = 0.025
 # How often it is tried to reach a browser that has not been heard yet [s].
 CONNECT_PERIOD = 0.2
 
+Draw = Callable[[], None]
 
-class Panel(NamedTuple):
+
+class PageContent(Protocol):
+    """What is drawn on a page before its scene, in the viewer's thread."""
+
+    @property
+    def panels(self) -> dict[str, Draw]:
+        """The function of each panel, in the order of drawing."""
+
+    @property
+    def is_typing(self) -> bool:
+        """Whether keys are for a field of text."""
+
+    def begin(self, viewer: Any, page_input: PageInput) -> None:
+        """Begin a frame of panels."""
+
+    def end(self) -> None:
+        """End a frame of panels in which none failed."""
+
+
+class Panel:
     """Text on the page: `status` is asked for every frame, `help` unfolds on a click."""
 
-    status: Callable[[], Sequence[str]]
-    help: Sequence[str]
+    def __init__(self, status: Callable[[], Sequence[str]], help_lines: Sequence[str]) -> None:
+        self._status = status
+        self._help = help_lines
+        self._lines_above = 0
+        self._is_slow = False
+
+    @property
+    def panels(self) -> dict[str, Draw]:
+        """The function of each panel, in the order of drawing."""
+        return {'status': self._draw_status, 'keys': self._draw_help}
+
+    @property
+    def is_typing(self) -> bool:
+        """Whether keys are for a field of text."""
+        return bool(imgui.GetIO().WantCaptureKeyboard)
+
+    def begin(self, viewer: Any, page_input: PageInput) -> None:
+        """Begin a frame of panels."""
+        self._is_slow = page_input.is_slow
+
+    def end(self) -> None:
+        """End a frame of panels."""
+
+    def _draw_status(self) -> None:
+        lines = list(self._status())
+        self._lines_above = len(lines) + 1  # with room for what follows
+        if self._is_slow:
+            lines.append(SLOW_PAGE)
+        draw_lines('status', lines)
+
+    def _draw_help(self) -> None:
+        draw_help(self._help, self._lines_above)
 
 
 class Panels:
     """
-    Draws panels in order, each with its function.
+    Draws the panels of a page in order, each with its function.
 
     One that raises is logged, once, and says in its place that it failed; the run goes on.
     """
 
-    def __init__(self, draw: dict[str, Callable[[], None]]) -> None:
-        """Take a function per name; it is called between the frame's begin and end."""
-        self._draw = draw
+    def __init__(self, content: PageContent) -> None:
+        self._content = content
+        self._draw = content.panels
         self.failed: set[str] = set()
 
-    def draw(self) -> None:
+    def draw(self, viewer: Any, page_input: PageInput) -> None:
         """Draw all of them."""
+        self._content.begin(viewer, page_input)
+        if self._draw_all():
+            self._content.end()
+        page_input.set_typing(self._content.is_typing)
+        if self.failed:
+            draw_lines('failed', [f'panel {name} failed' for name in sorted(self.failed)], 0.4)
+
+    def _draw_all(self) -> bool:
+        """Draw until one fails; False when one did, and all that was open is closed."""
         for name, draw in self._draw.items():
             if name in self.failed:
                 continue
@@ -65,8 +128,8 @@ class Panels:
                 ux.unwind_imgui_frame()
                 self.failed.add(name)
                 _LOG.exception('panel %s failed', name)
-        if self.failed:
-            draw_lines('failed', [f'panel {name} failed' for name in sorted(self.failed)], 0.4)
+                return False
+        return True
 
 
 def draw_lines(name: str, lines: Sequence[str], height: float = 0.0) -> None:
@@ -135,18 +198,27 @@ class PacedUi:
     Studio's headless user interface, which would build a frame whether it can be shown or not.
 
     A frame of panels is begun only when the browser has drawn since the last one, so what it
-    shows is never older than two of its own pictures; with no browser there is none.
+    shows is never older than two of its own pictures; with no browser there is none. A fast
+    browser gets one every PANEL_PERIOD, and one for each button that goes down or up.
     """
 
     def __init__(self, ui: Any, page_input: PageInput) -> None:
         self._ui = ui
         self._input = page_input
         self._next_try = 0.0
+        self._next_panels = 0.0
+        self._has_drawn = False
         self.is_drawing = False
 
     def new_frame(self) -> bool:
         """Begin a frame, of panels or only of the scene; always True."""
-        if self._input.wait_for_picture(SCENE_PERIOD) or self._may_connect():
+        self._has_drawn |= self._input.wait_for_picture(SCENE_PERIOD)
+        now = time.monotonic()
+        is_due = now >= self._next_panels or self._input.has_clicked
+        if (self._has_drawn and is_due) or self._may_connect(now):
+            self._has_drawn = False
+            self._next_panels = now + PANEL_PERIOD
+            self._input.has_clicked = False
             self.is_drawing = self._ui.new_frame()
         return True
 
@@ -160,9 +232,8 @@ class PacedUi:
         """Leave everything else to Studio."""
         return getattr(self._ui, name)
 
-    def _may_connect(self) -> bool:
+    def _may_connect(self, now: float) -> bool:
         """Whether to try to reach a browser: Studio does so when it begins a frame."""
-        now = time.monotonic()
         if self._input.has_source or now < self._next_try:
             return False
         self._next_try = now + CONNECT_PERIOD

@@ -91,7 +91,7 @@ class PageInput:
     counts only while `is_alive`.
 
     The server's thread calls `hear` and `lose`, the viewer's `wait_for_picture` and `set_typing`,
-    the simulation's `take_keys`. What is not a key asks `is_alive`.
+    the simulation's `take_keys`. What the pointer holds down asks `may_hold`.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -106,6 +106,9 @@ class PageInput:
         self._is_typing = False
         self._pictures: deque[float] = deque(maxlen=_MOST_PICTURES)
         self._undrawn = False
+        self._buttons = 0
+        self._is_ghost = False  # whether a button is down since before the browser was alive
+        self.has_clicked = False  # until a frame of panels was begun for it
 
     @property
     def is_alive(self) -> bool:
@@ -113,6 +116,11 @@ class PageInput:
         with self._lock:
             self._step()
             return self._life.is_alive
+
+    @property
+    def may_hold(self) -> bool:
+        """Whether what the pointer holds down counts: a stick, a push."""
+        return self.is_alive and not self._is_ghost
 
     @property
     def is_present(self) -> bool:
@@ -141,8 +149,12 @@ class PageInput:
         rate = self.rate
         return rate is not None and rate < SLOW
 
-    def hear(self, source: object, down: frozenset[int]) -> None:
-        """Take what a browser sends with each picture that it draws: the keys that are down."""
+    def hear(self, source: object, down: frozenset[int], buttons: int = 0) -> None:
+        """
+        Take what a browser sends with each picture that it draws: the keys that are down.
+
+        `buttons` has a bit for each of the mouse's that is.
+        """
         with self._lock:
             self._step()
             if source is not self._source:
@@ -151,12 +163,15 @@ class PageInput:
                 self._pictures.clear()
             if self._is_typing or self._life.age > GONE:
                 self._keys.ignore_down()
+            self._is_ghost = bool(buttons) and (self._is_ghost or not self._life.is_alive)
             now = self._clock()
             since = now - self._pictures[-1] if self._pictures else 0.0
             self._keys.report(down, since)
             self._life.hear()
             self._presence.hear()
             self._pictures.append(now)
+            self.has_clicked |= buttons != self._buttons
+            self._buttons = buttons
             self._undrawn = True
             self._lock.notify_all()
 

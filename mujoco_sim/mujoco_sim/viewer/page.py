@@ -17,14 +17,11 @@ from mujoco.studio import messages
 from mujoco.studio import plugin
 from mujoco.studio import viewer_protocol
 from mujoco.studio import web_viewer
-from mujoco.studio.dear_imgui import dear_imgui as imgui
 from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
 
-from mujoco_sim.viewer.drawing import draw_help
-from mujoco_sim.viewer.drawing import draw_lines
 from mujoco_sim.viewer.drawing import PacedUi
-from mujoco_sim.viewer.drawing import Panel
+from mujoco_sim.viewer.drawing import PageContent
 from mujoco_sim.viewer.drawing import Panels
 from mujoco_sim.viewer.drawing import PictureDetail
 from mujoco_sim.viewer.input import PageInput
@@ -78,19 +75,17 @@ class _LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has
 
 
 class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
-    """What the page adds to the scene: the camera, panels of text, keys."""
+    """What the page adds to the scene: the camera, panels, keys."""
 
-    def __init__(self, camera: CameraView, body: int, panel: Panel) -> None:
+    def __init__(self, camera: CameraView, body: int, content: PageContent) -> None:
         self.started = threading.Event()
         self.input = PageInput()
         self.port = 0
         self._camera = camera
         self.body = body
-        self._panel = panel
-        self._lines_above = 0
         self._detail = PictureDetail()
         self._detail_set = time.monotonic()
-        self._panels = Panels({'status': self._draw_status, 'keys': self._draw_help})
+        self._panels = Panels(content)
 
     @handler
     def on_init(self, event: plugin.ViewerInitEvent) -> None:
@@ -120,8 +115,7 @@ class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
         self._set_detail()
         self.viewer.camera.trackbodyid = self.body
         if self.viewer.is_drawing:
-            self._panels.draw()
-            self.input.set_typing(imgui.GetIO().WantCaptureKeyboard)
+            self._panels.draw(self.viewer, self.input)
 
     def _set_detail(self) -> None:
         """Ask the browser for as much as it draws fast, or for little while none is there."""
@@ -133,16 +127,6 @@ class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
             self._detail.reset()
         flags = self.viewer.render_flags
         flags.flags = self._detail.flags(list(flags.flags))
-
-    def _draw_status(self) -> None:
-        lines = list(self._panel.status())
-        self._lines_above = len(lines) + 1  # with room for what follows
-        if self.input.is_slow:
-            lines.append('page slow: make its window smaller')
-        draw_lines('status', lines)
-
-    def _draw_help(self) -> None:
-        draw_help(self._panel.help, self._lines_above)
 
 
 def _page_model(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -164,7 +148,7 @@ class WebView:
         self,
         world: World,
         camera: CameraView,
-        panel: Panel,
+        content: PageContent,
         port: int = 0,
     ) -> None:
         """
@@ -174,7 +158,7 @@ class WebView:
             SimulationError: the port is taken, or the viewer did not start.
         """
         self._world = world
-        self._page = _Page(camera, world.root, panel)
+        self._page = _Page(camera, world.root, content)
         config = viewer_protocol.ViewerConfig(title='wasd', gfx='web', http_port=port)
         web_viewer._print_url_banner = lambda host, port: None  # we say where it is ourselves
 
@@ -200,6 +184,11 @@ class WebView:
         """Send the state of now to the page."""
         if self._handle.is_running():
             self._handle.sync(self._handle.model, self._world.data)
+
+    @property
+    def input(self) -> PageInput:
+        """What the page's browser says, and whether it is alive."""
+        return self._page.input
 
     def pressed_keys(self) -> list[str]:
         """Return presses, HELD, RELEASE and LOST of the page since the last call."""

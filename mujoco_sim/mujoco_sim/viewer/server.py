@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable, Iterator
 import functools
 import logging
 import struct
-from typing import Any, cast
+from typing import Any, cast, NamedTuple
 
 from mujoco.studio.web import web_server
 from mujoco.studio.web.web_server import Headers
@@ -40,8 +40,11 @@ ProcessResponse = Callable[[ServerConnection, Request, Response], Response | Non
 # NetImgui's header: u32 size, u8 type, 3 bytes of nothing.
 _HEADER = struct.Struct('<IB3x')
 INPUT_TYPE = 2
-# NetImgui 18's input: at 560 three u64, a bit for each key from ImGui's number 512 on.
+# NetImgui 18's input: at 552 a u64, a bit for each button of the mouse; at 560 three of them, a
+# bit for each key from ImGui's number 512 on.
 INPUT_SIZE = 616
+_BUTTONS = struct.Struct('<Q')
+_BUTTONS_AT = 552
 _KEYS = struct.Struct('<3Q')
 _KEYS_AT = 560
 FIRST_KEY = 512
@@ -110,8 +113,8 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         if self._packets is None:
             return
         try:
-            for down in self._packets.feed(data):
-                self._input.hear(self, down)
+            for pressed in self._packets.feed(data):
+                self._input.hear(self, *pressed)
         except UnknownPacket as error:
             self._packets = None
             self._input.lose(self)
@@ -167,15 +170,22 @@ class UnknownPacket(ValueError):
     """A browser sends what Studio's own page would not."""
 
 
+class Pressed(NamedTuple):
+    """What is down on a page: keys by ImGui's numbers, and a bit for each button of the mouse."""
+
+    keys: frozenset[int]
+    buttons: int
+
+
 class InputPackets:
-    """Takes what one browser sends, however it is cut, and gives the keys that are down."""
+    """Takes what one browser sends, however it is cut, and gives what is down."""
 
     def __init__(self) -> None:
         self._rest = b''
 
-    def feed(self, data: bytes) -> Iterator[frozenset[int]]:
+    def feed(self, data: bytes) -> Iterator[Pressed]:
         """
-        Yield, for each whole input packet, ImGui's numbers of the keys that are down.
+        Yield, for each whole input packet, what is down.
 
         Raises:
             UnknownPacket: what came is no packet, or an input packet of another layout.
@@ -189,7 +199,8 @@ class InputPackets:
                 return
             packet, self._rest = self._rest[:size], self._rest[size:]
             if kind == INPUT_TYPE:
-                yield keys_down(packet)
+                keys = keys_down(packet)
+                yield Pressed(keys, _BUTTONS.unpack_from(packet, _BUTTONS_AT)[0])
 
 
 def keys_down(packet: bytes) -> frozenset[int]:

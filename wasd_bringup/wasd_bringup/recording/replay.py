@@ -41,9 +41,9 @@ from wasd_bringup.recording.writer import RecordingError
 from wasd_bringup.run_command import with_own_frames
 from wasd_bringup.session import FRAME_PERIOD
 from wasd_bringup.session import Session
-from wasd_bringup.session import start_view
-from wasd_bringup.session import View
 from wasd_bringup.session_robot import build_worlds
+from wasd_bringup.views import start_view
+from wasd_bringup.views import View
 
 
 class PathComparison:

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a hand does on the Go2's page; see run_scenarios.py."""
+
+from mbot_scenarios import column
+from mbot_scenarios import top_of
+import numpy as np
+from quadruped_sim.keys import STATE_KEYS
+from quadruped_sim.keys import TRANSITIONS
+from quadruped_sim.presets import GAITS
+from run_scenarios import Page
+from wasd_cockpit.snapshot import Columns
+
+
+def enter(page: Page, state: str) -> None:
+    """Click a state's button, and wait for the state."""
+    page.click(state)
+    page.wait_until(lambda: page.snapshot.state == state, state)
+
+
+def stand(page: Page) -> None:
+    """Stand up from whatever state there is, and have stood for a while."""
+    if page.snapshot.state == 'passive':
+        enter(page, 'fixed stand')
+        page.wait(2.5)
+    elif page.snapshot.state != 'fixed stand':
+        enter(page, 'fixed stand')
+        page.wait(1.0)
+
+
+def scenario_each_state_is_a_button_and_what_cannot_follow_is_grey_with_the_reason(
+    page: Page,
+) -> None:
+    page.wait_until(lambda: page.snapshot and page.snapshot.choices, 'buttons')
+    assert [choice.name for choice in page.snapshot.choices] == list(STATE_KEYS.values())
+    for choice in page.snapshot.choices:
+        page.show(choice.name)
+        key = next(key for key, state in STATE_KEYS.items() if state == choice.name)
+        may_follow = key in TRANSITIONS[STATE_KEYS['1']]
+        assert bool(choice.refusal) != may_follow or choice.is_on
+    page.click('trotting')  # grey: it lies
+    page.wait(0.2)
+    assert page.snapshot.state == 'passive'
+    assert page.session.stack.notice.text == ''
+
+
+def scenario_the_stick_walks_in_trotting_and_letting_go_is_stop(page: Page) -> None:
+    stand(page)
+    enter(page, 'trotting')
+    page.puppet.press_at(page.show('pad'))
+    page.puppet.drag_to(top_of(page, 'pad', 0.5))
+    since = page.session.world.time
+    page.wait(2.0)
+    assert column(page, Columns.TRUTH, since)[1].max() > 0.2
+    page.puppet.let_go()
+    page.wait_until(
+        lambda: page.session.stack.legs.controller.sticks.values.ly == 0.0, 'stick centred'
+    )
+    page.wait(1.5)
+    assert column(page, Columns.COMMAND, page.session.world.time - 0.2)[1].max() == 0.0
+
+
+def scenario_gaits_are_chosen_by_name(page: Page) -> None:
+    chosen = page.session.stack.legs.controller
+    for gait in reversed(GAITS):
+        page.click(f'gait {gait}')
+        page.wait_until(lambda gait=gait: chosen.gait == gait, gait)
+
+
+def scenario_the_stick_drives_in_move_base_by_velocities(page: Page) -> None:
+    stand(page)
+    enter(page, 'move base')
+    page.puppet.press_at(page.show('pad'))
+    page.puppet.drag_to(top_of(page, 'pad', 0.5))
+    request = page.session.stack.legs.controller.command_filter
+    page.wait_until(lambda: request.command[0] > 0.2, 'a command')
+    page.puppet.let_go()
+    page.wait_until(lambda: not np.any(request._request), 'no request')
+    page.wait(1.0)
+
+
+def scenario_the_emergency_stop_lets_go_at_once(page: Page) -> None:
+    stand(page)
+    page.click('e-stop')
+    page.wait_until(lambda: page.snapshot.state == 'passive', 'passive')
+    assert page.session.stack.legs.controller.event == 'emergency stop'
+
+
+def scenario_every_page_of_plots_has_something_to_show(page: Page) -> None:
+    for name, plot in (
+        ('velocity', 'plot of turn rad/s'),
+        ('torque', 'plot of torque 2'),
+        ('feet', 'plot of gait'),
+        ('pace', 'plot of controller ms'),
+    ):
+        page.click(f'plot {name}')
+        page.show(plot)
+        assert page.rects[plot].width > 100
+    page.click('plot velocity')
+
+
+def scenario_no_panel_has_failed(page: Page) -> None:
+    assert page.cockpit.times.frames > 100
+    assert page.failed() == set()

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a hand does on mbot's page; see run_scenarios.py."""
+
+import math
+
+import numpy as np
+from page_puppet import code
+from run_scenarios import Page
+from wasd_cockpit.link import STICK_PROOF
+from wasd_cockpit.snapshot import Columns
+
+# A stick that is let go means zero so soon [s], and one of a page that is gone, too.
+STOP_TIME = 0.3
+
+
+def top_of(page: Page, name: str, share: float = 0.9) -> tuple[int, int]:
+    """Return the place at which a stick is as far forward as this share of the way."""
+    rect = page.rects[name]
+    x, y = rect.middle
+    return x, round(y - share * 0.5 * rect.height)
+
+
+def column(page: Page, first: int, since: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the times and the largest of three columns of the history since a time."""
+    history = page.snapshot.history
+    rows = history[history[:, 0] >= since]
+    return rows[:, 0], np.abs(rows[:, first : first + 3]).max(axis=1)
+
+
+def last_command(page: Page, since: float) -> float:
+    """Return when the command was last not zero [s], counted from a time."""
+    times, commands = column(page, Columns.COMMAND, since)
+    moving = times[commands > 0.0]
+    return float(moving.max() - since) if len(moving) else 0.0
+
+
+def hold_stick(page: Page) -> None:
+    """Have the stick forward, and the robot drive."""
+    page.puppet.press_at(page.show('pad'))
+    page.puppet.drag_to(top_of(page, 'pad'))
+    since = page.session.world.time
+    page.wait(0.8)
+    _, speeds = column(page, Columns.TRUTH, since)
+    assert speeds.max() > 0.08, speeds
+
+
+def scenario_the_stick_drives_and_letting_go_is_stop(page: Page) -> None:
+    before = page.session.world.base().position[0]
+    hold_stick(page)
+    page.puppet.let_go()
+    since = page.session.world.time
+    page.wait(1.5)
+    assert last_command(page, since) <= STOP_TIME
+    assert column(page, Columns.TRUTH, since + 1.0)[1].max() < 0.01
+    assert page.session.world.base().position[0] > before + 0.05
+
+
+def scenario_turning_turns(page: Page) -> None:
+    yaw = page.session.world.base().rpy[2]
+    page.puppet.press_at(page.show('turning'))
+    x, y = page.rects['turning'].middle
+    page.puppet.drag_to((round(x - 0.4 * page.rects['turning'].width), y))
+    page.wait(0.6)
+    page.puppet.let_go()
+    turned = math.remainder(page.session.world.base().rpy[2] - yaw, 2.0 * math.pi)
+    assert turned > 0.1
+
+
+def scenario_a_stick_of_a_silent_page_is_let_go(page: Page) -> None:
+    hold_stick(page)
+    page.puppet.is_silent = True
+    since = page.session.world.time
+    page.wait(1.5)
+    page.puppet.is_silent = False
+    assert last_command(page, since) <= STICK_PROOF + STOP_TIME
+    # What is down since before the silence counts for nothing until it was up.
+    page.puppet.draw(10)
+    since = page.session.world.time
+    page.wait(0.5)
+    assert last_command(page, since) == 0.0
+    page.puppet.let_go()
+
+
+def scenario_keys_drive_after_a_click_on_a_button(page: Page) -> None:
+    page.click('tab keys')
+    page.tap('I')
+    page.wait_until(lambda: page.session.stack.logic.last_key == 'i', 'i was pressed')
+    assert page.show('key i')
+    page.click('tab drive')
+
+
+def scenario_keys_count_while_the_stick_is_held(page: Page) -> None:
+    hold_stick(page)
+    page.puppet.keys = {code('K')}
+    page.wait_until(lambda: page.session.stack.logic.last_key == 'k', 'k was pressed')
+
+
+def scenario_a_key_that_is_clicked_is_pressed_and_lit(page: Page) -> None:
+    page.click('tab keys')
+    page.click('key k')
+    page.wait_until(lambda: page.session.stack.logic.last_key == 'k', 'k was pressed')
+    page.click('tab drive')
+
+
+def scenario_what_is_typed_in_a_field_drives_nothing(page: Page) -> None:
+    page.tap('K')
+    page.wait_until(lambda: page.session.stack.logic.last_key == 'k', 'k was pressed')
+    page.click('speed')
+    page.puppet.draw(5)
+    mouse = page.puppet.mouse
+    since = page.session.world.time
+    page.tap('I')
+    page.tap('U')
+    page.puppet.mouse = mouse
+    page.wait(0.4)
+    assert page.session.stack.logic.last_key == 'k'
+    assert last_command(page, since) == 0.0
+    page.tap('Escape')
+    page.tap('L')
+    page.wait_until(lambda: page.session.stack.logic.last_key == 'l', 'keys drive again')
+    page.tap('K')
+
+
+def scenario_time_goes_as_fast_as_the_field_says(page: Page) -> None:
+    page.click('speed')
+    page.puppet.keys = {code('LeftCtrl'), code('A')}
+    page.puppet.draw(4)
+    page.puppet.keys = set()
+    page.puppet.type('0.5')
+    page.tap('Enter')
+    page.wait_until(lambda: page.session.simulation.pacer.speed == 0.5, 'half the speed')
+    page.session.simulation.pacer.speed = 1.0
+
+
+def scenario_pause_step_and_run(page: Page) -> None:
+    world = page.session.world
+    page.click('step')  # grey: not paused
+    page.click('pause')
+    page.wait_until(lambda: page.snapshot.is_paused, 'paused')
+    time = world.time
+    page.click('step')
+    page.wait_until(lambda: world.time > time, 'a step')
+    assert world.time - time < 0.1
+    page.click('pause')
+    page.wait_until(lambda: not page.snapshot.is_paused, 'runs')
+
+
+def scenario_reset_puts_the_robot_back(page: Page) -> None:
+    hold_stick(page)
+    page.puppet.let_go()
+    page.wait(1.0)
+    page.click('reset')
+    page.wait_until(lambda: abs(page.session.world.base().position[0]) < 0.01, 'back')
+
+
+def scenario_the_emergency_stop_ends_a_motion_that_keys_have_set_going(page: Page) -> None:
+    page.puppet.keys = {code('I')}
+    page.wait_until(lambda: page.session.stack.driver.controller.target.linear > 0.0, 'drives')
+    page.click('e-stop')
+    page.puppet.keys = set()
+    page.wait_until(lambda: page.session.stack.driver.controller.target.linear == 0.0, 'stands')
+
+
+def scenario_the_mode_of_the_drive_is_shown(page: Page) -> None:
+    (setting,) = page.snapshot.settings
+    assert setting.chosen == 'sim'
+    assert 'mode arbotix' in page.rects

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+A run with its page in one process, and what a hand does on the page in another thread of it.
+
+As a program, `python run_scenarios.py MODULE WORDS...`, it runs `wasd WORDS` and every function
+`scenario_*` of a module with the Page, and prints what failed as JSON; Studio has one page in a
+process.
+"""
+
+import argparse
+from collections.abc import Callable
+import importlib
+import json
+import sys
+import threading
+import time
+import traceback
+from typing import Any
+
+from page_puppet import code
+from page_puppet import PagePuppet
+from page_puppet import SCENE
+from wasd_bringup.cli import make_parser
+from wasd_bringup.options import read_options
+from wasd_bringup.session import Session
+from wasd_core.node import init_ros
+
+# How long anything may take on a busy machine [s].
+PATIENCE = 20.0
+DESK = (1280, 720)
+
+
+class Page:
+    """A hand on the page of a run, which knows of the run what is to be seen."""
+
+    def __init__(self, session: Session, url: str) -> None:
+        self.session = session
+        self.cockpit = session._cockpit.content
+        self.puppet = PagePuppet(url, size=DESK)
+
+    @property
+    def snapshot(self) -> Any:
+        """What the page was told last."""
+        return self.cockpit.page.link.snapshot
+
+    @property
+    def rects(self) -> dict[str, Any]:
+        """Where the widgets are."""
+        return self.cockpit.page.widgets.rects
+
+    def failed(self) -> set[str]:
+        """Return the panels that failed."""
+        panels: set[str] = self.session._view._page._panels.failed
+        return panels
+
+    def wait_until(self, condition: Callable[[], Any], what: str) -> None:
+        """Wait for a condition."""
+        deadline = time.monotonic() + PATIENCE
+        while not condition():
+            assert time.monotonic() < deadline, what
+            time.sleep(0.005)
+
+    def wait(self, seconds: float) -> None:
+        """Wait for simulated time to pass."""
+        end = self.session.world.time + seconds
+        self.wait_until(lambda: self.session.world.time >= end, f'{seconds} s of simulated time')
+
+    def rest(self) -> None:
+        """Take the hand off everything."""
+        self.puppet.mouse, self.puppet.buttons, self.puppet.keys = SCENE, 0, set()
+        self.puppet.is_silent = False
+        self.puppet.draw(4)
+
+    def show(self, name: str) -> tuple[int, int]:
+        """Wait for a widget, and return the point in its middle."""
+        self.wait_until(lambda: name in self.rects, f'{name} in {sorted(self.rects)}')
+        self.puppet.draw()
+        place: tuple[int, int] = self.rects[name].middle
+        return place
+
+    def click(self, name: str) -> None:
+        """Click a widget."""
+        self.puppet.press_at(self.show(name))
+        self.puppet.let_go()
+
+    def tap(self, *keys: str) -> None:
+        """Press keys by their names in ImGui, with the pointer on the scene."""
+        self.puppet.mouse = SCENE
+        self.puppet.keys = {code(key) for key in keys}
+        self.puppet.draw(4)
+        self.puppet.keys = set()
+        self.puppet.draw(4)
+
+
+def run(module: str, words: list[str]) -> dict[str, str]:
+    """Run `wasd` with words and the scenarios of a module; return what failed of each, or ''."""
+    scenarios = {
+        name: function
+        for name, function in vars(importlib.import_module(module)).items()
+        if name.startswith('scenario_')
+    }
+    arguments = make_parser().parse_args(words)
+    init_ros([])
+    session = Session(read_options(arguments))
+    page = Page(session, session.open_view('web'))
+    results: dict[str, str] = {}
+
+    def play() -> None:
+        with page.puppet:
+            for name, scenario in scenarios.items():
+                try:
+                    scenario(page)
+                    results[name] = ''
+                except BaseException:
+                    results[name] = traceback.format_exc()
+                page.rest()
+
+    hand = threading.Thread(target=play)
+    hand.start()
+    stop = argparse.Namespace()
+    type(stop).requested = property(lambda _: not hand.is_alive())
+    session.run(stop)
+    session.close()
+    return results
+
+
+if __name__ == '__main__':
+    print(json.dumps(run(sys.argv[1], sys.argv[2:])))

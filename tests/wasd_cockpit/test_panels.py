@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each panel does what its widgets say, driven by a page without a browser."""
+
+import json
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+
+import pytest
+
+HERE = Path(__file__).parent
+RUNS = {
+    'mbot_scenarios': ('mbot',),
+    'go2_scenarios': ('go2', '--estimator', 'truth'),
+}
+
+
+def scenarios() -> list[tuple[str, str]]:
+    """Return the scenarios of all runs: module, name."""
+    found = []
+    for module in RUNS:
+        text = (HERE / f'{module}.py').read_text()
+        found += [(module, name) for name in re.findall(r'^def scenario_(\w+)', text, re.M)]
+    return found
+
+
+@pytest.fixture(scope='module')
+def played(log_directory: Path, ros_domains) -> dict[str, dict[str, str]]:
+    """Return what failed in each scenario of each run."""
+    results = {}
+    for module, words in RUNS.items():
+        environment = os.environ | {
+            'PYTHONPATH': os.pathsep.join([str(HERE), str(HERE.parent)]),
+            'ROS_DOMAIN_ID': str(next(ros_domains)),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'ROS_LOG_DIR': str(log_directory),
+        }
+        program = [sys.executable, str(HERE / 'run_scenarios.py'), module, *words]
+        done = subprocess.run(
+            program, env=environment, capture_output=True, text=True, timeout=400, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        results[module] = json.loads(done.stdout.splitlines()[-1])
+    return results
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('module', 'name'), scenarios())
+def test_the_panels_do_what_they_say(played, module, name):
+    assert played[module][f'scenario_{name}'] == ''

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the panels are made of, without a page: history, link, layout, runs of stance, stick."""
+
+import math
+import random
+
+import numpy as np
+import pytest
+from wasd_cockpit.history import History
+from wasd_cockpit.layout import Layout
+from wasd_cockpit.layout import PANELS
+from wasd_cockpit.layout import scene_rect
+from wasd_cockpit.link import Link
+from wasd_cockpit.link import STICK_PROOF
+from wasd_cockpit.panels.drive import DEAD_ZONE
+from wasd_cockpit.panels.drive import deflection
+from wasd_cockpit.panels.plots import MOST_POINTS
+from wasd_cockpit.panels.plots import runs
+from wasd_cockpit.panels.plots import thin
+from wasd_cockpit.snapshot import Order
+from wasd_cockpit.snapshot import Stick
+
+SIZES = [(1280, 720), (1920, 1080), (390, 844), (844, 390), (1024, 768), (900, 600)]
+
+
+@pytest.mark.parametrize('count', [0, 1, 4, 5, 6, 13])
+def test_the_history_is_the_last_rows_in_order(count):
+    history = History(length=5, width=2)
+    rows = [np.array([number, -number]) for number in range(count)]
+    for row in rows:
+        history.add(row)
+    assert history.last().tolist() == [row.tolist() for row in rows[-5:]]
+
+
+def test_what_the_history_gave_does_not_change_later():
+    history = History(length=3, width=1)
+    history.add(np.array([1.0]))
+    given = history.last()
+    for _ in range(7):
+        history.add(np.array([math.nan]))
+    assert given.tolist() == [[1.0]]
+    assert history.last().tolist() == 3 * [[0.0]]
+
+
+def test_a_stick_that_nobody_renews_is_let_go():
+    now = [0.0]
+    link = Link(lambda: now[0])
+    assert link.stick is None
+    link.hold(Stick(1.0))
+    now[0] += STICK_PROOF
+    assert link.stick == Stick(1.0)
+    now[0] += 0.001
+    assert link.stick is None
+    link.hold(Stick(0.5))
+    assert link.stick == Stick(0.5)
+    link.hold(None)
+    assert link.stick is None
+
+
+def test_orders_come_once_and_no_more_than_a_hand_can_give():
+    link = Link()
+    for number in range(1000):
+        link.order(Order('key', str(number)))
+    taken = link.take_orders()
+    assert len(taken) <= 100
+    assert taken[-1] == Order('key', '999')
+    assert link.take_orders() == []
+
+
+def test_a_stick_begins_at_the_edge_of_the_dead_zone_and_ends_at_the_rim():
+    assert deflection(0.99 * DEAD_ZONE, 0.0) == (0.0, 0.0)
+    assert math.hypot(*deflection(1.001 * DEAD_ZONE, 0.0)) < 0.01
+    chance = random.Random(1)
+    for _ in range(1000):
+        x, y = chance.uniform(-3, 3), chance.uniform(-3, 3)
+        left, up = deflection(x, y)
+        assert math.hypot(left, up) <= 1.0 + 1e-12
+        assert math.isclose(left * y, up * x, abs_tol=1e-12)
+    assert deflection(0.0, 5.0) == (0.0, pytest.approx(1.0))
+    assert deflection(math.nan, 1.0) == (0.0, 0.0)
+
+
+def test_bars_of_stance_are_the_runs_of_the_flags():
+    times = np.arange(7.0)
+    assert runs(times, np.array([0, 1, 1, 0, 0, 1, 1])) == [(1.0, 3.0), (5.0, 6.0)]
+    assert runs(times, np.zeros(7)) == []
+    assert runs(times, np.ones(7)) == [(0.0, 6.0)]
+
+
+@pytest.mark.parametrize('count', [1, 2, 125, 126, 500])
+def test_lines_are_thinned_to_what_is_seen_and_end_with_the_last_sample(count):
+    history = np.arange(float(count))[:, None]
+    assert 1 <= len(thin(history)) <= MOST_POINTS
+    assert thin(history)[-1] == count - 1
+
+
+@pytest.mark.parametrize('size', SIZES)
+def test_windows_are_on_the_page_and_cover_neither_each_other_nor_the_scene(size):
+    layout = Layout()
+    layout.resize(*size)
+    rects = [place.rect for place in layout.places] + [scene_rect(*size)]
+    assert sorted(panel for place in layout.places for panel in place.panels) == sorted(PANELS)
+    for number, one in enumerate(rects):
+        assert 0 <= one.left < one.right <= size[0]
+        assert 0 <= one.top < one.bottom <= size[1]
+        for other in rects[:number]:
+            assert min(one.right, other.right) <= max(one.left, other.left) or min(
+                one.bottom, other.bottom
+            ) <= max(one.top, other.top)
+
+
+@pytest.mark.parametrize('size', SIZES)
+def test_each_panel_can_be_shown_and_is_shown_when_the_page_comes_again(size):
+    layout = Layout()
+    layout.resize(*size)
+    for panel in PANELS:
+        layout.choose(panel)
+        assert layout.place_of(panel) is not None
+        again = Layout(layout.chosen)
+        again.resize(*size)
+        assert again.place_of(panel) == layout.place_of(panel)
+
+
+def test_what_was_chosen_on_another_page_is_no_reason_to_fail():
+    layout = Layout({'drive': 'nonsense', 'nothing': 'robot'})
+    layout.resize(1280, 720)
+    assert layout.place_of('drive') is not None

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Between a session and the page: makes snapshots of the run, does what the page orders."""
+
+from collections import deque
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from wasd_cockpit.cockpit import Cockpit
+from wasd_cockpit.history import History
+from wasd_cockpit.link import Link
+from wasd_cockpit.snapshot import Columns
+from wasd_cockpit.snapshot import Order
+from wasd_cockpit.snapshot import PlanarPose
+from wasd_cockpit.snapshot import RATE
+from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.snapshot import SPAN
+from wasd_cockpit.snapshot import Stick
+from wasd_core.key_events import HELD
+from wasd_core.key_events import RELEASE
+from wasd_core.key_events import split_event
+from wasd_core.rotations import matrix_from_quaternion
+
+from wasd_bringup.cockpit.described import Described
+from wasd_bringup.session_robot import SessionRobot
+
+if TYPE_CHECKING:
+    from wasd_bringup.session import Session
+
+# Snapshots are made, and a held stick is sent, so often [s of wall time].
+PERIOD = 1.0 / 30.0
+# A key that was pressed is lit for so long [s of wall time].
+LIT_TIME = 0.25
+# Places of the trail: one every so many samples, and how many.
+TRAIL_EVERY, TRAIL_LENGTH = 10, 600
+# The fastest that time may be asked to go; 0 is as fast as it goes.
+FASTEST = 100.0
+
+
+class Watched:
+    """One robot of the session with its past."""
+
+    def __init__(self, robot: SessionRobot) -> None:
+        self.robot = robot
+        self.described: Described = robot.stack.described()
+        self.columns = Columns(self.described.feet, robot.world.motor_names)
+        self.history = History(round(SPAN * RATE), self.columns.width)
+        self.trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_LENGTH)
+        model = robot.world.model
+        limits = model.actuator_forcerange[robot.world.parts.motors, 1]
+        self._limits = np.where(limits > 0.0, limits, 1.0).copy()
+        self._samples = 0
+
+    def sample(self, pace: float) -> None:
+        """Remember this instant."""
+        world, motion = self.robot.world, self.described.motion()
+        base = world.base()
+        efforts = world.joints().effort[world.parts.motor_joint] / self._limits
+        tick = 1e3 * self.robot.stack.ticks.last
+        head = (world.time, *motion.command, *motion.odometry, *base.planar_velocity, tick, pace)
+        self.history.add(np.array([*head, *motion.forces, *motion.stances, *efforts]))
+        if self._samples % TRAIL_EVERY == 0:
+            x, y, _ = base.position.tolist()
+            self.trail.append((x, y))
+        self._samples += 1
+
+    def forget(self) -> None:
+        """Forget the past."""
+        self.history.clear()
+        self.trail.clear()
+        self._samples = 0
+
+
+class CockpitBridge:
+    """
+    The cockpit's part of a session, in its thread.
+
+    `step` comes at each look at the page; it does what the page has ordered since the last one.
+    All that it changes goes through the session's keys and velocities, which recordings have.
+    """
+
+    def __init__(self, session: 'Session') -> None:
+        self._session = session
+        self._link = Link()
+        self.content = Cockpit(self._link)
+        self._watched = [Watched(robot) for robot in session.robots]
+        self._next = 0.0
+        self._pressed: dict[str, float] = {}
+        self._now = 0.0
+        # The robot that the stick moves, and what it was told last.
+        self._driven: int | None = None
+
+    def sample(self) -> None:
+        """Remember this instant of all robots."""
+        pace = self._session.simulation.pacer.real_time_factor
+        for watched in self._watched:
+            watched.sample(pace)
+
+    def note_key(self, key: str) -> None:
+        """Take that a key was pressed, held or released, by whomever."""
+        event, base = split_event(key)
+        if event == RELEASE:
+            self._pressed.pop(base, None)
+        else:
+            lasting = 4.0 * LIT_TIME if event == HELD else LIT_TIME
+            self._pressed[base] = self._now + lasting
+
+    def forget(self) -> None:
+        """Forget the past."""
+        for watched in self._watched:
+            watched.forget()
+
+    def step(self, now: float) -> None:
+        """Do what was ordered, and tell the page of a wall time [s]."""
+        self._now = now
+        for order in self._link.take_orders():
+            self._obey(order)
+        if now < self._next:
+            if self._driven is not None and self._link.stick is None:
+                self._let_go()
+            return
+        self._next = now + PERIOD
+        self._follow_stick()
+        self._link.snapshot = self._snapshot(now)
+
+    def _obey(self, order: Order) -> None:
+        session = self._session
+        simulation = session.simulation
+        if order.what == 'key':
+            session.press(order.name, from_view=True)
+        elif order.what == 'e-stop':
+            self._stop()
+        elif order.what == 'pause':
+            simulation.paused = bool(order.value)
+        elif order.what == 'step' and simulation.paused:
+            simulation.advance(simulation.schedule.stride)
+        elif order.what == 'reset':
+            simulation.reset()
+        elif order.what == 'robot':
+            session.switch_to([robot.name for robot in session.robots].index(order.name))
+        elif order.what == 'speed' and math.isfinite(order.value):
+            simulation.pacer.speed = min(max(order.value, 0.0), FASTEST)
+            simulation.pacer.restart()
+        elif order.what == 'choose':
+            setting, _, option = order.name.partition('=')
+            for key in self._active.described.keys_to_choose(setting, option):
+                session.press(key, from_view=True)
+
+    @property
+    def _active(self) -> Watched:
+        return self._watched[self._session.active]
+
+    def _stop(self) -> None:
+        """Stop the robot that is driven, at once, and by keys for those who listen to them."""
+        self._let_go()
+        described = self._active.described
+        described.emergency_stop()
+        for key in described.stop_keys:
+            self._session.press(key, from_view=True)
+
+    def _follow_stick(self) -> None:
+        """Do what the stick says; where nobody holds it any more, stop what it moved."""
+        stick = self._link.stick
+        if self._driven is not None and (stick is None or self._driven != self._session.active):
+            self._let_go()
+        if stick is not None:
+            self._driven = self._session.active
+            self._move(self._driven, stick)
+
+    def _let_go(self) -> None:
+        if self._driven is not None:
+            driven, self._driven = self._driven, None
+            self._move(driven, Stick())
+
+    def _move(self, robot: int, stick: Stick) -> None:
+        watched = self._watched[robot]
+        keys = watched.described.stick_keys(stick)
+        if keys is None:
+            full = watched.described.stick_use().full
+            forward, left, turn = (share * most for share, most in zip(stick, full, strict=True))
+            watched.robot.stack.drive((forward, left, turn))
+        elif robot == self._session.active:
+            for key in keys:
+                self._session.press(key, from_view=True)
+        else:
+            for key in keys:
+                watched.robot.stack.press(key)
+
+    def _snapshot(self, now: float) -> Snapshot:
+        session, watched = self._session, self._active
+        simulation, world = session.simulation, watched.robot.world
+        status, described = watched.robot.stack.status(), watched.described
+        base = world.base()
+        x, y, _ = base.position.tolist()
+        self._pressed = {key: until for key, until in self._pressed.items() if until > now}
+        return Snapshot(
+            time=world.time,
+            is_paused=simulation.paused,
+            speed=simulation.pacer.speed,
+            pace=simulation.pacer.real_time_factor,
+            robots=tuple(robot.name for robot in session.robots),
+            robot=session.active,
+            state=status.state,
+            facts=status.facts,
+            message=status.message,
+            choices=described.choices(),
+            settings=described.settings(),
+            stick=described.stick_use(),
+            keys=described.keys(),
+            lit=frozenset(self._pressed),
+            columns=watched.columns,
+            history=watched.history.last(),
+            trail=np.array(watched.trail).reshape(-1, 2),
+            pose=PlanarPose(x, y, float(base.rpy[2])),
+            body=world.root,
+            marks=described.marks(base.position, matrix_from_quaternion(base.orientation)),
+            qpos=world.data.qpos.copy(),
+        )

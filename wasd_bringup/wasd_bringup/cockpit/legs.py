@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A quadruped in the cockpit: its states as buttons, the stick by the keys of its sticks."""
+
+import numpy as np
+from quadruped_sim.keys import GAIT_KEYS
+from quadruped_sim.keys import STATE_KEYS
+from quadruped_sim.keys import StateName
+from quadruped_sim.keys import STEP
+from quadruped_sim.keys import STICK_KEYS
+from quadruped_sim.keys import ZERO_KEYS
+from quadruped_sim.leg_kinematics import LEGS
+from quadruped_sim.presets import GAITS
+from teleop_keyboard.key_names import on_layout
+from wasd_cockpit.snapshot import Choice
+from wasd_cockpit.snapshot import KeyCap
+from wasd_cockpit.snapshot import Marks
+from wasd_cockpit.snapshot import Order
+from wasd_cockpit.snapshot import Setting
+from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.snapshot import StickUse
+from wasd_core.rotations import matrix_from_quaternion
+
+from wasd_bringup.cockpit.described import Described
+from wasd_bringup.cockpit.described import Motion
+from wasd_bringup.cockpit.described import Numbers
+from wasd_bringup.cockpit.keymap import keymap_caps
+from wasd_bringup.go2_stack import Go2Stack
+
+_STICK_WORDS = {('ly', 1): 'forward', ('lx', -1): 'left', ('rx', -1): 'turn left'}
+_PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)
+
+
+class Legs(Described):
+    """A quadruped's leg controller."""
+
+    def __init__(self, stack: Go2Stack) -> None:
+        self._stack = stack
+        self._controller = stack.legs.controller
+        self._layout = stack.layout
+        self.feet = LEGS
+        self.stop_keys = tuple(dict.fromkeys((_PASSIVE, stack.stop_key)))
+
+    def choices(self) -> tuple[Choice, ...]:
+        """Return the states as buttons."""
+        controller = self._controller
+        return tuple(
+            Choice(
+                state.value,
+                Order('key', self._named(key)),
+                is_on=state.value == controller.state,
+                refusal=controller.refusal(key),
+            )
+            for key, state in STATE_KEYS.items()
+        )
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Return what is chosen."""
+        return (Setting('gait', tuple(GAITS), self._controller.gait, self._no_gait_keys),)
+
+    @property
+    def _no_gait_keys(self) -> str:
+        """Why gaits cannot be chosen by keys."""
+        taken = set(GAIT_KEYS) <= self._controller.words.elsewhere
+        return "the keys for gaits are the preset's: ros2 param set gait" if taken else ''
+
+    def keys_to_choose(self, setting: str, option: str) -> tuple[str, ...]:
+        """Return the keys that choose a gait: so many steps on in the table."""
+        gaits = tuple(GAITS)
+        if setting != 'gait' or option not in gaits or self._no_gait_keys:
+            return ()
+        onward = gaits.index(option) - gaits.index(self._controller.gait)
+        # The shorter way round.
+        steps, key = min((by * onward % len(gaits), key) for key, by in GAIT_KEYS.items())
+        return steps * (self._named(key),)
+
+    def keys(self) -> tuple[KeyCap, ...]:
+        """Return the keymap."""
+        states = tuple(KeyCap(key, state.value) for key, state in STATE_KEYS.items())
+        if self._stack.logic is not None:
+            caps = keymap_caps(self._stack.logic.keymap)
+            taken = {cap.key for cap in caps}
+            return (*(cap for cap in states if cap.key not in taken), *caps)
+        sticks = tuple(
+            KeyCap(self._named(key), f'stick {axis} {direction:+d}', is_direction=True)
+            for key, (axis, direction) in STICK_KEYS.items()
+        )
+        gaits = tuple(
+            KeyCap(self._named(key), 'next gait' if by > 0 else 'gait before')
+            for key, by in GAIT_KEYS.items()
+        )
+        return (*states, *sticks, KeyCap(ZERO_KEYS[0], 'sticks centred'), *gaits)
+
+    def stick_use(self) -> StickUse:
+        """Return what the stick does now."""
+        controller, state = self._controller, self._controller.state
+        limits = controller.command_filter.limits
+        full = (limits.forward, limits.lateral, limits.yaw)
+        if self._drives_by_velocity or state == StateName.TROTTING:
+            return StickUse(full, f'drives, gait {controller.gait}')
+        wanted = self._stack.legs.controller.words.drive
+        words = 'moves the body' if state not in (StateName.PASSIVE, StateName.FIXED_STAND) else ''
+        return StickUse((0.0, 0.0, 0.0), words or f'drives in {wanted.value}')
+
+    def stick_keys(self, stick: Stick) -> tuple[str, ...] | None:
+        """Return the keys that bring the sticks there, None where velocities drive."""
+        if self._drives_by_velocity or self._stack.logic is not None:
+            return None
+        if stick == Stick():
+            return (ZERO_KEYS[0],)
+        now = self._controller.sticks.values
+        wanted = {'ly': stick.forward, 'lx': -stick.left, 'rx': -stick.turn}
+        keys: list[str] = []
+        for key, (axis, direction) in STICK_KEYS.items():
+            if axis in wanted:
+                steps = round(wanted[axis] / STEP) - round(getattr(now, axis) / STEP)
+                keys += max(0, direction * steps) * [self._named(key)]
+        return tuple(keys)
+
+    def emergency_stop(self) -> None:
+        """Let go of the legs in this instant."""
+        self._controller.e_stop()
+
+    def motion(self) -> Motion:
+        """Return this instant for the plots."""
+        controller = self._controller
+        odometry, robot = controller.odometry, controller.robot
+        if odometry is None or robot is None:
+            none = np.zeros(4)
+            return Motion(np.zeros(3), np.zeros(3), none, none)
+        vx, vy, _ = odometry.linear_velocity
+        measured = (vx, vy, odometry.angular_velocity[2])
+        stances = controller.locomotion.is_stance
+        return Motion(self._stack.command(), measured, robot.normal_forces, stances)
+
+    def marks(self, place: np.ndarray, rotation: np.ndarray) -> Marks:
+        """Return what is drawn beside the robot."""
+        controller = self._controller
+        odometry, robot = controller.odometry, controller.robot
+        size = controller.model.scale.of('m')
+        if odometry is None or robot is None:
+            return Marks(place=place, rotation=rotation, size=0.4 * size)
+        # Forces and feet are known in the base's axes: the estimate's error is not theirs.
+        feet = robot.motion.position @ rotation.T + place
+        start = (*self._stack.start, 0.0)
+        motion = self.motion()
+        return Marks(
+            place=place,
+            rotation=rotation,
+            command=_three(motion.command),
+            measured=_three(motion.odometry),
+            estimate=odometry.position + start,
+            estimated_rotation=matrix_from_quaternion(odometry.orientation),
+            feet=feet,
+            forces=robot.forces @ rotation.T * robot.is_contact[:, None],
+            size=0.4 * size,
+            height=float(feet[:, 2].min()) - controller.model.geometry.foot_radius,
+        )
+
+    @property
+    def _drives_by_velocity(self) -> bool:
+        return self._controller.state == StateName.MOVE_BASE
+
+    def _named(self, key: str) -> str:
+        """Return what the driver's keyboard calls a key."""
+        return on_layout(key, self._layout)
+
+
+def _three(values: Numbers) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z

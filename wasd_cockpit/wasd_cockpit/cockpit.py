@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page's content: the theme, the windows, and the panels in them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from dataclasses import field
+import functools
+import time
+from typing import Any, Protocol
+
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+from mujoco_sim.viewer.drawing import SLOW_PAGE
+from mujoco_sim.viewer.input import PageInput
+
+from wasd_cockpit import style
+from wasd_cockpit.layout import Layout
+from wasd_cockpit.layout import Place
+from wasd_cockpit.link import Link
+from wasd_cockpit.panels.drive import Drive
+from wasd_cockpit.panels.keys import Keys
+from wasd_cockpit.panels.plots import Plots
+from wasd_cockpit.panels.robot import Robot
+from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.widgets import Widgets
+
+_FIXED = functools.reduce(
+    int.__or__,
+    (
+        int(getattr(imgui.WindowFlags, name).value)
+        for name in (
+            'NoTitleBar',
+            'NoResize',
+            'NoMove',
+            'NoCollapse',
+            'NoSavedSettings',
+            'NoBringToFrontOnFocus',
+            # A window that was clicked must not take the keys: they drive.
+            'NoNav',
+        )
+    ),
+)
+_CHIP = _FIXED | int(imgui.WindowFlags.AlwaysAutoResize.value)
+_TAB_HEIGHT = 26.0
+
+
+@dataclass
+class PageState:
+    """
+    What panels have of the page in the frame that is drawn.
+
+    `held` is what the stick says; `is_live` is whether what is held down counts: the browser is
+    alive, and what is down went down since it is.
+    """
+
+    link: Link
+    widgets: Widgets
+    layout: Layout
+    viewer: Any = None
+    input: PageInput | None = None
+    snapshot: Snapshot | None = None
+    held: Stick | None = None
+    is_live: bool = False
+
+
+class PagePanel(Protocol):
+    """A panel."""
+
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
+        """Draw it in the window that is open."""
+
+
+@dataclass
+class Times:
+    """What frames of panels took: how many, and the CPU time of each thread that drew them [s]."""
+
+    frames: int = 0
+    total: float = 0.0
+    began: float = field(default=0.0, repr=False)
+
+
+class Cockpit:
+    """
+    All panels of the page, drawn from what the link's snapshot says.
+
+    Everything here is called in the viewer's thread.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self.page = PageState(link, Widgets(), Layout())
+        self.times = Times()
+        self._panels: dict[str, PagePanel] = {
+            'robot': Robot(),
+            'drive': Drive(),
+            'keys': Keys(),
+            'plots': Plots(),
+        }
+        self._is_ghost = True
+
+    @property
+    def panels(self) -> dict[str, Callable[[], None]]:
+        """The function of each panel, in the order of drawing."""
+        draw: dict[str, Callable[[], None]] = {'windows': self._draw_windows}
+        draw |= {name: functools.partial(self._draw_panel, name) for name in self._panels}
+        return draw | {'state': self._draw_chip}
+
+    @property
+    def is_typing(self) -> bool:
+        """Whether keys are for a field of text."""
+        return self.page.widgets.is_typing
+
+    def begin(self, viewer: Any, page_input: PageInput) -> None:
+        """Begin a frame of panels."""
+        self.times.began = time.thread_time()
+        page = self.page
+        page.viewer, page.input, page.held = viewer, page_input, None
+        page.snapshot = page.link.snapshot
+        size = imgui.GetIO().DisplaySize
+        page.layout.resize(size.x, size.y)
+        self._watch_buttons(page_input.may_hold)
+        page.is_live = not self._is_ghost
+        page.widgets.begin()
+        style.push_theme()
+
+    def end(self) -> None:
+        """End a frame of panels in which none failed."""
+        style.pop_theme()
+        page = self.page
+        page.widgets.end()
+        page.link.hold(page.held)
+        self.times.frames += 1
+        self.times.total += time.thread_time() - self.times.began
+
+    def _watch_buttons(self, may_hold: bool) -> None:
+        """Let no button count that ImGui has down since before it may."""
+        if not may_hold:
+            self._is_ghost = True
+        elif not imgui.IsAnyMouseDown():
+            self._is_ghost = False
+
+    def _draw_windows(self) -> None:
+        """Draw the empty windows, with what is to be chosen in each."""
+        layout = self.page.layout
+        if layout.is_hidden:
+            return
+        for place in layout.places:
+            self._begin(place)
+            self._draw_tabs(place)
+            imgui.End()
+
+    def _begin(self, place: Place) -> None:
+        rect = place.rect
+        imgui.SetNextWindowPos(imgui.Vec2(rect.left, rect.top))
+        imgui.SetNextWindowSize(imgui.Vec2(rect.width, rect.height))
+        imgui.Begin(place.panels[0], flags=_FIXED)
+
+    def _draw_tabs(self, place: Place) -> None:
+        page = self.page
+        shown = page.layout.shown(place)
+        for index, name in enumerate(place.panels):
+            if index:
+                imgui.SameLine(0.0, 2.0)
+            fill = style.FRAME if name == shown else style.PANEL
+            if page.widgets.button(
+                f'tab {name}', name.capitalize(), (0.0, _TAB_HEIGHT), fill=fill
+            ):
+                page.layout.choose(name)
+
+    def _draw_panel(self, name: str) -> None:
+        page = self.page
+        place = page.layout.place_of(name)
+        if place is None:
+            return
+        self._begin(place)
+        if page.snapshot is not None:
+            self._panels[name].draw(page, page.snapshot)
+        imgui.End()
+
+    def _draw_chip(self) -> None:
+        """Draw what must be seen at all times: state, time, pace; what was refused."""
+        page, snapshot = self.page, self.page.snapshot
+        if snapshot is None:
+            return
+        scene = page.layout.scene
+        imgui.SetNextWindowPos(imgui.Vec2(scene.left + 10.0, scene.top + 10.0))
+        imgui.SetNextWindowBgAlpha(0.8)
+        imgui.Begin('state', flags=_CHIP)
+        is_fallen = snapshot.state == 'fallen'
+        state = '  '.join((snapshot.robots[snapshot.robot], snapshot.state))
+        page.widgets.words(state, style.ALARM if is_fallen else style.TEXT)
+        imgui.SameLine(0.0, 16.0)
+        pace = 'paused' if snapshot.is_paused else f'x{snapshot.pace:.2f}'
+        page.widgets.words(f'{snapshot.time:.1f} s   {pace}', style.DIM)
+        for text in filter(None, (snapshot.message, SLOW_PAGE if self._is_slow else '')):
+            page.widgets.words(text, style.ODOMETRY)
+        imgui.End()
+
+    @property
+    def _is_slow(self) -> bool:
+        return self.page.input is not None and self.page.input.is_slow

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The panel Drive: a stick for mouse and finger, turning, the share of full stick."""
+
+import math
+from typing import TYPE_CHECKING
+
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+
+from wasd_cockpit import style
+from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.widgets import columns
+from wasd_cockpit.widgets import Rect
+
+if TYPE_CHECKING:
+    from wasd_cockpit.cockpit import PageState
+
+# What is nearer to the middle than this share of the way is no wish.
+DEAD_ZONE = 0.08
+_LARGEST_PAD, _SMALLEST_PAD = 250.0, 90.0
+_KNOB, _BAR = 16.0, 26.0
+# What is below the pad [pixels].
+_BELOW = 132.0
+
+
+def deflection(x: float, y: float) -> tuple[float, float]:
+    """
+    Return the deflection of a stick, within the unit circle, of a knob's place in radii.
+
+    It begins at the edge of the dead zone, without a jump.
+    """
+    length = math.hypot(x, y)
+    if not math.isfinite(length) or length <= DEAD_ZONE:
+        return 0.0, 0.0
+    share = (min(length, 1.0) - DEAD_ZONE) / (1.0 - DEAD_ZONE) / length
+    return share * x, share * y
+
+
+class Drive:
+    """Holds the stick while a finger or a mouse button does; letting go is the end of it."""
+
+    def __init__(self) -> None:
+        self.share = 0.5
+        self.turns_sideways = False
+
+    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+        """Draw it in the window that is open."""
+        use = snapshot.stick
+        turns = self.turns_sideways or not use.sideways
+        x, y = self._draw_pad(page)
+        turn = self._draw_turn(page)
+        stick = Stick(y, 0.0, -x) if turns else Stick(y, -x, 0.0)
+        stick = stick._replace(turn=min(max(stick.turn + turn, -1.0), 1.0))
+        scaled = Stick(*(self.share * value for value in stick))
+        values = [share * full for share, full in zip(scaled, use.full, strict=True)]
+        text = '{:+.2f} {:+.2f} m/s  {:+.2f} rad/s'.format(*(value + 0.0 for value in values))
+        page.widgets.words(text if any(use.full) else use.words, style.DIM, wrapped=True)
+        imgui.SetNextItemWidth(columns(1))
+        label = 'full stick is %.2f of full'
+        _, self.share = imgui.SliderFloat('##share', self.share, 0.05, 1.0, label)
+        page.widgets.note_field('share')
+        if use.sideways:
+            width = columns(2)
+            if page.widgets.toggle('walk', 'left is left', not turns, (width, 0.0)):
+                self.turns_sideways = False
+            imgui.SameLine()
+            if page.widgets.toggle('turn', 'left is turn', turns, (width, 0.0)):
+                self.turns_sideways = True
+        if any(use.full):
+            page.widgets.words(use.words, style.DIM, wrapped=True)
+        if self._is_held:
+            page.held = scaled
+
+    def _draw_pad(self, page: 'PageState') -> tuple[float, float]:
+        """Return where the knob is: to the right and up, in [-1, 1]."""
+        room = imgui.GetContentRegionAvail()
+        size = max(min(room.x, room.y - _BELOW, _LARGEST_PAD), _SMALLEST_PAD)
+        imgui.SetCursorPosX(imgui.GetCursorPosX() + 0.5 * max(0.0, room.x - size))
+        imgui.InvisibleButton('pad', imgui.Vec2(size, size))
+        page.widgets.note('pad')
+        low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
+        rect = Rect(low.x, low.y, high.x, high.y)
+        radius = 0.5 * size - 4.0
+        self._is_held = bool(imgui.IsItemActive()) and page.is_live
+        knob = (0.0, 0.0)
+        if self._is_held:
+            mouse = imgui.GetMousePos()
+            cx, cy = 0.5 * (rect.left + rect.right), 0.5 * (rect.top + rect.bottom)
+            knob = deflection((mouse.x - cx) / radius, (cy - mouse.y) / radius)
+        self._paint_pad(rect, radius, knob)
+        return knob
+
+    def _paint_pad(self, rect: Rect, radius: float, knob: tuple[float, float]) -> None:
+        drawing = imgui.GetWindowDrawList()
+        cx, cy = 0.5 * (rect.left + rect.right), 0.5 * (rect.top + rect.bottom)
+        middle, line = imgui.Vec2(cx, cy), style.colour(style.LINE)
+        drawing.AddCircleFilled(middle, radius, style.colour(style.BACKGROUND), 48)
+        drawing.AddCircle(middle, radius, line, 48, 2.0)
+        drawing.AddCircle(middle, 0.5 * radius, line, 32)
+        for dx, dy in ((radius, 0.0), (0.0, radius)):
+            drawing.AddLine(imgui.Vec2(cx - dx, cy - dy), imgui.Vec2(cx + dx, cy + dy), line)
+        place = imgui.Vec2(cx + radius * knob[0], cy - radius * knob[1])
+        fill = style.COMMAND if self._is_held else style.FRAME_HOVERED
+        drawing.AddCircleFilled(place, _KNOB, style.colour(fill), 24)
+
+    def _draw_turn(self, page: 'PageState') -> float:
+        """Return how much the bar below the pad turns, counter-clockwise, in [-1, 1]."""
+        width = columns(1)
+        imgui.InvisibleButton('turning', imgui.Vec2(width, _BAR))
+        page.widgets.note('turning')
+        low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
+        half, cx, cy = 0.5 * width - _KNOB, 0.5 * (low.x + high.x), 0.5 * (low.y + high.y)
+        is_held = bool(imgui.IsItemActive()) and page.is_live
+        share = 0.0
+        if is_held:
+            share, _ = deflection((imgui.GetMousePos().x - cx) / half, 0.0)
+            self._is_held = True
+        drawing = imgui.GetWindowDrawList()
+        bar = (imgui.Vec2(low.x, cy - 4.0), imgui.Vec2(high.x, cy + 4.0))
+        drawing.AddRectFilled(*bar, style.colour(style.BACKGROUND), 4.0)
+        fill = style.COMMAND if is_held else style.FRAME_HOVERED
+        drawing.AddCircleFilled(imgui.Vec2(cx + half * share, cy), 11.0, style.colour(fill), 20)
+        return -share

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The panel Plots: the last seconds of velocities, torques, feet, and pace."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+from mujoco.studio.implot import implot
+import numpy as np
+
+from wasd_cockpit import style
+from wasd_cockpit.snapshot import Columns
+from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.snapshot import SPAN
+from wasd_cockpit.widgets import Rect
+
+if TYPE_CHECKING:
+    from wasd_cockpit.cockpit import PageState
+
+PAGES = ('velocity', 'torque', 'feet', 'pace')
+# Points of a line, at most: more are not seen.
+MOST_POINTS = 125
+_FLAGS = sum(
+    int(getattr(implot.Flags, name).value)
+    for name in ('NoMenus', 'NoBoxSelect', 'NoMouseText', 'NoTitle', 'NoInputs')
+)
+_HORIZONTAL = int(implot.LegendFlags.Horizontal.value)
+_TOP = int(implot.Location.NorthWest.value)
+_X, _Y = int(implot.Axis.X1.value), int(implot.Axis.Y1.value)
+_ALWAYS, _ONCE = int(implot.Cond.Always.value), int(implot.Cond.Once.value)
+_NO_LABELS = int(implot.AxisFlags.NoTickLabels.value)
+_BACKGROUND = (
+    (int(implot.Col.FrameBg.value), style.colour(style.PANEL, 0.0)),
+    (int(implot.Col.PlotBg.value), style.colour(style.BACKGROUND)),
+    (int(implot.Col.LegendBg.value), style.colour(style.PANEL, 0.6)),
+)
+_PADDING = int(implot.StyleVar.PlotPadding.value)
+# How far up a plot goes at least, for each part of the velocity [m/s], [m/s], [rad/s].
+_LEAST_RANGE = (0.5, 0.5, 1.0)
+_BAR_HEIGHT = 16.0
+
+
+def thin(history: np.ndarray) -> np.ndarray:
+    """Return every so many-th row, at most MOST_POINTS, the last one among them."""
+    every = max(1, -(-len(history) // MOST_POINTS))
+    return history[::-1][::every][::-1]
+
+
+def runs(times: np.ndarray, flags: np.ndarray) -> list[tuple[float, float]]:
+    """Return from when until when [s] flags, shape (n,), are set without a break."""
+    edges = np.diff(np.concatenate(([False], flags > 0.5, [False])).astype(int))
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    last = len(times) - 1
+    pairs = zip(begins.tolist(), ends.tolist(), strict=True)
+    return [(float(times[begin]), float(times[min(end, last)])) for begin, end in pairs]
+
+
+class Plots:
+    """Draws one of several pages of plots."""
+
+    def __init__(self) -> None:
+        self.page = PAGES[0]
+
+    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+        """Draw it in the window that is open."""
+        for index, name in enumerate(PAGES):
+            imgui.SameLine(0.0, 16.0 if index == 0 else 4.0)
+            if page.widgets.toggle(f'plot {name}', name, name == self.page, (0.0, 26.0)):
+                self.page = name
+        history = snapshot.history
+        if len(history) < 2:
+            page.widgets.words('nothing yet', style.DIM)
+            return
+        room = imgui.GetContentRegionAvail()
+        for index, value in _BACKGROUND:
+            implot.PushStyleColor(index, value)
+        implot.PushStyleVar(_PADDING, imgui.Vec2(4.0, 4.0))
+        draw = {
+            'velocity': self._draw_velocity,
+            'torque': self._draw_torque,
+            'feet': self._draw_feet,
+            'pace': self._draw_pace,
+        }[self.page]
+        draw(page, snapshot, room.x, max(room.y, 60.0))
+        implot.PopStyleVar(1)
+        implot.PopStyleColor(len(_BACKGROUND))
+
+    def _draw_velocity(
+        self, page: 'PageState', snapshot: Snapshot, width: float, height: float
+    ) -> None:
+        rows = thin(snapshot.history)
+        names = ('forward m/s', 'left m/s', 'turn rad/s')
+        for part, name in enumerate(names):
+            if part:
+                imgui.SameLine(0.0, 4.0)
+            # In the order of ImPlot's colours, which are those of the map and the scene.
+            lines = {
+                'command': rows[:, Columns.COMMAND + part],
+                'odometry': rows[:, Columns.ODOMETRY + part],
+                'truth': rows[:, Columns.TRUTH + part],
+            }
+            most = 1.15 * max(float(np.abs(line).max()) for line in lines.values())
+            most = max(most, _LEAST_RANGE[part])
+            size = ((width - 8.0) / 3.0, height)
+            _plot(name, size, rows[:, 0], lines, (-most, most), has_legend=part == 0)
+            page.widgets.note(f'plot of {name}')
+
+    def _draw_torque(
+        self, page: 'PageState', snapshot: Snapshot, width: float, height: float
+    ) -> None:
+        rows, columns = thin(snapshot.history), snapshot.columns
+        count = len(columns.motors)
+        groups = max(1, count // 4) if columns.feet else 1
+        # Of legs: all hips, all thighs, all calves; four lines each.
+        for group in range(groups):
+            if group:
+                imgui.SameLine(0.0, 4.0)
+            motors = range(group, count, groups)
+            lines = {columns.motors[motor]: rows[:, columns.torques + motor] for motor in motors}
+            size = ((width - 4.0 * (groups - 1)) / groups, height)
+            words = 'torque, share of limit' if group == 0 else f'torque {group + 1}'
+            short = {name.removesuffix('_joint'): line for name, line in lines.items()}
+            _plot(words, size, rows[:, 0], short, (-1.05, 1.05), has_legend=True)
+            page.widgets.note(f'plot of torque {group}')
+
+    def _draw_feet(
+        self, page: 'PageState', snapshot: Snapshot, width: float, height: float
+    ) -> None:
+        columns = snapshot.columns
+        if not columns.feet:
+            page.widgets.words('this robot has no feet', style.DIM)
+            return
+        rows = thin(snapshot.history)
+        lines = {foot: rows[:, columns.FORCES + index] for index, foot in enumerate(columns.feet)}
+        most = max(60.0, 1.1 * max(float(line.max()) for line in lines.values()))
+        size = (0.5 * width - 4.0, height)
+        _plot('force on the feet N', size, rows[:, 0], lines, (0.0, most), has_legend=True)
+        page.widgets.note('plot of forces')
+        imgui.SameLine(0.0, 8.0)
+        imgui.InvisibleButton('gait', imgui.Vec2(0.5 * width - 4.0, height))
+        page.widgets.note('plot of gait')
+        low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
+        self._paint_stances(snapshot, Rect(low.x, low.y, high.x, high.y))
+
+    def _paint_stances(self, snapshot: Snapshot, rect: Rect) -> None:
+        """Paint when each foot was to stand, the newest at the right."""
+        drawing, columns = imgui.GetWindowDrawList(), snapshot.columns
+        corners = imgui.Vec2(rect.left, rect.top), imgui.Vec2(rect.right, rect.bottom)
+        drawing.AddRectFilled(*corners, style.colour(style.BACKGROUND), 4.0)
+        # A gait is faster than ten seconds: two of them.
+        times = snapshot.history[:, 0]
+        end = float(times[-1])
+        begin, left = end - 2.0, rect.left + 34.0
+        scale = (rect.right - left - 6.0) / 2.0
+        recent = snapshot.history[times >= begin]
+        step = rect.height / max(1, len(columns.feet))
+        for index, foot in enumerate(columns.feet):
+            middle = rect.top + (index + 0.5) * step
+            half = min(_BAR_HEIGHT, 0.7 * step) / 2.0
+            place = imgui.Vec2(rect.left + 6.0, middle - 8.0)
+            drawing.AddText(place, style.colour(style.DIM), foot)
+            fill = style.colour(style.FEET[index % len(style.FEET)])
+            for since, until in runs(recent[:, 0], recent[:, columns.stances + index]):
+                drawing.AddRectFilled(
+                    imgui.Vec2(left + scale * (since - begin), middle - half),
+                    imgui.Vec2(left + scale * (until - begin), middle + half),
+                    fill,
+                    3.0,
+                )
+
+    def _draw_pace(
+        self, page: 'PageState', snapshot: Snapshot, width: float, height: float
+    ) -> None:
+        rows = thin(snapshot.history)
+        size = (0.5 * width - 2.0, height)
+        for index, (name, first, least) in enumerate(
+            (('controller ms', Columns.TICK, 1.0), ('real-time factor', Columns.PACE, 1.2))
+        ):
+            if index:
+                imgui.SameLine(0.0, 4.0)
+            line = rows[:, first]
+            most = max(least, 1.1 * float(line.max()))
+            _plot(name, size, rows[:, 0], {name: line}, (0.0, most), has_legend=False)
+            page.widgets.note(f'plot of {name}')
+
+
+def _plot(
+    name: str,
+    size: tuple[float, float],
+    times: np.ndarray,
+    lines: dict[str, np.ndarray],
+    limits: Sequence[float],
+    *,
+    has_legend: bool,
+) -> None:
+    """Draw lines over the last SPAN seconds."""
+    if not implot.BeginPlot(f'##{name}', imgui.Vec2(*size), _FLAGS):
+        return
+    implot.SetupAxis(_X, None, _NO_LABELS)
+    implot.SetupAxis(_Y, name, 0)
+    end = float(times[-1])
+    implot.SetupAxisLimits(_X, -SPAN, 0.0, _ALWAYS)
+    implot.SetupAxisLimits(_Y, limits[0], limits[1], _ALWAYS)
+    implot.SetupLegend(_TOP, _HORIZONTAL)
+    ago = (times - end).tolist()
+    for label, line in lines.items():
+        implot.PlotLine(label if has_legend else f'##{label}', ago, line.tolist())
+    implot.EndPlot()

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The panel Robot: stop, pause, states, what can be chosen, how fast time goes."""
+
+from typing import TYPE_CHECKING
+
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+
+from wasd_cockpit import style
+from wasd_cockpit.snapshot import Choice
+from wasd_cockpit.snapshot import Order
+from wasd_cockpit.snapshot import Setting
+from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.widgets import columns
+
+if TYPE_CHECKING:
+    from wasd_cockpit.cockpit import PageState
+
+_ENTER = int(imgui.InputTextFlags.EnterReturnsTrue.value)
+_HEIGHT = 28.0
+# Icons of the font that Studio has.
+_STOP, _PAUSE, _RUN, _STEP, _RESET = '\uf05e', '\uf04c', '\uf04b', '\uf051', '\uf0e2'
+
+
+class Robot:
+    """Gives the orders that are not motion."""
+
+    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+        """Draw it in the window that is open."""
+        self._draw_stop(page, snapshot)
+        if len(snapshot.robots) > 1:
+            self._draw_robots(page, snapshot)
+        if snapshot.choices:
+            page.widgets.heading('STATE')
+            self._draw_choices(page, snapshot.choices)
+        for setting in snapshot.settings:
+            self._draw_setting(page, setting)
+        self._draw_speed(page, snapshot)
+        for fact in snapshot.facts:
+            page.widgets.words(fact, style.DIM)
+
+    def _draw_stop(self, page: 'PageState', snapshot: Snapshot) -> None:
+        widgets, order = page.widgets, page.link.order
+        width = imgui.GetContentRegionAvail().x
+        if widgets.button('e-stop', f'{_STOP}  E-STOP', (width, 34.0), fill=style.ALARM):
+            order(Order('e-stop'))
+        third = columns(3)
+        is_paused = snapshot.is_paused
+        label = f'{_RUN}  run' if is_paused else f'{_PAUSE}  pause'
+        if widgets.button('pause', label, (third, _HEIGHT)):
+            order(Order('pause', value=float(not is_paused)))
+        imgui.SameLine()
+        refusal = '' if is_paused else 'pause first'
+        if widgets.button('step', f'{_STEP}  step', (third, _HEIGHT), refusal=refusal):
+            order(Order('step'))
+        imgui.SameLine()
+        if widgets.button('reset', f'{_RESET}  reset', (third, _HEIGHT)):
+            order(Order('reset'))
+
+    def _draw_robots(self, page: 'PageState', snapshot: Snapshot) -> None:
+        width = columns(len(snapshot.robots))
+        for index, name in enumerate(snapshot.robots):
+            if index:
+                imgui.SameLine()
+            is_on = index == snapshot.robot
+            if page.widgets.toggle(f'robot {name}', name, is_on, (width, _HEIGHT)):
+                page.link.order(Order('robot', name))
+
+    def _draw_choices(self, page: 'PageState', choices: tuple[Choice, ...]) -> None:
+        width = columns(2)
+        for index, choice in enumerate(choices):
+            if index % 2:
+                imgui.SameLine()
+            if page.widgets.button(
+                choice.name,
+                choice.name,
+                (width, _HEIGHT),
+                fill=style.COMMAND if choice.is_on else None,
+                refusal='' if choice.is_on else choice.refusal,
+            ):
+                page.link.order(choice.order)
+
+    def _draw_setting(self, page: 'PageState', setting: Setting) -> None:
+        page.widgets.heading(setting.name.upper())
+        width = columns(min(len(setting.options), 3))
+        for index, option in enumerate(setting.options):
+            if index % 3:
+                imgui.SameLine()
+            is_on = option == setting.chosen
+            if page.widgets.button(
+                f'{setting.name} {option}',
+                option,
+                (width, _HEIGHT),
+                fill=style.COMMAND if is_on else None,
+                refusal='' if is_on else setting.refusal,
+            ):
+                page.link.order(Order('choose', f'{setting.name}={option}'))
+
+    def _draw_speed(self, page: 'PageState', snapshot: Snapshot) -> None:
+        page.widgets.heading('SPEED OF TIME (0: AS FAST AS IT GOES)')
+        width = columns(2)
+        imgui.SetNextItemWidth(width)
+        changed, speed = imgui.InputFloat('##speed', snapshot.speed, 0.1, 0.5, 'x %.2f', _ENTER)
+        page.widgets.note_field('speed')
+        if changed:
+            page.link.order(Order('speed', value=speed))
+        imgui.SameLine()
+        wanted = snapshot.speed or max(snapshot.pace, 1e-9)
+        share = min(max(snapshot.pace / wanted, 0.0), 1.0)
+        size = imgui.Vec2(width, imgui.GetFrameHeight())
+        imgui.ProgressBar(share, size, f'reached x {snapshot.pace:.2f}')

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page is told of a run: one frozen snapshot, all that both sides share."""
+
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+# Seconds that the plots show, and samples a second.
+SPAN, RATE = 10.0, 50.0
+
+
+class Order(NamedTuple):
+    """What the page asks for: what, of whom or which, and how much."""
+
+    what: str
+    name: str = ''
+    value: float = 0.0
+
+
+class Choice(NamedTuple):
+    """A button: what it is called and orders, whether it is on, and why it cannot be pressed."""
+
+    name: str
+    order: Order
+    is_on: bool = False
+    refusal: str = ''
+
+
+class Setting(NamedTuple):
+    """One of several that is chosen; `refusal` says why it cannot be changed."""
+
+    name: str
+    options: tuple[str, ...]
+    chosen: str
+    refusal: str = ''
+
+
+class KeyCap(NamedTuple):
+    """A key by its name as on `keys`, and what it does; `is_direction` where it drives."""
+
+    key: str
+    does: str
+    is_direction: bool = False
+
+
+class Stick(NamedTuple):
+    """Deflections in [-1, 1]: forward, to the left, and counter-clockwise."""
+
+    forward: float = 0.0
+    left: float = 0.0
+    turn: float = 0.0
+
+
+class StickUse(NamedTuple):
+    """
+    What the stick does now: `full` is what a full stick asks for [m/s], [m/s], [rad/s].
+
+    `words` say what it moves, or what is missing.
+    """
+
+    full: tuple[float, float, float]
+    words: str
+    sideways: bool = True
+
+
+class PlanarPose(NamedTuple):
+    """Where something is: x, y [m], yaw [rad]."""
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True)
+class Columns:
+    """
+    Which columns of the history mean what.
+
+    Column 0 is the time [s]; then three each of velocities (forward, left [m/s], turn [rad/s]),
+    the controller's tick [ms], the real-time factor; then a force [N] and whether the plan has it
+    stand for each foot, and the torque of each motor as a share of its limit.
+    """
+
+    feet: tuple[str, ...] = ()
+    motors: tuple[str, ...] = ()
+
+    COMMAND: ClassVar = 1
+    ODOMETRY: ClassVar = 4
+    TRUTH: ClassVar = 7
+    TICK: ClassVar = 10
+    PACE: ClassVar = 11
+    FORCES: ClassVar = 12
+
+    @property
+    def stances(self) -> int:
+        """The first column of the stances."""
+        return self.FORCES + len(self.feet)
+
+    @property
+    def torques(self) -> int:
+        """The first column of the torques."""
+        return self.stances + len(self.feet)
+
+    @property
+    def width(self) -> int:
+        """How many columns there are."""
+        return self.torques + len(self.motors)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Marks:
+    """
+    What is drawn in the scene beside the robot, in the world's axes [m], [N].
+
+    `place` and `rotation` are the base's as it is, `estimate` and `estimated_rotation` as the
+    controller believes them to be, None where it does not say. `footholds` are where swinging feet
+    are to land, `feet` and `forces` where feet press and how much; `path` is the way ahead.
+    """
+
+    place: np.ndarray
+    rotation: np.ndarray
+    command: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    measured: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    estimate: np.ndarray | None = None
+    estimated_rotation: np.ndarray | None = None
+    footholds: np.ndarray | None = None
+    feet: np.ndarray | None = None
+    forces: np.ndarray | None = None
+    path: np.ndarray | None = None
+    size: float = 0.4  # of the robot [m]
+    height: float = 0.0  # of the ground under it [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snapshot:
+    """
+    One instant of a run, all that the page knows of it.
+
+    `robot` is which of `robots` is driven. `speed` is the factor of real time that is wanted, 0 as
+    fast as it goes, `pace` the one that is reached. `history` has a row for each sample of the
+    last SPAN seconds (see `Columns`), `trail` (n, 2) where the robot was [m]; `qpos` is MuJoCo's.
+    """
+
+    time: float
+    is_paused: bool
+    speed: float
+    pace: float
+    robots: tuple[str, ...]
+    robot: int
+    state: str
+    facts: tuple[str, ...]
+    message: str
+    choices: tuple[Choice, ...]
+    settings: tuple[Setting, ...]
+    stick: StickUse
+    keys: tuple[KeyCap, ...]
+    lit: frozenset[str]
+    columns: Columns
+    history: np.ndarray
+    trail: np.ndarray
+    pose: PlanarPose
+    body: int
+    marks: Marks
+    qpos: np.ndarray

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What panels are made of: buttons that say why not, words, and where each of them is."""
+
+from typing import NamedTuple
+
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+
+from wasd_cockpit import style
+
+_DISABLED = int(imgui.HoveredFlags.AllowWhenDisabled.value)
+_BUTTON = int(imgui.Col.Button.value)
+_BUTTON_HOVERED = int(imgui.Col.ButtonHovered.value)
+_TEXT = int(imgui.Col.Text.value)
+
+
+class Rect(NamedTuple):
+    """A rectangle on the page [pixels]."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    @property
+    def middle(self) -> tuple[int, int]:
+        """The point in its middle."""
+        return round(0.5 * (self.left + self.right)), round(0.5 * (self.top + self.bottom))
+
+    @property
+    def width(self) -> float:
+        """Its width."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Its height."""
+        return self.bottom - self.top
+
+
+class Widgets:
+    """Draws widgets, and remembers under their names where they were in the last frame."""
+
+    def __init__(self) -> None:
+        self.rects: dict[str, Rect] = {}
+        self._next: dict[str, Rect] = {}
+        self.is_typing = False
+
+    def begin(self) -> None:
+        """Begin a frame; one that failed has told nothing."""
+        self._next = {}
+        self.is_typing = False
+
+    def end(self) -> None:
+        """End a frame: what was noted in it is where things are."""
+        self.rects = self._next
+
+    def note(self, name: str) -> None:
+        """Remember where the last widget is."""
+        low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
+        self._next[name] = Rect(low.x, low.y, high.x, high.y)
+
+    def note_field(self, name: str) -> None:
+        """Remember where the last widget is, in which one can type: keys are its own then."""
+        self.note(name)
+        self.is_typing |= bool(imgui.IsItemActive())
+
+    def button(
+        self,
+        name: str,
+        label: str,
+        size: tuple[float, float] = (0.0, 0.0),
+        *,
+        fill: style.Rgb | None = None,
+        refusal: str = '',
+    ) -> bool:
+        """
+        Draw a button of a size [pixels], 0 as large as it needs; return whether it was pressed.
+
+        One with a refusal is grey, and says it to the pointer.
+        """
+        if fill is not None:
+            imgui.PushStyleColor(_BUTTON, style.colour(fill))
+            imgui.PushStyleColor(_BUTTON_HOVERED, style.colour(fill, 0.85))
+        imgui.BeginDisabled(bool(refusal))
+        pressed = bool(imgui.Button(f'{label}##{name}', imgui.Vec2(*size)))
+        imgui.EndDisabled()
+        if fill is not None:
+            imgui.PopStyleColor(2)
+        self.note(name)
+        if refusal and imgui.IsItemHovered(_DISABLED):
+            imgui.SetTooltip(refusal)
+        return pressed and not refusal
+
+    def toggle(self, name: str, label: str, is_on: bool, size: tuple[float, float]) -> bool:
+        """Draw a button that is lit while it is on; return whether it was pressed."""
+        return self.button(name, label, size, fill=style.COMMAND if is_on else None)
+
+    def heading(self, text: str) -> None:
+        """Draw a word above what belongs together."""
+        imgui.Spacing()
+        self.words(text, style.DIM)
+
+    def words(self, text: str, rgb: style.Rgb = style.TEXT, wrapped: bool = False) -> None:
+        """Draw words in a colour."""
+        imgui.PushStyleColor(_TEXT, style.colour(rgb))
+        # Not `Text`, for which `%` begins a format.
+        if wrapped:
+            imgui.PushTextWrapPos(0.0)
+        imgui.TextUnformatted(text)
+        if wrapped:
+            imgui.PopTextWrapPos()
+        imgui.PopStyleColor()
+
+
+def columns(count: int, gap: float = 6.0) -> float:
+    """Return the width of one of `count` widgets side by side [pixels]."""
+    room = float(imgui.GetContentRegionAvail().x)
+    return max(1.0, (room - gap * (count - 1)) / count)
