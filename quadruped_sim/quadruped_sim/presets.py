@@ -52,7 +52,10 @@ GAITS = {
     ),
     # left pair and right pair
     'pace': GaitRow(
-        (0.0, 0.5, 0.0, 0.5), VelocityLimits(1.0, 0.6, 0.3, 1.0), footprint=(1.0, 0.4)
+        (0.0, 0.5, 0.0, 0.5),
+        VelocityLimits(1.0, 0.6, 0.3, 1.0),
+        period=0.75,
+        footprint=(1.0, 0.4),
     ),
     # front pair and rear pair
     'bound': GaitRow(

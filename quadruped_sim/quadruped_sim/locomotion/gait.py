@@ -54,21 +54,30 @@ class Gait:
         self._haste = 0.0
         self._offsets, self._shape = np.zeros(4), np.zeros(4)
         self._reached: GaitRow | None = None
-        self._glide(math.inf)
+        self._glide(GAITS[self.params.name], math.inf)
         self._follow(0.0, wants_steps=False)
 
-    def step(self, dt: float, speed: float, wants_steps: bool, error: float = 0.0) -> GaitState:
+    def step(
+        self,
+        dt: float,
+        speed: float,
+        wants_steps: bool,
+        error: float = 0.0,
+        *,
+        is_ending: bool = False,
+    ) -> GaitState:
         """
         Schedule after `dt` [s] at commanded `speed` [m/s].
 
         A velocity that is off by `error` [m/s] hastens it: quick steps catch a pushed robot where
         far ones cannot [Khadiv2020]. Without `wants_steps` the legs keep moving until all four
-        stand, then rest there.
+        stand, then rest there. A walk `is_ending` at a trot, whose feet stand widest.
         """
         params = self.params
         pushed = params.haste_gain * (error - params.haste_error)
         self._haste = max(self._haste - params.haste_decay * dt, pushed, 0.0)
-        self._glide(_GLIDE * dt if self.is_stepping else math.inf)
+        row = GAITS['trot' if is_ending else params.name]
+        self._glide(row, _GLIDE * dt if self.is_stepping else math.inf)
         self._follow(max(speed, self._haste), wants_steps)
         if wants_steps and not self.is_stepping:
             self.is_stepping = True
@@ -79,9 +88,8 @@ class Gait:
                 self.is_stepping = False
         return self.state()
 
-    def _glide(self, most: float) -> None:
-        """Move the present offsets and shape toward the gait's, by at most `most`."""
-        row = GAITS[self.params.name]
+    def _glide(self, row: GaitRow, most: float) -> None:
+        """Move the present offsets and shape toward a gait's, by at most `most`."""
         if row is self._reached:
             return
         offsets = np.array(row.offsets)

@@ -118,9 +118,11 @@ class Locomotion:
         speed = math.hypot(float(command[0]), float(command[1])) + self._turning_radius * abs(
             float(command[2])
         )
-        wants_steps = self._wants_steps(state, command, is_halting)
+        in_place = self._params.gait.step_in_place and not is_halting
+        is_driven = in_place or float(np.abs(command).max()) > 1e-3
+        wants_steps = is_driven or self._is_unsteady(state)
         error = self._velocity_error(state, command)
-        self.schedule = self.gait.step(dt, speed, wants_steps, error)
+        self.schedule = self.gait.step(dt, speed, wants_steps, error, is_ending=not is_driven)
         self._update_stance(state)
         points = self._contact_points(state)
         self.ground.step(points, self._is_loaded(state), dt)
@@ -164,11 +166,8 @@ class Locomotion:
         self._height += min(max(ahead, -most), most)
         return self._height
 
-    def _wants_steps(self, state: RobotState, command: np.ndarray, is_halting: bool) -> bool:
-        """Step when told to, when pushed, or until feet and base are where they rest well."""
-        in_place = self._params.gait.step_in_place and not is_halting
-        if in_place or float(np.abs(command).max()) > 1e-3:
-            return True
+    def _is_unsteady(self, state: RobotState) -> bool:
+        """Whether it was pushed, or feet and base are not yet where they rest well."""
         speed = math.hypot(float(state.base.velocity[0]), float(state.base.velocity[1]))
         nominal = self._footprint() @ yaw_matrix(float(state.base.rpy[2])).T
         stray = (state.feet - state.base.position - nominal)[:, :2]
