@@ -65,6 +65,6 @@ GAITS = {
         footprint=(0.6, 1.0),
     ),
     # all at once
-    'pronk': GaitRow((0.0, 0.0, 0.0, 0.0), VelocityLimits(1.1, 0.6, 0.3, 1.0), period=0.8),
+    'pronk': GaitRow((0.0, 0.0, 0.0, 0.0), VelocityLimits(1.1, 0.6, 0.0, 1.0), period=0.65),
 }
 DUTY_MAX = 0.95
