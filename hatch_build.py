@@ -10,7 +10,7 @@ from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 INDEX = 'share/ament_index/resource_index/packages'
 # Beside the manifest and the mark, where ROS tools look for them; and inside the import package.
-SHARED = ('package.xml', 'config', 'launch', 'rviz')
+SHARED = ('package.xml', 'config', 'foxglove', 'launch', 'rviz')
 SHARED_INSIDE = ('urdf',)
 
 

@@ -26,7 +26,7 @@ setup(
         ('share/' + NAME, ['package.xml']),
         *(
             (os.path.join('share', NAME, os.path.dirname(path)), [path])
-            for folder in ('config', 'launch', 'rviz')
+            for folder in ('config', 'foxglove', 'launch', 'rviz')
             for path in glob.glob(folder + '/*.*')
         ),
     ],

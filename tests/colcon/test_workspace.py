@@ -44,7 +44,7 @@ def test_share_has_what_ros_tools_look_for(package, workspace):
     index = workspace.install / package / 'share/ament_index/resource_index/packages' / package
     assert (share / 'package.xml').is_file()
     assert index.is_file()
-    for folder in ('config', 'launch', 'rviz'):
+    for folder in ('config', 'foxglove', 'launch', 'rviz'):
         names = {path.name for path in (ROOT / package).glob(f'{folder}/*.*')}
         assert {path.name for path in (share / folder).glob('*.*')} == names
 

@@ -452,7 +452,7 @@ def test_the_wheel_makes_its_environment_an_ament_prefix(package, wheel):
     assert f'share/ament_index/resource_index/packages/{package}' in shared
     descriptions = {name for name in data_files(package) if fnmatch(name, 'urdf/*')}
     assert {f'share/{package}/{name}' for name in descriptions} <= shared
-    for folder in ('config', 'launch', 'rviz'):
+    for folder in ('config', 'foxglove', 'launch', 'rviz'):
         names = {path.name for path in (ROOT / package).glob(f'{folder}/*.*')}
         assert {f'share/{package}/{folder}/{name}' for name in names} <= shared
 

@@ -43,6 +43,12 @@ RANGES = ('off', 'localhost', 'subnet')
 # A scripted run without --duration goes on for so long after its last line [s].
 AFTERGLOW = 2.0
 
+# Options that a run takes as they were given.
+AS_GIVEN = (
+    *('robot', 'description', 'strict', 'world', 'preset', 'layout', 'viewer', 'port'),
+    *('seed', 'discovery', 'gamepad', 'foxglove'),
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
@@ -79,6 +85,7 @@ class RunOptions:
     mode: str | None = None
     controller: Path | None = None
     gamepad: str | None = None  # None: no pad; '': the first that comes
+    foxglove: int | None = None  # the port
     interactive: bool = False
     # Of a recording: the descriptions by namespace, and the commands in place of all others.
     urdfs: Mapping[str, str] = field(default_factory=dict)
@@ -97,7 +104,7 @@ class RunOptions:
     @property
     def has_guests(self) -> bool:
         """Whether somebody may drive who comes and goes."""
-        return self.gamepad is not None
+        return self.gamepad is not None or self.foxglove is not None
 
     @functools.cached_property
     def drive_file(self) -> 'ControllerFile | None':
@@ -172,29 +179,19 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         duration = AFTERGLOW + max(times, default=0.0)
     outputs = _outputs(arguments)
     return RunOptions(
-        robot=arguments.robot,
-        description=arguments.description,
+        **{name: getattr(arguments, name) for name in AS_GIVEN},
         package_path=_folders(arguments.package_path),
         xacro_arguments=dict(_assignment(text) for text in arguments.xacro_arg),
-        strict=arguments.strict,
-        world=arguments.world,
-        preset=arguments.preset,
-        layout=arguments.layout,
-        viewer=arguments.viewer,
-        port=arguments.port,
         opens_page=not arguments.no_open,
         keys=keys,
         twists=twists,
         pushes=tuple(parse_push(text) for text in arguments.push),
         duration=duration,
         speed=read_number(arguments.speed, '--speed'),
-        seed=arguments.seed,
         untold=_untold(arguments),
         record=outputs['record'],
         report=outputs['report'],
         save_keys=outputs['save_keys'],
-        discovery=arguments.discovery,
-        gamepad=arguments.gamepad,
         estimator=getattr(arguments, 'estimator', 'kalman'),
         limits=getattr(arguments, 'limits', None),
         gait=getattr(arguments, 'gait', None),
@@ -206,8 +203,10 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
 def _check_whole_numbers(arguments: argparse.Namespace) -> None:
     if arguments.seed < 0:
         raise UserError(f'--seed: got {arguments.seed}, wanted >= 0')
-    if not 0 <= arguments.port <= 65535:
-        raise UserError(f'--port: got {arguments.port}, wanted 0 to 65535')
+    for name in ('port', 'foxglove'):
+        port = getattr(arguments, name)
+        if port is not None and not 0 <= port <= 65535:
+            raise UserError(f'--{name}: got {port}, wanted 0 to 65535')
 
 
 def _read(path: str, option: str) -> str:

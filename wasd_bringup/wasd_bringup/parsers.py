@@ -198,6 +198,10 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
 
 
+# Where Foxglove looks first.
+FOXGLOVE_PORT = 8765
+
+
 def _add_guests(parser: argparse.ArgumentParser) -> None:
     """Declare who else may drive."""
     parser.add_argument(
@@ -206,6 +210,14 @@ def _add_guests(parser: argparse.ArgumentParser) -> None:
         const='',
         metavar='DEVICE',
         help='a gamepad drives, too (default: the first /dev/input/js*, whenever it comes)',
+    )
+    parser.add_argument(
+        '--foxglove',
+        nargs='?',
+        type=int,
+        const=FOXGLOVE_PORT,
+        metavar='PORT',
+        help=f'every topic for Foxglove, which may drive, too (default port: {FOXGLOVE_PORT})',
     )
 
 

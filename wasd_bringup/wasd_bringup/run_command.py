@@ -36,6 +36,7 @@ from wasd_bringup.session import Session
 
 if TYPE_CHECKING:
     from wasd_bringup.recording.recorder import BagRecorder
+    from wasd_bringup.session_foxglove import FoxgloveServer
 
 
 def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()) -> int:
@@ -53,7 +54,7 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
     if is_deaf and options.duration == math.inf:
         raise UserError(
             'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
-            '--viewer web, --gamepad, or pipe keys into standard input'
+            '--viewer web, --gamepad, --foxglove, or pipe keys into standard input'
         )
     choose_range(options.discovery, options.scripted and options.speed == 0.0)
     place = own_place(options, ros_arguments)
@@ -87,6 +88,7 @@ class _Run:
         self._options = options
         self._session: Session | None = None
         self._recorder: BagRecorder | None = None
+        self._foxglove: FoxgloveServer | None = None
 
     def do(
         self,
@@ -102,7 +104,11 @@ class _Run:
             from wasd_bringup.recording.recorder import BagRecorder
 
             self._recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
-        self._session = Session(options, reader, viewer != 'none', self._recorder)
+        if options.foxglove is not None:
+            from wasd_bringup.session_foxglove import FoxgloveServer
+
+            self._foxglove = FoxgloveServer(options.foxglove)
+        self._session = Session(options, reader, viewer != 'none', self._recorder, self._foxglove)
         _halt_with(stop, reader, self._session)
         where = self._session.open_view(viewer)
         if viewer == 'web' and options.interactive and options.opens_page:
@@ -114,11 +120,12 @@ class _Run:
     def close(self) -> None:
         """End everything, also what has begun in part; what fails hinders nothing else."""
         session, recorder = self._session, self._recorder
+        served = [self._foxglove.close] if self._foxglove is not None else []
         if session is None:
             # Nothing has run: an older recording stays.
-            attempt_all(*([recorder.discard] if recorder is not None else []))
+            attempt_all(*served, *([recorder.discard] if recorder is not None else []))
             return
-        attempt_all(session.close, *([recorder.close] if recorder is not None else []))
+        attempt_all(session.close, *served, *([recorder.close] if recorder is not None else []))
 
     def summary(self) -> str:
         """Return what has happened, in a line."""

@@ -48,6 +48,7 @@ from wasd_bringup.views import View
 if TYPE_CHECKING:
     from wasd_bringup.cockpit.bridge import CockpitBridge
     from wasd_bringup.recording.recorder import BagRecorder
+    from wasd_bringup.session_foxglove import FoxgloveServer
 
 # The page gets so many pictures a second of wall time.
 FRAME_PERIOD = 1.0 / 60.0
@@ -67,11 +68,12 @@ class Session:
         reader: KeyReader | None = None,
         visuals: bool = False,
         recorder: 'BagRecorder | None' = None,
+        foxglove: 'FoxgloveServer | None' = None,
     ) -> None:
         """
         Load the robots and build everything; `visuals` are what viewers and pictures show.
 
-        A `recorder` is told the simulated time; whoever made it closes it after the session.
+        `recorder` and `foxglove` are told the simulated time; their maker closes them afterwards.
 
         Raises:
             UserError: what is wrong with what was asked for, in one line.
@@ -81,7 +83,6 @@ class Session:
         self._bag = recorder
         self._view: View | None = None
         self._cockpit: CockpitBridge | None = None
-        self._nodes: list[Node] = []
         self._wall_time = 0.0
         self._ended_at = math.inf
         self._status = StatusLine(sys.stdout)
@@ -94,8 +95,8 @@ class Session:
         self._switch = KeySwitch(len(self.robots))
         self._page_drive = PageDrive([robot.stack for robot in self.robots])
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
-        self._nodes = [node for robot in self.robots for node in robot.nodes]
-        self._guests = make_guests(options, self.robots, self._switch, self.press)
+        self._nodes: list[Node] = [node for robot in self.robots for node in robot.nodes]
+        self._guests = make_guests(options, self.robots, self._switch, self.press, foxglove)
         self._nodes += [node for guest in self._guests for node in guest.nodes]
         self._pump = MessagePump()
         self._time_source = TimeSource()
@@ -106,8 +107,8 @@ class Session:
         self._key_player = Player(options.keys or ())
         self._commands = Player(options.commands or ())
         self._schedule()
-        self.simulation.on_reset += [robot.stack.reset for robot in self.robots]
-        self.simulation.on_reset.append(self._page_drive.reset)
+        resets = [robot.stack.reset for robot in self.robots]
+        self.simulation.on_reset += [*resets, self._page_drive.reset]
         if recorder is not None:
             recorder.now = lambda: round(self.world.time * 1e9)
             self.simulation.on_reset.append(lambda: recorder.event('reset'))
@@ -274,7 +275,7 @@ class Session:
                 continue
             # Keys that only became velocities are not to become some again.
             if command.key is not None and robot.stack.has_states:
-                self._give(robot, command.key)
+                robot.press(command.key)
             elif command.velocity is not None:
                 robot.stack.drive(command.velocity)
 
@@ -290,14 +291,9 @@ class Session:
         receiver = self._switch.receiver(key)
         if receiver is not None:
             self._page_drive.press(receiver, key, from_view)
-            self._give(self.robots[receiver], key)
+            self.robots[receiver].press(key)
         elif self._view is not None:
             self._view.follow(self.world)
-
-    def _give(self, robot: SessionRobot, key: str) -> None:
-        """Press a key for a robot, in this instant, and tell whoever listens."""
-        robot.stack.press(key)
-        robot.keys.publish_key(key)
 
     def _is_for_the_run(self, key: str) -> bool:
         """Do what a key of the run itself asks for; False when it is no such key."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who else may drive in a run: a gamepad. Each lives on wall time, beside keys and page."""
+"""Who else may drive in a run, on wall time: a gamepad, and Foxglove's clients."""
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, TYPE_CHECKING
 
 from rclpy.node import Node
 
@@ -10,6 +10,9 @@ from wasd_bringup.inputs import KeySwitch
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session_pad import SessionPad
 from wasd_bringup.session_robot import SessionRobot
+
+if TYPE_CHECKING:
+    from wasd_bringup.session_foxglove import FoxgloveServer
 
 
 class Guest(Protocol):
@@ -41,9 +44,10 @@ def make_guests(
     robots: Sequence[SessionRobot],
     switch: KeySwitch,
     press: Callable[[str], None],
+    foxglove: 'FoxgloveServer | None' = None,
 ) -> list[Guest]:
     """
-    Return those that were asked for.
+    Return those that were asked for; `press` takes keys for the robot in turn.
 
     Raises:
         UserError: one cannot come.
@@ -52,4 +56,12 @@ def make_guests(
     if options.gamepad is not None:
         stacks = [robot.stack for robot in robots]
         guests.append(SessionPad(options.gamepad, stacks, lambda: switch.active, press))
+    if foxglove is not None:
+        # Here, because who does not ask for it does without.
+        from wasd_bringup.session_foxglove import SessionFoxglove
+
+        foxglove.now = lambda: round(robots[0].world.time * 1e9)
+        nodes = [node for robot in robots for node in robot.nodes]
+        nodes += [node for guest in guests for node in guest.nodes]
+        guests.append(SessionFoxglove(foxglove, robots, nodes))
     return guests

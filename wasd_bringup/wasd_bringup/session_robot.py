@@ -78,6 +78,17 @@ class SessionRobot:
         """What the robot is called."""
         return self.options.robot
 
+    @property
+    def key_topic(self) -> str:
+        """Where its keys are, by the full name."""
+        topic: str = self.keys.resolve_topic_name('keys')
+        return topic
+
+    def press(self, key: str) -> None:
+        """Press a key, in this instant, and tell whoever listens."""
+        self.stack.press(key)
+        self.keys.publish_key(key)
+
     def schedule_control(self, schedule: Schedule) -> None:
         """Have scripts and controllers stepped."""
         options = self.options

@@ -89,6 +89,12 @@ class ControlStack(ABC):
         return state
 
     @property
+    def command_topic(self) -> str:
+        """The topic of velocities, by its full name."""
+        topic: str = self._twists.topic_name
+        return topic
+
+    @property
     def stop_key(self) -> str:
         """The key that ends every motion that keys have set going."""
         return STOP_KEY

@@ -48,6 +48,10 @@ TF = QoSProfile(depth=100)
 TF_STATIC = LATCHED
 
 
+# Full names of topics that somebody follows who is no node of ROS, and no recording.
+FOLLOWED: set[str] = set()
+
+
 def has_listener(publisher: Any) -> bool:
     """
     Whether a message would reach anybody; making and publishing one costs 50 us and more.
@@ -63,7 +67,10 @@ def has_subscriber(node: Node, publisher: Any) -> bool:
 
     For what is too large to be made just because everything is recorded.
     """
-    return has_listener(publisher) and node.count_subscribers(publisher.topic_name) > 0
+    if not has_listener(publisher):
+        return False
+    topic = publisher.topic_name
+    return topic in FOLLOWED or node.count_subscribers(topic) > 0
 
 
 def tf_message_type() -> type[Any] | None:

@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 import re
 import time
-from typing import Any
+from typing import Any, ClassVar
 
 from rclpy.duration import Infinite
 from rclpy.publisher import Publisher
@@ -76,46 +76,84 @@ class PublisherTap:
 
     A subscription would hear messages later, in an order of its own, and lose some at full speed;
     here they come in the order and at the simulated instant of their publishing. It counts as a
-    listener: what is made only for listeners is made. A message that another process sent to one
-    of our subscriptions is heard once, when the subscription takes it.
+    listener of the topics that it `wants`: what is made only for listeners is made. A message that
+    another process sent to one of our subscriptions is heard once, when the subscription takes it.
+    Several taps hear the same bytes.
     """
 
-    def __init__(self, hear: Hear) -> None:
+    _taps: ClassVar[list['PublisherTap']] = []
+    _topics: ClassVar[dict[Publisher, tuple[str, str]]] = {}
+    _first: ClassVar[dict[str, LoopbackSubscription[Any]]] = {}
+    _publish: ClassVar[Any] = None
+    _count: ClassVar[Any] = None
+
+    def __init__(self, hear: Hear, wants: Callable[[str], bool] = lambda topic: True) -> None:
         self._hear = hear
-        self._topics: dict[Publisher, tuple[str, str]] = {}
-        self._first: dict[str, LoopbackSubscription[Any]] = {}
-        publishers: Any = Publisher
-        self._publish = publishers.publish
-        self._count = publishers.get_subscription_count
-        # rclpy has no hook for this; its publishers are plain Python.
-        publishers.publish = lambda publisher, message: self._on_publish(publisher, message)
-        publishers.get_subscription_count = lambda publisher: self._count(publisher) + 1
-        LoopbackSubscription.observers.append(self._on_loopback)
+        self._wants = wants
+        if not self._taps:
+            self._install()
+        self._taps.append(self)
 
     def remove(self) -> None:
         """Let messages pass unheard again."""
+        if self in self._taps:
+            self._taps.remove(self)
+            if not self._taps:
+                self._uninstall()
+
+    @classmethod
+    def _install(cls) -> None:
         publishers: Any = Publisher
-        publishers.publish = self._publish
-        publishers.get_subscription_count = self._count
-        LoopbackSubscription.observers.remove(self._on_loopback)
+        cls._publish = publishers.publish
+        cls._count = publishers.get_subscription_count
+        # rclpy has no hook for this; its publishers are plain Python.
+        publishers.publish = lambda publisher, message: cls._on_publish(publisher, message)
+        publishers.get_subscription_count = lambda publisher: cls._listeners(publisher)
+        LoopbackSubscription.observers.append(cls._on_loopback)
 
-    def _on_publish(self, publisher: Any, message: Any) -> None:
-        self._publish(publisher, message)
-        if publisher not in self._topics:
-            self._topics[publisher] = publisher.topic_name, type_name(publisher.msg_type)
-        topic, kind = self._topics[publisher]
-        if topic != IGNORED:
-            if not isinstance(message, bytes):
-                message = to_bytes(message)
-            self._hear(topic, kind, publisher.qos_profile, message)
+    @classmethod
+    def _uninstall(cls) -> None:
+        publishers: Any = Publisher
+        publishers.publish = cls._publish
+        publishers.get_subscription_count = cls._count
+        LoopbackSubscription.observers.remove(cls._on_loopback)
+        cls._topics.clear()
+        cls._first.clear()
 
-    def _on_loopback(self, subscription: 'LoopbackSubscription[Any]', message: Any) -> None:
+    @classmethod
+    def _name_of(cls, publisher: Any) -> tuple[str, str]:
+        """Return topic and type: asking for them takes longer than publishing."""
+        if publisher not in cls._topics:
+            cls._topics[publisher] = publisher.topic_name, type_name(publisher.msg_type)
+        return cls._topics[publisher]
+
+    @classmethod
+    def _listeners(cls, publisher: Any) -> int:
+        topic, _ = cls._name_of(publisher)
+        count: int = cls._count(publisher)
+        return count + sum(tap._wants(topic) for tap in cls._taps)
+
+    @classmethod
+    def _on_publish(cls, publisher: Any, message: Any) -> None:
+        cls._publish(publisher, message)
+        topic, kind = cls._name_of(publisher)
+        cls._tell(topic, kind, lambda: publisher.qos_profile, message)
+
+    @classmethod
+    def _on_loopback(cls, subscription: 'LoopbackSubscription[Any]', message: Any) -> None:
         topic = subscription.topic
         # Several nodes may take the same topic; one of them tells.
-        if self._first.setdefault(topic, subscription) is subscription:
-            self._hear(
-                topic, type_name(type(message)), subscription.qos_profile, to_bytes(message)
-            )
+        if cls._first.setdefault(topic, subscription) is subscription:
+            cls._tell(topic, type_name(type(message)), lambda: subscription.qos_profile, message)
+
+    @classmethod
+    def _tell(cls, topic: str, kind: str, profile: Callable[[], Any], message: Any) -> None:
+        wanting = [tap for tap in cls._taps if tap._wants(topic)] if topic != IGNORED else []
+        if not wanting:
+            return
+        data = message if isinstance(message, bytes) else to_bytes(message)
+        for tap in wanting:
+            tap._hear(topic, kind, profile(), data)
 
 
 def to_bytes(message: Any) -> bytes:

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The layouts for Foxglove show topics that there are, and drive by those that are taken."""
+
+import json
+from pathlib import Path
+import re
+
+import pytest
+from wasd_bringup.robots import ROBOTS
+
+ROOT = Path(__file__).resolve().parents[2]
+LAYOUTS = ROOT / 'wasd_bringup/foxglove'
+# Of the robots' own sensors and of what is always there: topics.md is asked of the nodes.
+TOPICS = set(re.findall(r'^\| `/?([\w/~]+)`', (ROOT / 'docs/topics.md').read_text(), re.M))
+
+
+def strings(value):
+    """Yield every text in a layout, keys included."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield key
+            yield from strings(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from strings(inner)
+    elif isinstance(value, str):
+        yield value
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_every_topic_of_a_layout_is_there(robot):
+    layout = json.loads((LAYOUTS / f'{robot}.json').read_text())
+    named = {text[1:].partition('.')[0] for text in strings(layout) if text.startswith('/')}
+    assert {'cmd_vel', 'odom', 'robot_description'} <= named
+    assert named <= TOPICS
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_the_panels_of_a_layout_are_those_that_are_placed(robot):
+    layout = json.loads((LAYOUTS / f'{robot}.json').read_text())
+
+    def placed(node):
+        if isinstance(node, str):
+            return [node]
+        return placed(node['first']) + placed(node['second'])
+
+    assert sorted(placed(layout['layout'])) == sorted(layout['configById'])
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_the_panel_that_drives_sends_often_enough_and_stops(robot):
+    layout = json.loads((LAYOUTS / f'{robot}.json').read_text())
+    panel = layout['configById']['Teleop!drive']
+    assert panel['topic'] == '/cmd_vel'
+    assert panel['publishRate'] >= 3
+    assert (panel['autoSendStopOnRelease'], panel['stopButton']['value']) == (True, 0)

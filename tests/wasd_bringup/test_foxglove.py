@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--foxglove`: a client gets every topic with its definition, drives, and stops by silence."""
+
+from pathlib import Path
+import time
+
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+import pytest
+from rclpy.serialization import deserialize_message
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+from wasd_bringup.options import RunOptions
+from wasd_bringup.recording.recorder import BagRecorder
+from wasd_bringup.recording.recorder import full_definition
+from wasd_core.errors import UserError
+from wasd_core.topics import FOLLOWED
+
+pytest.importorskip('foxglove', reason="the extra 'foxglove' is not installed")
+from foxglove_client import FoxgloveClient  # noqa: E402
+from wasd_bringup.session import Session  # noqa: E402
+from wasd_bringup.session_foxglove import FoxgloveServer  # noqa: E402
+
+TWIST = 'geometry_msgs/msg/Twist'
+
+
+class Run:
+    """mbot with a server and a client; simulated time passes when it is told to."""
+
+    def __init__(self, recorder=None):
+        self.server = FoxgloveServer(0)
+        options = RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0)
+        self.session = Session(options, recorder=recorder, foxglove=self.server)
+        self.client = FoxgloveClient(self.server.port)
+
+    def step(self, seconds, act=lambda: None):
+        """Let time pass as in a run, and `act` every 20 ms of it."""
+        for _ in range(round(seconds / 0.02)):
+            act()
+            self.session.simulation.advance(20)
+            self.look()
+
+    def look(self):
+        self.session._poll(0.0)
+        self.client.take()
+
+    def wait_until(self, condition, act=lambda: None):
+        """Let time pass until what a client or the server's threads do is done."""
+        deadline = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < deadline
+            self.step(0.02, act)
+            time.sleep(0.001)
+
+    @property
+    def target(self):
+        """The velocity ahead that the robot is to have [m/s]."""
+        return self.session.stack._driver.controller.target.linear
+
+    @property
+    def speed(self):
+        """The velocity ahead that it has [m/s]."""
+        return float(self.session.world.base().planar_velocity[0])
+
+    @property
+    def publishers(self):
+        """Topic -> type of all that is published."""
+        return {
+            publisher.topic_name: publisher.msg_type
+            for node in self.session._nodes
+            for publisher in node.publishers
+        }
+
+    def close(self):
+        self.client.close()
+        self.session.close()
+        self.server.close()
+
+
+@pytest.fixture
+def run(ros):
+    run = Run()
+    run.wait_until(lambda: len(run.client.channels) >= len(run.publishers) - 1)
+    yield run
+    run.close()
+
+
+def forward(run, speed=0.2):
+    """A function that publishes a velocity."""
+    message = Twist()
+    message.linear.x = speed
+    return lambda: run.client.publish('/cmd_vel', TWIST, serialize_message(message))
+
+
+def test_every_topic_has_its_definition_and_its_messages_come(run):
+    topics = run.publishers.keys() - {'/parameter_events'}
+    assert topics >= {'/odom', '/clock', '/joint_states', '/keys', '/cmd_vel'}
+    assert run.client.channels.keys() == topics
+    for channel in run.client.channels.values():
+        assert (channel['encoding'], channel['schemaEncoding']) == ('cdr', 'ros2msg')
+        assert channel['schema'] == full_definition(channel['schemaName'])
+    run.client.subscribe(*topics)
+    always = {'/odom', '/clock', '/joint_states', '/ground_truth/odom', '/robot_description'}
+    run.wait_until(lambda: always <= run.client.messages.keys())
+    drive = forward(run)
+
+    def act():
+        # Again and again: the first picture may take so long that what waited is not taken.
+        drive()
+        run.client.publish('/keys', 'std_msgs/msg/String', serialize_message(String(data='k')))
+
+    run.wait_until(lambda: {'/keys', '/cmd_vel'} <= run.client.messages.keys(), act)
+    for topic, found in run.client.messages.items():
+        for data in found:
+            deserialize_message(data, run.publishers[topic])
+    assert deserialize_message(run.client.messages['/robot_description'][-1], String).data
+    times = [deserialize_message(data, Clock).clock for data in run.client.messages['/clock']]
+    assert [(t.sec, t.nanosec) for t in times] == sorted((t.sec, t.nanosec) for t in times)
+    run.wait_until(lambda: run.client.time > 0)
+    assert run.client.time <= run.session.world.time * 1e9 + 1
+
+
+def test_only_what_somebody_follows_is_made(run):
+    assert set() == FOLLOWED
+    run.client.subscribe('/odom')
+    run.wait_until(lambda: '/odom' in run.client.messages)
+    assert {'/odom'} == FOLLOWED
+    run.step(0.2)
+    assert run.client.messages.keys() == {'/odom'}
+    run.client.vanish()
+    run.client = FoxgloveClient(run.server.port)
+    run.wait_until(lambda: not FOLLOWED)
+
+
+@pytest.mark.parametrize('encoding', ['cdr', 'json'])
+def test_a_client_drives_mbot_and_its_silence_stops_it(run, encoding):
+    fields = {'linear': {'x': 0.2, 'y': 0, 'z': 0}, 'angular': {'x': 0, 'y': 0, 'z': 0.0}}
+    by_json = lambda: run.client.publish('/cmd_vel', 'geometry_msgs/Twist', fields)  # noqa: E731
+    act = forward(run) if encoding == 'cdr' else by_json
+    run.client.subscribe('/odom')
+    run.wait_until(lambda: run.speed > 0.19, act)
+    odometry = deserialize_message(run.client.messages['/odom'][-1], Odometry)
+    assert odometry.twist.twist.linear.x > 0.1
+    # What is on its way still comes; then nothing does, and its watchdog needs 0.5 s.
+    run.wait_until(lambda: run.target == 0.0)
+    run.step(1.0)
+    assert run.speed == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_client_that_is_gone_stops_mbot(run):
+    run.wait_until(lambda: run.target > 0.19, forward(run))
+    run.client.vanish()
+    run.client = FoxgloveClient(run.server.port)
+    run.wait_until(lambda: run.target == 0.0)
+
+
+def test_a_key_drives_and_its_client_gone_does_no_more(run):
+    key = String(data='i')
+    run.client.publish('/keys', 'std_msgs/msg/String', serialize_message(key))
+    run.wait_until(lambda: run.target > 0.0)
+    run.client.vanish()
+    run.client = FoxgloveClient(run.server.port)
+    run.wait_until(lambda: run.target == 0.0)
+
+
+@pytest.mark.parametrize(
+    ('topic', 'schema', 'data', 'words'),
+    [
+        ('/cmd_vel', TWIST, b'\0\1\0\0\1', '/cmd_vel: '),
+        ('/cmd_vel', TWIST, b'', '/cmd_vel: '),
+        (
+            '/cmd_vel',
+            'std_msgs/msg/String',
+            b'\0\1\0\0',
+            '/cmd_vel: got std_msgs/msg/String, wanted',
+        ),
+        ('/cmd_vel', TWIST, {'linear': {'q': 1}}, "/cmd_vel: Vector3 has no field 'q'"),
+        ('/cmd_vel', TWIST, {'linear': {'x': 'fast'}}, '/cmd_vel: linear.x: wanted double'),
+        ('/odom', TWIST, {}, '/odom: nothing is taken there; wanted /cmd_vel or /keys'),
+    ],
+)
+def test_what_is_no_command_moves_nothing_and_its_sender_reads_why(
+    run, topic, schema, data, words
+):
+    run.client.publish(topic, schema, data)
+    run.wait_until(lambda: run.client.complaints)
+    assert run.client.complaints[-1].startswith(words)
+    assert run.target == 0.0
+
+
+def test_a_recording_and_foxglove_hear_the_same_and_the_recording_all_of_it(ros, tmp_path):
+    recorder = BagRecorder(tmp_path / 'run.mcap', {})
+    run = Run(recorder)
+    run.step(0.2)
+    run.close()
+    recorder.close()
+    alone = BagRecorder(tmp_path / 'alone.mcap', {})
+    session = Session(
+        RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0), recorder=alone
+    )
+    for _ in range(10):
+        session.simulation.advance(20)
+        session._poll(0.0)
+    session.close()
+    alone.close()
+    sizes = [Path(tmp_path / name).stat().st_size for name in ('run.mcap', 'alone.mcap')]
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.01)
+
+
+def test_who_comes_late_gets_what_is_latched_and_who_is_there_does_not_get_it_again(run):
+    late = FoxgloveClient(run.server.port)
+    for client in (run.client, late):
+        run.wait_until(lambda client=client: '/robot_description' in client.channels, late.take)
+        client.subscribe('/robot_description')
+        run.wait_until(lambda client=client: client.messages.get('/robot_description'), late.take)
+    run.step(0.1, late.take)
+    assert [len(c.messages['/robot_description']) for c in (run.client, late)] == [1, 1]
+    late.close()
+
+
+def test_a_port_that_is_taken_is_said(ros):
+    server = FoxgloveServer(0)
+    try:
+        with pytest.raises(
+            UserError, match=rf'port {server.port} of 127.0.0.1: address already i'
+        ):
+            FoxgloveServer(server.port)
+    finally:
+        server.close()

@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What Foxglove's clients say is done while they are alive, and for nobody else."""
+
+import struct
+from types import SimpleNamespace
+
+import pytest
+from wasd_bringup.foxglove_inbox import AT_ONCE
+from wasd_bringup.foxglove_inbox import Decode
+from wasd_bringup.foxglove_inbox import Inbox
+from wasd_bringup.foxglove_inbox import LARGEST
+from wasd_bringup.foxglove_inbox import LONGEST_QUEUE
+from wasd_bringup.foxglove_inbox import SILENCE
+from wasd_core.errors import UserError
+
+STEP = 0.02
+FAST, SLOW, STOP = (0.5, 0.0, 0.1), (0.1, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+
+class Robot:
+    """A robot whose letters latch; STOP stops it."""
+
+    def __init__(self, name):
+        self.key_topic = f'/{name}/keys'
+        self.keys, self.velocities = [], []
+        self.press = self.keys.append
+        self.stack = SimpleNamespace(
+            command_topic=f'/{name}/cmd_vel',
+            drive=self.velocities.append,
+            stop_key='STOP',
+            stops=lambda key: key == 'STOP',
+            latches=lambda key: key in ('i', 'j'),
+        )
+
+
+def read_velocity(sender, data):
+    if len(data) != 24:
+        raise UserError('no velocity')
+    return struct.unpack('<ddd', data)
+
+
+@pytest.fixture
+def robots():
+    return [Robot('go2'), Robot('mbot')]
+
+
+@pytest.fixture
+def inbox(robots):
+    inbox = Inbox(Decode(read_velocity, lambda sender, data: data.decode()))
+    inbox.receive_for(robots)
+    return inbox
+
+
+class Client:
+    """One connection, by what the server's threads tell of it."""
+
+    def __init__(self, inbox, number):
+        self.inbox, self.id = inbox, number
+
+    def advertise(self, *topics):
+        for number, topic in enumerate(topics):
+            channel = SimpleNamespace(id=number, topic=topic, encoding='cdr', schema_name='x')
+            self.inbox.on_client_advertise(self, channel)
+        return self
+
+    def drive(self, velocity, channel=0):
+        self.inbox.on_message_data(self, channel, struct.pack('<ddd', *velocity))
+
+    def key(self, name, channel=0):
+        self.inbox.on_message_data(self, channel, name.encode())
+
+    def leave(self, channel=0):
+        self.inbox.on_client_unadvertise(self, channel)
+
+
+@pytest.fixture
+def client(inbox):
+    return Client(inbox, 1)
+
+
+def pass_time(inbox, seconds):
+    return [word for _ in range(round(seconds / STEP)) for word in inbox.step(STEP)]
+
+
+def test_a_velocity_drives_the_robot_of_its_topic(inbox, client, robots):
+    client.advertise('/mbot/cmd_vel').drive(FAST)
+    assert inbox.step(STEP) == []
+    assert (robots[0].velocities, robots[1].velocities) == ([], [FAST])
+
+
+def test_a_client_that_falls_silent_stops_what_it_drives_once(inbox, client, robots):
+    client.advertise('/go2/cmd_vel').drive(FAST)
+    pass_time(inbox, SILENCE - STEP)
+    assert robots[0].velocities == [FAST]
+    pass_time(inbox, 1.0)
+    assert robots[0].velocities == [FAST, STOP]
+
+
+def test_a_client_that_goes_on_is_not_stopped(inbox, client, robots):
+    client.advertise('/go2/cmd_vel')
+    for _ in range(20):
+        client.drive(FAST)
+        pass_time(inbox, 0.1)
+    assert robots[0].velocities == [FAST] * 20
+
+
+def test_a_client_that_leaves_stops_at_once_what_it_drives(inbox, client, robots):
+    client.advertise('/go2/cmd_vel').drive(FAST)
+    client.leave()
+    inbox.step(STEP)
+    assert robots[0].velocities == [FAST, STOP]
+
+
+def test_who_has_stopped_itself_is_not_stopped_again(inbox, client, robots):
+    client.advertise('/go2/cmd_vel').drive(FAST)
+    client.drive(STOP)
+    client.leave()
+    pass_time(inbox, 1.0)
+    assert robots[0].velocities == [FAST, STOP]
+
+
+def test_a_silent_client_is_stopped_though_another_drives(inbox, client, robots):
+    other = Client(inbox, 2).advertise('/mbot/cmd_vel')
+    client.advertise('/go2/cmd_vel').drive(FAST)
+    for _ in range(10):
+        other.drive(SLOW)
+        pass_time(inbox, 0.1)
+    assert robots[0].velocities == [FAST, STOP]
+    assert robots[1].velocities == [SLOW] * 10
+
+
+@pytest.mark.parametrize('how', ['silent', 'left'])
+def test_a_key_that_latches_lasts_no_longer_than_its_client(inbox, client, robots, how):
+    client.advertise('/mbot/keys').key('i')
+    inbox.step(STEP)
+    assert robots[1].keys == ['i']
+    if how == 'left':
+        client.leave()
+        inbox.step(STEP)
+    else:
+        pass_time(inbox, SILENCE + 2 * STEP)
+    assert robots[1].keys == ['i', 'STOP']
+
+
+def test_a_key_that_moves_nothing_is_followed_by_nothing(inbox, client, robots):
+    client.advertise('/go2/keys').key('2')
+    client.leave()
+    pass_time(inbox, 1.0)
+    assert robots[0].keys == ['2']
+
+
+def test_what_waited_while_the_process_stood_still_is_not_taken(inbox, client, robots):
+    client.advertise('/go2/cmd_vel')
+    inbox.step(STEP)
+    client.drive(FAST)
+    inbox.step(3.0)
+    client.drive(FAST)  # as a socket's buffer hands it over
+    inbox.step(STEP)
+    assert robots[0].velocities == []
+    pass_time(inbox, 0.3)
+    client.drive(SLOW)
+    inbox.step(STEP)
+    assert robots[0].velocities == [SLOW]
+
+
+def test_other_topics_are_refused_by_name(inbox, client):
+    client.advertise('/odom').drive(FAST)
+    (words,) = inbox.step(STEP)
+    assert words.startswith('/odom: nothing is taken there; wanted /go2/cmd_vel or /go2/keys or')
+
+
+def test_what_cannot_be_read_moves_nothing_and_is_said(inbox, client, robots):
+    client.advertise('/go2/cmd_vel').key('nonsense')
+    assert inbox.step(STEP) == ['no velocity']
+    assert robots[0].velocities == []
+
+
+def test_a_flood_is_cut_and_never_holds_up_a_look(inbox, client, robots):
+    client.advertise('/go2/cmd_vel')
+    for _ in range(3 * LONGEST_QUEUE):
+        client.drive(FAST)
+    inbox.step(STEP)
+    assert len(robots[0].velocities) < AT_ONCE
+    pass_time(inbox, 1.0)
+    assert len(robots[0].velocities) <= LONGEST_QUEUE
+    client.key('x' * (LARGEST + 1))
+    assert inbox.step(STEP) == []
+
+
+def test_a_channel_that_was_not_advertised_says_nothing(inbox, client, robots):
+    client.drive(FAST, channel=7)
+    assert inbox.step(STEP) == []
+    assert robots[0].velocities == []
+
+
+def test_halted_what_has_come_until_then_does_nothing(inbox, client, robots):
+    client.advertise('/go2/cmd_vel').drive(FAST)
+    inbox.forget()
+    inbox.step(STEP)
+    pass_time(inbox, 1.0)
+    assert robots[0].velocities == []
+
+
+def test_the_end_stops_what_clients_drive(inbox, client, robots):
+    client.advertise('/go2/cmd_vel', '/mbot/keys').drive(FAST)
+    client.key('j', channel=1)
+    inbox.step(STEP)
+    inbox.stop()
+    assert robots[0].velocities == [FAST, STOP]
+    assert robots[1].keys == ['j', 'STOP']
+
+
+def test_subscriptions_come_in_their_order(inbox, client):
+    channel = SimpleNamespace(id=3, topic='/odom')
+    inbox.on_subscribe(client, channel)
+    inbox.on_unsubscribe(client, channel)
+    assert list(inbox.subscriptions()) == [('/odom', 1, True), ('/odom', 1, False)]
+    assert list(inbox.subscriptions()) == []

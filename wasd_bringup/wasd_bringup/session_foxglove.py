@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--foxglove`: every topic of a run by Foxglove's WebSocket, and cmd_vel and keys from there."""
+
+from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module
+import time
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from wasd_core.errors import UserError
+from wasd_core.timing import Beat
+from wasd_core.topics import FOLLOWED
+
+from wasd_bringup.foxglove_inbox import Inbox
+from wasd_bringup.foxglove_inbox import Robot
+from wasd_bringup.foxglove_messages import DECODE
+from wasd_bringup.messages import type_name
+from wasd_bringup.recording.recorder import full_definition
+from wasd_bringup.recording.recorder import IGNORED
+from wasd_bringup.recording.recorder import PublisherTap
+
+# The extra `foxglove` brings it; a name, so that nothing else asks for it.
+SDK = 'foxglove'
+HOST = '127.0.0.1'
+ENCODINGS = ('cdr', 'json')
+# New publishers are looked for, and the time is told, so often [Hz of wall time].
+LOOK_RATE = 2.0
+TIME_RATE = 20.0
+# Of a latched topic so many messages are kept: /tf_static has several senders.
+KEPT = 20
+
+
+def load_sdk() -> Any:
+    """
+    Return Foxglove's library, told to be silent: our terminal is the driver's.
+
+    Raises:
+        UserError: it is not installed; says how it comes.
+    """
+    try:
+        sdk = import_module(SDK)
+        import_module(f'{SDK}.websocket')
+    except ImportError:
+        raise UserError(
+            '--foxglove: foxglove-sdk is not installed: .venv/bin/python -m pip install -e '
+            "'.[foxglove]'"
+        ) from None
+    sdk.set_log_level('CRITICAL')
+    return sdk
+
+
+class FoxgloveServer:
+    """
+    Serves what this process publishes, from its construction to `close`.
+
+    Only what a client has subscribed to is made and serialised; of latched topics the last
+    messages are kept for who comes late. `now` returns simulated time [ns].
+    """
+
+    def __init__(self, port: int) -> None:
+        """
+        Begin to serve on a port of this machine, 0 for any.
+
+        Raises:
+            UserError: the library is not installed, or the port is taken.
+        """
+        self.now: Callable[[], int] = lambda: 0
+        self.inbox = Inbox(DECODE)
+        self._sdk = load_sdk()
+        self._context = self._sdk.Context()
+        self._channels: dict[str, Any] = {}
+        self._kept: dict[str, list[bytes]] = {}
+        self._latched: set[str] = set()
+        self._followers: dict[str, int] = {}
+        capability = self._sdk.websocket.Capability
+        try:
+            self._server = self._sdk.start_server(
+                name='wasd',
+                host=HOST,
+                port=port,
+                capabilities=[capability.ClientPublish, capability.Time],
+                supported_encodings=list(ENCODINGS),
+                server_listener=self.inbox,
+                context=self._context,
+            )
+        except RuntimeError as error:
+            raise UserError(
+                f'--foxglove: port {port} of {HOST}: {_reason(error)}; give another'
+            ) from None
+        self._tap = PublisherTap(self._hear, self._wants)
+
+    @property
+    def port(self) -> int:
+        """Where it serves."""
+        port: int = self._server.port
+        return port
+
+    def offer(self, nodes: Iterable[Node]) -> None:
+        """Tell clients of every topic that these nodes publish, with its definition."""
+        for node in nodes:
+            publishers: Iterable[Any] = node.publishers
+            for publisher in publishers:
+                topic: str = publisher.topic_name
+                if topic in self._channels or topic == IGNORED:
+                    continue
+                kind = type_name(publisher.msg_type)
+                try:
+                    text = full_definition(kind)
+                except UserError:
+                    continue  # its package came without definitions
+                if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+                    self._latched.add(topic)
+                schema = self._sdk.Schema(name=kind, encoding='ros2msg', data=text.encode())
+                self._channels[topic] = self._sdk.Channel(
+                    topic, message_encoding='cdr', schema=schema, context=self._context
+                )
+
+    def tell_time(self) -> None:
+        """Tell clients what time it is."""
+        self._server.broadcast_time(self.now())
+
+    def complain(self, words: str) -> None:
+        """Tell clients why something was not taken."""
+        self._server.publish_status(words, self._sdk.websocket.StatusLevel.Warning, 'wasd')
+
+    def take_subscriptions(self) -> None:
+        """Follow what clients have subscribed to since the last call."""
+        for topic, client, comes in self.inbox.subscriptions():
+            count = max(self._followers.get(topic, 0) + (1 if comes else -1), 0)
+            self._followers[topic] = count
+            (FOLLOWED.add if count else FOLLOWED.discard)(topic)
+            for data in self._kept.get(topic, ()) if comes else ():
+                self._channels[topic].log(data, log_time=self.now(), sink_id=client)
+
+    def close(self) -> None:
+        """Serve no more."""
+        self._tap.remove()
+        FOLLOWED.difference_update(self._followers)
+        self._server.stop()
+
+    def _wants(self, topic: str) -> bool:
+        # Before a topic is known it may be a latched one.
+        return topic in FOLLOWED or topic in self._latched or topic not in self._channels
+
+    def _hear(self, topic: str, kind: str, profile: Any, data: bytes) -> None:
+        if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+            kept = self._kept.setdefault(topic, [])
+            if data not in kept:
+                kept.append(data)
+            del kept[: -(profile.depth if topic != '/tf_static' else KEPT)]
+        if topic in FOLLOWED and topic in self._channels:
+            self._channels[topic].log(data, log_time=self.now())
+
+
+def _reason(error: RuntimeError) -> str:
+    """Return why the library could not serve, without its names of things and numbers."""
+    words = str(error).removeprefix('FoxgloveError: ').partition(': ')
+    return (words[2] or words[0]).partition(' (os error')[0].lower()
+
+
+class SessionFoxglove:
+    """Foxglove as a guest of a run: see session_guests.Guest."""
+
+    def __init__(
+        self,
+        server: FoxgloveServer,
+        robots: Sequence[Robot],
+        publishing: Sequence[Node],
+    ) -> None:
+        self.nodes: list[Node] = []
+        self._server = server
+        self._publishing = publishing
+        self._looks, self._times = Beat(), Beat()
+        self._looked_at = time.monotonic()
+        server.inbox.receive_for(robots)
+
+    @property
+    def first_line(self) -> str:
+        """Where it is."""
+        return f'foxglove: ws://{HOST}:{self._server.port}'
+
+    def look(self) -> None:
+        """Take what clients have sent, and offer them what is new."""
+        now = time.monotonic()
+        if self._looks.is_due(now, LOOK_RATE):
+            self._server.offer(self._publishing)
+        self._server.take_subscriptions()
+        for words in self._server.inbox.step(now - self._looked_at):
+            self._server.complain(words)
+        self._looked_at = now
+        if self._times.is_due(now, TIME_RATE):
+            self._server.tell_time()
+
+    def repeat(self) -> None:
+        """Say nothing again: a client that is silent drives no more."""
+
+    def halt(self) -> None:
+        """Take nothing of what was sent until now."""
+        self._server.inbox.forget()
+
+    def close(self) -> None:
+        """Stop what clients drive."""
+        self._server.inbox.stop()
