@@ -9,7 +9,7 @@ from quadruped_sim.presets import VelocityLimits
 
 
 class StateName(StrEnum):
-    """unitree_guide's eight states and two of ours, in words."""
+    """unitree_guide's eight states and three of ours, in words."""
 
     PASSIVE = 'passive'
     FIXED_STAND = 'fixed stand'
@@ -21,6 +21,7 @@ class StateName(StrEnum):
     STEP_TEST = 'step test'
     GET_UP = 'get up'
     LIE_DOWN = 'lie down'
+    JUMP = 'jump'
 
 
 STATE_KEYS = {
@@ -34,12 +35,13 @@ STATE_KEYS = {
     '8': StateName.STEP_TEST,
     '6': StateName.GET_UP,
     '7': StateName.LIE_DOWN,
+    'v': StateName.JUMP,
 }
 
 # Keys that leave each state.
 TRANSITIONS = {
     StateName.PASSIVE: '26',
-    StateName.FIXED_STAND: '13450987',
+    StateName.FIXED_STAND: '13450987v',
     StateName.FREE_STAND: '1247',
     StateName.TROTTING: '127',
     StateName.MOVE_BASE: '127',
@@ -48,11 +50,13 @@ TRANSITIONS = {
     StateName.STEP_TEST: '127',
     StateName.GET_UP: '1',
     StateName.LIE_DOWN: '12',
+    StateName.JUMP: '1',
 }
 # States that end by themselves, and what follows.
 SUCCESSORS = {
     StateName.GET_UP: StateName.FIXED_STAND,
     StateName.LIE_DOWN: StateName.PASSIVE,
+    StateName.JUMP: StateName.FIXED_STAND,
 }
 # What raises a robot that has fallen.
 GET_UP_KEYS = '26'
@@ -204,6 +208,7 @@ PURPOSES = {
     StateName.STEP_TEST: 'to step',
     StateName.GET_UP: 'to get up',
     StateName.LIE_DOWN: 'to lie down',
+    StateName.JUMP: 'to jump',
 }
 _LEAN = {
     ('ly', 1): 'nose down',
@@ -317,7 +322,9 @@ class KeyWords:
             if key in self.elsewhere:
                 return None
             return f'press {self.name(ARROWS[key])} ({key} does nothing)'
-        cure = f'{self.help_key} shows the keys' if self.help_key else 'keys: 0-9, wasd, ijkl, n'
+        cure = (
+            f'{self.help_key} shows the keys' if self.help_key else 'keys: 0-9, v, wasd, ijkl, n'
+        )
         # Whatever came on a topic: its control characters made visible, and not all of it.
         return f'{cure} ({self._called(key)[:LONGEST_NAME]!r} does nothing)'
 

@@ -166,7 +166,7 @@ class LegController:
 
     def press(self, key: str) -> str | None:
         """Take a key; a text for the driver when it does nothing, or not what one expects."""
-        if key in STATE_KEYS:
+        if key in STATE_KEYS and (key.isdigit() or key not in self.words.elsewhere):
             refusal = self.refusal(key)
             if not refusal:
                 self._machine.press(self._meaning(key))
@@ -202,10 +202,9 @@ class LegController:
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Velocity command for move base [m/s, m/s, rad/s]; a text when not driven so."""
         if self._machine.state is not StateName.MOVE_BASE:
-            state = self._machine.coming
-            if self.is_fallen and state is StateName.PASSIVE:
+            if self._lies_fallen:
                 return self.words.to_fallen()
-            return self.words.to_velocity(state)
+            return self.words.to_velocity(self._machine.coming)
         refusal, limits = self.command_filter.request(vx, vy, yaw_rate), self.command_filter.limits
         if refusal is None and self.gait != 'trot' and not limits.hold(vx, vy, yaw_rate):
             return self.words.to_gait(self.gait, limits)

@@ -327,6 +327,16 @@ class CommandParameters(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
+class JumpParameters(Parameters):
+    """How a robot jumps."""
+
+    height: float = parameter(
+        0.18, above=0.0, unit='m', doc='How high the base rises after take-off'
+    )
+    distance: float = parameter(0.0, unit='m', doc='How far ahead it lands, behind if negative')
+
+
+@dataclass(frozen=True, kw_only=True)
 class SafetyParameters(Parameters):
     """When the controller lets go."""
 
@@ -356,6 +366,7 @@ class LegControllerParameters(Parameters):
     grip: GripParameters = group(GripParameters)
     kalman: EstimatorParameters = group(EstimatorParameters)
     command: CommandParameters = group(CommandParameters)
+    jump: JumpParameters = group(JumpParameters)
     safety: SafetyParameters = group(SafetyParameters)
 
 

@@ -119,6 +119,7 @@ def test_w_in_the_states_one_meets_first(in_state):
         StateName.STEP_TEST: 'press 2 to stand, then 4 to trot',
         StateName.GET_UP: 'press 4 to trot when it stands',
         StateName.LIE_DOWN: 'press 2 to stand, then 4 to trot',
+        StateName.JUMP: 'press 4 to trot when it stands',
     }
 
 
@@ -174,8 +175,8 @@ def test_cmd_vel_says_which_keys_lead_to_move_base(in_state):
 
 
 def test_keys_of_a_keymap_drive_in_move_base_and_are_not_called_unknown(in_state):
-    words = KeyWords(StateName.MOVE_BASE, frozenset('wqx'), 'BACKSPACE', '?')
-    for key in 'wqx':
+    words = KeyWords(StateName.MOVE_BASE, frozenset('wqxv'), 'BACKSPACE', '?')
+    for key in 'wqxv':
         assert in_state(StateName.MOVE_BASE, words).press(key) is None
         said = in_state(StateName.PASSIVE, words).press(key)
         assert brief(said) == 'press 2 to stand, then 5 to drive'

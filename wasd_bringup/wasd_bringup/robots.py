@@ -22,7 +22,7 @@ from diff_drive_sim import MODES as DRIVE_MODES
 UNITREE_PRESET = 'unitree'
 UNITREE_HELP = (
     '2 stand   4 trot   5 move base (cmd_vel)   1 passive',
-    '6 get up   7 lie down   3 free stand   0 balance   9 swing   8 step test   {n} next gait',
+    '6 get up   7 lie down   {v} jump   3 free stand   0 9 8 tests   {n} next gait',
     '{w}/{s} forward, backward   {a}/{d} left, right   {j}/{l} turn   {i}/{k} height'
     '   space: centre',
     'First 2, then 4, then {w}.',
@@ -171,4 +171,4 @@ def unitree_first_keys(layout: str) -> str:
 
 
 def _names(layout: str) -> dict[str, str]:
-    return {key: on_layout(key, layout) for key in (*STICK_KEYS, *GAIT_KEYS)}
+    return {key: on_layout(key, layout) for key in (*STICK_KEYS, *GAIT_KEYS, 'v')}

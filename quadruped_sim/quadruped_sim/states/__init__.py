@@ -12,6 +12,7 @@ from quadruped_sim.states.driving import Trotting
 from quadruped_sim.states.exercises import BalanceTest
 from quadruped_sim.states.exercises import StepTest
 from quadruped_sim.states.exercises import SwingTest
+from quadruped_sim.states.jump import Jump
 from quadruped_sim.states.lying import GetUp
 from quadruped_sim.states.lying import LieDown
 
@@ -31,4 +32,5 @@ def make_states(parts: ControllerParts) -> dict[StateName, State]:
         StateName.STEP_TEST: StepTest(parts),
         StateName.GET_UP: GetUp(parts),
         StateName.LIE_DOWN: LieDown(parts),
+        StateName.JUMP: Jump(parts),
     }

@@ -83,7 +83,7 @@ class State(ABC):
 
         The other feet are led to `feet` (4, 3), world [m]. Level ground is taken.
         """
-        model, scale = self._parts.model, self._parts.model.scale
+        scale = self._parts.model.scale
         acceleration = base_acceleration(
             self._parts.params.balance, robot.base, position, np.array((0.0, 0.0, yaw))
         )
@@ -93,14 +93,36 @@ class State(ABC):
         )
         stiffness = _FOOT_GAINS[0] * scale.of('1/s^2')
         led = stiffness * (feet - robot.feet) - _FOOT_GAINS[1] * scale.of('1/s') * velocity
-        forces = standing_forces(model.weight, is_stance)
+        return self._by_forces(robot, acceleration, is_stance, led)
+
+    def _by_forces(
+        self,
+        robot: RobotState,
+        acceleration: np.ndarray,
+        is_stance: np.ndarray,
+        led: np.ndarray | None = None,
+    ) -> JointCommand:
+        """
+        Have the feet of `is_stance` (4,) give the base an `acceleration` (6,), world axes.
+
+        `led` (4, 3) [m/s^2] are the accelerations of the other feet. Level ground is taken.
+        """
+        model = self._parts.model
+        forces = standing_forces(model.weight + model.mass * float(acceleration[2]), is_stance)
+        led = np.zeros((4, 3)) if led is None else led
         task = WholeBodyTask(acceleration, is_stance, forces, led, np.eye(3))
         result = self._parts.locomotion.whole_body.solve(task, robot)
         return NO_TORQUE._replace(
             position=robot.joint_position.copy(),
             effort=result.torque,
-            kd=np.full(12, _DAMPING * scale.of('N m s/rad')),
+            kd=np.full(12, _DAMPING * model.scale.of('N m s/rad')),
         )
+
+
+def smooth(share: float) -> float:
+    """Return a share of a way that begins and ends at rest, of a share of its time."""
+    share = min(share, 1.0)
+    return share * share * (3.0 - 2.0 * share)
 
 
 def approach(value: np.ndarray, target: np.ndarray, most: np.ndarray) -> np.ndarray:

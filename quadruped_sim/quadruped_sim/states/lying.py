@@ -15,6 +15,7 @@ from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_model import RobotState
 from quadruped_sim.states.base import approach
 from quadruped_sim.states.base import ControllerParts
+from quadruped_sim.states.base import smooth
 from quadruped_sim.states.base import State
 from quadruped_sim.states.driving import AfterTrot
 from quadruped_sim.states.driving import stiff_command
@@ -178,9 +179,3 @@ class LieDown(AfterTrot):
         self._time += dt
         position = self._start + smooth(self._time / _LIE_TIME) * (self._folded - self._start)
         return stiff_command(self._parts.model, position)
-
-
-def smooth(share: float) -> float:
-    """Return a share of a way that begins and ends at rest, of a share of its time."""
-    share = min(share, 1.0)
-    return share * share * (3.0 - 2.0 * share)

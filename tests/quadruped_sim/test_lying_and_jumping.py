@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Up from any pose, and gently down again."""
+"""Up from any pose, gently down again, and off the ground."""
 
 from collections.abc import Callable
 
@@ -12,10 +12,13 @@ from mujoco_sim.world import World
 import numpy as np
 import pytest
 from quadruped_sim.leg_controller import LegController
+from quadruped_sim.parameters import JumpParameters
+from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.states.lying import rolling_poses
 from quadruped_sim.states.lying import ROLLS_MAX
 from robot_description.description import load_robot
+from wasd_core.parameters import InvalidParameter
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
 
@@ -26,7 +29,9 @@ LIES = 1.0  # by then a robot that was dropped lies still [s]
 class Dropped:
     """A Go2 let go of just above the floor, its legs anywhere; its controller feels noise."""
 
-    def __init__(self, world: World, model, rpy: tuple[float, float, float], seed: int) -> None:
+    def __init__(
+        self, world: World, model, rpy: tuple[float, float, float], seed: int, params=None
+    ) -> None:
         self.world, self.model = world, model
         world.reset()
         names = model.quadruped.joint_names
@@ -34,7 +39,7 @@ class Dropped:
         pose_joints(world, names, rng.uniform(model.limits.lower, model.limits.upper))
         pose_base(world, (0.0, 0.0, 0.35), to_quaternion(rpy_matrix(*rpy)))
         update_bodies(world)
-        self.controller = LegController(model)
+        self.controller = LegController(model, params)
         self._joints = JointMap(model.quadruped, world.joint_names, world.motor_names)
         self.torque = 0.0
 
@@ -139,3 +144,57 @@ def test_it_lies_down_at_less_than_a_tenth_of_a_metre_per_second(floor, model):
     dog.run(1.0)
     assert dog.world.base().position[2] < 0.11
     assert dog.controller.event is None
+
+
+@pytest.fixture
+def jumper(floor, model):
+    """Return a function that has a Go2 stand, and jump so high and far; it and its feet's rise."""
+
+    def jump(**params):
+        tuning = LegControllerParameters(jump=JumpParameters(**params))
+        dog = Dropped(floor, model, (0.0, 0.0, 0.0), 4, tuning)
+        dog.run(LIES)
+        dog.controller.press('6')
+        dog.run(6.0, until=lambda: dog.controller.state == 'fixed stand')
+        dog.run(0.2)
+        dog.controller.press('v')
+        dog.run(0.01)
+        start, rise = dog.world.base().position, 0.0
+        while dog.controller.state == 'jump':
+            dog.run(0.01)
+            lowest = dog.world.base().position + dog.controller.robot.feet.min(axis=0)
+            lowest -= dog.controller.robot.base.position
+            rise = max(rise, float(lowest[2]) - model.geometry.foot_radius)
+        dog.run(1.5)
+        return dog, start, rise
+
+    return jump
+
+
+@pytest.mark.slow
+def test_it_jumps_25_cm_clear_of_the_ground_and_stands_where_it_was(jumper):
+    dog, start, rise = jumper()
+    assert rise > 0.25
+    assert dog.controller.state == 'fixed stand'
+    end = dog.world.base()
+    assert np.linalg.norm((end.position - start)[:2]) < 0.1
+    assert end.position[2] > 0.3
+    assert end.tilt < 0.05
+
+
+@pytest.mark.slow
+def test_it_jumps_40_cm_ahead_and_knows_about_where_it_is(jumper):
+    dog, start, _ = jumper(distance=0.4)
+    end = dog.world.base()
+    assert np.linalg.norm((end.position - start)[:2]) > 0.4
+    assert end.tilt < 0.05
+    assert dog.controller.odometry.position == pytest.approx(end.position, abs=0.12)
+    dog.controller.press('5')
+    dog.run(1.5, vx=0.5)
+    assert dog.controller.state == 'move base'
+    assert np.linalg.norm((dog.world.base().position - end.position)[:2]) > 0.4
+
+
+def test_a_jump_of_no_height_is_refused():
+    with pytest.raises(InvalidParameter, match='height'):
+        JumpParameters(height=0.0)
