@@ -279,7 +279,19 @@ class EstimatorParameters(Parameters):
     """Kalman filter of base position, velocity and the feet [Bloesch2012, linear form]."""
 
     acceleration_noise: float = parameter(
-        0.3, above=0.0, unit='m/s^2', doc='Standard deviation of the accelerometer, bias included'
+        0.04,
+        above=0.0,
+        unit='m/s^2',
+        doc='Accelerometer, without its bias: velocity lost per root second',
+    )
+    bias: float = parameter(
+        0.05,
+        minimum=0.0,
+        unit='m/s^2',
+        doc="Standard deviation of the accelerometer's bias at the start",
+    )
+    bias_noise: float = parameter(
+        0.005, minimum=0.0, unit='m/s^2', doc='How far that bias walks per root second'
     )
     foot_noise: float = parameter(
         0.02, above=0.0, unit='m/s', doc='Slip of a standing foot, white, per root second'
@@ -291,10 +303,10 @@ class EstimatorParameters(Parameters):
         0.08, above=0.0, unit='m/s', doc='Standard deviation of base velocity by one standing leg'
     )
     slip_speed: float = parameter(
-        0.25,
+        0.05,
         above=0.0,
         unit='m/s',
-        doc="A foot that is off the base's velocity by more slips: not believed",
+        doc='Disagreement of a foot with the IMU at which it is believed half',
     )
     level_band: float = parameter(
         0.02, minimum=0.0, unit='m', doc='Feet farther from the start level are not drawn to it'

@@ -108,3 +108,68 @@ def test_a_foot_that_slips_is_left_out(model):
         motion = leg_motion(model.geometry, ANGLES, slipping)
         estimator.step(imu, motion, np.ones(4), UP, DT)
     np.testing.assert_allclose(estimator.velocity, 0.0, atol=1e-6)
+
+
+STILL = ImuSample(np.eye(3), np.zeros(3), np.array((0.0, 0.0, 9.81)))
+
+
+def slipping(model, feet, velocity):
+    """Leg motion of a base at rest of which these feet slip at `velocity` (3,), base axes."""
+    motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
+    rates = np.zeros((4, 3))
+    for foot in feet:
+        rates[foot] = np.linalg.solve(motion.jacobian[foot], velocity)
+    return leg_motion(model.geometry, ANGLES, rates.ravel())
+
+
+@pytest.mark.parametrize('feet', [(1,), (0, 3), (0, 1, 2, 3)])
+def test_feet_that_slip_are_left_out(model, feet):
+    """0.2 s at 0.5 m/s: believed, they are the robot's velocity, 0.5 m/s, 0.25 if half of them."""
+    estimator = make(model)
+    stands, slips = slipping(model, (), np.zeros(3)), slipping(model, feet, (0.5, 0.0, 0.0))
+    for _ in range(250):
+        estimator.step(STILL, stands, np.ones(4), UP, DT)
+    for _ in range(100):
+        estimator.step(STILL, slips, np.ones(4), UP, DT)
+        assert estimator.belief[list(feet)].max() < 0.1
+    assert abs(estimator.velocity[0]) < (0.15 if len(feet) == 4 else 0.02)
+    assert np.delete(estimator.belief, feet).min(initial=1.0) > 0.5
+
+
+def test_a_blow_between_two_readings_does_not_stay(model):
+    """The accelerometer is told 500 m/s^2 for one reading: 1 m/s that never was."""
+    estimator = make(model)
+    stands = slipping(model, (), np.zeros(3))
+    blow = STILL._replace(acceleration=np.array((500.0, 0.0, 9.81)))
+    estimator.step(blow, stands, np.ones(4), UP, DT)
+    for _ in range(250):
+        estimator.step(STILL, stands, np.ones(4), UP, DT)
+    assert np.abs(estimator.velocity).max() < 0.01
+
+
+@pytest.mark.slow
+def test_the_bias_of_the_accelerometer_is_found_in_ten_seconds_of_rest(model):
+    estimator = make(model, yaw=1.0)
+    bias = np.array((0.06, -0.03, 0.04))
+    imu = ImuSample(yaw_matrix(1.0), np.zeros(3), bias + (0.0, 0.0, 9.81))
+    stands = slipping(model, (), np.zeros(3))
+    for _ in range(5000):
+        estimator.step(imu, stands, np.ones(4), UP, DT)
+    np.testing.assert_allclose(estimator.acceleration_bias, bias, atol=0.006)
+
+
+def test_turning_about_the_base_moves_the_imu_but_not_the_base(model):
+    """An IMU 0.1 m ahead feels the centre, 0.4 m/s^2 away, and is carried round it."""
+    params, offset, rate = EstimatorParameters(), np.array((0.1, 0.0, 0.0)), 2.0
+    estimator = KalmanEstimator(params, model.geometry.foot_radius, offset)
+    feet = foot_positions(model.geometry, ANGLES)
+    estimator.reset(np.zeros(3), feet)
+    motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
+    acceleration = np.array((-rate * rate * offset[0], 0.0, 9.81))
+    for tick in range(500):
+        imu = ImuSample(yaw_matrix(tick * DT * rate), np.array((0.0, 0.0, rate)), acceleration)
+        estimator.step(imu, motion, np.zeros(4), UP, DT)
+        if tick == 0:  # the first reading finds it at rest
+            estimator._estimate.x[1] = (0.0, rate * offset[0], 0.0)
+    np.testing.assert_allclose(estimator.velocity, np.zeros(3), atol=0.002)
+    np.testing.assert_allclose(estimator.position, np.zeros(3), atol=0.002)

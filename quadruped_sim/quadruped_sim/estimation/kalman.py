@@ -11,15 +11,18 @@ from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
+from quadruped_sim.algebra import rotate_back
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import EstimatorParameters
 
 # Variance added per second to the position of a foot that moves freely.
 _SWING_VARIANCE = 100.0
-# Share of the base's speed by which a standing leg may be off its velocity.
-_DOUBT = 0.1
-# How much less a leg in the air says about the base's velocity than one on the ground.
-_SWING_FACTOR = 1e6
+# Of an acceleration, what may be wrong per root second: two readings miss a blow between them.
+_SCALE = 0.01
+# Share of its trust below which a foot is far off, beside one that fits: four times the expected.
+_FAR = 1.0 / 17.0
+# Least share of belief in a foot that counts at all.
+_LEAST = 1e-3
 
 
 class ImuSample(NamedTuple):
@@ -38,7 +41,12 @@ class Footing(NamedTuple):
 
 
 class Gaussian(NamedTuple):
-    """Mean x (6, 3) and covariance P (6, 6): rows are base position, base velocity, four feet."""
+    """
+    Mean x (7, 3) and covariance P (7, 7).
+
+    Rows are position and velocity of the IMU, four feet, all in world axes, and the bias of the
+    accelerometer, in base axes.
+    """
 
     x: np.ndarray
     P: np.ndarray
@@ -48,13 +56,14 @@ class SensorModel(NamedTuple):
     """
     Where the IMU is and how round the feet are [m], and the noises' standard deviations.
 
-    Those are of acceleration, standing foot, foot position by joint angles, velocity by a leg.
-    `slip` [m/s] is how far that may be off before the foot counts as slipping.
+    Those are of acceleration, of its bias' walk, of a standing foot, of foot position by joint
+    angles and of velocity by a leg; `slip` is what velocity a foot is doubted at [m/s].
     """
 
     imu_offset: np.ndarray
     radius: float
     acceleration: float
+    bias: float
     foot: float
     kinematics: float
     velocity: float
@@ -63,15 +72,19 @@ class SensorModel(NamedTuple):
 
 class KalmanEstimator:
     """
-    18 states in world axes: base position, base velocity, four foot centres [Bloesch2012].
+    21 states: IMU position and velocity, four foot centres, accelerometer bias [Bloesch2012].
 
-    Orientation is the IMU's, so everything left is linear. All noises are the same in x, y and z;
-    hence the covariance is one 6 x 6 block (p, v, four feet) that serves the three axes.
+    Orientation is taken as known, so everything left is linear. All noises are the same in x, y
+    and z; hence the covariance is one 7 x 7 block that serves the three axes. It is the IMU that
+    is followed, not the base's origin: what turning adds to its acceleration is its own.
 
     The foot is a ball that rolls: on the ground its centre moves at (calf's angular velocity) x
-    (radius up). Taking it to rest, as is usual, reads 5 to 8 % slow on Unitree's feet.
+    (radius up). Taking it to rest, as is usual, reads 5 to 8 % slow on Unitree's feet; published
+    since in [Li2026].
 
-    `trust` in [0, 1] per foot says how surely it stands; 0 means it moves freely.
+    `trust` in [0, 1] per foot says how surely it stands by schedule and force; 0 means it moves
+    freely. How surely by its motion is found here: a foot whose velocity does not fit what the
+    IMU has felt slips, and counts the less the less it fits (`belief`).
     """
 
     def __init__(
@@ -89,6 +102,7 @@ class KalmanEstimator:
             self._imu_offset,
             self._radius,
             params.acceleration_noise,
+            params.bias_noise,
             params.foot_noise,
             params.kinematics_noise,
             params.velocity_noise,
@@ -97,8 +111,12 @@ class KalmanEstimator:
 
     def reset(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Start at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]."""
-        x = np.vstack((position, np.zeros(3), feet))
-        self._estimate = Gaussian(x, np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4)))
+        x = np.vstack((position, np.zeros(3), feet, np.zeros(3)))
+        bias = self._params.bias**2
+        self._estimate = Gaussian(x, np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, bias)))
+        self.belief = np.ones(4)
+        self._lever: np.ndarray | None = None  # from the base's origin to the IMU, world axes
+        self._whirl = np.zeros(3)  # and what it moves by, of turning
 
     def hold(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Be at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]; no surer."""
@@ -108,17 +126,23 @@ class KalmanEstimator:
     @property
     def position(self) -> np.ndarray:
         """Base position in world (3,) [m]."""
-        return np.asarray(self._estimate.x[0])
+        lever = np.zeros(3) if self._lever is None else self._lever
+        return np.asarray(self._estimate.x[0] - lever)
 
     @property
     def velocity(self) -> np.ndarray:
         """Base velocity in world axes (3,) [m/s]."""
-        return np.asarray(self._estimate.x[1])
+        return np.asarray(self._estimate.x[1] - self._whirl)
 
     @property
     def feet(self) -> np.ndarray:
         """Foot centres in world (4, 3) [m]."""
-        return np.asarray(self._estimate.x[2:])
+        return np.asarray(self._estimate.x[2:6])
+
+    @property
+    def acceleration_bias(self) -> np.ndarray:
+        """What the accelerometer reads too much, base axes (3,) [m/s^2]."""
+        return np.asarray(self._estimate.x[6])
 
     @property
     def variances(self) -> tuple[float, float]:
@@ -129,11 +153,16 @@ class KalmanEstimator:
         self, imu: ImuSample, motion: LegMotion, trust: np.ndarray, normal: np.ndarray, dt: float
     ) -> None:
         """Predict by the accelerometer, correct by the legs; `normal` is the ground's, world."""
+        lever = rotate(imu.R, self._imu_offset)
+        if self._lever is None:  # the first of all readings
+            self._estimate.x[0] += lever
+        self._lever = lever
+        self._whirl = rotate(imu.R, cross3(imu.omega, self._imu_offset))
         footing = plain(Footing(trust, normal))
-        _filter_step(
+        self.belief = _filter_step(
             plain(self._estimate), plain(imu), plain(motion), footing, plain(self._sensors), dt
         )
-        self._anchor(trust, dt)
+        self._anchor(self.belief, dt)
 
     def _anchor(self, trust: np.ndarray, dt: float) -> None:
         """
@@ -145,10 +174,10 @@ class KalmanEstimator:
         total = float(trust.sum())
         if total < 1.0:
             return
-        level = float(trust @ self._estimate.x[2:, 2]) / total - self._radius
+        level = float(trust @ self._estimate.x[2:6, 2]) / total - self._radius
         if math.fabs(level) < self._params.level_band:
             self._estimate.x[0, 2] -= dt / self._params.level_time * level
-            self._estimate.x[2:, 2] -= dt / self._params.level_time * level
+            self._estimate.x[2:6, 2] -= dt / self._params.level_time * level
 
 
 @jit
@@ -159,110 +188,136 @@ def _filter_step(
     footing: Footing,
     sensors: SensorModel,
     dt: float,
-) -> None:
-    """Predict and correct `estimate` in place."""
-    motion = LegMotion(*motion)
-    footing = Footing(*footing)
+) -> np.ndarray:
+    """Predict and correct `estimate` in place; returns how far each foot was believed (4,)."""
+    imu = ImuSample(*imu)
     sensors = SensorModel(*sensors)
     x, P = estimate
-    R, omega, _ = imu
-    foot, trust = motion.position, footing.trust.copy()
+    R = imu.R
+    x[6] = rotate(R, x[6])  # into world axes, and back in the end
     _predict_base(estimate, imu, sensors, dt)
-    radius = np.empty(3)  # from a contact point to the centre of its foot, world axes
-    for k in range(3):
-        radius[k] = sensors.radius * footing.normal[k]
-    velocity = np.empty((4, 3))
-    calf = np.empty(3)
-    for i in range(4):
-        for k in range(3):
-            calf[k] = motion.calf_rate[i, k] + omega[k]
-        rolling = cross3(rotate(R, calf), radius)
-        swept = cross3(omega, foot[i])
-        for k in range(3):
-            swept[k] += motion.velocity[i, k]
-        swept = rotate(R, swept)
-        for k in range(3):
-            velocity[i, k] = rolling[k] - swept[k]
-        if _slips(estimate, velocity[i], footing.normal, sensors.slip):
-            trust[i] = 0.0
-        for k in range(3):
-            x[2 + i, k] += dt * trust[i] * rolling[k]
-        P[2 + i, 2 + i] += (sensors.foot * sensors.foot + (1.0 - trust[i]) * _SWING_VARIANCE) * dt
-
+    reach, velocity, rolling = _legs(imu, LegMotion(*motion), Footing(*footing).normal, sensors)
+    belief = _believe(estimate, Footing(*footing).trust, velocity, sensors.slip)
+    h = np.empty(7)
     # Independent noises: measurements may be taken one after the other.
-    h = np.empty(6)
     for i in range(4):
+        share = max(belief[i], _LEAST)
+        for k in range(3):
+            x[2 + i, k] += dt * belief[i] * rolling[i, k]
+        P[2 + i, 2 + i] += dt * min((sensors.foot / share) ** 2, _SWING_VARIANCE)
         h[:] = 0.0
         h[0], h[2 + i] = -1.0, 1.0
-        _scalar_update(estimate, h, rotate(R, foot[i]), sensors.kinematics * sensors.kinematics)
+        _scalar_update(estimate, h, reach[i], sensors.kinematics * sensors.kinematics)
     for i in range(4):
-        h[:] = 0.0
-        h[1] = 1.0
-        noise = sensors.velocity * sensors.velocity * (1.0 + (1.0 - trust[i]) * _SWING_FACTOR)
-        _scalar_update(estimate, h, velocity[i], noise)
+        if belief[i] > _LEAST:
+            h[:] = 0.0
+            h[1] = 1.0
+            noise = sensors.velocity * sensors.velocity / belief[i]
+            _scalar_update(estimate, h, velocity[i], noise)
+    x[6] = rotate_back(R, x[6])
+    return belief
 
 
 @jit
-def _slips(estimate: Gaussian, velocity: np.ndarray, normal: np.ndarray, limit: float) -> bool:
+def _legs(
+    imu: ImuSample, motion: LegMotion, normal: np.ndarray, sensors: SensorModel
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Whether a leg's word on the base's velocity is off along the ground by more than `limit` [m/s].
+    Return what each leg says, world axes, each (4, 3).
 
-    A quick base is known less well, and so is one that three deviations of the filter leave open:
-    feet that all slip cannot be doubted for ever.
+    That are the foot's centre as seen from the IMU [m], and the velocities [m/s] of the IMU if the
+    foot stands, and of the foot's centre as it then rolls.
+    """
+    R, omega, _ = imu
+    radius = np.empty(3)  # from a contact point to the centre of its foot
+    for k in range(3):
+        radius[k] = sensors.radius * normal[k]
+    reach, velocity, rolling = np.empty((4, 3)), np.empty((4, 3)), np.empty((4, 3))
+    arm, calf = np.empty(3), np.empty(3)
+    for i in range(4):
+        for k in range(3):
+            arm[k] = motion.position[i, k] - sensors.imu_offset[k]
+            calf[k] = motion.calf_rate[i, k] + omega[k]
+        swept = cross3(omega, arm)
+        for k in range(3):
+            swept[k] += motion.velocity[i, k]
+        reach[i] = rotate(R, arm)
+        rolling[i] = cross3(rotate(R, calf), radius)
+        velocity[i] = rolling[i] - rotate(R, swept)
+    return reach, velocity, rolling
+
+
+@jit
+def _believe(
+    estimate: Gaussian, trust: np.ndarray, velocity: np.ndarray, slip: float
+) -> np.ndarray:
+    """
+    Return how far each foot is believed (4,): its trust, less where its velocity does not fit.
+
+    The weight 1 / (1 + d^2) of a disagreement d times what is expected is Cauchy's: feet that all
+    slip hardly pull, but they do pull, so that a prediction gone wrong (a hard landing between
+    two readings) is found again. Beside a foot that fits, one that is far off is left out.
     """
     x, P = estimate
-    squared = speed = off = 0.0
-    for k in range(3):
-        difference = velocity[k] - x[1, k]
-        squared += difference * difference
-        off += normal[k] * difference
-        speed += x[1, k] * x[1, k]
-    limit += _DOUBT * math.sqrt(speed)
-    return bool(squared - off * off > limit * limit + 9.0 * P[1, 1])
+    belief = np.empty(4)
+    expected = slip * slip + 3.0 * P[1, 1]
+    best = 0.0
+    for i in range(4):
+        square = 0.0
+        for k in range(3):
+            square += (velocity[i, k] - x[1, k]) ** 2
+        belief[i] = trust[i] / (1.0 + square / expected)
+        best = max(best, belief[i])
+    for i in range(4):
+        if best > 0.5 and belief[i] < _FAR * trust[i]:
+            belief[i] = 0.0
+    return belief
 
 
 @jit
 def _predict_base(estimate: Gaussian, imu: ImuSample, sensors: SensorModel, dt: float) -> None:
-    """Move base position and velocity by the accelerometer."""
+    """Move the IMU by what its accelerometer feels, less the bias."""
     x, P = estimate
-    R, omega, acceleration = imu
-    # The IMU does not sit at the base's origin: take its centripetal part off.
-    whirl = cross3(omega, cross3(omega, sensors.imu_offset))
-    for k in range(3):
-        whirl[k] = acceleration[k] - whirl[k]
-    force = rotate(R, whirl)
+    force = rotate(imu.R, imu.acceleration)
     force[2] -= GRAVITY
+    square = 0.0
     for k in range(3):
+        force[k] -= x[6, k]
+        square += force[k] * force[k]
         x[0, k] += dt * x[1, k] + 0.5 * dt * dt * force[k]
         x[1, k] += dt * force[k]
-    for k in range(6):
-        P[0, k] += dt * P[1, k]
-    for k in range(6):
-        P[k, 0] += dt * P[k, 1]
-    q = sensors.acceleration * sensors.acceleration * dt
+    for k in range(7):
+        P[0, k] += dt * P[1, k] - 0.5 * dt * dt * P[6, k]
+        P[1, k] -= dt * P[6, k]
+    for k in range(7):
+        P[k, 0] += dt * P[k, 1] - 0.5 * dt * dt * P[k, 6]
+        P[k, 1] -= dt * P[k, 6]
+    q = (sensors.acceleration * sensors.acceleration + _SCALE * _SCALE * square) * dt
     P[0, 0] += q * dt * dt / 3.0
     P[0, 1] += q * dt / 2.0
     P[1, 0] += q * dt / 2.0
     P[1, 1] += q
+    P[6, 6] += sensors.bias * sensors.bias * dt
 
 
 @jit
 def _scalar_update(estimate: Gaussian, h: np.ndarray, measured: np.ndarray, noise: float) -> None:
     """Take one measurement h x = `measured` (3,), of variance `noise` in each axis, in place."""
     x, P = estimate
-    Ph = np.zeros(6)
-    for i in range(6):
-        for j in range(6):
+    size = len(h)
+    Ph = np.zeros(size)
+    for i in range(size):
+        for j in range(size):
             Ph[i] += P[i, j] * h[j]
     spread = noise
-    for j in range(6):
+    for j in range(size):
         spread += h[j] * Ph[j]
     for k in range(3):
         innovation = measured[k]
-        for j in range(6):
+        for j in range(size):
             innovation -= h[j] * x[j, k]
-        for j in range(6):
+        for j in range(size):
             x[j, k] += Ph[j] / spread * innovation
-    for i in range(6):
-        for j in range(6):
+    for i in range(size):
+        for j in range(size):
             P[i, j] -= Ph[i] * Ph[j] / spread
