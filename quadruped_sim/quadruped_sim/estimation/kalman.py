@@ -21,6 +21,8 @@ _SWING_VARIANCE = 100.0
 _SCALE = 0.01
 # Share of its trust below which a foot is far off, beside one that fits: four times the expected.
 _FAR = 1.0 / 17.0
+# Speed of the base, over `slip`, at which a leg that stands is off by twice as much.
+_QUICK = 20.0
 # Least share of belief in a foot that counts at all.
 _LEAST = 1e-3
 
@@ -162,7 +164,7 @@ class KalmanEstimator:
         self.belief = _filter_step(
             plain(self._estimate), plain(imu), plain(motion), footing, plain(self._sensors), dt
         )
-        self._anchor(self.belief, dt)
+        self._anchor(trust, dt)
 
     def _anchor(self, trust: np.ndarray, dt: float) -> None:
         """
@@ -260,7 +262,9 @@ def _believe(
     """
     x, P = estimate
     belief = np.empty(4)
-    expected = slip * slip + 3.0 * P[1, 1]
+    # In a quick gait legs that stand are off as well, most of all up and down at landing.
+    speed = (x[1, 0] ** 2 + x[1, 1] ** 2 + x[1, 2] ** 2) / (_QUICK * slip) ** 2
+    expected = (slip * (1.0 + speed)) ** 2 + 3.0 * P[1, 1]
     best = 0.0
     for i in range(4):
         square = 0.0
