@@ -123,7 +123,8 @@ class KalmanEstimator:
     def hold(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Be at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]; no surer."""
         x = self._estimate.x
-        x[0], x[1], x[2:] = position, 0.0, feet
+        x[0], x[1], x[2:6] = position, 0.0, feet
+        self._lever, self._whirl = None, np.zeros(3)
 
     @property
     def position(self) -> np.ndarray:
