@@ -165,3 +165,70 @@ def scenario_the_mode_of_the_drive_is_shown(page: Page) -> None:
     (setting,) = page.snapshot.settings
     assert setting.chosen == 'sim'
     assert 'mode arbotix' in page.rects
+
+
+def scenario_the_map_shows_what_rays_hit_and_where_the_robot_was(page: Page) -> None:
+    page.show('floor')
+    sight = page.cockpit.page.sight
+    page.wait_until(lambda: len(sight.seen.points) > 50, 'walls')
+    assert np.abs(sight.seen.points).max() < 12.0
+    page.click('map farther')
+    page.click('map closer')
+    assert page.snapshot.trail.shape[1] == 2
+
+
+def scenario_pictures_come_when_they_are_wanted(page: Page) -> None:
+    page.click('tab eyes')
+    sight = page.cockpit.page.sight
+    page.puppet.draw(10)
+    assert sight.seen.picture is None
+    page.click('pictures')
+    page.show('picture')
+    pixels = np.frombuffer(sight.seen.picture, dtype=np.uint8)
+    assert pixels.size == 320 * 240 * 4
+    assert pixels.std() > 10.0
+    page.click('pictures')
+    page.click('tab view')
+
+
+def scenario_the_camera_goes_where_it_is_sent_and_back(page: Page) -> None:
+    camera = page.cockpit.page.viewer.camera
+    azimuth, distance = camera.azimuth, camera.distance
+    page.click('about left')
+    page.wait_until(lambda: camera.azimuth != azimuth, 'from another side')
+    page.click('camera first person')
+    page.wait_until(lambda: camera.distance == 0.05, 'first person')
+    eye = np.array(camera.lookat)
+    place = page.session.world.base().position
+    assert np.hypot(*(eye - place)[:2]) < 0.5
+    page.click('camera free')
+    page.click('camera back')
+    page.wait_until(lambda: (camera.azimuth, camera.distance) == (azimuth, distance), 'back')
+
+
+def scenario_marks_are_drawn_where_they_are_wanted(page: Page) -> None:
+    geoms = page.cockpit.page.viewer.extra_geoms
+    for name in ('lidar', 'estimate', 'trail'):
+        page.click(f'show {name}')
+    page.wait_until(lambda: len(geoms) > 20, 'marks')
+    for name in ('lidar', 'estimate', 'trail'):
+        page.click(f'show {name}')
+    page.wait_until(lambda: len(geoms) <= 2, 'no marks')
+
+
+def scenario_a_hand_pushes_the_robot_and_lets_it_go(page: Page) -> None:
+    page.click('push')
+    before = page.session.world.base().position
+    page.puppet.press_at(page.show('hand'))
+    x, y = page.puppet.mouse
+    page.puppet.drag_to((x + 200, y))
+    page.wait_until(lambda: page.cockpit.page.link.force, 'a force')
+    page.wait(0.6)
+    page.puppet.let_go()
+    page.wait_until(lambda: page.cockpit.page.link.force is None, 'no force')
+    page.wait(0.2)
+    assert not page.session.world.data.xfrc_applied.any()
+    assert np.abs(page.session.world.base().position - before).max() > 0.005
+    page.click('push')
+    page.click('reset')
+    assert page.failed() == set()

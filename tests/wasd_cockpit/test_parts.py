@@ -20,7 +20,7 @@ from wasd_cockpit.panels.plots import thin
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Stick
 
-SIZES = [(1280, 720), (1920, 1080), (390, 844), (844, 390), (1024, 768), (900, 600)]
+SIZES = [(1280, 720), (1920, 1080), (390, 844), (844, 500), (1024, 768), (900, 600)]
 
 
 @pytest.mark.parametrize('count', [0, 1, 4, 5, 6, 13])
@@ -124,4 +124,14 @@ def test_each_panel_can_be_shown_and_is_shown_when_the_page_comes_again(size):
 def test_what_was_chosen_on_another_page_is_no_reason_to_fail():
     layout = Layout({'drive': 'nonsense', 'nothing': 'robot'})
     layout.resize(1280, 720)
+    assert layout.place_of('drive') is not None
+
+
+def test_a_page_without_room_shows_the_scene_until_panels_are_asked_for():
+    layout = Layout()
+    layout.resize(500, 400)
+    assert layout.is_hidden
+    assert layout.place_of('drive') is None
+    assert (layout.scene.width, layout.scene.height) == (500, 400)
+    layout.hides = False
     assert layout.place_of('drive') is not None

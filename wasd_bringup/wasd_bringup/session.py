@@ -238,6 +238,8 @@ class Session:
             write_report(self.report(), self._options.report)
 
     def _release(self) -> None:
+        if self._cockpit is not None:
+            self._cockpit.close()
         if self._view is not None:
             self._view.close()
         for robot in self.robots:

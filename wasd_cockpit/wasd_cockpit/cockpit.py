@@ -15,11 +15,17 @@ from mujoco_sim.viewer.input import PageInput
 from wasd_cockpit import style
 from wasd_cockpit.layout import Layout
 from wasd_cockpit.layout import Place
+from wasd_cockpit.link import Force
 from wasd_cockpit.link import Link
 from wasd_cockpit.panels.drive import Drive
+from wasd_cockpit.panels.eyes import Eyes
 from wasd_cockpit.panels.keys import Keys
+from wasd_cockpit.panels.map import Map
 from wasd_cockpit.panels.plots import Plots
 from wasd_cockpit.panels.robot import Robot
+from wasd_cockpit.panels.view import View
+from wasd_cockpit.scene import Scene
+from wasd_cockpit.sight import Sight
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.snapshot import Stick
 from wasd_cockpit.widgets import Widgets
@@ -49,17 +55,19 @@ class PageState:
     """
     What panels have of the page in the frame that is drawn.
 
-    `held` is what the stick says; `is_live` is whether what is held down counts: the browser is
-    alive, and what is down went down since it is.
+    `held` is what the stick says, `push` with what a hand pushes; `is_live` is whether what is
+    held down counts: the browser is alive, and what is down went down since it is.
     """
 
     link: Link
     widgets: Widgets
     layout: Layout
+    sight: Sight
     viewer: Any = None
     input: PageInput | None = None
     snapshot: Snapshot | None = None
     held: Stick | None = None
+    push: Force | None = None
     is_live: bool = False
 
 
@@ -87,13 +95,18 @@ class Cockpit:
     """
 
     def __init__(self, link: Link) -> None:
-        self.page = PageState(link, Widgets(), Layout())
+        sight = Sight(lambda: link.snapshot)
+        self.page = PageState(link, Widgets(), Layout(), sight)
+        self.scene = Scene()
         self.times = Times()
         self._panels: dict[str, PagePanel] = {
             'robot': Robot(),
             'drive': Drive(),
             'keys': Keys(),
             'plots': Plots(),
+            'eyes': Eyes(),
+            'map': Map(),
+            'view': View(self.scene),
         }
         self._is_ghost = True
 
@@ -102,7 +115,7 @@ class Cockpit:
         """The function of each panel, in the order of drawing."""
         draw: dict[str, Callable[[], None]] = {'windows': self._draw_windows}
         draw |= {name: functools.partial(self._draw_panel, name) for name in self._panels}
-        return draw | {'state': self._draw_chip}
+        return draw | {'state': self._draw_chip, 'scene': self._draw_scene}
 
     @property
     def is_typing(self) -> bool:
@@ -113,7 +126,8 @@ class Cockpit:
         """Begin a frame of panels."""
         self.times.began = time.thread_time()
         page = self.page
-        page.viewer, page.input, page.held = viewer, page_input, None
+        page.viewer, page.input = viewer, page_input
+        page.held = page.push = None
         page.snapshot = page.link.snapshot
         size = imgui.GetIO().DisplaySize
         page.layout.resize(size.x, size.y)
@@ -127,7 +141,7 @@ class Cockpit:
         style.pop_theme()
         page = self.page
         page.widgets.end()
-        page.link.hold(page.held)
+        page.link.hold(page.held, page.push)
         self.times.frames += 1
         self.times.total += time.thread_time() - self.times.began
 
@@ -176,6 +190,10 @@ class Cockpit:
             self._panels[name].draw(page, page.snapshot)
         imgui.End()
 
+    def _draw_scene(self) -> None:
+        if self.page.snapshot is not None:
+            self.scene.draw(self.page, self.page.snapshot)
+
     def _draw_chip(self) -> None:
         """Draw what must be seen at all times: state, time, pace; what was refused."""
         page, snapshot = self.page, self.page.snapshot
@@ -185,6 +203,10 @@ class Cockpit:
         imgui.SetNextWindowPos(imgui.Vec2(scene.left + 10.0, scene.top + 10.0))
         imgui.SetNextWindowBgAlpha(0.8)
         imgui.Begin('state', flags=_CHIP)
+        if page.widgets.button('panels', '\uf0c9', (26.0, 0.0)):
+            page.layout.hides = not page.layout.is_hidden
+        imgui.SameLine()
+        imgui.AlignTextToFramePadding()
         is_fallen = snapshot.state == 'fallen'
         state = '  '.join((snapshot.robots[snapshot.robot], snapshot.state))
         page.widgets.words(state, style.ALARM if is_fallen else style.TEXT)

@@ -9,13 +9,15 @@ from wasd_cockpit.widgets import Rect
 # Narrower pages, and such as are taller than wide, have one place for all below the scene
 # [pixels].
 LEAST_WIDTH = 900.0
-LEFT_WIDTH = 268.0
+# Lower ones show the scene alone until panels are asked for [pixels].
+LEAST_HEIGHT = 450.0
+LEFT_WIDTH, RIGHT_WIDTH = 268.0, 330.0
 # Shares of the page's height.
-BOTTOM_SHARE, PHONE_SCENE_SHARE = 0.30, 0.42
+BOTTOM_SHARE, PHONE_SCENE_SHARE, EYES_SHARE = 0.30, 0.42, 0.5
 # Of the left side, for the robot: what its buttons need [pixels], and at most this share.
-ROBOT_HEIGHT, ROBOT_SHARE = 430.0, 0.62
+ROBOT_HEIGHT, ROBOT_SHARE = 420.0, 0.62
 
-PANELS = ('robot', 'drive', 'keys', 'plots')
+PANELS = ('robot', 'drive', 'keys', 'plots', 'eyes', 'map', 'view')
 
 
 class Place(NamedTuple):
@@ -34,14 +36,17 @@ def places(width: float, height: float) -> tuple[Place, ...]:
     """Return the windows of a page of a size [pixels]."""
     if not is_desk(width, height):
         top = round(PHONE_SCENE_SHARE * height)
-        order = ('drive', 'robot', 'plots', 'keys')
+        order = ('drive', 'robot', 'map', 'eyes', 'plots', 'view', 'keys')
         return (Place(Rect(0.0, top, width, height), order),)
+    right = width - RIGHT_WIDTH
     robot = round(min(ROBOT_HEIGHT, ROBOT_SHARE * height))
-    bottom = round((1.0 - BOTTOM_SHARE) * height)
+    bottom, eyes = round((1.0 - BOTTOM_SHARE) * height), round(EYES_SHARE * height)
     return (
         Place(Rect(0.0, 0.0, LEFT_WIDTH, robot), ('robot',)),
         Place(Rect(0.0, robot, LEFT_WIDTH, height), ('drive', 'keys')),
-        Place(Rect(LEFT_WIDTH, bottom, width, height), ('plots',)),
+        Place(Rect(LEFT_WIDTH, bottom, right, height), ('plots',)),
+        Place(Rect(right, 0.0, width, eyes), ('view', 'eyes')),
+        Place(Rect(right, eyes, width, height), ('map',)),
     )
 
 
@@ -50,7 +55,7 @@ def scene_rect(width: float, height: float) -> Rect:
     if not is_desk(width, height):
         return Rect(0.0, 0.0, width, round(PHONE_SCENE_SHARE * height))
     bottom = round((1.0 - BOTTOM_SHARE) * height)
-    return Rect(LEFT_WIDTH, 0.0, width, bottom)
+    return Rect(LEFT_WIDTH, 0.0, width - RIGHT_WIDTH, bottom)
 
 
 class Layout:
@@ -62,7 +67,8 @@ class Layout:
 
     def __init__(self, chosen: Mapping[str, str] | None = None) -> None:
         self.chosen: dict[str, str] = dict(chosen or {})
-        self.is_hidden = False
+        # Whether only the scene is shown; None: as there is room.
+        self.hides: bool | None = None
         self.places: tuple[Place, ...] = ()
         self._size = (0.0, 0.0)
         self._place_of: dict[str, Place] = {}
@@ -74,6 +80,11 @@ class Layout:
         self._size = (width, height)
         self.places = places(width, height)
         self._place_of = {panel: place for place in self.places for panel in place.panels}
+
+    @property
+    def is_hidden(self) -> bool:
+        """Whether only the scene is shown: where that was chosen, or there is no room for more."""
+        return self._size[1] < LEAST_HEIGHT if self.hides is None else self.hides
 
     @property
     def is_desk(self) -> bool:

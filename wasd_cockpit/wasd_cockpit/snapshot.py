@@ -139,7 +139,8 @@ class Snapshot:
 
     `robot` is which of `robots` is driven. `speed` is the factor of real time that is wanted, 0 as
     fast as it goes, `pace` the one that is reached. `history` has a row for each sample of the
-    last SPAN seconds (see `Columns`), `trail` (n, 2) where the robot was [m]; `qpos` is MuJoCo's.
+    last SPAN seconds (see `Columns`), `trail` (n, 2) where the robot was [m]. `body` and `qpos`
+    are MuJoCo's, `mass` is the robot's [kg].
     """
 
     time: float
@@ -161,5 +162,6 @@ class Snapshot:
     trail: np.ndarray
     pose: PlanarPose
     body: int
+    mass: float
     marks: Marks
     qpos: np.ndarray

@@ -20,7 +20,7 @@ LIDAR: Rgb = (70, 200, 210)
 ESTIMATE: Rgb = (165, 125, 230)
 FOOTHOLD: Rgb = (235, 205, 70)
 ALARM: Rgb = (214, 62, 62)
-FEET: tuple[Rgb, ...] = (COMMAND, ODOMETRY, TRUTH, ALARM)
+LINES: tuple[Rgb, ...] = (COMMAND, ODOMETRY, TRUTH, ALARM)
 
 
 def colour(rgb: Rgb, alpha: float = 1.0) -> int:
@@ -68,8 +68,8 @@ _SIZES: dict[str, float | tuple[float, float]] = {
     'WindowBorderSize': 1.0,
     'FrameBorderSize': 0.0,
     'WindowPadding': (10.0, 8.0),
-    'FramePadding': (8.0, 5.0),
-    'ItemSpacing': (6.0, 6.0),
+    'FramePadding': (8.0, 4.0),
+    'ItemSpacing': (6.0, 4.0),
     'DisabledAlpha': 0.45,
 }
 _VALUES = tuple(

@@ -71,6 +71,7 @@ class Widgets:
         size: tuple[float, float] = (0.0, 0.0),
         *,
         fill: style.Rgb | None = None,
+        text: style.Rgb | None = None,
         refusal: str = '',
     ) -> bool:
         """
@@ -81,11 +82,12 @@ class Widgets:
         if fill is not None:
             imgui.PushStyleColor(_BUTTON, style.colour(fill))
             imgui.PushStyleColor(_BUTTON_HOVERED, style.colour(fill, 0.85))
+        if text is not None:
+            imgui.PushStyleColor(_TEXT, style.colour(text))
         imgui.BeginDisabled(bool(refusal))
         pressed = bool(imgui.Button(f'{label}##{name}', imgui.Vec2(*size)))
         imgui.EndDisabled()
-        if fill is not None:
-            imgui.PopStyleColor(2)
+        imgui.PopStyleColor(2 * (fill is not None) + (text is not None))
         self.note(name)
         if refusal and imgui.IsItemHovered(_DISABLED):
             imgui.SetTooltip(refusal)

@@ -191,6 +191,7 @@ class SwingLegs:
 
     def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
         self._foot_radius = model.geometry.foot_radius
+        self.aims: np.ndarray | None = None  # where feet were to land in the last step, (4, 3) [m]
         self._landing = _LANDING[0] * model.scale.of('m'), _LANDING[1] * model.scale.of('m')
         self.nominal = model.geometry.hip.copy()
         self.nominal[:, 1] += model.geometry.offset
@@ -239,6 +240,7 @@ class SwingLegs:
     ) -> SwingTargets:
         """Targets of this tick."""
         landing = self.landing(state.base, schedule, reference, ground, tread.firmness)
+        self.aims = landing
         feet = FootMotion(state.feet, foot_velocities(state))
         targets = _swing_targets(
             plain(FootPaths(self._lift_off, landing, *tread)),

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 # Snapshots are made, and a held stick is sent, so often [s of wall time].
 PERIOD = 1.0 / 30.0
+# A push is renewed with each snapshot; it lasts so long at real time [s of simulated time].
+PUSH_TIME = 1.5 * PERIOD
 # A key that was pressed is lit for so long [s of wall time].
 LIT_TIME = 0.25
 # Places of the trail: one every so many samples, and how many.
@@ -48,6 +50,7 @@ class Watched:
         self.trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_LENGTH)
         model = robot.world.model
         limits = model.actuator_forcerange[robot.world.parts.motors, 1]
+        self.mass = float(model.body_subtreemass[robot.world.root])
         self._limits = np.where(limits > 0.0, limits, 1.0).copy()
         self._samples = 0
 
@@ -83,6 +86,7 @@ class CockpitBridge:
         self._session = session
         self._link = Link()
         self.content = Cockpit(self._link)
+        self.content.page.sight.open(session.world)
         self._watched = [Watched(robot) for robot in session.robots]
         self._next = 0.0
         self._pressed: dict[str, float] = {}
@@ -110,6 +114,10 @@ class CockpitBridge:
         for watched in self._watched:
             watched.forget()
 
+    def close(self) -> None:
+        """Look no more."""
+        self.content.page.sight.close()
+
     def step(self, now: float) -> None:
         """Do what was ordered, and tell the page of a wall time [s]."""
         self._now = now
@@ -121,6 +129,7 @@ class CockpitBridge:
             return
         self._next = now + PERIOD
         self._follow_stick()
+        self._push()
         self._link.snapshot = self._snapshot(now)
 
     def _obey(self, order: Order) -> None:
@@ -166,6 +175,14 @@ class CockpitBridge:
         if stick is not None:
             self._driven = self._session.active
             self._move(self._driven, stick)
+
+    def _push(self) -> None:
+        """Push as the hand does on the page: until the next look, and a little longer."""
+        force = self._link.force
+        simulation = self._session.simulation
+        if force is not None and not simulation.paused:
+            pace = max(simulation.pacer.real_time_factor, 0.05)
+            self._session.world.push(force, PUSH_TIME * min(pace, 1.0))
 
     def _let_go(self) -> None:
         if self._driven is not None:
@@ -213,6 +230,7 @@ class CockpitBridge:
             trail=np.array(watched.trail).reshape(-1, 2),
             pose=PlanarPose(x, y, float(base.rpy[2])),
             body=world.root,
+            mass=watched.mass,
             marks=described.marks(base.position, matrix_from_quaternion(base.orientation)),
             qpos=world.data.qpos.copy(),
         )

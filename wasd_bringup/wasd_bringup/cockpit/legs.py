@@ -7,9 +7,11 @@ from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateName
 from quadruped_sim.keys import STEP
 from quadruped_sim.keys import STICK_KEYS
+from quadruped_sim.keys import StickValues
 from quadruped_sim.keys import ZERO_KEYS
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.presets import GAITS
+from quadruped_sim.robot_model import RobotState
 from teleop_keyboard.key_names import on_layout
 from wasd_cockpit.snapshot import Choice
 from wasd_cockpit.snapshot import KeyCap
@@ -105,9 +107,9 @@ class Legs(Described):
         """Return the keys that bring the sticks there, None where velocities drive."""
         if self._drives_by_velocity or self._stack.logic is not None:
             return None
-        if stick == Stick():
-            return (ZERO_KEYS[0],)
         now = self._controller.sticks.values
+        if stick == Stick():
+            return () if now == StickValues() else (ZERO_KEYS[0],)
         wanted = {'ly': stick.forward, 'lx': -stick.left, 'rx': -stick.turn}
         keys: list[str] = []
         for key, (axis, direction) in STICK_KEYS.items():
@@ -150,11 +152,23 @@ class Legs(Described):
             measured=_three(motion.odometry),
             estimate=odometry.position + start,
             estimated_rotation=matrix_from_quaternion(odometry.orientation),
+            footholds=self._footholds(robot, place, rotation),
             feet=feet,
             forces=robot.forces @ rotation.T * robot.is_contact[:, None],
             size=0.4 * size,
             height=float(feet[:, 2].min()) - controller.model.geometry.foot_radius,
         )
+
+    def _footholds(
+        self, robot: RobotState, place: np.ndarray, rotation: np.ndarray
+    ) -> np.ndarray | None:
+        """Return where the feet that swing are to land, beside a robot that is there."""
+        locomotion = self._controller.locomotion
+        if not locomotion.gait.is_stepping or locomotion.swing_legs.aims is None:
+            return None
+        aims = locomotion.swing_legs.aims[~locomotion.is_stance]
+        # They are where the controller believes the ground to be; its error is the same as ours.
+        return np.asarray((aims - robot.base.position) @ robot.base.R @ rotation.T + place)
 
     @property
     def _drives_by_velocity(self) -> bool:

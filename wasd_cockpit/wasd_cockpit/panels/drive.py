@@ -20,7 +20,7 @@ DEAD_ZONE = 0.08
 _LARGEST_PAD, _SMALLEST_PAD = 250.0, 90.0
 _KNOB, _BAR = 16.0, 26.0
 # What is below the pad [pixels].
-_BELOW = 132.0
+_BELOW = 112.0
 
 
 def deflection(x: float, y: float) -> tuple[float, float]:
@@ -66,8 +66,6 @@ class Drive:
             imgui.SameLine()
             if page.widgets.toggle('turn', 'left is turn', turns, (width, 0.0)):
                 self.turns_sideways = True
-        if any(use.full):
-            page.widgets.words(use.words, style.DIM, wrapped=True)
         if self._is_held:
             page.held = scaled
 

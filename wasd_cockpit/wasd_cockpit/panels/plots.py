@@ -22,10 +22,8 @@ PAGES = ('velocity', 'torque', 'feet', 'pace')
 MOST_POINTS = 125
 _FLAGS = sum(
     int(getattr(implot.Flags, name).value)
-    for name in ('NoMenus', 'NoBoxSelect', 'NoMouseText', 'NoTitle', 'NoInputs')
+    for name in ('NoMenus', 'NoBoxSelect', 'NoMouseText', 'NoTitle', 'NoInputs', 'NoLegend')
 )
-_HORIZONTAL = int(implot.LegendFlags.Horizontal.value)
-_TOP = int(implot.Location.NorthWest.value)
 _X, _Y = int(implot.Axis.X1.value), int(implot.Axis.Y1.value)
 _ALWAYS, _ONCE = int(implot.Cond.Always.value), int(implot.Cond.Once.value)
 _NO_LABELS = int(implot.AxisFlags.NoTickLabels.value)
@@ -67,6 +65,7 @@ class Plots:
             imgui.SameLine(0.0, 16.0 if index == 0 else 4.0)
             if page.widgets.toggle(f'plot {name}', name, name == self.page, (0.0, 26.0)):
                 self.page = name
+        self._draw_legend(page, snapshot)
         history = snapshot.history
         if len(history) < 2:
             page.widgets.words('nothing yet', style.DIM)
@@ -85,6 +84,20 @@ class Plots:
         implot.PopStyleVar(1)
         implot.PopStyleColor(len(_BACKGROUND))
 
+    def _draw_legend(self, page: 'PageState', snapshot: Snapshot) -> None:
+        """Say which colour is what, beside the pages' names."""
+        words: tuple[str, ...] = snapshot.columns.feet
+        if self.page == 'velocity':
+            words = ('command', 'odometry', 'truth')
+        elif self.page == 'pace':
+            words = ()
+        elif not words:
+            words = snapshot.columns.motors
+        for index, (word, rgb) in enumerate(zip(words, style.LINES, strict=False)):
+            imgui.SameLine(0.0, 24.0 if index == 0 else 10.0)
+            imgui.AlignTextToFramePadding()
+            page.widgets.words(word.removesuffix('_joint'), rgb)
+
     def _draw_velocity(
         self, page: 'PageState', snapshot: Snapshot, width: float, height: float
     ) -> None:
@@ -102,7 +115,7 @@ class Plots:
             most = 1.15 * max(float(np.abs(line).max()) for line in lines.values())
             most = max(most, _LEAST_RANGE[part])
             size = ((width - 8.0) / 3.0, height)
-            _plot(name, size, rows[:, 0], lines, (-most, most), has_legend=part == 0)
+            _plot(name, size, rows[:, 0], lines, (-most, most))
             page.widgets.note(f'plot of {name}')
 
     def _draw_torque(
@@ -118,9 +131,9 @@ class Plots:
             motors = range(group, count, groups)
             lines = {columns.motors[motor]: rows[:, columns.torques + motor] for motor in motors}
             size = ((width - 4.0 * (groups - 1)) / groups, height)
-            words = 'torque, share of limit' if group == 0 else f'torque {group + 1}'
-            short = {name.removesuffix('_joint'): line for name, line in lines.items()}
-            _plot(words, size, rows[:, 0], short, (-1.05, 1.05), has_legend=True)
+            joint = columns.motors[group].removesuffix('_joint').rpartition('_')[2]
+            words = f'{joint} torque / limit' if columns.feet else 'torque / limit'
+            _plot(words, size, rows[:, 0], lines, (-1.05, 1.05))
             page.widgets.note(f'plot of torque {group}')
 
     def _draw_feet(
@@ -134,7 +147,7 @@ class Plots:
         lines = {foot: rows[:, columns.FORCES + index] for index, foot in enumerate(columns.feet)}
         most = max(60.0, 1.1 * max(float(line.max()) for line in lines.values()))
         size = (0.5 * width - 4.0, height)
-        _plot('force on the feet N', size, rows[:, 0], lines, (0.0, most), has_legend=True)
+        _plot('force on the feet N', size, rows[:, 0], lines, (0.0, most))
         page.widgets.note('plot of forces')
         imgui.SameLine(0.0, 8.0)
         imgui.InvisibleButton('gait', imgui.Vec2(0.5 * width - 4.0, height))
@@ -159,7 +172,7 @@ class Plots:
             half = min(_BAR_HEIGHT, 0.7 * step) / 2.0
             place = imgui.Vec2(rect.left + 6.0, middle - 8.0)
             drawing.AddText(place, style.colour(style.DIM), foot)
-            fill = style.colour(style.FEET[index % len(style.FEET)])
+            fill = style.colour(style.LINES[index % len(style.LINES)])
             for since, until in runs(recent[:, 0], recent[:, columns.stances + index]):
                 drawing.AddRectFilled(
                     imgui.Vec2(left + scale * (since - begin), middle - half),
@@ -180,7 +193,7 @@ class Plots:
                 imgui.SameLine(0.0, 4.0)
             line = rows[:, first]
             most = max(least, 1.1 * float(line.max()))
-            _plot(name, size, rows[:, 0], {name: line}, (0.0, most), has_legend=False)
+            _plot(name, size, rows[:, 0], {name: line}, (0.0, most))
             page.widgets.note(f'plot of {name}')
 
 
@@ -190,8 +203,6 @@ def _plot(
     times: np.ndarray,
     lines: dict[str, np.ndarray],
     limits: Sequence[float],
-    *,
-    has_legend: bool,
 ) -> None:
     """Draw lines over the last SPAN seconds."""
     if not implot.BeginPlot(f'##{name}', imgui.Vec2(*size), _FLAGS):
@@ -201,8 +212,7 @@ def _plot(
     end = float(times[-1])
     implot.SetupAxisLimits(_X, -SPAN, 0.0, _ALWAYS)
     implot.SetupAxisLimits(_Y, limits[0], limits[1], _ALWAYS)
-    implot.SetupLegend(_TOP, _HORIZONTAL)
     ago = (times - end).tolist()
     for label, line in lines.items():
-        implot.PlotLine(label if has_legend else f'##{label}', ago, line.tolist())
+        implot.PlotLine(f'##{label}', ago, line.tolist())
     implot.EndPlot()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from wasd_cockpit.cockpit import PageState
 
 _ENTER = int(imgui.InputTextFlags.EnterReturnsTrue.value)
-_HEIGHT = 28.0
+_HEIGHT = 24.0
 # Icons of the font that Studio has.
 _STOP, _PAUSE, _RUN, _STEP, _RESET = '\uf05e', '\uf04c', '\uf04b', '\uf051', '\uf0e2'
 
@@ -41,7 +41,7 @@ class Robot:
     def _draw_stop(self, page: 'PageState', snapshot: Snapshot) -> None:
         widgets, order = page.widgets, page.link.order
         width = imgui.GetContentRegionAvail().x
-        if widgets.button('e-stop', f'{_STOP}  E-STOP', (width, 34.0), fill=style.ALARM):
+        if widgets.button('e-stop', f'{_STOP}  E-STOP', (width, 30.0), fill=style.ALARM):
             order(Order('e-stop'))
         third = columns(3)
         is_paused = snapshot.is_paused
@@ -96,11 +96,13 @@ class Robot:
                 page.link.order(Order('choose', f'{setting.name}={option}'))
 
     def _draw_speed(self, page: 'PageState', snapshot: Snapshot) -> None:
-        page.widgets.heading('SPEED OF TIME (0: AS FAST AS IT GOES)')
+        page.widgets.heading('SPEED OF TIME')
         width = columns(2)
         imgui.SetNextItemWidth(width)
         changed, speed = imgui.InputFloat('##speed', snapshot.speed, 0.1, 0.5, 'x %.2f', _ENTER)
         page.widgets.note_field('speed')
+        if imgui.IsItemHovered():
+            imgui.SetTooltip('0 is as fast as it goes')
         if changed:
             page.link.order(Order('speed', value=speed))
         imgui.SameLine()

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The panel View: from where the scene is seen, what is drawn in it, pushing by hand."""
+
+from typing import TYPE_CHECKING
+
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+
+from wasd_cockpit import style
+from wasd_cockpit.scene import CAMERAS
+from wasd_cockpit.scene import OVERLAYS
+from wasd_cockpit.scene import Scene
+from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.widgets import columns
+
+if TYPE_CHECKING:
+    from wasd_cockpit.cockpit import PageState
+
+_HEIGHT = 28.0
+_ABOUT = 15.0  # [degrees]
+
+
+class View:
+    """Chooses for the scene."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+
+    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+        """Draw it in the window that is open."""
+        widgets, scene = page.widgets, self._scene
+        widgets.heading('CAMERA')
+        width = columns(len(CAMERAS))
+        for index, name in enumerate(CAMERAS):
+            if index:
+                imgui.SameLine()
+            if widgets.toggle(f'camera {name}', name, name == scene.camera, (width, _HEIGHT)):
+                scene.camera = name
+        quarter = columns(3)
+        if widgets.button('camera back', '\uf0e2  back', (quarter, _HEIGHT)):
+            scene.go_back()
+        for name, label, about in (('left', '\uf060', -_ABOUT), ('right', '\uf061', _ABOUT)):
+            imgui.SameLine()
+            if widgets.button(f'about {name}', f'{label}  {name}', (quarter, _HEIGHT)):
+                scene.go_about(page.viewer, about)
+        widgets.heading('SHOW')
+        width = columns(2)
+        for index, (name, rgb) in enumerate(OVERLAYS.items()):
+            if index % 2:
+                imgui.SameLine()
+            # Lit in the colour that it has in the scene, on which dark words are read best.
+            fill, text = (rgb, style.BACKGROUND) if name in scene.shown else (None, None)
+            if widgets.button(f'show {name}', name, (width, _HEIGHT), fill=fill, text=text):
+                scene.shown ^= {name}
+        widgets.heading('PUSH')
+        label = 'drag the robot in the scene' if scene.pushes else 'push by dragging'
+        if widgets.toggle('push', label, scene.pushes, (columns(1), _HEIGHT)):
+            scene.pushes = not scene.pushes
+        if scene.force:
+            widgets.words(f'{scene.force:.0f} N', style.ODOMETRY)

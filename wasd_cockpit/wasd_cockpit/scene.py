@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the cockpit adds to the scene: marks beside the robot, the camera, a hand that pushes."""
+
+from collections.abc import Iterator
+import math
+from typing import Any, TYPE_CHECKING
+
+import mujoco
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+import numpy as np
+from wasd_core.rotations import rpy_from_matrix
+
+from wasd_cockpit import style
+from wasd_cockpit.snapshot import Marks
+from wasd_cockpit.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from wasd_cockpit.cockpit import PageState
+
+CAMERAS = ('follow', 'free', 'first person')
+OVERLAYS = {
+    'motion': style.COMMAND,
+    'forces': style.TRUTH,
+    'footholds': style.FOOTHOLD,
+    'estimate': style.ESTIMATE,
+    'trail': style.ODOMETRY,
+    'lidar': style.LIDAR,
+}
+# A hand: force [N/kg] per metre that it is ahead, and at most [N/kg], a little more than gravity.
+STIFFNESS, STRONGEST = 17.0, 10.0
+# More marks than these cost more than they show: each is 256 bytes a picture.
+MOST_DOTS, MOST_TRAIL = 60, 40
+_SPHERE, _ARROW = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_ARROW)
+_CAPSULE, _BOX = int(mujoco.mjtGeom.mjGEOM_CAPSULE), int(mujoco.mjtGeom.mjGEOM_BOX)
+_TRACKING, _FREE = mujoco.mjtCamera.mjCAMERA_TRACKING, mujoco.mjtCamera.mjCAMERA_FREE
+_HAND_FLAGS = sum(
+    int(getattr(imgui.WindowFlags, name).value)
+    for name in (
+        'NoDecoration',
+        'NoBackground',
+        'NoMove',
+        'NoSavedSettings',
+        'NoBringToFrontOnFocus',
+        'NoNav',
+    )
+)
+
+
+class Pool:
+    """Geoms that are made once and moved: to make one takes as long as to move three."""
+
+    def __init__(self) -> None:
+        self._geoms: list[Any] = []
+        self._count = 0
+
+    def begin(self) -> None:
+        """Use the geoms anew."""
+        self._count = 0
+
+    def geoms(self) -> list[Any]:
+        """Return those that were used."""
+        return self._geoms[: self._count]
+
+    def dot(self, place: np.ndarray, radius: float, rgb: style.Rgb, alpha: float = 1.0) -> None:
+        """Put a sphere somewhere."""
+        geom = self._next(_SPHERE, rgb, alpha)
+        geom.pos[:] = place
+        geom.size[:] = radius
+
+    def box(
+        self, place: np.ndarray, rotation: np.ndarray, half: np.ndarray, rgb: style.Rgb
+    ) -> None:
+        """Put a box somewhere, half seen."""
+        geom = self._next(_BOX, rgb, 0.4)
+        geom.pos[:] = place
+        geom.mat[:] = rotation
+        geom.size[:] = half
+
+    def link(
+        self, kind: int, width: float, start: np.ndarray, end: np.ndarray, rgb: style.Rgb
+    ) -> None:
+        """Put an arrow or a capsule from a point to another."""
+        geom = self._next(kind, rgb, 1.0)
+        mujoco.mjv_connector(geom, kind, width, start, end)
+
+    def _next(self, kind: int, rgb: style.Rgb, alpha: float) -> Any:
+        if self._count == len(self._geoms):
+            geom = mujoco.MjvGeom()
+            eye = np.eye(3).flatten()
+            colour = np.ones(4, dtype=np.float32)
+            mujoco.mjv_initGeom(geom, _SPHERE, np.zeros(3), np.zeros(3), eye, colour)
+            self._geoms.append(geom)
+        geom = self._geoms[self._count]
+        self._count += 1
+        geom.type = kind
+        geom.rgba[:] = style.rgba(rgb, alpha)
+        return geom
+
+
+class Scene:
+    """Applies in each frame what is chosen for the scene."""
+
+    def __init__(self) -> None:
+        self.camera = CAMERAS[0]
+        self.shown: set[str] = {'motion', 'forces', 'footholds'}
+        self.pushes = False
+        self.force = 0.0  # of the hand [N]
+        self._pool = Pool()
+        self._home: tuple[float, float, float] | None = None
+        self._grabbed: tuple[np.ndarray, tuple[float, float]] | None = None
+        self._in_force = ''
+
+    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+        """Draw what is chosen."""
+        self._pool.begin()
+        draw_marks(self._pool, self.shown, snapshot, page)
+        self._aim(page, snapshot)
+        self._hold(page, snapshot)
+        page.viewer.extra_geoms[:] = self._pool.geoms()
+
+    def go_back(self) -> None:
+        """See the robot as in the beginning."""
+        self.camera, self._in_force = CAMERAS[0], 'back'
+
+    def go_about(self, viewer: Any, angle: float) -> None:
+        """See it from another side, by an angle [degrees]."""
+        viewer.camera.azimuth = (viewer.camera.azimuth + angle + 180.0) % 360.0 - 180.0
+
+    def _aim(self, page: 'PageState', snapshot: Snapshot) -> None:
+        camera = page.viewer.camera
+        if self._home is None:
+            self._home = camera.distance, camera.azimuth, camera.elevation
+        if self.camera != self._in_force:
+            was_inside = self._in_force == 'first person'
+            if was_inside or self._in_force == 'back':
+                camera.distance, camera.azimuth, camera.elevation = self._home
+            self._in_force = self.camera
+        if self.camera == 'follow' and page.layout.is_desk:
+            camera.type = _TRACKING
+            return
+        camera.type = _FREE
+        if self.camera == 'follow':
+            # Below the scene are panels: what is looked at is to be in what is left.
+            camera.lookat[:] = snapshot.marks.place - self._lift(page, camera)
+        elif self.camera == 'first person':
+            self._look_ahead(camera, snapshot.marks)
+
+    def _lift(self, page: 'PageState', camera: Any) -> np.ndarray:
+        """Return how far above the page's middle that of the scene is, at the robot [m]."""
+        rect, height = page.layout.scene, imgui.GetIO().DisplaySize.y
+        share = 0.5 - 0.5 * (rect.top + rect.bottom) / height
+        _, up = axes_of(camera)
+        return np.asarray(share * height * metres_per_pixel(page.viewer, height) * up)
+
+    def _look_ahead(self, camera: Any, marks: Marks) -> None:
+        ahead = marks.rotation[:, 0]
+        eye = marks.place + marks.size * ahead + 0.2 * marks.size * marks.rotation[:, 2]
+        _, pitch, yaw = rpy_from_matrix(marks.rotation).tolist()
+        camera.distance = 0.05
+        camera.lookat[:] = eye + 0.05 * ahead
+        camera.azimuth, camera.elevation = math.degrees(yaw), -math.degrees(pitch)
+
+    def _hold(self, page: 'PageState', snapshot: Snapshot) -> None:
+        """Pull the robot where the pointer drags it."""
+        self.force = 0.0
+        page.push = None
+        if not self.pushes:
+            self._grabbed = None
+            return
+        # What the pointer does there is for the hand, and not for the camera.
+        rect = page.layout.scene
+        top = rect.top + 60.0
+        imgui.SetNextWindowPos(imgui.Vec2(rect.left, top))
+        imgui.SetNextWindowSize(imgui.Vec2(rect.width, rect.bottom - top))
+        imgui.Begin('hand', flags=_HAND_FLAGS)
+        imgui.SetCursorPos(imgui.Vec2(0.0, 0.0))
+        imgui.InvisibleButton('hand', imgui.Vec2(rect.width, rect.bottom - top))
+        page.widgets.note('hand')
+        is_held = bool(imgui.IsItemActive()) and page.is_live
+        imgui.End()
+        if not is_held:
+            self._grabbed = None
+            return
+        mouse, place = imgui.GetMousePos(), snapshot.marks.place
+        if self._grabbed is None:
+            self._grabbed = place.copy(), (mouse.x, mouse.y)
+        start, (x, y) = self._grabbed
+        force = pull(page.viewer, (mouse.x - x, mouse.y - y), place - start, snapshot.mass)
+        self.force = float(np.linalg.norm(force))
+        page.push = (float(force[0]), float(force[1]), float(force[2]))
+        end = place + force / (STIFFNESS * snapshot.mass)
+        self._pool.link(_ARROW, 0.03 * snapshot.marks.size, place, end, style.ODOMETRY)
+
+
+def axes_of(camera: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return the directions in the world of right and up on the page, (3,) each."""
+    azimuth, elevation = math.radians(camera.azimuth), math.radians(camera.elevation)
+    right = np.array([math.sin(azimuth), -math.cos(azimuth), 0.0])
+    sin, cos = math.sin(elevation), math.cos(elevation)
+    up = np.array([-sin * math.cos(azimuth), -sin * math.sin(azimuth), cos])
+    return right, up
+
+
+def metres_per_pixel(viewer: Any, height: float) -> float:
+    """Return how long a pixel is where the camera looks at, on a page of so many."""
+    half = math.radians(0.5 * float(viewer.model.vis.global_.fovy))
+    return 2.0 * float(viewer.camera.distance) * math.tan(half) / max(height, 1.0)
+
+
+def pull(viewer: Any, moved: tuple[float, float], followed: np.ndarray, mass: float) -> np.ndarray:
+    """
+    Return the force [N] of a hand that has moved so many pixels to the right and down.
+
+    The robot has `followed` it so far [m].
+    """
+    right, up = axes_of(viewer.camera)
+    scale = metres_per_pixel(viewer, imgui.GetIO().DisplaySize.y)
+    ahead = scale * (moved[0] * right - moved[1] * up) - followed
+    force = STIFFNESS * mass * ahead
+    strength, most = float(np.linalg.norm(force)), STRONGEST * mass
+    return np.asarray(force * (most / strength) if strength > most else force)
+
+
+def draw_marks(pool: Pool, shown: set[str], snapshot: Snapshot, page: 'PageState') -> None:
+    """Put what is shown beside the robot into a pool."""
+    marks = snapshot.marks
+    if 'motion' in shown:
+        _draw_motion(pool, marks)
+    if 'forces' in shown and marks.feet is not None and marks.forces is not None:
+        weight = 9.0 * snapshot.mass
+        for foot, force in zip(marks.feet, marks.forces, strict=True):
+            if force[2] > 0.03 * weight:
+                end = foot + force * (1.2 * marks.size / weight)
+                pool.link(_ARROW, 0.025 * marks.size, foot, end, style.TRUTH)
+    if 'footholds' in shown and marks.footholds is not None:
+        for place in marks.footholds:
+            pool.dot(place, 0.05 * marks.size, style.FOOTHOLD)
+    if 'estimate' in shown and marks.estimate is not None:
+        rotation = marks.rotation if marks.estimated_rotation is None else marks.estimated_rotation
+        pool.box(marks.estimate, rotation, marks.size * np.array([0.5, 0.2, 0.12]), style.ESTIMATE)
+    if 'trail' in shown:
+        for start, end in _pieces(snapshot.trail):
+            ends = (np.array([*start, marks.height + 0.01]), np.array([*end, marks.height + 0.01]))
+            pool.link(_CAPSULE, 0.015 * marks.size, *ends, style.ODOMETRY)
+    if 'lidar' in shown:
+        page.sight.want('ranges')
+        seen = page.sight.seen
+        every = max(1, -(-len(seen.points) // MOST_DOTS))
+        for x, y in seen.points[::every].tolist():
+            pool.dot(np.array([x, y, seen.height]), 0.02, style.LIDAR)
+
+
+def _draw_motion(pool: Pool, marks: Marks) -> None:
+    """Put arrows above the robot: where it is to go, and where it believes to be going."""
+    yaw = float(rpy_from_matrix(marks.rotation)[2])
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    above = marks.place + (0.0, 0.0, 0.6 * marks.size)
+    for height, (forward, left, _), rgb in (
+        (0.0, marks.command, style.COMMAND),
+        (0.12 * marks.size, marks.measured, style.ODOMETRY),
+    ):
+        if math.hypot(forward, left) < 0.02:
+            continue
+        way = np.array([cos * forward - sin * left, sin * forward + cos * left, 0.0])
+        start = above + (0.0, 0.0, height)
+        pool.link(_ARROW, 0.04 * marks.size, start, start + 1.2 * marks.size * way, rgb)
+
+
+def _pieces(trail: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield the pieces of the last part of a trail that are longer than nothing."""
+    every = max(1, -(-len(trail) // MOST_TRAIL))
+    places = trail[::-1][::every]
+    for start, end in zip(places[:-1], places[1:], strict=True):
+        if np.abs(end - start).max() > 0.01:
+            yield start, end
