@@ -9,7 +9,9 @@ import fcntl
 import os
 from pathlib import Path
 import re
+import select
 import stat
+import time
 from typing import NamedTuple
 
 from wasd_core.errors import one_line
@@ -24,6 +26,7 @@ from teleop_keyboard.pad_keys import USUAL_CONTROLS
 FOLDER = Path('/dev/input')
 # Where there is no pad one is looked for so often [s].
 LOOK_PERIOD = 0.25
+SHORTEST_WAIT = 0.001
 # Read at most at a time [bytes]: what writes without end must not be read without end.
 AT_ONCE = 4096
 # Of linux/joystick.h, _IOR('j', number, size): how many axes and buttons, what each is, the name.
@@ -54,7 +57,7 @@ class Told(NamedTuple):
 
 class Gamepad:
     """
-    The pad at a path, or the first there is; `step` looks at it and never waits.
+    The pad at a path, or the first there is; `step` looks at it and never waits, `wait` does.
 
     A pad is there from its first event to the error or the end that reading it brings: it was
     unplugged, it went to sleep, the writer of a pipe has gone. While it is there its state is
@@ -85,6 +88,17 @@ class Gamepad:
         """Whether there is a pad that has said something."""
         return self._has_spoken
 
+    def wait(self) -> None:
+        """Wait until there is something to see, or something else is due; in any thread."""
+        descriptor = self._descriptor
+        if descriptor is None:
+            time.sleep(max(LOOK_PERIOD - self._since_look, SHORTEST_WAIT))
+            return
+        period = 1.0 / self.rate if self._has_spoken and self.rate > 0.0 else LOOK_PERIOD
+        with contextlib.suppress(OSError, ValueError):  # closed meanwhile
+            left = max(period - self._since_told, SHORTEST_WAIT)
+            select.select([descriptor], [], [], left)
+
     def step(self, dt: float) -> Told:
         """Let `dt` [s] pass, and look."""
         if self._descriptor is None:
@@ -107,7 +121,7 @@ class Gamepad:
         is_due = self.rate > 0.0 and self._since_told >= 1.0 / self.rate
         if self._has_spoken and not states and is_due:
             states = [self.pad.state]
-        if states:
+        if states or not self._has_spoken:
             self._since_told = 0.0
         return Told(tuple(states))
 

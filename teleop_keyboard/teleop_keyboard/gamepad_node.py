@@ -3,11 +3,10 @@
 
 from collections.abc import Callable, Sequence
 import sys
+import threading
 import time
 from typing import NamedTuple
 
-from rclpy.clock import Clock
-from rclpy.clock import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Joy
@@ -35,8 +34,8 @@ from teleop_keyboard.pad_parameters import PadParameters
 from teleop_keyboard.twist_messages import declare_stamped
 from teleop_keyboard.twist_messages import TwistOutput
 
-# How often the pad is looked at [s of wall time]: so late a release is noticed.
-LOOK_PERIOD = 0.01
+# The thread that waits for the pad goes on when nobody has looked for so long [s].
+PATIENCE = 0.5
 # The zero that ends it all may take this long to leave [s].
 LAST_WORDS_TIMEOUT = 0.25
 FRAME_ID = 'base_footprint'
@@ -55,8 +54,9 @@ class GamepadNode(Node):
     Publishes a pad as `joy`, and what `joy` means as `cmd_vel` and `keys`.
 
     Messages on `joy` from other processes mean the same: the pad may be on another machine. Alone
-    it looks at the pad by a timer of wall time. With an `output` somebody else calls `look` and
-    takes velocities and keys; nothing but `joy` is published. `pad` replaces the defaults.
+    it looks when a thread, which does nothing else, sees that the pad has something to say. With
+    an `output` somebody else calls `look` and takes velocities and keys; nothing but `joy` is
+    published. `pad` replaces the defaults.
 
     Raises:
         InvalidParameter: a parameter has a value that it cannot have.
@@ -83,11 +83,13 @@ class GamepadNode(Node):
         self.joy = LoopbackSubscription(
             self, Joy, 'joy', self._on_joy, is_stale=self._absence.is_stale
         )
-        self._twists: TwistOutput | None = None
-        self._output = self._publish_all() if output is None else output
         self._is_known = False
         self._problem = ''
         self._looked_at = time.monotonic()
+        self._has_looked, self._is_closed = threading.Event(), False
+        self._watcher: threading.Thread | None = None
+        self._twists: TwistOutput | None = None
+        self._output = self._publish_all() if output is None else output
 
     @property
     def is_enabled(self) -> bool:
@@ -126,23 +128,41 @@ class GamepadNode(Node):
 
     def close(self) -> None:
         """Leave the robot stopped, if it was us who drove it."""
+        self._is_closed = True
         self._stop()
+        if self._watcher is not None:
+            self._has_looked.set()
+            self._watcher.join(PATIENCE)
         if self._twists is not None:
             self._twists.wait_for_all_acked(LAST_WORDS_TIMEOUT)
         self.gamepad.close()
 
     def _publish_all(self) -> PadOutput:
-        """Make our own publishers, and the timer by which we look."""
+        """Make our own publishers, and the thread that calls us."""
         twists = TwistOutput(self, 'cmd_vel', declare_stamped(self), lambda: FRAME_ID)
         keys = self.create_publisher(String, 'keys', EVENTS)
         self._twists = twists
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(LOOK_PERIOD, self.look, clock=clock)
+        self._call = self.create_guard_condition(self._look_when_called)
+        self._watcher = threading.Thread(target=self._watch, daemon=True)
+        self._watcher.start()
         return PadOutput(
             lambda velocity: twists.publish(to_full_twist(velocity)),
             lambda key: keys.publish(String(data=key)),
             lambda words: self.get_logger().info(words),
         )
+
+    def _watch(self) -> None:
+        """Call for a look whenever there is something to see."""
+        while not self._is_closed:
+            self.gamepad.wait()
+            self._has_looked.clear()
+            self._call.trigger()
+            self._has_looked.wait(PATIENCE)
+
+    def _look_when_called(self) -> None:
+        if not self._is_closed:
+            self.look()
+        self._has_looked.set()
 
     def _on_joy(self, message: Joy) -> None:
         state = from_joy(message)

@@ -89,6 +89,22 @@ def test_a_state_that_stays_is_told_twenty_times_a_second(gamepad, pipe):
     assert 19 <= sum(told) <= 20
 
 
+def test_who_waits_is_woken_by_the_pad_and_by_what_is_due(gamepad, pipe):
+    gamepad.step(STEP)
+    pipe.plug()
+    gamepad.wait()
+    assert gamepad.step(0.0).states
+    gamepad.wait()  # nothing comes: the state is to be told again
+    assert gamepad.step(1.0 / gamepad.rate).states
+    gamepad.rate = 0.0
+    pipe.press(0)
+    gamepad.wait()
+    assert gamepad.step(0.0).states[-1].buttons[0] == 1
+    pipe.unplug()
+    gamepad.wait()
+    assert gamepad.step(0.0).is_lost
+
+
 def test_js2_comes_before_js10_and_other_files_are_no_pads(tmp_path):
     for name in ('js10', 'js2', 'event0', 'mouse1', 'jsx'):
         (tmp_path / name).touch()
