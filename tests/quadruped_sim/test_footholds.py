@@ -4,6 +4,7 @@ import pytest
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
+from quadruped_sim.locomotion.swing import keep_apart
 from quadruped_sim.locomotion.swing import SwingLegs
 from quadruped_sim.parameters import FootholdParameters
 from quadruped_sim.parameters import GroundParameters
@@ -78,3 +79,14 @@ def test_in_a_curve_they_land_where_the_way_leads_and_farther_out(land):
     out = height / 9.81 * speed * rate
     wanted = np.array((np.sin(turned), -np.cos(turned))) * (radius + out) + (0.0, radius)
     np.testing.assert_allclose(feet[:2], wanted, atol=2e-4)
+
+
+@pytest.mark.parametrize('yaw', [0.0, 2.0])
+def test_a_foot_does_not_land_across_the_one_that_stands_beside_it(yaw):
+    turn = yaw_matrix(yaw)
+    feet = np.array(((0.2, 0.0, 0), (0.2, -0.1, 0), (-0.2, 0.1, 0), (-0.2, -0.1, 0))) @ turn.T
+    wanted = feet + turn @ (0.0, 0.15, 0.0)
+    landing = wanted.copy()
+    keep_apart(landing, feet, np.array((True, False, False, True)), yaw, 0.08)
+    np.testing.assert_allclose((landing[1] - feet[0]) @ turn[:, 1], -0.08, atol=1e-12)
+    np.testing.assert_array_equal(landing[[0, 2, 3]], wanted[[0, 2, 3]])

@@ -147,6 +147,31 @@ def find_footholds(
     return feet
 
 
+# A foot lands at least so far on its own side of the one across that stands, on the Go2 [m].
+_APART = 0.08
+
+
+@jit
+def keep_apart(
+    landing: np.ndarray, feet: np.ndarray, is_stance: np.ndarray, yaw: float, apart: float
+) -> None:
+    """
+    Move landing points (4, 3) outward that are on the wrong side of a foot that stands, in place.
+
+    A robot that is thrown sideways wants to step across its own foot, and trips over it.
+    """
+    x, y = -math.sin(yaw), math.cos(yaw)
+    for leg in range(4):
+        across = leg + 1 if leg % 2 == 0 else leg - 1
+        if is_stance[leg] or not is_stance[across]:
+            continue
+        side = 1.0 if leg % 2 == 0 else -1.0
+        gap = x * (landing[leg, 0] - feet[across, 0]) + y * (landing[leg, 1] - feet[across, 1])
+        short = max(apart - side * gap, 0.0)
+        landing[leg, 0] += side * short * x
+        landing[leg, 1] += side * short * y
+
+
 # Where a soft and a firm landing aim on the Go2, above the level of feet that bear load [m]. A
 # foot without load touches a little above; one that aims below arrives even if it is lower there.
 _LANDING = (0.003, -0.004)
@@ -193,6 +218,7 @@ class SwingLegs:
         self._foot_radius = model.geometry.foot_radius
         self.aims: np.ndarray | None = None  # where feet were to land in the last step, (4, 3) [m]
         self._landing = _LANDING[0] * model.scale.of('m'), _LANDING[1] * model.scale.of('m')
+        self._apart = _APART * model.scale.of('m')
         self.nominal = model.geometry.hip.copy()
         self.nominal[:, 1] += model.geometry.offset
         self.nominal[:, 2] = 0.0
@@ -240,6 +266,7 @@ class SwingLegs:
     ) -> SwingTargets:
         """Targets of this tick."""
         landing = self.landing(state.base, schedule, reference, ground, tread.firmness)
+        keep_apart(landing, state.feet, is_stance, float(state.base.rpy[2]), self._apart)
         self.aims = landing
         feet = FootMotion(state.feet, foot_velocities(state))
         targets = _swing_targets(
