@@ -14,6 +14,7 @@ from wasd_core.robot_io import TIME_STEP
 from mujoco_sim.parameters import WORLD_NAMES
 
 ROOM_SIZE = 6.0
+SUN = 'sun'
 WALL_HEIGHT = 0.5
 
 # The robot starts at the origin, looking along x, with a plane of this length before it [m].
@@ -56,6 +57,8 @@ def add_scene(spec: mujoco.MjSpec, world: str, seed: int = 0) -> None:
     spec.visual.headlight.ambient = np.full(3, 0.35)
     spec.visual.headlight.diffuse = np.full(3, 0.45)
     spec.visual.quality.shadowsize = 4096
+    # Half the width of what may have a shadow [m]; the floor is speckled where that ends.
+    spec.visual.map.shadowclip = 8.0
     # The page draws soft shadows in corners, at the highest quality, unless it is told not to:
     # half of the time of a picture without a graphics card.
     spec.add_numeric(name='filament.ao.enabled', size=1, data=[0.0])
@@ -148,14 +151,31 @@ def _add_sky(spec: mujoco.MjSpec) -> None:
         width=256,
         height=1536,
     )
-    light = spec.worldbody.add_light(
-        name='sun',
+    _add_sun(spec.worldbody)
+
+
+def _add_sun(body: mujoco.MjsBody) -> mujoco.MjsLight:
+    light = body.add_light(
+        name=SUN,
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=[0.0, 0.0, 1.5],
+        pos=[-0.45, -0.6, 3.0],
         dir=[0.15, 0.2, -1.0],
     )
     light.diffuse = np.full(3, 0.6)
     light.castshadow = True
+    return light
+
+
+def lead_sun(spec: mujoco.MjSpec, body: str) -> None:
+    """
+    Have the sun go along with a body: shadows are drawn around where a light is.
+
+    A world that has no sun of ours keeps its lights as they are.
+    """
+    sun = spec.light(SUN)
+    if sun is not None:
+        spec.delete(sun)
+        _add_sun(spec.body(body)).mode = mujoco.mjtCamLight.mjCAMLIGHT_TRACK
 
 
 def _attach_file(spec: mujoco.MjSpec, world: str) -> None:

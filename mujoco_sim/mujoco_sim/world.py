@@ -27,6 +27,7 @@ from mujoco_sim.physics import RobotParts
 from mujoco_sim.robot_setup import foot_links
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.scene import add_scene
+from mujoco_sim.scene import lead_sun
 from mujoco_sim.sensors.noise import NoisySensors
 from mujoco_sim.untold import Drawn
 from mujoco_sim.untold import Payload
@@ -319,6 +320,7 @@ def build_world(
     setup = setup or RobotSetup()
     spec = robot_spec(loaded, setup, visuals)
     add_scene(spec, world, seed)
+    lead_sun(spec, loaded.robot.base)
     return World(spec, loaded.robot.base, seed, setup)
 
 
@@ -341,6 +343,8 @@ def build_shared_world(
         body = robot_spec(loaded, setup, visuals).body(loaded.robot.base)
         spec.worldbody.add_frame().attach_body(body, prefix, '')
     add_scene(spec, world, seed)
+    first, loaded, _ = robots[0]
+    lead_sun(spec, first + loaded.robot.base)
     physics = Physics(spec)
     worlds = [
         World(physics, loaded.robot.base, seed, setup, prefix) for prefix, loaded, setup in robots

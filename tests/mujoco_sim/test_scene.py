@@ -32,6 +32,18 @@ def test_a_world_asks_the_page_for_no_ambient_occlusion(loaded, tmp_path):
         assert model.numeric('filament.ao.enabled').data[0] == 0.0
 
 
+def test_the_sun_goes_along_so_that_the_robot_keeps_its_shadow(loaded):
+    world = build_world(loaded)
+    sun = world.model.light('sun').id
+    before = world.data.light_xpos[sun].copy()
+    world.data.qpos[:2] += (30.0, -20.0)
+    world.data.qpos[3:7] = (0.0, 0.0, 0.0, 1.0)
+    mujoco.mj_forward(world.model, world.data)
+    moved = world.data.light_xpos[sun] - before
+    np.testing.assert_allclose(moved, (30.0, -20.0, 0.0), atol=1e-9)
+    np.testing.assert_allclose(world.data.light_xdir[sun], world.model.light_dir0[sun])
+
+
 def test_a_room_has_a_wall_on_each_side(loaded):
     world = build_world(loaded, 'room')
     hit = np.zeros(1, dtype=np.int32)
