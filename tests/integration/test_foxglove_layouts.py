@@ -4,9 +4,12 @@
 import json
 from pathlib import Path
 import re
+import sys
 
 import pytest
 from wasd_bringup.robots import ROBOTS
+from wasd_bringup.session_foxglove import load_sdk
+from wasd_core.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[2]
 LAYOUTS = ROOT / 'wasd_bringup/foxglove'
@@ -54,3 +57,17 @@ def test_the_panel_that_drives_sends_often_enough_and_stops(robot):
     assert panel['topic'] == '/cmd_vel'
     assert panel['publishRate'] >= 3
     assert (panel['autoSendStopOnRelease'], panel['stopButton']['value']) == (True, 0)
+
+
+def test_a_run_without_a_terminal_says_where_it_serves_and_what_it_waits_for(wasd):
+    pytest.importorskip('foxglove', reason="the extra 'foxglove' is not installed")
+    done = wasd('mbot', '--foxglove', '0', '--gamepad', '--duration', '0.1', '--speed', '0')
+    assert done.returncode == 0, done.stderr
+    assert re.search(r'^foxglove: ws://127\.0\.0\.1:\d+$', done.stdout, re.M)
+    assert re.search(r'^gamepad( \(.*\))?: hold L1 to drive', done.stdout, re.M)
+
+
+def test_without_the_extra_one_line_says_how_it_comes(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'foxglove', None)
+    with pytest.raises(UserError, match=r"foxglove-sdk is not installed: .* '\.\[foxglove\]'$"):
+        load_sdk()

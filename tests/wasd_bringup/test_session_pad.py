@@ -3,9 +3,11 @@
 
 from pads import PipePad
 import pytest
+from wasd_bringup.cockpit.bridge import CockpitBridge
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
 from wasd_bringup.session_pad import SessionPad
+from wasd_cockpit.snapshot import Order
 
 L1, B, START, L2_AXIS, A = 4, 1, 7, 2, 0
 
@@ -48,7 +50,7 @@ def speed(session):
     return float(session.world.base().planar_velocity[0])
 
 
-@pytest.mark.parametrize('how', ['let go', 'unplugged', 'halted', 'B'])
+@pytest.mark.parametrize('how', ['let go', 'unplugged', 'halted', 'B', 'e-stop'])
 def test_mbot_drives_while_the_button_is_held_and_stands_after(session_of, pipe, how):
     session = session_of('mbot', 'mbot')
     run(session, 0.1)
@@ -65,6 +67,11 @@ def test_mbot_drives_while_the_button_is_held_and_stands_after(session_of, pipe,
         pipe.unplug()
     elif how == 'halted':
         session.halt()
+    elif how == 'e-stop':
+        bridge = CockpitBridge(session)
+        bridge._link.order(Order('e-stop'))
+        bridge.step(0.0)
+        bridge.close()
     else:
         pipe.release(L1)
         pipe.press(B)

@@ -113,8 +113,9 @@ class _Run:
         where = self._session.open_view(viewer)
         if viewer == 'web' and options.interactive and options.opens_page:
             show_page(where)
-        if options.interactive or viewer != 'none':
-            print('\n'.join(self._session.first_lines), flush=True)
+        if options.interactive or viewer != 'none' or options.has_guests:
+            words = '\n'.join(self._session.first_lines)
+            print(words, file=_where_to_say(options), flush=True)
         self._session.run(stop)
 
     def close(self) -> None:

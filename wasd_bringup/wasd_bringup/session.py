@@ -196,10 +196,14 @@ class Session:
 
     def halt(self) -> None:
         """Have every robot stand, and say so now: there may be no next instant."""
-        for guest in self._guests:
-            guest.halt()
+        self.disarm()
         for robot in self.robots:
             robot.stack.halt()
+
+    def disarm(self) -> None:
+        """Have what a gamepad or Foxglove's clients hold now drive no more."""
+        for guest in self._guests:
+            guest.halt()
 
     def resume(self) -> None:
         """Go on after a suspension: it was no time that anything took."""

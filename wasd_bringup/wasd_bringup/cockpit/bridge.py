@@ -162,6 +162,7 @@ class CockpitBridge:
     def _stop(self) -> None:
         """Stop the robot that is driven, at once, and by keys for those who listen to them."""
         self._let_go()
+        self._session.disarm()
         described = self._active.described
         described.emergency_stop()
         for key in described.stop_keys:
