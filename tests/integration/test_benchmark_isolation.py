@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is measured is measured alone: no part of the benchmark, no run beside it, is heard."""
 
+from collections.abc import Iterator
 import os
 from pathlib import Path
 import subprocess
@@ -48,36 +49,40 @@ def test_no_part_of_the_benchmark_changes_the_environment_of_another(tmp_path: P
     assert (done.stdout, done.returncode) == ('None True\n', 0), done.stderr
 
 
+@pytest.fixture(scope='module')
+def domain(new_runner: Any, ros_domains: Iterator[int]) -> Iterator[int]:
+    """Yield the ROS domain of another run, which is told to drive."""
+    domain = next(ros_domains)
+    other = new_runner(domain)
+    (other.folder / 'goes').write_text(GOES)
+    driving = ('mbot', '--twist', 'goes', '--viewer', 'none', '--duration', '900')
+    process = other.start(*driving, '--discovery', 'localhost', stdout=subprocess.PIPE)
+    time.sleep(3.0)  # it has been driving for a while
+    yield domain
+    process.terminate()
+    assert process.wait(10.0) == 128 + 15
+
+
 @pytest.mark.parametrize('variable', ['ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY'])
 def test_a_script_at_full_speed_hears_nobody_whatever_the_environment_says(
-    new_runner: Any, isolated_ros: int, monkeypatch: pytest.MonkeyPatch, variable: str
+    new_runner: Any, domain: int, monkeypatch: pytest.MonkeyPatch, variable: str
 ) -> None:
     value = {'ROS_LOCALHOST_ONLY': '1'}.get(variable, 'LOCALHOST')
     monkeypatch.delenv('ROS_AUTOMATIC_DISCOVERY_RANGE')
     monkeypatch.setenv(variable, value)
-    assert distance_beside_another(new_runner, isolated_ros) < 1e-6
+    assert distance_beside_another(new_runner, domain) < 1e-6
 
 
 def test_a_script_at_full_speed_has_company_when_it_is_asked_for(
-    new_runner: Any, isolated_ros: int
+    new_runner: Any, domain: int
 ) -> None:
-    distance = distance_beside_another(new_runner, isolated_ros, '--discovery', 'localhost')
+    distance = distance_beside_another(new_runner, domain, '--discovery', 'localhost')
     assert distance > 0.01
 
 
 def distance_beside_another(new_runner: Any, domain: int, *words: str) -> float:
     """Return how far a robot that is told to stand goes beside one that is told to drive [m]."""
-    other, runner = new_runner(domain), new_runner(domain)
-    (other.folder / 'goes').write_text(GOES)
-    driving = ('mbot', '--twist', 'goes', '--viewer', 'none', '--duration', '600')
-    process = other.start(*driving, '--discovery', 'localhost', stdout=subprocess.PIPE)
-    try:
-        time.sleep(3.0)  # it has been driving for a while
-        # Seconds of wall time beside another run: enough for two processes to meet.
-        report = runner.report('mbot', '--duration', '60', *words, twist=STANDS)
-    finally:
-        process.terminate()
-        process.wait(10.0)
-    assert process.returncode == 128 + 15
+    # Seconds of wall time beside another run: enough for two processes to meet.
+    report = new_runner(domain).report('mbot', '--duration', '40', *words, twist=STANDS)
     x, y, _ = report['samples']['position'][-1]
     return float(x**2 + y**2) ** 0.5
