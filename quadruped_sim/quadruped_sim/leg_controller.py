@@ -15,6 +15,8 @@ from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.estimation.contacts import ContactDetector
 from quadruped_sim.estimation.kalman import ImuSample
 from quadruped_sim.estimation.kalman import KalmanEstimator
+from quadruped_sim.estimation.load import Loaded
+from quadruped_sim.estimation.load import LoadObserver
 from quadruped_sim.keys import GAIT_KEYS
 from quadruped_sim.keys import GET_UP_KEYS
 from quadruped_sim.keys import KeyWords
@@ -84,6 +86,8 @@ class LegController:
         self._solvers = (self.locomotion.mpc.solver, self.locomotion.whole_body.solver)
         self.safety = Safety(self._params.safety, self.model.limits)
         self._detector = ContactDetector(self._params.contact)
+        inertia, _ = self.model.inertia_about_com(self.model.walking_pose)
+        self._load = LoadObserver(inertia, scale.of('m'))
         self._kalman = KalmanEstimator(
             self._params.kalman, self.model.geometry.foot_radius, self.model.imu_offset
         )
@@ -134,6 +138,7 @@ class LegController:
         self.command_filter.reset()
         self.safety.reset()
         self._detector.reset()
+        self._load.reset()
         self._is_started = False
         self._level: float | None = None  # of the ground under a robot that lies [m]
         self.robot: RobotState | None = None
@@ -272,13 +277,21 @@ class LegController:
         up = R.T @ normal
         dynamics = model.dynamics(orientation, R.T @ velocity, omega, angles, rates)
         self._detector.step(efforts, motion, dynamics, up, dt)
+        contact = contact_points(motion, up, model.geometry.foot_radius)
+        if self._machine.state is StateName.PASSIVE or self._states[self._machine.state].is_lying:
+            self._load.reset()
+        else:
+            down = Loaded(
+                dynamics, self._detector.forces, contact.position, R[2], R.T @ velocity, omega
+            )
+            self._load.step(down, self._params.contact.load_time, dt)
         return RobotState(
             joint_position=angles,
             joint_velocity=rates,
             orientation=orientation,
             base=BaseMotion(position, velocity, R, rpy_from_matrix(R), omega),
             motion=motion,
-            contact=contact_points(motion, up, model.geometry.foot_radius),
+            contact=contact,
             dynamics=dynamics,
             feet=position + motion.position @ R.T,
             com=dynamics.com,

@@ -243,6 +243,9 @@ class ContactParameters(Parameters):
     )
     force_on: float = parameter(25.0, above=0.0, unit='N', doc='Normal force that makes a contact')
     force_off: float = parameter(12.0, above=0.0, unit='N', doc='Normal force that ends a contact')
+    load_time: float = parameter(
+        0.5, above=0.0, unit='s', doc='Time constant in which a load is felt'
+    )
 
     def __post_init__(self) -> None:
         """Check each value, and that a contact ends at less force than it begins with."""

@@ -102,6 +102,11 @@ class RobotState:
     is_contact: np.ndarray
     forces: np.ndarray
 
+    @property
+    def mass(self) -> float:
+        """What the legs carry [kg], a load as it is felt among it."""
+        return float(self.dynamics.mass[0, 0])
+
 
 @dataclass(frozen=True)
 class LegOdometry:

@@ -17,6 +17,7 @@ ARMS = np.array(
 def problem(params, stance, pose=None, rates=None):
     n = params.steps
     return MpcProblem(
+        mass=MASS,
         pose=np.zeros(6) if pose is None else pose,
         rates=np.zeros(6) if rates is None else rates,
         pose_reference=np.zeros((n, 6)),
@@ -103,7 +104,7 @@ def test_nan_fails_is_counted_and_recovers():
 
 def test_at_rest_the_feet_carry_the_weight_evenly():
     params = MpcParameters(force_weight=1e-9)
-    forces = ConvexMpc(params, MASS, INERTIA).solve(problem(params, (True,) * 4))
+    forces = ConvexMpc(params, INERTIA).solve(problem(params, (True,) * 4))
     np.testing.assert_allclose(forces.sum(axis=0), (0.0, 0.0, MASS * 9.81), atol=0.05)
     np.testing.assert_allclose(forces[:, 2], MASS * 9.81 / 4.0, atol=0.05)
     moment = np.cross(ARMS, forces).sum(axis=0)
@@ -112,7 +113,7 @@ def test_at_rest_the_feet_carry_the_weight_evenly():
 
 def test_a_swing_foot_gets_no_force_and_flight_none_at_all():
     params = MpcParameters()
-    mpc = ConvexMpc(params, MASS, INERTIA)
+    mpc = ConvexMpc(params, INERTIA)
     forces = mpc.solve(problem(params, (True, False, False, True)))
     np.testing.assert_array_equal(forces[[1, 2]], 0.0)
     np.testing.assert_array_equal(mpc.solve(problem(params, (False,) * 4)), 0.0)
@@ -121,7 +122,7 @@ def test_a_swing_foot_gets_no_force_and_flight_none_at_all():
 def test_forces_stay_inside_the_friction_pyramid_under_a_hard_push():
     params = MpcParameters()
     rates = np.array((0.0, 0.0, 0.0, 3.0, -3.0, 0.0))
-    forces = ConvexMpc(params, MASS, INERTIA).solve(problem(params, (True,) * 4, rates=rates))
+    forces = ConvexMpc(params, INERTIA).solve(problem(params, (True,) * 4, rates=rates))
     assert (np.abs(forces[:, :2]) <= params.friction * forces[:, 2:] + 1e-6).all()
     assert (forces[:, 2] <= params.force_max + 1e-6).all()
     assert forces[:, 0].sum() < -10.0
@@ -131,5 +132,5 @@ def test_forces_stay_inside_the_friction_pyramid_under_a_hard_push():
 def test_a_roll_to_the_right_is_answered_by_the_right_feet():
     params = MpcParameters()
     pose = np.array((0.2, 0.0, 0.0, 0.0, 0.0, 0.0))
-    forces = ConvexMpc(params, MASS, INERTIA).solve(problem(params, (True,) * 4, pose=pose))
+    forces = ConvexMpc(params, INERTIA).solve(problem(params, (True,) * 4, pose=pose))
     assert forces[[1, 3], 2].sum() > forces[[0, 2], 2].sum() + 10.0

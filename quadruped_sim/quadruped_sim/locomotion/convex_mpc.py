@@ -16,12 +16,14 @@ class MpcProblem:
     """
     Where the body is, where it shall be and which feet may push, in the base's yaw frame.
 
-    `pose` (6,) is (roll, pitch, yaw, x, y, z) relative to the frame, `rates` (6,) angular then
-    linear velocity. `pose_reference` and `rate_reference` are (N, 6), at the ends of the steps.
+    `mass` [kg] is that of the body. `pose` (6,) is (roll, pitch, yaw, x, y, z) relative to the
+    frame, `rates` (6,) angular then linear velocity. `pose_reference` and `rate_reference` are
+    (N, 6), at the ends of the steps.
     `is_stance` (N, 4), `arms` (N, 4, 3) are the contact points relative to the centre of mass [m],
     `ground` (3, 3) turns ground axes into the yaw frame.
     """
 
+    mass: float
     pose: np.ndarray
     rates: np.ndarray
     pose_reference: np.ndarray
@@ -39,8 +41,7 @@ class ConvexMpc:
     Hessian is B'KB + R with a constant K. docs/legs_math.md derives it, signs included.
     """
 
-    def __init__(self, params: MpcParameters, mass: float, inertia: np.ndarray) -> None:
-        self._inverse_mass = 1.0 / mass
+    def __init__(self, params: MpcParameters, inertia: np.ndarray) -> None:
         self._inverse_inertia = np.linalg.inv(inertia)
         self.solver = QpSolver()
         self.tune(params)
@@ -99,7 +100,7 @@ class ConvexMpc:
         moment[:, 2, 0], moment[:, 2, 1] = -arms[:, 1], arms[:, 0]
         block = np.empty((count, 6, 3))
         block[:, :3] = self._inverse_inertia @ moment @ problem.ground
-        block[:, 3:] = self._inverse_mass * problem.ground
+        block[:, 3:] = problem.ground / problem.mass
         B = np.zeros((self._params.steps, 6, count, 3))
         B[steps, :, np.arange(count), :] = block
         return B.reshape(6 * self._params.steps, 3 * count)

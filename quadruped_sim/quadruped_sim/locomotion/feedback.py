@@ -81,27 +81,23 @@ def standing_forces(weight: float, is_stance: np.ndarray) -> np.ndarray:
     return forces
 
 
-class RigidBody(NamedTuple):
-    """Mass [kg] and inverse of the inertia (3, 3) about the centre of mass, base axes."""
-
-    mass: float
-    inverse_inertia: np.ndarray
-
-
 class Push(NamedTuple):
-    """Forces on the feet (4, 3) [N], world axes, and their arms about the CoM, base axes [m]."""
+    """
+    Forces on the feet (4, 3) [N], world axes, and their arms about the CoM, base axes [m].
+
+    `mass` [kg] is what they move.
+    """
 
     forces: np.ndarray
     arms: np.ndarray
+    mass: float
 
 
 class BaseTracking:
     """Rigid-body acceleration by the planned forces, plus the proportional-derivative law."""
 
-    def __init__(
-        self, params: WholeBodyParameters, model: RobotModel, inertia: np.ndarray
-    ) -> None:
-        self._body = RigidBody(model.mass, np.linalg.inv(inertia))
+    def __init__(self, params: WholeBodyParameters, inertia: np.ndarray) -> None:
+        self._inverse_inertia = np.linalg.inv(inertia)
         self.tune(params)
 
     def tune(self, params: WholeBodyParameters) -> None:
@@ -113,10 +109,10 @@ class BaseTracking:
     ) -> np.ndarray:
         """Linear then angular acceleration (6,), world axes; `forces` (4, 3) [N] by the feet."""
         base = state.base
-        push = Push(forces, state.contact.position - state.com)
+        push = Push(forces, state.contact.position - state.com, state.mass)
         error = rotation_error(reference.rpy, base.R)
         return _acceleration(
-            plain(self._body),
+            self._inverse_inertia,
             self._gains,
             plain(base),
             plain(reference),
@@ -127,14 +123,13 @@ class BaseTracking:
 
 @jit
 def _acceleration(
-    body: RigidBody,
+    inverse_inertia: np.ndarray,
     gains: np.ndarray,
     base: BaseMotion,
     reference: BaseReference,
     rotation_error: np.ndarray,
     push: Push,
 ) -> np.ndarray:
-    body = RigidBody(*body)
     base = BaseMotion(*base)
     reference = BaseReference(*reference)
     push = Push(*push)
@@ -144,10 +139,10 @@ def _acceleration(
     for i in range(4):
         turn = cross3(push.arms[i], rotate_back(R, push.forces[i]))
         for k in range(3):
-            result[k] += push.forces[i, k] / body.mass
+            result[k] += push.forces[i, k] / push.mass
             moment[k] += turn[k]
     result[2] -= GRAVITY
-    angular = rotate(R, rotate(body.inverse_inertia, moment))
+    angular = rotate(R, rotate(inverse_inertia, moment))
     spin = rotate(R, base.omega)
     position_error, velocity_error, rate_error = np.empty(3), np.empty(3), np.empty(3)
     for k in range(3):

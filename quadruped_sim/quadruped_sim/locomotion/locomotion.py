@@ -4,6 +4,7 @@
 import math
 
 import numpy as np
+from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import cross
 from wasd_core.rotations import yaw_matrix
@@ -60,9 +61,9 @@ class Locomotion:
         self.ground = Ground(params.ground)
         self.reference = Reference(params.reference, scale)
         inertia, _ = model.inertia_about_com(model.walking_pose)
-        self.mpc = ConvexMpc(params.mpc, model.mass, inertia)
+        self.mpc = ConvexMpc(params.mpc, inertia)
         self.whole_body = WholeBody(params.whole_body, params.mpc)
-        self._tracking = BaseTracking(params.whole_body, model, inertia)
+        self._tracking = BaseTracking(params.whole_body, inertia)
         self.swing_legs = SwingLegs(model, params)
         self.step_height = StepHeight(params.gait, params.contact, model)
         self.grip = Grip(params.grip, params.mpc.friction)
@@ -104,7 +105,7 @@ class Locomotion:
         self.step_height.reset()
         self.grip.reset()
         self._early = np.zeros(4, dtype=bool)
-        self._forces = standing_forces(self._model.weight, self.is_stance)
+        self._forces = standing_forces(GRAVITY * state.mass, self.is_stance)
         self._since_solution = math.inf
 
     def step(
@@ -139,7 +140,7 @@ class Locomotion:
             self._plan_forces(state, reference, dt)
             acceleration = self._tracking.acceleration(state, reference, self._forces)
         else:
-            self._forces = standing_forces(self._model.weight, self.is_stance)
+            self._forces = standing_forces(GRAVITY * state.mass, self.is_stance)
             acceleration = base_acceleration(
                 self._params.balance, state.base, reference.position, reference.rpy
             )
@@ -239,7 +240,14 @@ class Locomotion:
         rates = np.concatenate((spin @ Rz, (base.velocity + cross(spin, com)) @ Rz))
         stance, arms = self._contact_plan(state, about_com, Rz)
         problem = MpcProblem(
-            pose, rates, pose_reference, rate_reference, stance, arms, Rz.T @ self.ground.frame()
+            state.mass,
+            pose,
+            rates,
+            pose_reference,
+            rate_reference,
+            stance,
+            arms,
+            Rz.T @ self.ground.frame(),
         )
         forces = self.mpc.solve(problem)
         if forces is not None:

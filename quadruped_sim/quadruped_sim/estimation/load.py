@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How heavy the robot is and where its centre of mass, as its feet feel them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from wasd_core.robot_io import GRAVITY
+
+from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
+from quadruped_sim.dynamics import Dynamics
+
+# Of the model's mass: the least and the largest that is believed; of the shift of the centre of
+# mass along x and y, the largest [m], on the Go2.
+_MASS_LEAST, _MASS_MOST = 0.9, 1.8
+_SHIFT_MOST = 0.06
+
+
+class Felt(NamedTuple):
+    """State of the observer, both (3,): see `LoadObserver`."""
+
+    integral: np.ndarray
+    residual: np.ndarray
+
+
+class LoadObserver:
+    """
+    Sees what the robot carries: the force along gravity and the moments that its model lacks.
+
+    The base's momentum p along gravity, and the angular ones about its x and y, obey dp/dt = what
+    the feet's forces f and the model's weight do + w. A residual driven by the part of p that they
+    do not explain is w low-passed with a time constant, as in [DeLuca2006]. Pushes pass, a load
+    stays. State: the observer.
+    """
+
+    def __init__(self, inertia: np.ndarray, length: float) -> None:
+        """Take the inertia (3, 3) [kg m^2] about the CoM, and lengths over the Go2's."""
+        self._inertia = inertia
+        self._shift_most = _SHIFT_MOST * length
+        self.reset()
+
+    def reset(self) -> None:
+        """Believe the model again."""
+        self._felt: Felt | None = None
+
+    def step(self, state: 'Loaded', time: float, dt: float) -> None:
+        """Update by `dt` [s] with a time constant [s], and correct `state.dynamics` in place."""
+        if self._felt is None:
+            self._felt = Felt(_momentum(plain(state), self._inertia), np.zeros(3))
+        _observe(plain(self._felt), plain(state), self._inertia, 1.0 / time, dt)
+        _carry(plain(state), self._felt.residual, self._shift_most)
+
+
+class Loaded(NamedTuple):
+    """
+    A moment of the robot, base axes: its dynamics, contact forces and points (4, 3).
+
+    `up` (3,) is against gravity, `velocity` and `omega` (3,) are those of the base.
+    """
+
+    dynamics: Dynamics
+    forces: np.ndarray
+    points: np.ndarray
+    up: np.ndarray
+    velocity: np.ndarray
+    omega: np.ndarray
+
+
+@jit
+def _momentum(state: Loaded, inertia: np.ndarray) -> np.ndarray:
+    """Momentum along `up` and angular about x and y (3,)."""
+    state = Loaded(*state)
+    mass = Dynamics(*state.dynamics).mass[0, 0]
+    result = np.zeros(3)
+    for k in range(3):
+        result[0] += mass * state.up[k] * state.velocity[k]
+        result[1] += inertia[0, k] * state.omega[k]
+        result[2] += inertia[1, k] * state.omega[k]
+    return result
+
+
+@jit
+def _observe(felt: Felt, state: Loaded, inertia: np.ndarray, rate: float, dt: float) -> None:
+    felt, state = Felt(*felt), Loaded(*state)
+    dynamics = Dynamics(*state.dynamics)
+    known = np.zeros(3)
+    known[0] = -GRAVITY * dynamics.mass[0, 0]
+    arm = np.empty(3)
+    for i in range(4):
+        for k in range(3):
+            arm[k] = state.points[i, k] - dynamics.com[k]
+            known[0] += state.up[k] * state.forces[i, k]
+        moment = cross3(arm, state.forces[i])
+        known[1] += moment[0]
+        known[2] += moment[1]
+    momentum = _momentum(state, inertia)
+    for k in range(3):
+        felt.integral[k] += dt * (known[k] + felt.residual[k])
+        felt.residual[k] = rate * (momentum[k] - felt.integral[k])
+
+
+@jit
+def _carry(state: Loaded, load: np.ndarray, most: float) -> None:
+    """Give the dynamics the mass and centre of mass that `load` (3,) tells of."""
+    state = Loaded(*state)
+    dynamics = Dynamics(*state.dynamics)
+    mass, bias, com = dynamics.mass, dynamics.bias, dynamics.com
+    before = mass[0, 0]
+    after = before - load[0] / GRAVITY
+    after = min(max(after, _MASS_LEAST * before), _MASS_MOST * before)
+    moved = com.copy()
+    weight = after * GRAVITY
+    moved[0] += min(max(load[2] / weight, -most), most)
+    moved[1] += min(max(-load[1] / weight, -most), most)
+    first = np.empty(3)
+    for k in range(3):
+        first[k] = after * moved[k] - before * com[k]
+    turn = cross3(first, state.up)
+    for k in range(3):
+        mass[k, k] += after - before
+        bias[k] += GRAVITY * (after - before) * state.up[k]
+        bias[3 + k] += GRAVITY * turn[k]
+    # The coupling of a velocity with the angular one is -[first moment]x.
+    for row, column, value in ((0, 1, first[2]), (1, 2, first[0]), (2, 0, first[1])):
+        mass[row, 3 + column] += value
+        mass[3 + column, row] += value
+        mass[column, 3 + row] -= value
+        mass[3 + row, column] -= value
+    for k in range(3):
+        com[k] = moved[k]
