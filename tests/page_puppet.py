@@ -6,6 +6,7 @@ As a program, `python page_puppet.py URL PICTURES_PER_SECOND KEY...`, it holds k
 """
 
 import contextlib
+import random
 import struct
 import sys
 import threading
@@ -13,6 +14,7 @@ import time
 from typing import Any, Self
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
+from mujoco_sim.viewer.input import PAGE_KEYS
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 from websockets.sync.client import connect
@@ -83,6 +85,7 @@ class PagePuppet:
         self._url = f'{url.replace("http", "ws", 1)}ui?sid={session}'
         self._origin = url.rstrip('/')
         self._stop = threading.Event()
+        self._sending = threading.Lock()
         self._stack = contextlib.ExitStack()
         self._rest = b''
 
@@ -131,9 +134,9 @@ class PagePuppet:
         time.sleep(0.3)
 
     def draw(self, pictures: int = 3) -> None:
-        """Wait until so many pictures more were drawn, each with panels built after the last."""
-        until = self.pictures + pictures
-        while self.pictures < until:
+        """Wait until so many pictures more were drawn, and panels that know of them."""
+        until, frames = self.pictures + pictures, self.frames + 2
+        while self.pictures < until or self.frames < frames:
             time.sleep(0.002)
 
     def press_at(self, place: tuple[int, int]) -> None:
@@ -156,6 +159,25 @@ class PagePuppet:
         self.buttons = 0
         self.draw()
 
+    def scribble(self, count: int, rect: Any, chance: random.Random) -> None:
+        """Do so many things at random in a rectangle: move, press, drag, type, hold keys."""
+        keys = sorted(PAGE_KEYS)
+        for _ in range(count):
+            what = chance.random()
+            if what < 0.6:
+                x, y = chance.uniform(rect.left, rect.right), chance.uniform(rect.top, rect.bottom)
+                self.mouse = round(x), round(y)
+            if what < 0.8:
+                self.buttons = chance.choice((0, 0, 1, 1, 2))
+            else:
+                self.keys = set(chance.sample(keys, chance.choice((0, 1, 2))))
+            text = chance.choice(('', '', 'x', '7'))
+            with self._sending:
+                self.socket.send(
+                    input_packet(self.keys, self.mouse, self.buttons, self.size, text)
+                )
+            time.sleep(0.0003)
+
     def type(self, text: str) -> None:
         """Type a text, a character in each picture."""
         for character in text:
@@ -170,9 +192,10 @@ class PagePuppet:
                 if not self.is_silent:
                     self.shown.append(self.frames)
                     text, self._text = self._text, ''
-                    self.socket.send(
-                        input_packet(self.keys, self.mouse, self.buttons, self.size, text)
-                    )
+                    with self._sending:
+                        self.socket.send(
+                            input_packet(self.keys, self.mouse, self.buttons, self.size, text)
+                        )
                     self.pictures += 1
 
     def _count(self) -> None:

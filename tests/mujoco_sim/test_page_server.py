@@ -23,7 +23,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 from websockets.sync.client import connect
 
-PATHS = ('/', '/ui', '/state', '/drop', '/model', '/web_client.js', '/nothing')
+PATHS = ('/', '/status', '/ui', '/state', '/drop', '/model', '/web_client.js', '/nothing')
 SOCKETS = ('/ui', '/state', '/drop')
 CAMERA = CameraView(distance=1.0, azimuth=90.0, elevation=-20.0)
 
@@ -116,6 +116,24 @@ def test_the_page_itself_gets_everything(port, name):
     ]
     assert get(port, '/', Host=own['Host']).status == 200
     assert [upgrade(port, path, **own).status for path in SOCKETS] == [101, 101, 403]
+
+
+def test_the_page_is_as_wide_as_a_phone_and_whole(port):
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=20.0)
+    connection.request('GET', '/')
+    answer = connection.getresponse()
+    body = answer.read()
+    assert body.count(b'width=device-width') == 1
+    assert len(body) == int(answer.headers['Content-Length'])
+    assert body.rstrip().endswith(b'</html>')
+
+
+def test_those_without_panels_read_what_they_say(port):
+    connection = http.client.HTTPConnection('127.0.0.1', port, timeout=20.0)
+    connection.request('GET', '/status')
+    answer = connection.getresponse()
+    assert answer.status == 200
+    assert b'<pre style="font-size:18px">status</pre>' in answer.read()
 
 
 @pytest.mark.parametrize('path', ['/', '/model', '/web_client.js', '/model?total_bytes'])

@@ -1,16 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a hand does on mbot's page; see run_scenarios.py."""
 
+import ctypes
+import gc
 import math
+from pathlib import Path
+import random
+import urllib.request
 
 import numpy as np
 from page_puppet import code
+from page_puppet import PagePuppet
+import pytest
 from run_scenarios import Page
+from wasd_cockpit.layout import PANELS
 from wasd_cockpit.link import STICK_PROOF
 from wasd_cockpit.snapshot import Columns
+from websockets.exceptions import ConnectionClosed
 
 # A stick that is let go means zero so soon [s], and one of a page that is gone, too.
 STOP_TIME = 0.3
+
+
+def resident() -> int:
+    """Return this process's resident memory [bytes], without what is free or garbage."""
+    gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)
+    return int(Path('/proc/self/statm').read_text().split()[1]) * 4096
 
 
 def top_of(page: Page, name: str, share: float = 0.9) -> tuple[int, int]:
@@ -232,3 +248,37 @@ def scenario_a_hand_pushes_the_robot_and_lets_it_go(page: Page) -> None:
     page.click('push')
     page.click('reset')
     assert page.failed() == set()
+
+
+def scenario_a_spectator_has_no_panels_and_moves_nothing(page: Page) -> None:
+    since = page.session.world.time
+    other = PagePuppet(page.url, session='spectator', size=page.puppet.size)
+    with pytest.raises(ConnectionClosed, match='4001'), other:
+        pass
+    with urllib.request.urlopen(f'{page.url}status') as answer:
+        assert f'mbot   {page.snapshot.state}'.encode() in answer.read()
+    page.wait(0.2)
+    assert last_command(page, since) == 0.0
+
+
+def scenario_whatever_a_hand_does_no_panel_fails_and_nothing_grows(page: Page) -> None:
+    chance = random.Random(1)
+    sizes = []
+    for panel in PANELS:
+        layout = page.cockpit.page.layout
+        layout.choose(panel)
+        page.puppet.draw()
+        page.puppet.scribble(1000, layout.place_of(panel).rect, chance)
+        page.rest()
+        page.session.simulation.pacer.speed = 1.0
+        if page.snapshot.is_paused:
+            page.click('pause')
+        sizes.append(resident())
+    assert page.failed() == set()
+    assert max(sizes[2:]) - sizes[1] < 10_000_000, sizes
+    page.wait_until(lambda: not page.session.simulation.paused, 'runs')
+    page.click('tab drive')
+    page.cockpit._drive.share = 0.5
+    page.click('reset')
+    page.tap('K')
+    scenario_turning_turns(page)

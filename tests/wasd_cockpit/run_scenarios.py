@@ -35,6 +35,7 @@ class Page:
 
     def __init__(self, session: Session, url: str) -> None:
         self.session = session
+        self.url = url
         self.cockpit = session._cockpit.content
         self.puppet = PagePuppet(url, size=DESK)
 

@@ -27,7 +27,7 @@ def scenarios() -> list[tuple[str, str]]:
 
 
 @pytest.fixture(scope='module')
-def played(log_directory: Path, ros_domains) -> dict[str, dict[str, str]]:
+def played(log_directory: Path, ros_domains, tmp_path_factory) -> dict[str, dict[str, str]]:
     """Return what failed in each scenario of each run."""
     results = {}
     for module, words in RUNS.items():
@@ -36,6 +36,7 @@ def played(log_directory: Path, ros_domains) -> dict[str, dict[str, str]]:
             'ROS_DOMAIN_ID': str(next(ros_domains)),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
             'ROS_LOG_DIR': str(log_directory),
+            'XDG_CONFIG_HOME': str(tmp_path_factory.mktemp('config')),
         }
         program = [sys.executable, str(HERE / 'run_scenarios.py'), module, *words]
         done = subprocess.run(

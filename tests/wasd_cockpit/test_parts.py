@@ -6,6 +6,7 @@ import random
 
 import numpy as np
 import pytest
+from wasd_cockpit.cockpit import Cockpit
 from wasd_cockpit.history import History
 from wasd_cockpit.layout import Layout
 from wasd_cockpit.layout import PANELS
@@ -17,6 +18,10 @@ from wasd_cockpit.panels.drive import deflection
 from wasd_cockpit.panels.plots import MOST_POINTS
 from wasd_cockpit.panels.plots import runs
 from wasd_cockpit.panels.plots import thin
+from wasd_cockpit.scene import CAMERAS
+from wasd_cockpit.settings import load
+from wasd_cockpit.settings import save
+from wasd_cockpit.settings import usual_path
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Stick
 
@@ -135,3 +140,53 @@ def test_a_page_without_room_shows_the_scene_until_panels_are_asked_for():
     assert (layout.scene.width, layout.scene.height) == (500, 400)
     layout.hides = False
     assert layout.place_of('drive') is not None
+
+
+def test_what_is_chosen_comes_again_and_a_broken_file_is_no_reason_to_fail(tmp_path):
+    path = tmp_path / 'wasd' / 'cockpit.json'
+    chosen = {'tabs': {'drive': 'keys'}, 'camera': 'free'}
+    save(path, chosen)
+    assert load(path) == chosen
+    for text in ('', '[]', '{', '[' * 50_000, '1', '\x00', 200_000 * ' '):
+        path.write_text(text)
+        assert load(path) == {}
+    assert load(tmp_path / 'nothing') == {}
+    assert load(None) == {}
+
+
+def test_a_place_where_nothing_can_be_kept_is_told_and_no_reason_to_fail(tmp_path, caplog):
+    (tmp_path / 'wasd').write_text('a file')
+    save(tmp_path / 'wasd' / 'cockpit.json', {})
+    save(None, {})
+    assert caplog.text.count('forgets') == 1
+
+
+@pytest.mark.parametrize(
+    ('environment', 'path'),
+    [
+        ({'HOME': '/home/a'}, '/home/a/.config/wasd/cockpit.json'),
+        ({'HOME': '/home/a', 'XDG_CONFIG_HOME': '/b'}, '/b/wasd/cockpit.json'),
+        ({'HOME': '/home/a', 'XDG_CONFIG_HOME': 'b'}, '/home/a/.config/wasd/cockpit.json'),
+        ({}, 'None'),
+    ],
+)
+def test_settings_are_where_other_programs_have_theirs(environment, path):
+    assert str(usual_path(environment)) == path
+
+
+@pytest.mark.parametrize(
+    'kept',
+    [
+        {'tabs': 1, 'shown': 2, 'share': 'x', 'camera': 3, 'plots': []},
+        {'tabs': {'drive': 7}, 'shown': [1, 'trail'], 'share': 9.0, 'camera': 'free'},
+        {},
+    ],
+)
+def test_a_cockpit_begins_whatever_was_kept(kept, tmp_path):
+    path = tmp_path / 'cockpit.json'
+    save(path, kept)
+    cockpit = Cockpit(Link(), path)
+    assert cockpit.scene.camera in CAMERAS
+    assert 0.0 < cockpit._drive.share <= 1.0
+    cockpit.close()
+    assert load(path) == kept  # no page has changed anything

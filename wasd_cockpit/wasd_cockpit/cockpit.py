@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from dataclasses import field
 import functools
+from pathlib import Path
 import time
 from typing import Any, Protocol
 
@@ -18,16 +19,23 @@ from wasd_cockpit.layout import Place
 from wasd_cockpit.link import Force
 from wasd_cockpit.link import Link
 from wasd_cockpit.panels.drive import Drive
+from wasd_cockpit.panels.drive import LEAST_SHARE
 from wasd_cockpit.panels.eyes import Eyes
 from wasd_cockpit.panels.keys import Keys
 from wasd_cockpit.panels.map import Map
+from wasd_cockpit.panels.plots import PAGES
 from wasd_cockpit.panels.plots import Plots
 from wasd_cockpit.panels.robot import Robot
 from wasd_cockpit.panels.view import View
+from wasd_cockpit.scene import CAMERAS
+from wasd_cockpit.scene import OVERLAYS
 from wasd_cockpit.scene import Scene
+from wasd_cockpit.settings import load
+from wasd_cockpit.settings import save
 from wasd_cockpit.sight import Sight
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.snapshot import words_of
 from wasd_cockpit.widgets import Widgets
 
 _FIXED = functools.reduce(
@@ -48,6 +56,8 @@ _FIXED = functools.reduce(
 )
 _CHIP = _FIXED | int(imgui.WindowFlags.AlwaysAutoResize.value)
 _TAB_HEIGHT = 26.0
+# What may be longer than its place: it moves below the tabs.
+_SCROLLED = ('robot', 'drive', 'keys', 'view')
 
 
 @dataclass
@@ -94,21 +104,64 @@ class Cockpit:
     Everything here is called in the viewer's thread.
     """
 
-    def __init__(self, link: Link) -> None:
+    def __init__(self, link: Link, settings: Path | None = None) -> None:
+        """Take the link, and the file in which what is chosen on the page is kept."""
         sight = Sight(lambda: link.snapshot)
         self.page = PageState(link, Widgets(), Layout(), sight)
         self.scene = Scene()
         self.times = Times()
+        self._drive, self._plots = Drive(), Plots()
         self._panels: dict[str, PagePanel] = {
             'robot': Robot(),
-            'drive': Drive(),
+            'drive': self._drive,
             'keys': Keys(),
-            'plots': Plots(),
+            'plots': self._plots,
             'eyes': Eyes(),
             'map': Map(),
             'view': View(self.scene),
         }
         self._is_ghost = True
+        self._settings = settings
+        self._kept = load(settings)
+        self._restore(self._kept)
+
+    def lines(self) -> list[str]:
+        """Return what the panels say in words, from any thread."""
+        snapshot = self.page.link.snapshot
+        return [] if snapshot is None else words_of(snapshot)
+
+    def close(self) -> None:
+        """Look no more; keep what was chosen, if that is something new."""
+        self.page.sight.close()
+        chosen = self._chosen()
+        if chosen != self._kept and self.times.frames:
+            save(self._settings, chosen)
+
+    def _chosen(self) -> dict[str, Any]:
+        return {
+            'tabs': dict(self.page.layout.chosen),
+            'camera': self.scene.camera,
+            'shown': sorted(self.scene.shown),
+            'plots': self._plots.page,
+            'share': self._drive.share,
+            'turns sideways': self._drive.turns_sideways,
+        }
+
+    def _restore(self, kept: dict[str, Any]) -> None:
+        """Choose what was chosen before, as far as it makes sense."""
+        tabs, shown, share = kept.get('tabs'), kept.get('shown'), kept.get('share')
+        if isinstance(tabs, dict):
+            pairs = tabs.items()
+            self.page.layout.chosen = {k: v for k, v in pairs if isinstance(v, str)}
+        if kept.get('camera') in CAMERAS:
+            self.scene.camera = kept['camera']
+        if isinstance(shown, list):
+            self.scene.shown = {name for name in OVERLAYS if name in shown}
+        if kept.get('plots') in PAGES:
+            self._plots.page = kept['plots']
+        if isinstance(share, float) and LEAST_SHARE <= share <= 1.0:
+            self._drive.share = share
+        self._drive.turns_sideways = kept.get('turns sideways') is True
 
     @property
     def panels(self) -> dict[str, Callable[[], None]]:
@@ -187,7 +240,11 @@ class Cockpit:
             return
         self._begin(place)
         if page.snapshot is not None:
+            if name in _SCROLLED:
+                imgui.BeginChild(name)
             self._panels[name].draw(page, page.snapshot)
+            if name in _SCROLLED:
+                imgui.EndChild()
         imgui.End()
 
     def _draw_scene(self) -> None:

@@ -165,3 +165,20 @@ class Snapshot:
     mass: float
     marks: Marks
     qpos: np.ndarray
+
+
+def words_of(snapshot: Snapshot) -> list[str]:
+    """Return a snapshot in lines of text."""
+    pose, marks = snapshot.pose, snapshot.marks
+    pace = 'paused' if snapshot.is_paused else f'x{snapshot.pace:.2f}'
+    rows = (('command', marks.command), ('measured', marks.measured))
+    chosen = (f'{setting.name:10} {setting.chosen}' for setting in snapshot.settings)
+    return [
+        f'{snapshot.robots[snapshot.robot]}   {snapshot.state}',
+        f'{snapshot.time:.1f} s   {pace}',
+        f'{"at":10} {pose.x:+.2f} {pose.y:+.2f} m   {pose.yaw:+.2f} rad',
+        *(f'{name:10} {x:+.2f} {y:+.2f} m/s {turn:+.2f} rad/s' for name, (x, y, turn) in rows),
+        *chosen,
+        *snapshot.facts,
+        *filter(None, [snapshot.message]),
+    ]

@@ -47,6 +47,9 @@ class PageContent(Protocol):
     def panels(self) -> dict[str, Draw]:
         """The function of each panel, in the order of drawing."""
 
+    def lines(self) -> Sequence[str]:
+        """Return what the panels say in words, from any thread."""
+
     @property
     def is_typing(self) -> bool:
         """Whether keys are for a field of text."""
@@ -71,6 +74,10 @@ class Panel:
     def panels(self) -> dict[str, Draw]:
         """The function of each panel, in the order of drawing."""
         return {'status': self._draw_status, 'keys': self._draw_help}
+
+    def lines(self) -> Sequence[str]:
+        """Return what the panels say in words, from any thread."""
+        return self._status()
 
     @property
     def is_typing(self) -> bool:

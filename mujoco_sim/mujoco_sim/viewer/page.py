@@ -59,7 +59,7 @@ class _LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has
         endpoint: endpoints.ViewerEndpoint,
         page: '_Page',
     ) -> None:
-        use_page_server(page.input)
+        use_page_server(page.input, page.text)
         super().__init__(config, endpoint, plugins=[page])
         self._headless_ui: Any = PacedUi(self._headless_ui, page.input)
 
@@ -85,7 +85,12 @@ class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
         self.body = body
         self._detail = PictureDetail()
         self._detail_set = time.monotonic()
+        self._content = content
         self._panels = Panels(content)
+
+    def text(self) -> str:
+        """Return what the panels say in words, for those who have none."""
+        return '\n'.join(self._content.lines())
 
     @handler
     def on_init(self, event: plugin.ViewerInitEvent) -> None:

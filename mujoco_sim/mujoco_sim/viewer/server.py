@@ -4,6 +4,7 @@
 import asyncio
 from collections.abc import Awaitable, Callable, Iterator
 import functools
+import html
 import logging
 import struct
 from typing import Any, cast, NamedTuple
@@ -31,6 +32,14 @@ SILENT_CONTROLLER = 5.0
 LONGEST_MESSAGE = 1 << 20
 
 _FORBIDDEN = b'This page is for the browser of this machine: see docs/keyboard.md.\n'
+# What a spectator sees of the panels, which only the driver has.
+TEXT_PATH = '/status'
+_TEXT_PAGE = b"""<!doctype html><html lang="en"><head><meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta http-equiv="refresh" content="1"><title>wasd</title></head>
+<body style="background:#17191f;color:#e0e5ec"><pre style="font-size:18px">%s</pre></body></html>
+"""
+_VIEWPORT = b'<meta name="viewport" content="width=device-width, initial-scale=1">'
 _LOG = logging.getLogger(__name__)
 
 Handler = Callable[[ServerConnection], Awaitable[None]]
@@ -52,10 +61,14 @@ FIRST_KEY = 512
 LONGEST = 1 << 20
 
 
-def use_page_server(page_input: PageInput) -> None:
-    """Have the web server that Studio starts next serve this machine only, and tell its input."""
+def use_page_server(page_input: PageInput, text: Callable[[], str]) -> None:
+    """
+    Have the web server that Studio starts next serve this machine only, and tell its input.
+
+    `text` is what a page without panels shows of the run, asked for in the server's thread.
+    """
     # The module's own names are all that Studio leaves to set.
-    web_server.serve = functools.partial(_serve, page_input)
+    web_server.serve = functools.partial(_serve, page_input, text)
     web_server._CONTROLLER_SILENT_KICK_SEC = SILENT_CONTROLLER
 
 
@@ -123,6 +136,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
 
 def _serve(
     page_input: PageInput,
+    text: Callable[[], str],
     handler: Handler,
     *,
     process_request: ProcessRequest,
@@ -133,11 +147,16 @@ def _serve(
     port: int = options['sock'].getsockname()[1]
 
     def check(connection: ServerConnection, request: Request) -> Response | None:
-        if not is_own(request, port) or request.path.partition('?')[0] == '/drop':
-            length = str(len(_FORBIDDEN))
-            headers = Headers({'Content-Type': 'text/plain', 'Content-Length': length})
-            return Response(403, 'Forbidden', headers, _FORBIDDEN)
-        return process_request(connection, request)
+        path = request.path.partition('?')[0]
+        if not is_own(request, port) or path == '/drop':
+            return _response(403, 'Forbidden', 'text/plain', _FORBIDDEN)
+        if path == TEXT_PATH:
+            words = html.escape(text()).encode()
+            return _response(200, 'OK', 'text/html; charset=utf-8', _TEXT_PAGE % words)
+        response = process_request(connection, request)
+        if response is not None and path in ('/', '/index.html') and response.status_code == 200:
+            return _for_phones(response)
+        return response
 
     def close_to_others(
         connection: ServerConnection, request: Request, response: Response
@@ -164,6 +183,21 @@ def _serve(
             'max_size': LONGEST_MESSAGE,
         },
     )
+
+
+def _response(status: int, reason: str, kind: str, body: bytes) -> Response:
+    headers = Headers({'Content-Type': kind, 'Content-Length': str(len(body))})
+    headers['Cache-Control'] = 'no-store'
+    return Response(status, reason, headers, body)
+
+
+def _for_phones(response: Response) -> Response:
+    """Return Studio's page with its pixels as large as the phone's: else all is half as large."""
+    body = response.body.replace(b'<head>', b'<head>' + _VIEWPORT, 1)
+    if 'Content-Length' in response.headers:
+        del response.headers['Content-Length']
+        response.headers['Content-Length'] = str(len(body))
+    return Response(response.status_code, response.reason_phrase, response.headers, body)
 
 
 class UnknownPacket(ValueError):

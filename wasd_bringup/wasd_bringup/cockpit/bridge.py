@@ -9,6 +9,7 @@ import numpy as np
 from wasd_cockpit.cockpit import Cockpit
 from wasd_cockpit.history import History
 from wasd_cockpit.link import Link
+from wasd_cockpit.settings import usual_path
 from wasd_cockpit.snapshot import Columns
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import PlanarPose
@@ -85,7 +86,7 @@ class CockpitBridge:
     def __init__(self, session: 'Session') -> None:
         self._session = session
         self._link = Link()
-        self.content = Cockpit(self._link)
+        self.content = Cockpit(self._link, usual_path())
         self.content.page.sight.open(session.world)
         self._watched = [Watched(robot) for robot in session.robots]
         self._next = 0.0
@@ -115,8 +116,8 @@ class CockpitBridge:
             watched.forget()
 
     def close(self) -> None:
-        """Look no more."""
-        self.content.page.sight.close()
+        """End it."""
+        self.content.close()
 
     def step(self, now: float) -> None:
         """Do what was ordered, and tell the page of a wall time [s]."""

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 # What is nearer to the middle than this share of the way is no wish.
 DEAD_ZONE = 0.08
+LEAST_SHARE = 0.05
 _LARGEST_PAD, _SMALLEST_PAD = 250.0, 90.0
 _KNOB, _BAR = 16.0, 26.0
 # What is below the pad [pixels].
@@ -57,7 +58,7 @@ class Drive:
         page.widgets.words(text if any(use.full) else use.words, style.DIM, wrapped=True)
         imgui.SetNextItemWidth(columns(1))
         label = 'full stick is %.2f of full'
-        _, self.share = imgui.SliderFloat('##share', self.share, 0.05, 1.0, label)
+        _, self.share = imgui.SliderFloat('##share', self.share, LEAST_SHARE, 1.0, label)
         page.widgets.note_field('share')
         if use.sideways:
             width = columns(2)
