@@ -8,7 +8,6 @@ from rclpy.node import Node
 
 from wasd_bringup.inputs import KeySwitch
 from wasd_bringup.options import RunOptions
-from wasd_bringup.session_pad import SessionPad
 from wasd_bringup.session_robot import SessionRobot
 
 if TYPE_CHECKING:
@@ -53,11 +52,13 @@ def make_guests(
         UserError: one cannot come.
     """
     guests: list[Guest] = []
+    # Each is loaded here, because who does not ask for it does without.
     if options.gamepad is not None:
+        from wasd_bringup.session_pad import SessionPad
+
         stacks = [robot.stack for robot in robots]
         guests.append(SessionPad(options.gamepad, stacks, lambda: switch.active, press))
     if foxglove is not None:
-        # Here, because who does not ask for it does without.
         from wasd_bringup.session_foxglove import SessionFoxglove
 
         foxglove.now = lambda: round(robots[0].world.time * 1e9)
