@@ -63,7 +63,9 @@ class RobotSetup:
     drawn: Drawn = Drawn()
 
 
-def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
+def usual_setup(
+    description: Description, noise: bool = True, imu_drift: float = 1.0
+) -> RobotSetup:
     """
     Return a quadruped that lies on the floor, with real motors and sensors; others as they are.
 
@@ -71,7 +73,8 @@ def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
 
     One whose root is above what touches the floor is lifted so that it stands there.
 
-    Without `noise` its sensors tell the truth; motors and delay stay real.
+    Without `noise` its sensors tell the truth; motors and delay stay real. `imu_drift` is how many
+    times the usual its IMU drifts.
     """
     try:
         quadruped = description.quadruped
@@ -93,7 +96,7 @@ def usual_setup(description: Description, noise: bool = True) -> RobotSetup:
         sink=LYING_SINK * scale.of('m'),
         speed_limits={joint.name: joint.velocity for joint in quadruped.joints},
         command_delay=COMMAND_DELAY,
-        noise=SensorNoise() if noise else None,
+        noise=SensorNoise().drifting(imu_drift) if noise else None,
         reflected_inertia=dict.fromkeys(quadruped.joint_names, inertia),
         imu=True,
         held=quadruped.held,

@@ -21,13 +21,15 @@ class Untold:
 
     `friction` is what its feet have on any ground, or of a robot without feet all that it touches
     the ground with, wheels too; without one it is what the description says. `payload` is what the
-    base carries. `randomise` is how much a quadruped differs from its description at random, 0 to
+    base carries. `imu_drift` is how many times the usual an IMU drifts that has noise. `randomise`
+    is how much a quadruped differs from its description at random, 0 to
     1.
     """
 
     friction: float | None = None
     payload: Payload | None = None
     randomise: float = 0.0
+    imu_drift: float = 1.0
 
 
 @dataclass(frozen=True)

@@ -132,7 +132,7 @@ class World:
             # A motor knows its current: what its torque would be if it were as strong as it says.
             joints = joints._replace(effort=joints.effort / self._strength)
             true = Reading(joints, self._true_imu() if self.has_imu else None)
-            reading = true if self._sensors is None else self._sensors.measure(true)
+            reading = true if self._sensors is None else self._sensors.measure(true, self.time)
             self._late.append((self.tick, reading))
             while len(self._late) > 1 and self._late[1][0] <= self.tick - self._sensor_delay:
                 self._late.popleft()

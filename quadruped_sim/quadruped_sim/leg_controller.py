@@ -13,6 +13,7 @@ from wasd_core.rotations import rpy_from_matrix
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.estimation.contacts import ContactDetector
+from quadruped_sim.estimation.heading import Heading
 from quadruped_sim.estimation.kalman import ImuSample
 from quadruped_sim.estimation.kalman import KalmanEstimator
 from quadruped_sim.estimation.load import Loaded
@@ -91,6 +92,7 @@ class LegController:
         self._kalman = KalmanEstimator(
             self._params.kalman, self.model.geometry.foot_radius, self.model.imu_offset
         )
+        self._heading = Heading(self._params.kalman, scale.of('m'))
         self._parts = ControllerParts(
             self.model, self._params, self.locomotion, self.command_filter, self.sticks
         )
@@ -106,6 +108,7 @@ class LegController:
         self.safety.params = own.safety
         self._detector.params = own.contact
         self._kalman.tune(own.kalman)
+        self._heading.params = own.kalman
 
     @property
     def gait(self) -> str:
@@ -303,14 +306,17 @@ class LegController:
     def _filter(
         self, reading: Reading, motion: LegMotion, normal: np.ndarray, dt: float
     ) -> BaseState:
-        """Base by the Kalman filter; its orientation is the IMU's."""
+        """Base by the Kalman filter; orientation by the IMU, less the drift known."""
         assert reading.imu is not None  # `filter_reading` lets none without one through
-        orientation, omega, acceleration = reading.imu
+        measured, omega, acceleration = reading.imu
+        state = self._states[self._machine.state]
+        R = matrix_from_quaternion(measured)
+        self._heading.step(R, motion.position, state.trust, dt)
+        orientation, omega = self._heading.orientation(measured), omega - self._heading.bias * R[2]
         R = matrix_from_quaternion(orientation)
         relative = motion.position @ R.T
         if not self._is_started:
             self._start(relative)
-        state = self._states[self._machine.state]
         is_passive = self._machine.state is StateName.PASSIVE
         if state.is_lying or (is_passive and (self._level is not None or self._is_down(R))):
             self._rest(relative, dt)
@@ -353,4 +359,5 @@ class LegController:
         """Start the filter at x = y = 0 on ground at height 0."""
         position = np.array((0.0, 0.0, self._height_over(relative)))
         self._kalman.reset(position, position + relative)
+        self._heading.reset()
         self._is_started = True

@@ -311,6 +311,15 @@ class EstimatorParameters(Parameters):
         unit='m/s',
         doc='Disagreement of a foot with the IMU at which it is believed half',
     )
+    gyro_noise: float = parameter(
+        0.01, above=0.0, unit='rad/s', doc='Standard deviation of a reading of the gyro'
+    )
+    gyro_bias: float = parameter(
+        2e-4, minimum=0.0, unit='rad/s', doc="Standard deviation of the gyro's bias at the start"
+    )
+    gyro_walk: float = parameter(
+        5e-6, minimum=0.0, unit='rad/s', doc='How far that bias walks per root second'
+    )
     level_band: float = parameter(
         0.02, minimum=0.0, unit='m', doc='Feet farther from the start level are not drawn to it'
     )

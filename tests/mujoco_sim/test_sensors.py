@@ -15,6 +15,7 @@ import pytest
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
+from wasd_core.rotations import matrix_from_quaternion
 
 NOISE = SensorNoise()
 COUNT = 4000
@@ -96,6 +97,38 @@ def test_the_same_seed_gives_the_same_bits():
 
     np.testing.assert_array_equal(series(4), series(4))
     assert (series(4) != series(5)).any()
+
+
+@pytest.mark.parametrize('drift', [0.0, 1.0])
+def test_with_and_without_drift_what_is_white_is_drawn_in_one_order(drift):
+    random = np.random.default_rng(7)
+    direction = random.normal(size=3)
+    position, rates, tilt, gyro, force = (random.normal(size=n) for n in (12, 12, 3, 3, 3))
+    reading = NoisySensors(NOISE.drifting(drift), 7).measure(TRUE)
+    np.testing.assert_array_equal(reading.joints.position, JOINTS.position + 0.001 * position)
+    np.testing.assert_array_equal(reading.joints.velocity, JOINTS.velocity + 0.05 * rates)
+    np.testing.assert_array_equal(reading.imu.orientation, turn_by(IMU.orientation, 0.001 * tilt))
+    bias = 0.05 * direction / np.linalg.norm(direction)
+    felt = IMU.linear_acceleration + bias + 0.1 * force
+    np.testing.assert_array_equal(reading.imu.linear_acceleration, felt)
+    off = reading.imu.angular_velocity - (IMU.angular_velocity + 0.01 * gyro)
+    assert np.linalg.norm(off) == pytest.approx(drift * NOISE.gyro_bias)
+
+
+def test_the_heading_drifts_as_the_gyro_does_and_the_tilt_does_not():
+    """A minute at 50 Hz, of ten times the usual drift."""
+    sensors, turned = NoisySensors(NOISE.drifting(10.0), 2), 0.0
+    up = matrix_from_quaternion(IMU.orientation)[2]
+    tilts = []
+    for tick in range(3000):
+        imu = sensors.measure(TRUE, 0.02 * tick).imu
+        turned += 0.02 * float(up @ (imu.angular_velocity - IMU.angular_velocity)) * (tick > 0)
+        tilts.append(matrix_from_quaternion(imu.orientation)[2] - up)
+    assert abs(turned) > math.radians(3.0)
+    off = matrix_from_quaternion(imu.orientation) @ matrix_from_quaternion(IMU.orientation).T
+    assert math.atan2(off[1, 0], off[0, 0]) == pytest.approx(turned, abs=5 * NOISE.orientation)
+    assert np.abs(tilts).max() < 6.0 * NOISE.orientation
+    assert np.abs(np.mean(tilts, axis=0)).max() < 1e-4
 
 
 def test_without_an_imu_there_is_none():

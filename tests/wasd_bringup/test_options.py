@@ -74,8 +74,12 @@ def test_pushes_and_folders_may_be_given_again_and_again(read, tmp_path):
 
 
 def test_what_the_controller_is_not_told_is_read(read):
-    untold = read('--friction', '0.3', '--payload', '8@0,0.1,0', '--randomise', '1').untold
-    assert untold == Untold(friction=0.3, payload=Payload(8.0, (0.0, 0.1, 0.0)), randomise=1.0)
+    untold = read(
+        '--friction', '0.3', '--payload', '8@0,0.1,0', '--randomise', '1', '--imu-drift', '2'
+    ).untold
+    assert untold == Untold(
+        friction=0.3, payload=Payload(8.0, (0.0, 0.1, 0.0)), randomise=1.0, imu_drift=2.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -88,6 +92,7 @@ def test_what_the_controller_is_not_told_is_read(read):
         (('--speed', 'fast'), "--speed: got 'fast', wanted a number >= 0"),
         (('--friction', '0'), '--friction: got 0, wanted 0.01 to 2'),
         (('--friction', 'ice'), "--friction: got 'ice', wanted a number >= 0"),
+        (('--imu-drift', 'much'), "--imu-drift: got 'much', wanted a number >= 0"),
         (('--randomise', '1.5'), '--randomise: got 1.5, wanted 0 to 1'),
         (('--speed', 'inf'), "--speed: got 'inf'"),
         (('--play', 'gone'), '--play gone: No such file'),

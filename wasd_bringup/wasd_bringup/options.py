@@ -249,7 +249,8 @@ def _untold(arguments: argparse.Namespace) -> Untold:
     level = read_number(getattr(arguments, 'randomise', '0'), '--randomise')
     if level > 1.0:
         raise UserError(f'--randomise: got {level:g}, wanted 0 to 1')
-    return Untold(friction=friction, payload=payload, randomise=level)
+    drift = read_number(getattr(arguments, 'imu_drift', '1'), '--imu-drift')
+    return Untold(friction=friction, payload=payload, randomise=level, imu_drift=drift)
 
 
 def _folders(paths: Sequence[str]) -> tuple[Path, ...]:

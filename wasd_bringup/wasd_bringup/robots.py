@@ -45,6 +45,12 @@ def add_legged_options(parser: Parser) -> None:
         help='what feeds the controller: IMU and legs (default), or the simulator without noise',
     )
     parser.add_argument(
+        '--imu-drift',
+        default='1',
+        metavar='TIMES',
+        help="how many times that of a good MEMS the IMU's drift is; 0: none (default 1)",
+    )
+    parser.add_argument(
         '--randomise',
         default='0',
         metavar='LEVEL',

@@ -196,7 +196,8 @@ def _load(options: RunOptions) -> Description:
 
 
 def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
-    setup = usual_setup(loaded, noise=options.estimator == 'kalman')
+    drift = options.untold.imu_drift
+    setup = usual_setup(loaded, noise=options.estimator == 'kalman', imu_drift=drift)
     setup = dataclasses.replace(setup, untold=options.untold)
     if options.untold.randomise and ROBOTS[options.robot].kind is LEGGED:
         setup = randomise(setup, options.seed, loaded.quadruped)

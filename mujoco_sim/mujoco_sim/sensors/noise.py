@@ -2,11 +2,16 @@
 """Noise of the sensors in a robot: joints and an IMU."""
 
 from dataclasses import dataclass
+from dataclasses import replace
+import math
 
 import numpy as np
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
+
+# Biases and white noise of the same seed have streams of their own.
+STREAM = 15
 
 
 @dataclass(frozen=True)
@@ -16,6 +21,11 @@ class SensorNoise:
 
     The accelerometer also has a constant bias of `acceleration_bias` in a random direction.
     Defaults: a consumer IMU and joint encoders as on the Go2.
+
+    Gyro and accelerometer drift besides, the gyro from a bias of `gyro_bias` in a random direction
+    on: biases walk at random, by `gyro_walk` and `acceleration_walk` in a second. An IMU knows by
+    gravity how it is tilted, but its heading integrates the gyro and drifts with it. Defaults: a
+    good MEMS, which found its bias to a degree a minute when it was switched on.
     """
 
     joint_position: float = 0.001  # [rad]
@@ -24,6 +34,14 @@ class SensorNoise:
     angular_velocity: float = 0.01  # [rad/s]
     acceleration: float = 0.1  # [m/s^2]
     acceleration_bias: float = 0.05  # [m/s^2]
+    gyro_bias: float = 3e-4  # [rad/s]
+    gyro_walk: float = 5e-6  # [rad/s per root second]
+    acceleration_walk: float = 5e-4  # [m/s^2 per root second]
+
+    def drifting(self, scale: float) -> 'SensorNoise':
+        """Return the same noise with so many times the drift; 0 is none."""
+        drifts = ('gyro_bias', 'gyro_walk', 'acceleration_walk')
+        return replace(self, **{name: scale * getattr(self, name) for name in drifts})
 
 
 class NoisySensors:
@@ -32,26 +50,62 @@ class NoisySensors:
     def __init__(self, noise: SensorNoise, seed: int) -> None:
         self._noise = noise
         self._random = np.random.default_rng(seed)
-        direction = self._random.normal(size=3)
-        self._bias = noise.acceleration_bias * direction / np.linalg.norm(direction)
+        self._bias = noise.acceleration_bias * _direction(self._random)
+        # A stream of its own: what is white stays the same with and without drift.
+        self._walks = np.random.default_rng((seed, STREAM))
+        self._gyro_bias = noise.gyro_bias * _direction(self._walks)
+        self._heading = 0.0  # how far the heading is off [rad]
+        self._time: float | None = None
 
-    def measure(self, true: Reading) -> Reading:
-        """Return a noisy reading of the truth."""
-        noise, random = self._noise, self._random
+    def measure(self, true: Reading, time: float = 0.0) -> Reading:
+        """Return a noisy reading of the truth at a time [s], which never runs back."""
+        noise = self._noise
         count = len(true.joints.position)
+        white = self._random.standard_normal(2 * count + (0 if true.imu is None else 9))
         joints = JointStates(
-            true.joints.position + noise.joint_position * random.normal(size=count),
-            true.joints.velocity + noise.joint_velocity * random.normal(size=count),
+            true.joints.position + noise.joint_position * white[:count],
+            true.joints.velocity + noise.joint_velocity * white[count : 2 * count],
             true.joints.effort,
         )
         if true.imu is None:
             return Reading(joints, None)
+        tilt, gyro, force = white[2 * count :].reshape(3, 3)
+        rate = noise.angular_velocity * gyro
+        orientation = true.imu.orientation
+        if noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk:
+            rate += self._gyro_bias
+            self._drift(orientation, rate, time)
+            orientation = _turned(orientation, self._heading)
         imu = ImuReading(
-            turn_by(true.imu.orientation, noise.orientation * random.normal(size=3)),
-            true.imu.angular_velocity + noise.angular_velocity * random.normal(size=3),
-            true.imu.linear_acceleration + self._bias + noise.acceleration * random.normal(size=3),
+            turn_by(orientation, noise.orientation * tilt),
+            true.imu.angular_velocity + rate,
+            true.imu.linear_acceleration + self._bias + noise.acceleration * force,
         )
         return Reading(joints, imu)
+
+    def _drift(self, orientation: np.ndarray, rate: np.ndarray, time: float) -> None:
+        """Let the heading integrate the gyro's error (3,) [rad/s], and biases walk, up to now."""
+        elapsed = 0.0 if self._time is None else time - self._time
+        self._time = time
+        w, x, y, z = orientation
+        up = np.array((2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)))
+        self._heading += elapsed * float(up @ rate)
+        steps = math.sqrt(elapsed) * self._walks.standard_normal(6)
+        self._gyro_bias += self._noise.gyro_walk * steps[:3]
+        self._bias += self._noise.acceleration_walk * steps[3:]
+
+
+def _direction(random: np.random.Generator) -> np.ndarray:
+    """Return a unit vector (3,) of any direction."""
+    direction = random.normal(size=3)
+    return np.asarray(direction / np.linalg.norm(direction))
+
+
+def _turned(orientation: np.ndarray, heading: float) -> np.ndarray:
+    """Return a quaternion (w, x, y, z) turned about the vertical [rad]."""
+    c, s = math.cos(0.5 * heading), math.sin(0.5 * heading)
+    w, x, y, z = orientation
+    return np.array((c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w))
 
 
 def turn_by(orientation: np.ndarray, rotation: np.ndarray) -> np.ndarray:

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The heading by an IMU that drifts: held while the feet stand, and the drift's rate is found."""
+
+import math
+
+import numpy as np
+import pytest
+from quadruped_sim.estimation.heading import Heading
+from quadruped_sim.parameters import EstimatorParameters
+from wasd_core.rotations import matrix_from_quaternion
+from wasd_core.rotations import yaw_matrix
+
+DT = 0.002
+FEET = np.array(
+    [(0.19, 0.14, -0.3), (0.19, -0.14, -0.3), (-0.19, 0.14, -0.3), (-0.19, -0.14, -0.3)]
+)
+STANDS, WALKS = np.ones(4), np.array((1.0, 0.0, 0.0, 1.0))
+DRIFT = 4e-4  # [rad/s]
+
+
+def rest(heading, seconds, start=0.0):
+    """Stand still while the IMU's heading drifts; the drift in the end."""
+    drift = start
+    for _ in range(round(seconds / DT)):
+        drift += DT * DRIFT
+        heading.step(yaw_matrix(drift), FEET, STANDS, DT)
+    return drift
+
+
+@pytest.mark.slow
+def test_at_rest_the_heading_is_held_and_the_bias_found():
+    heading = Heading(EstimatorParameters())
+    drift = rest(heading, 20.0)
+    assert drift == pytest.approx(math.radians(0.458), rel=1e-3)
+    assert heading.offset == pytest.approx(drift, abs=3e-4)
+    assert heading.bias == pytest.approx(DRIFT, rel=0.3)
+
+
+def test_on_the_way_the_drift_that_was_found_is_taken_off():
+    heading = Heading(EstimatorParameters())
+    heading.bias = DRIFT
+    drift = 0.0
+    for _ in range(1000):
+        drift += DT * DRIFT
+        heading.step(yaw_matrix(drift), FEET, WALKS, DT)
+    assert heading.offset == pytest.approx(drift, rel=1e-9)
+    quaternion = np.array((math.cos(0.5 * drift), 0.0, 0.0, math.sin(0.5 * drift)))
+    R = matrix_from_quaternion(heading.orientation(quaternion))
+    np.testing.assert_allclose(R, np.eye(3), atol=1e-12)
+
+
+def test_a_robot_that_turns_over_its_feet_has_not_drifted():
+    """It turns by 0.03 rad: so little that the feet still count as where they were."""
+    heading = Heading(EstimatorParameters())
+    rest(heading, 0.4)
+    before = heading.offset
+    for tick in range(500):
+        turn = yaw_matrix(0.03 * tick / 500)
+        heading.step(turn, FEET @ turn, STANDS, DT)
+    assert heading.offset == pytest.approx(before, abs=5e-4)
+
+
+def test_feet_that_move_begin_anew_and_are_not_taken_for_drift():
+    """Feet that slide by 5 cm as if the robot turned by 0.25 rad: nothing of it is believed."""
+    heading = Heading(EstimatorParameters())
+    for tick in range(500):
+        heading.step(np.eye(3), FEET @ yaw_matrix(0.25 * tick / 500), STANDS, DT)
+    assert abs(heading.offset) < 0.002
+    assert abs(heading.bias) < 2e-4
