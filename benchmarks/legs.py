@@ -121,6 +121,7 @@ def of_states(sizes: Sizes) -> list[Experiment]:
         get_up('any pose, boxes of 5 cm', 'boxes:0.05', 3.0, many),
         get_up('any pose, slope of 10 degrees', 'slope:10', 3.0, many),
         jump('in place', 'v', 0.0, many),
+        jump('ahead', 'v', 0.4, many, distance=0.45),
     ]
 
 

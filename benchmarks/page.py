@@ -9,6 +9,8 @@ from typing import Any
 from table import format_table
 from table import Row
 
+# Drawn by `wasd bench legs --picture`, shown once it is there.
+SUCCESS = 'pictures/go2_success.png'
 DOCS = Path(__file__).resolve().parents[1] / 'docs'
 RESULT, PAGE = DOCS / 'numbers.json', DOCS / 'numbers.md'
 
@@ -49,7 +51,9 @@ def page(result: dict[str, Any]) -> str:
     )
     table = format_table([Row(**row) for row in result['rows']])
     # Without the blanks that align it: a figure that changes changes one line.
-    return head + re.sub('-{3,}', '---', re.sub(r' +\|', ' |', table)) + FOOT
+    rows = re.sub('-{3,}', '---', re.sub(r' +\|', ' |', table))
+    picture = f'\n![How often the Go2 comes through what is made harder]({SUCCESS})\n'
+    return head + rows + FOOT + picture * (DOCS / SUCCESS).exists()
 
 
 def command(result: dict[str, Any]) -> str:

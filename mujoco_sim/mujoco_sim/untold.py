@@ -32,6 +32,9 @@ class Untold:
     imu_drift: float = 1.0
 
 
+NOTHING = Untold()
+
+
 @dataclass(frozen=True)
 class Drawn:
     """

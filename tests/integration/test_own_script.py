@@ -113,6 +113,19 @@ def test_the_go2_walks_one_foot_after_the_other():
     assert min(feet) >= 3
 
 
+def test_what_is_untold_is_that_of_the_command(wasd: Any) -> None:
+    import wasd as own
+
+    words = ('--friction', '0.5', '--payload', '3@0,0.05,0', '--randomise', '0.5', '--seed', '4')
+    report = wasd.report('go2', *words, '--duration', '1', play='0 2')
+    payload = own.Payload(3.0, (0.0, 0.05, 0.0))
+    untold = own.Untold(friction=0.5, payload=payload, randomise=0.5)
+    dog = own.Go2(seed=4, untold=untold)
+    dog.press('2')
+    dog.run(0.98)
+    assert dog.truth.position.tolist() == report['samples']['position'][-1]
+
+
 def test_what_is_not_legal_says_why():
     import wasd
 

@@ -2,6 +2,7 @@
 """A robot, its world and its controller as one object that a script steps."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 import logging
 import os
 from pathlib import Path
@@ -14,8 +15,11 @@ from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.pictures import take_picture
 from mujoco_sim.pictures import Viewpoint
+from mujoco_sim.randomise import randomise
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.simulation import Simulation
+from mujoco_sim.untold import NOTHING
+from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 import numpy as np
 from quadruped_sim.keys import STATE_KEYS
@@ -63,10 +67,13 @@ class Robot:
         package_path: Sequence[str | os.PathLike[str]],
         xacro_arguments: Mapping[str, str],
         wheels: WheelChoice = ANY_WHEELS,
+        untold: Untold = NOTHING,
     ) -> None:
         search = [Path(folder) for folder in package_path]
         self._loaded = load_robot(description, search, xacro_arguments, wheels=wheels)
-        setup = usual_setup(self._loaded, noise=self._with_noise)
+        setup = replace(usual_setup(self._loaded, noise=self._with_noise), untold=untold)
+        if untold.randomise:
+            setup = randomise(setup, seed, self._loaded.quadruped)
         self._world = build_world(self._loaded, world, seed, setup, visuals=True)
         self._simulation = Simulation(self._world, speed=0.0)
         self._window: Any = None
@@ -147,7 +154,8 @@ class Go2(Robot):
 
     `drive` commands a velocity in the state move base. `estimator` is `kalman` (IMU with noise
     and legs) or `truth`; `limits` is `sport` or `guide`, what full stick means; `gait`
-    is the order in which the feet step.
+    is the order in which the feet step. The controller is not told of `untold`: friction, payload,
+    and how much the robot differs at random.
 
     Raises:
         UserError: what is wrong with the description, the world or an option, in one line.
@@ -164,9 +172,10 @@ class Go2(Robot):
         estimator: str = 'kalman',
         limits: str = 'sport',
         gait: str = 'trot',
+        untold: Untold = NOTHING,
     ) -> None:
         self._with_noise = estimator == 'kalman'
-        super().__init__(description, world, seed, package_path, xacro_arguments)
+        super().__init__(description, world, seed, package_path, xacro_arguments, untold=untold)
         parameters = LegControllerParameters(
             command=CommandParameters(limits=limits), gait=GaitParameters(name=gait)
         )
