@@ -163,7 +163,9 @@ class LegController:
     def odometry(self) -> LegOdometry | None:
         """Estimated pose and velocity of the base; None before the first reading."""
         if self._odometry is None and self.robot is not None:
-            variances = (1e-9, 1e-9) if self._uses_truth else self._kalman.variances
+            variances = (1e-9, 1e-9, 0.0)
+            if not self._uses_truth:
+                variances = (*self._kalman.variances, self._heading.variance)
             self._odometry = make_odometry(self.robot, *variances)
         return self._odometry
 

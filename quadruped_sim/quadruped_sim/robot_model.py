@@ -125,21 +125,22 @@ class LegOdometry:
     twist_covariance: np.ndarray
 
 
-# The IMU's orientation is taken as true up to this variance [rad^2]; its rate likewise.
+# The IMU's tilt is taken as true up to this variance [rad^2]; its rate likewise.
 _ROTATION_VARIANCE = 1e-5
 _RATE_VARIANCE = 1e-4
 
 
 def make_odometry(
-    robot: RobotState, position_variance: float, velocity_variance: float
+    robot: RobotState, position_variance: float, velocity_variance: float, heading_variance: float
 ) -> LegOdometry:
-    """LegOdometry from the estimated state; variances per axis [m^2], [m^2/s^2]."""
+    """LegOdometry from the estimated state; variances per axis [m^2], [m^2/s^2], [rad^2]."""
+    rotation = [_ROTATION_VARIANCE] * 2 + [_ROTATION_VARIANCE + heading_variance]
     return LegOdometry(
         position=robot.base.position,
         orientation=robot.orientation,
         linear_velocity=robot.base.R.T @ robot.base.velocity,
         angular_velocity=robot.base.omega,
-        pose_covariance=np.diag([position_variance] * 3 + [_ROTATION_VARIANCE] * 3),
+        pose_covariance=np.diag([position_variance] * 3 + rotation),
         twist_covariance=np.diag([velocity_variance] * 3 + [_RATE_VARIANCE] * 3),
     )
 

@@ -67,3 +67,15 @@ def test_feet_that_move_begin_anew_and_are_not_taken_for_drift():
         heading.step(np.eye(3), FEET @ yaw_matrix(0.25 * tick / 500), STANDS, DT)
     assert abs(heading.offset) < 0.002
     assert abs(heading.bias) < 2e-4
+
+
+def test_how_far_the_heading_may_be_off_grows_on_the_way_and_not_at_rest():
+    """An unknown bias of deviation s turns it by s t: 2e-4 rad/s in 100 s are 0.02 rad."""
+    params = EstimatorParameters(gyro_noise=1e-9, gyro_walk=0.0)
+    heading = Heading(params)
+    for _ in range(500):
+        heading.step(np.eye(3), FEET, WALKS, 0.2)
+    assert math.sqrt(heading.variance) == pytest.approx(100.0 * params.gyro_bias, rel=0.01)
+    before = heading.variance
+    rest(heading, 1.0)
+    assert heading.variance == before

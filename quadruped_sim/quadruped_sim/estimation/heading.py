@@ -39,6 +39,7 @@ class Heading:
         self.offset = 0.0
         self.bias = 0.0
         self._variance = self.params.gyro_bias**2  # of the bias
+        self.variance = self._tie = 0.0  # of the offset [rad^2], and its covariance with the bias
         self._feet: np.ndarray | None = None
 
     def step(self, R: np.ndarray, feet: np.ndarray, trust: np.ndarray, dt: float) -> None:
@@ -51,6 +52,8 @@ class Heading:
         self._variance += dt * self.params.gyro_walk**2
         if float(trust.min()) < _STANDING:
             self._feet = None
+            self.variance += dt * (2.0 * self._tie + dt * self.params.gyro_noise**2)
+            self._tie += dt * self._variance
             return
         yaw = math.atan2(float(R[1, 0]), float(R[0, 0]))
         c, s = math.cos(yaw), math.sin(yaw)
@@ -94,6 +97,8 @@ class Heading:
         self._drift += correction
         self.offset += correction  # the prediction is in it already
         self.bias += self._cross * share * innovation
-        self._variance -= self._cross * self._cross * share
+        known = self._cross * self._cross * share / max(self._variance, 1e-12)
+        self._variance -= known * self._variance
+        self._tie -= known * self._tie
         self._cross -= self._spread * self._cross * share
         self._spread -= self._spread * self._spread * share
