@@ -61,6 +61,9 @@ class CommandFilter:
         self.limits = velocity_limits(params.limits, *self._robot, gait)
         able = velocity_limits('race', *self._robot)
         self._able = np.array((able.forward, able.lateral, able.yaw))
+        self._acceleration = GAITS[gait].agility * np.array(
+            (params.forward_acceleration, params.lateral_acceleration, params.yaw_acceleration)
+        )
         self._age.timeout = params.timeout
         self._request = self._clamped(*self._request.tolist())
 
@@ -118,13 +121,7 @@ class CommandFilter:
         self._is_new = False
         target = np.zeros(3) if self.is_silent else self._request
         params = self._params
-        most = (
-            self.grip
-            * dt
-            * np.array(
-                (params.forward_acceleration, params.lateral_acceleration, params.yaw_acceleration)
-            )
-        )
+        most = self.grip * dt * self._acceleration
         self.command = self.command + np.clip(target - self.command, -most, most)
         # On its way from one curve to another the yaw rate waits for the speed.
         speed = math.hypot(self.command[0], self.command[1])

@@ -32,7 +32,8 @@ class GaitRow(NamedTuple):
 
     `period` is that of a trot's period, `longer` the share of it that a foot stands beyond what
     the parameters say, `footprint` the length and width between the feet as shares of those
-    between the hips; the command is kept within `limits`.
+    between the hips; the command is kept within `limits` and ramps at the share `agility` of a
+    trot's accelerations.
     """
 
     offsets: tuple[float, float, float, float]
@@ -40,6 +41,7 @@ class GaitRow(NamedTuple):
     period: float = 1.0
     longer: float = 0.0
     footprint: tuple[float, float] = (1.0, 1.0)
+    agility: float = 1.0
 
 
 # A row is a gait that can be chosen.
@@ -60,11 +62,20 @@ GAITS = {
     # front pair and rear pair
     'bound': GaitRow(
         (0.0, 0.0, 0.5, 0.5),
-        VelocityLimits(1.3, 0.6, 0.3, 1.0),
+        VelocityLimits(1.4, 0.6, 0.3, 1.0),
         period=0.7,
         footprint=(0.6, 1.0),
+        agility=0.35,
     ),
     # all at once
     'pronk': GaitRow((0.0, 0.0, 0.0, 0.0), VelocityLimits(1.1, 0.6, 0.0, 1.0), period=0.65),
+    # front feet, then rear feet, one of each pair first
+    'gallop': GaitRow(
+        (0.0, 0.1, 0.5, 0.6),
+        VelocityLimits(1.5, 0.6, 0.3, 1.0),
+        period=0.65,
+        footprint=(0.6, 0.6),
+        agility=0.35,
+    ),
 }
 DUTY_MAX = 0.95

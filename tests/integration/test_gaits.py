@@ -11,7 +11,7 @@ import wasd
 
 STEPS, COUNT = 0.1, 15
 # Ramp and settling before the speed counts [s].
-SETTLE = 2.0
+SETTLE = 3.0
 
 
 @pytest.mark.slow
@@ -40,7 +40,7 @@ def test_it_follows_its_full_stick(gait: str) -> None:
 
 
 def test_the_page_says_what_the_rows_say() -> None:
-    page = (Path(__file__).parents[2] / 'docs/gaits.md').read_text()
+    page = (Path(__file__).parents[2] / 'docs/gaits.md').read_text().split('\n## ')[0]
     rows = {
         cells[1].strip(' `'): cells[3:8]
         for cells in (line.split('|') for line in page.split('\n') if line.startswith('| `'))

@@ -100,3 +100,8 @@ def test_a_gait_has_limits_of_its_own():
     np.testing.assert_allclose(settle(walking, 3.0, (2.0, 0.0, 0.0)), (1.0, 0.0, 0.0))
     walking.tune(CommandParameters())
     np.testing.assert_allclose(settle(walking, 3.0, (2.0, 0.0, 0.0)), (2.0, 0.0, 0.0))
+
+
+def test_a_bound_gains_speed_more_slowly_than_a_trot():
+    command = settle(CommandFilter(CommandParameters(), gait='bound'), 0.2, (1.0, 0.0, 0.0))
+    np.testing.assert_allclose(command, (0.35 * 0.4, 0.0, 0.0))
