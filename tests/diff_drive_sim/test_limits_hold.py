@@ -9,49 +9,39 @@ from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.limits import AxisLimits
 from diff_drive_sim.limits import PlanarRamp
 from diff_drive_sim.parameters import DiffDriveParameters
+import numpy as np
 import pytest
 
 # What a limit may be broken by, in its own unit.
 TOLERANCE = 1e-9
+INF = math.inf
 STEPS_OF_A_ROBOT = 400
 
 
-class Witness:
-    """Watches one axis by its velocities alone and counts what breaks a limit."""
-
-    def __init__(self, limits):
-        self.limits = limits
-        self.velocity = self.acceleration = 0.0
-        self.violations = []
-
-    def see(self, velocity, dt):
-        """Take the velocity `dt` [s] after the last."""
-        before, self.velocity = self.velocity, velocity
-        slope_before, self.acceleration = self.acceleration, (velocity - before) / dt
-        limits = self.limits
-        self._check('velocity', velocity, -limits.backward, limits.forward)
-        self._check_acceleration(before, velocity, dt)
-        # A velocity has 52 bits; its second difference in a short step shows the last of them.
-        rounding = 4.0 * math.ulp(max(abs(velocity), abs(before))) / dt**2
-        jerk = (self.acceleration - slope_before) / dt
-        self._check('jerk', jerk, -limits.fall - rounding, limits.rise + rounding)
-
-    def _check_acceleration(self, before, after, dt):
-        limits = self.limits
-        if min(before, after) >= 0.0:
-            self._check('acceleration', self.acceleration, -limits.slow_down, limits.speed_up)
-        elif max(before, after) <= 0.0:
-            low, high = -limits.speed_up_backward, limits.slow_down_backward
-            self._check('acceleration', self.acceleration, low, high)
-        else:  # through 0: first slowing down, then speeding up, and there is time for both
-            down, up = limits.slow_down, limits.speed_up_backward
-            if before < 0.0:
-                down, up = limits.slow_down_backward, limits.speed_up
-            self._check('reversal', (abs(before) / down + abs(after) / up) / dt, 0.0, 1.0)
-
-    def _check(self, name, value, low, high):
-        if not low - TOLERANCE <= value <= high + TOLERANCE:
-            self.violations.append((name, value, low, high))
+def broken(limits, velocity, dt):
+    """Return what a velocity (n,), each `dt` (n,) [s] after the last, breaks: limit and value."""
+    before = np.concatenate(((0.0,), velocity[:-1]))
+    slope = (velocity - before) / dt
+    slope_before = np.concatenate(((0.0,), slope[:-1]))
+    ahead, behind = np.minimum(before, velocity) >= 0.0, np.maximum(before, velocity) <= 0.0
+    # Through 0: first slowing down, then speeding up, and there is time for both.
+    down = np.where(before < 0.0, limits.slow_down_backward, limits.slow_down)
+    up = np.where(before < 0.0, limits.speed_up, limits.speed_up_backward)
+    reversal = np.where(ahead | behind, 0.0, (abs(before) / down + abs(velocity) / up) / dt)
+    lowest = np.where(ahead, -limits.slow_down, np.where(behind, -limits.speed_up_backward, -INF))
+    highest = np.where(ahead, limits.speed_up, np.where(behind, limits.slow_down_backward, INF))
+    # A velocity has 52 bits; its second difference in a short step shows the last of them.
+    rounding = 4.0 * np.spacing(np.maximum(abs(velocity), abs(before))) / dt**2
+    found = []
+    for name, value, low, high in (
+        ('velocity', velocity, -limits.backward, limits.forward),
+        ('acceleration', slope, lowest, highest),
+        ('reversal', reversal, 0.0, 1.0),
+        ('jerk', (slope - slope_before) / dt, -limits.fall - rounding, limits.rise + rounding),
+    ):
+        beyond = ~((low - TOLERANCE <= value) & (value <= high + TOLERANCE))
+        found += [(name, float(one)) for one in value[beyond]]
+    return found
 
 
 def random_limits(choose, largest):
@@ -87,7 +77,9 @@ def random_controller(choose):
         for name, value in random_limits(choose, largest).items()
     }
     timeout = choose.choice((0.0, 0.05, 0.5))
-    parameters = DiffDriveParameters(open_loop=True, cmd_vel_timeout=timeout, **values)
+    parameters = DiffDriveParameters(
+        open_loop=True, cmd_vel_timeout=timeout, velocity_rolling_window_size=1, **values
+    )
     return DiffDriveController(geometry, parameters)
 
 
@@ -111,22 +103,21 @@ def count_violations(seed, robots):
     for _ in range(robots):
         controller = random_controller(choose)
         parameters, geometry = controller.parameters, controller.geometry
-        linear = Witness(parameters.linear_limits())
-        angular = Witness(parameters.angular_limits(geometry.wheel_separation))
         hurry = 10.0 ** choose.uniform(-2.5, 0.0)
+        seen = []
         for dt in random_steps(choose):
             if choose.random() < hurry:
                 controller.command(
                     choose.gauss(0.0, 1.5), choose.choice((0.0, 1.0)) * choose.gauss(0.0, 4.0)
                 )
-            speeds = controller.step(0.0, 0.0, dt)
-            fastest = max(map(abs, speeds))
-            saturated += fastest > 0.999 * geometry.speed_limit
-            if fastest > geometry.speed_limit + TOLERANCE:
-                violations.append(('wheel', fastest, 0.0, geometry.speed_limit))
-            linear.see(controller.velocity.linear, dt)
-            angular.see(controller.velocity.angular, dt)
-        violations += linear.violations + angular.violations
+            seen.append((*controller.step(0.0, 0.0, dt), *controller.velocity, dt))
+        left, right, linear, angular, dt = np.array(seen).T
+        fastest = np.maximum(abs(left), abs(right))
+        saturated += int((fastest > 0.999 * geometry.speed_limit).sum())
+        too_fast = fastest[~(fastest <= geometry.speed_limit + TOLERANCE)]
+        violations += [('wheel', float(one)) for one in too_fast]
+        violations += broken(parameters.linear_limits(), linear, dt)
+        violations += broken(parameters.angular_limits(geometry.wheel_separation), angular, dt)
     return violations, saturated
 
 
