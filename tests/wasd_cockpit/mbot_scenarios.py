@@ -177,6 +177,18 @@ def scenario_the_emergency_stop_ends_a_motion_that_keys_have_set_going(page: Pag
     page.wait_until(lambda: page.session.stack.driver.controller.target.linear == 0.0, 'stands')
 
 
+def scenario_a_page_without_panels_still_has_the_emergency_stop(page: Page) -> None:
+    page.click('panels')
+    page.wait_until(lambda: 'pad' not in page.rects, 'no panels')
+    page.puppet.keys = {code('I')}
+    page.wait_until(lambda: page.session.stack.driver.controller.target.linear > 0.0, 'drives')
+    page.click('stop at once')
+    page.puppet.keys = set()
+    page.wait_until(lambda: page.session.stack.driver.controller.target.linear == 0.0, 'stands')
+    page.click('panels')
+    page.show('pad')
+
+
 def scenario_the_mode_of_the_drive_is_shown(page: Page) -> None:
     (setting,) = page.snapshot.settings
     assert setting.chosen == 'sim'

@@ -13,7 +13,7 @@ import pytest
 HERE = Path(__file__).parent
 RUNS = {
     'mbot_scenarios': ('mbot', '--world', 'room'),
-    'go2_scenarios': ('go2', '--estimator', 'truth'),
+    'both_scenarios': ('both', '--estimator', 'truth'),
 }
 
 

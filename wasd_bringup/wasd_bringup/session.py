@@ -314,7 +314,7 @@ class Session:
         if key in HELP_KEYS:
             # The address last: it is to stay in sight.
             self._status.print([*stack.help_lines, *self._run_lines, *self._where_lines])
-            stack.notice.say('the keys stand above (on the page: under "keys")')
+            stack.notice.say('the keys stand above (on the page: under Keys)')
             return True
         return False
 

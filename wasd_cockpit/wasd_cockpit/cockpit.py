@@ -26,6 +26,7 @@ from wasd_cockpit.panels.map import Map
 from wasd_cockpit.panels.plots import PAGES
 from wasd_cockpit.panels.plots import Plots
 from wasd_cockpit.panels.robot import Robot
+from wasd_cockpit.panels.robot import STOP_LABEL
 from wasd_cockpit.panels.view import View
 from wasd_cockpit.scene import CAMERAS
 from wasd_cockpit.scene import OVERLAYS
@@ -33,6 +34,7 @@ from wasd_cockpit.scene import Scene
 from wasd_cockpit.settings import load
 from wasd_cockpit.settings import save
 from wasd_cockpit.sight import Sight
+from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.snapshot import Stick
 from wasd_cockpit.snapshot import words_of
@@ -270,6 +272,10 @@ class Cockpit:
         imgui.SameLine(0.0, 16.0)
         pace = 'paused' if snapshot.is_paused else f'x{snapshot.pace:.2f}'
         page.widgets.words(f'{snapshot.time:.1f} s   {pace}', style.DIM)
+        if page.layout.place_of('robot') is None and page.widgets.button(
+            'stop at once', STOP_LABEL, (110.0, 0.0), fill=style.ALARM
+        ):
+            page.link.order(Order('e-stop'))
         for text in filter(None, (snapshot.message, SLOW_PAGE if self._is_slow else '')):
             page.widgets.words(text, style.ODOMETRY)
         imgui.End()

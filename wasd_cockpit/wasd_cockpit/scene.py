@@ -28,6 +28,8 @@ OVERLAYS = {
 }
 # A hand: force [N/kg] per metre that it is ahead, and at most [N/kg], a little more than gravity.
 STIFFNESS, STRONGEST = 17.0, 10.0
+# How much farther away the camera is for a page with panels below the scene.
+TALL_DISTANCE = 1.6
 # More marks than these cost more than they show: each is 256 bytes a picture.
 MOST_DOTS, MOST_TRAIL = 60, 40
 _SPHERE, _ARROW = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_ARROW)
@@ -129,6 +131,8 @@ class Scene:
     def _aim(self, page: 'PageState', snapshot: Snapshot) -> None:
         camera = page.viewer.camera
         if self._home is None:
+            # Of a page that is narrower than high, more is needed to see as much.
+            camera.distance *= 1.0 if page.layout.is_desk else TALL_DISTANCE
             self._home = camera.distance, camera.azimuth, camera.elevation
         if self.camera != self._in_force:
             was_inside = self._in_force == 'first person'

@@ -161,13 +161,18 @@ class CockpitBridge:
         return self._watched[self._session.active]
 
     def _stop(self) -> None:
-        """Stop the robot that is driven, at once, and by keys for those who listen to them."""
+        """Stop every robot, at once, and by keys for those who listen to them."""
         self._let_go()
-        self._session.disarm()
-        described = self._active.described
-        described.emergency_stop()
-        for key in described.stop_keys:
-            self._session.press(key, from_view=True)
+        session = self._session
+        session.disarm()
+        for watched in self._watched:
+            watched.described.emergency_stop()
+        driven = session.active
+        for number, watched in enumerate(self._watched):
+            session.switch_to(number)
+            for key in watched.described.stop_keys:
+                session.press(key, from_view=True)
+        session.switch_to(driven)
 
     def _follow_stick(self) -> None:
         """Do what the stick says; where nobody holds it any more, stop what it moved."""

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 _ENTER = int(imgui.InputTextFlags.EnterReturnsTrue.value)
 _HEIGHT = 24.0
+STOP_LABEL = '\uf05e  E-STOP'
 # Icons of the font that Studio has.
-_STOP, _PAUSE, _RUN, _STEP, _RESET = '\uf05e', '\uf04c', '\uf04b', '\uf051', '\uf0e2'
+_PAUSE, _RUN, _STEP, _RESET = '\uf04c', '\uf04b', '\uf051', '\uf0e2'
 
 
 class Robot:
@@ -41,7 +42,7 @@ class Robot:
     def _draw_stop(self, page: 'PageState', snapshot: Snapshot) -> None:
         widgets, order = page.widgets, page.link.order
         width = imgui.GetContentRegionAvail().x
-        if widgets.button('e-stop', f'{_STOP}  E-STOP', (width, 30.0), fill=style.ALARM):
+        if widgets.button('e-stop', STOP_LABEL, (width, 30.0), fill=style.ALARM):
             order(Order('e-stop'))
         third = columns(3)
         is_paused = snapshot.is_paused
@@ -96,13 +97,13 @@ class Robot:
                 page.link.order(Order('choose', f'{setting.name}={option}'))
 
     def _draw_speed(self, page: 'PageState', snapshot: Snapshot) -> None:
-        page.widgets.heading('SPEED OF TIME')
+        imgui.Spacing()
         width = columns(2)
         imgui.SetNextItemWidth(width)
         changed, speed = imgui.InputFloat('##speed', snapshot.speed, 0.1, 0.5, 'x %.2f', _ENTER)
         page.widgets.note_field('speed')
         if imgui.IsItemHovered():
-            imgui.SetTooltip('0 is as fast as it goes')
+            imgui.SetTooltip('speed of time; 0 is as fast as it goes')
         if changed:
             page.link.order(Order('speed', value=speed))
         imgui.SameLine()

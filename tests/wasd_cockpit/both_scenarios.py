@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a hand does on the Go2's page; see run_scenarios.py."""
+"""What a hand does on the page of the Go2 and mbot together; see run_scenarios.py."""
 
 from mbot_scenarios import column
 from mbot_scenarios import top_of
 import numpy as np
+from page_puppet import code
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.presets import GAITS
@@ -21,10 +22,10 @@ def stand(page: Page) -> None:
     """Stand up from whatever state there is, and have stood for a while."""
     if page.snapshot.state == 'passive':
         enter(page, 'fixed stand')
-        page.wait(2.5)
+        page.wait(1.8)
     elif page.snapshot.state != 'fixed stand':
         enter(page, 'fixed stand')
-        page.wait(1.0)
+        page.wait(0.7)
 
 
 def scenario_each_state_is_a_button_and_what_cannot_follow_is_grey_with_the_reason(
@@ -49,7 +50,7 @@ def scenario_the_stick_walks_in_trotting_and_letting_go_is_stop(page: Page) -> N
     page.puppet.press_at(page.show('pad'))
     page.puppet.drag_to(top_of(page, 'pad', 0.5))
     since = page.session.world.time
-    page.wait(2.0)
+    page.wait(1.5)
     assert column(page, Columns.TRUTH, since)[1].max() > 0.2
     page.puppet.let_go()
     page.wait_until(
@@ -78,11 +79,30 @@ def scenario_the_stick_drives_in_move_base_by_velocities(page: Page) -> None:
     page.wait(1.0)
 
 
-def scenario_the_emergency_stop_lets_go_at_once(page: Page) -> None:
+def scenario_the_stick_drives_the_robot_that_was_chosen(page: Page) -> None:
     stand(page)
+    page.click('robot mbot')
+    page.wait_until(lambda: page.snapshot.robots[page.snapshot.robot] == 'mbot', 'mbot')
+    page.puppet.press_at(page.show('pad'))
+    page.puppet.drag_to(top_of(page, 'pad'))
+    target = page.session.robots[1].stack.driver.controller
+    page.wait_until(lambda: target.target.linear > 0.05, 'mbot drives')
+    page.puppet.let_go()
+    page.wait_until(lambda: target.target.linear == 0.0, 'mbot stands')
+
+
+def scenario_the_emergency_stop_stops_all_robots_at_once(page: Page) -> None:
+    page.puppet.keys = {code('I')}
+    target = page.session.robots[1].stack.driver.controller
+    page.wait_until(lambda: target.target.linear > 0.0, 'mbot drives')
     page.click('e-stop')
-    page.wait_until(lambda: page.snapshot.state == 'passive', 'passive')
-    assert page.session.stack.legs.controller.event == 'emergency stop'
+    page.puppet.keys = set()
+    page.wait_until(lambda: target.target.linear == 0.0, 'mbot stands')
+    legs = page.session.robots[0].stack.legs.controller
+    page.wait_until(lambda: legs.state == 'passive', 'the legs are passive')
+    assert legs.event == 'emergency stop'
+    page.click('robot go2')
+    page.wait_until(lambda: page.snapshot.state == 'passive', 'go2 again')
 
 
 def scenario_every_page_of_plots_has_something_to_show(page: Page) -> None:
