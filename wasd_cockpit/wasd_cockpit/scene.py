@@ -111,6 +111,7 @@ class Scene:
         self._home: tuple[float, float, float] | None = None
         self._grabbed: tuple[np.ndarray, tuple[float, float]] | None = None
         self._in_force = ''
+        self._scale = 1.0
 
     def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
         """Draw what is chosen."""
@@ -131,13 +132,16 @@ class Scene:
     def _aim(self, page: 'PageState', snapshot: Snapshot) -> None:
         camera = page.viewer.camera
         if self._home is None:
-            # Of a page that is narrower than high, more is needed to see as much.
-            camera.distance *= 1.0 if page.layout.is_desk else TALL_DISTANCE
             self._home = camera.distance, camera.azimuth, camera.elevation
+        # Of a page that is narrower than high, more is needed to see as much.
+        scale = 1.0 if page.layout.is_desk else TALL_DISTANCE
+        if scale != self._scale:
+            camera.distance *= scale / self._scale
+            self._scale = scale
         if self.camera != self._in_force:
-            was_inside = self._in_force == 'first person'
-            if was_inside or self._in_force == 'back':
+            if self._in_force in ('first person', 'back'):
                 camera.distance, camera.azimuth, camera.elevation = self._home
+                camera.distance *= scale
             self._in_force = self.camera
         if self.camera == 'follow' and page.layout.is_desk:
             camera.type = _TRACKING
