@@ -7,6 +7,8 @@ and are as fast for sizes up to 6.
 """
 
 from collections.abc import Callable
+import contextlib
+from pathlib import Path
 from typing import Any, cast, ParamSpec, TypeVar
 
 import numba
@@ -15,6 +17,34 @@ import numpy as np
 _P = ParamSpec('_P')
 _R = TypeVar('_R')
 _T = TypeVar('_T', bound=tuple[Any, ...])
+
+
+_STAMP = 'compiled-of'
+
+
+def forget_stale(package: Path) -> None:
+    """
+    Remove what was compiled of another state of a package's files.
+
+    numba looks at the file of a function alone: not at those of the functions that it calls,
+    which are compiled into it, nor whether a class that its cache names has moved.
+    """
+    files = sorted(package.rglob('*.py'))
+    state = '\n'.join(
+        f'{file} {(stat := file.stat()).st_mtime_ns} {stat.st_size}' for file in files
+    )
+    stamp = package / '__pycache__' / _STAMP
+    # Where nothing can be written nothing changes either, but by an installation.
+    with contextlib.suppress(OSError):
+        if stamp.is_file() and stamp.read_text() == state:
+            return
+        for compiled in package.rglob('__pycache__/*.nb[ci]'):
+            compiled.unlink(missing_ok=True)
+        stamp.parent.mkdir(exist_ok=True)
+        stamp.write_text(state)
+
+
+forget_stale(Path(__file__).parent)
 
 
 def jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
