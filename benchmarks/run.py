@@ -8,6 +8,7 @@ Exit status 1 when a bound is missed.
 import argparse
 from concurrent.futures import ProcessPoolExecutor
 import datetime
+import importlib.util
 import json
 import multiprocessing
 from pathlib import Path
@@ -134,6 +135,8 @@ def main() -> int:
         return draw(parser, arguments)
     if arguments.write and (arguments.part or arguments.description):
         parser.error('--write is of the whole benchmark: leave out the part and --description')
+    if arguments.dask and importlib.util.find_spec('distributed') is None:
+        parser.error("--dask: no `distributed` here: .venv/bin/pip install -e '.[cluster]'")
     begin = time.monotonic()
     names = [arguments.part] if arguments.part else list(PARTS)
     try:

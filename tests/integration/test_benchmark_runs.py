@@ -90,3 +90,14 @@ def test_the_cluster_is_loaded_only_when_it_is_asked_for() -> None:
     for path in BENCHMARKS.glob('*.py'):
         at_top = [line for line in path.read_text().splitlines() if not line.startswith(' ')]
         assert not any('distributed' in line and 'import' in line for line in at_top), path
+
+
+def test_without_the_extra_a_cluster_is_refused_in_a_line(
+    bench: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = bench('run')
+    monkeypatch.setattr(run.importlib.util, 'find_spec', lambda name: None)
+    monkeypatch.setattr('sys.argv', ['bench', 'legs', '--dask', 'tcp://10.0.0.1:8786'])
+    with pytest.raises(SystemExit):
+        run.main()
+    assert capsys.readouterr().err.endswith("pip install -e '.[cluster]'\n")
