@@ -266,8 +266,11 @@ class KeyWords:
     help_key: str = ''
     name: Callable[[str], str] = str
 
-    def to_fallen(self) -> str:
-        """Return what to do with a robot that lies on its side."""
+    def to_fallen(self, obstacle: str = '') -> str:
+        """Return what to do with a robot that lies, which an `obstacle` may keep from rolling."""
+        if obstacle:
+            cure = f'press {self.reset_key} to reset' if self.reset_key else 'put it on its feet'
+            return f'{cure} (fallen; {obstacle})'
         reset = f', or {self.reset_key} to reset' if self.reset_key else ''
         return f'press {GET_UP_KEYS[0]} to get up{reset} (the robot has fallen)'
 
@@ -279,10 +282,10 @@ class KeyWords:
             return f'wait: {wanted.value} follows {state.value} by itself'
         return f'{self._press(state, wanted)} ({wanted.value} cannot follow {state.value})'
 
-    def to_event(self, event: str, is_fallen: bool) -> str:
+    def to_event(self, event: str, is_fallen: bool, obstacle: str = '') -> str:
         """Return what to press after the robot went passive by itself."""
         if is_fallen:
-            return self.to_fallen()
+            return self.to_fallen(obstacle)
         return f'{self._press(StateName.PASSIVE, StateName.FIXED_STAND)} (passive: {event})'
 
     def to_velocity(self, state: StateName) -> str:

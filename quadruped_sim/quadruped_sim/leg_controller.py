@@ -43,6 +43,7 @@ from quadruped_sim.scaling import scale_parameters
 from quadruped_sim.states import ControllerParts
 from quadruped_sim.states import make_states
 from quadruped_sim.states.driving import damping_command
+from quadruped_sim.states.lying import obstacle
 
 _UP = np.array((0.0, 0.0, 1.0))
 # How high the base of a Go2 is that lies [m], and how fast its estimate sinks to that [m/s].
@@ -97,6 +98,7 @@ class LegController:
             self.model, self._params, self.locomotion, self.command_filter, self.sticks
         )
         self._states = make_states(self._parts)
+        self.obstacle = obstacle(model)  # what keeps it from getting up, '' if nothing does
         self.reset()
 
     def tune(self, params: LegControllerParameters) -> None:
@@ -183,7 +185,7 @@ class LegController:
             return refusal or None
         state = self._machine.coming
         if self._lies_fallen:
-            return self.words.to_fallen()
+            return self.words.to_fallen(self.obstacle)
         if key in GAIT_KEYS and key not in self.words.elsewhere:
             gaits = tuple(GAITS)
             self.choose_gait(gaits[(gaits.index(self.gait) + GAIT_KEYS[key]) % len(gaits)])
@@ -195,8 +197,8 @@ class LegController:
 
     def refusal(self, key: str) -> str:
         """Return what to tell of a state's key that does nothing now, '' of one that does."""
-        if self._lies_fallen and key not in ('1', *GET_UP_KEYS):
-            return self.words.to_fallen()
+        if self._lies_fallen and (self.obstacle or key not in GET_UP_KEYS) and key != '1':
+            return self.words.to_fallen(self.obstacle)
         state, meant = self._machine.coming, self._meaning(key)
         is_legal = state is not STATE_KEYS[meant] and meant in TRANSITIONS[state]
         return '' if is_legal else self.words.to_state(state, STATE_KEYS[meant])
@@ -213,7 +215,7 @@ class LegController:
         """Velocity command for move base [m/s, m/s, rad/s]; a text when not driven so."""
         if self._machine.state is not StateName.MOVE_BASE:
             if self._lies_fallen:
-                return self.words.to_fallen()
+                return self.words.to_fallen(self.obstacle)
             return self.words.to_velocity(self._machine.coming)
         refusal, limits = self.command_filter.request(vx, vy, yaw_rate), self.command_filter.limits
         if refusal is None and self.gait != 'trot' and not limits.hold(vx, vy, yaw_rate):

@@ -153,8 +153,8 @@ class LegControllerNode(Node):
             self._state.publish(String(data=self._published_state))
             event = self.controller.event
             if event is not None and self._published_state == 'passive':
-                words = self.controller.words
-                self._say(words.to_event(event, self.controller.is_fallen))
+                legs = self.controller
+                self._say(legs.words.to_event(event, legs.is_fallen, legs.obstacle))
 
     def odometry(self) -> Odometry | None:
         """Return odom as `publish_odometry` would publish it; None before there is any."""

@@ -15,9 +15,12 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import JumpParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap
+from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.states.lying import rolling_poses
+from quadruped_sim.states.lying import ROLLS
 from quadruped_sim.states.lying import ROLLS_MAX
 from robot_description.description import load_robot
+from robot_description.packages import share_directory
 from wasd_core.parameters import InvalidParameter
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
@@ -122,8 +125,10 @@ def test_a_robot_that_stays_on_its_back_gives_up_and_says_so(model, standing, tr
     assert controller.state == 'passive'
 
 
-def test_the_poses_of_one_side_are_the_mirror_image_of_the_other_sides(model):
-    for left, right in zip(rolling_poses(model, 1), rolling_poses(model, -1), strict=True):
+@pytest.mark.parametrize('roll', ROLLS)
+def test_the_poses_of_one_side_are_the_mirror_image_of_the_other_sides(model, roll):
+    sides = rolling_poses(model, roll, 1), rolling_poses(model, roll, -1)
+    for left, right in zip(*sides, strict=True):
         assert (left >= model.limits.lower).all()
         assert (left <= model.limits.upper).all()
         mirrored = left.reshape(4, 3)[[1, 0, 3, 2]] * (-1.0, 1.0, 1.0)
@@ -198,3 +203,18 @@ def test_it_jumps_40_cm_ahead_and_knows_about_where_it_is(jumper):
 def test_a_jump_of_no_height_is_refused():
     with pytest.raises(InvalidParameter, match='height'):
         JumpParameters(height=0.0)
+
+
+def test_a_robot_whose_joints_cannot_roll_it_over_says_which_when_it_has_fallen(standing, truth):
+    hyq = (
+        share_directory('example-robot-data') / 'robots/hyq_description/robots/hyq_no_sensors.urdf'
+    )
+    controller = LegController(RobotModel(load_robot(str(hyq))), estimator='truth')
+    on_back = np.array(to_quaternion(rpy_matrix(np.pi, 0.0, 0.0)))
+    controller.step(standing, DT, truth._replace(orientation=on_back))
+    for key in '26':
+        said = controller.press(key)
+        assert (
+            said == 'put it on its feet (fallen; lf_hfe_joint ends 2.1 rad short of rolling over)'
+        )
+        assert controller.state == 'passive'

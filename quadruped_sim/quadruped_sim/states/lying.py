@@ -4,6 +4,7 @@
 from enum import auto
 from enum import Enum
 import math
+from typing import NamedTuple
 
 import numpy as np
 from robot_description.morphology.quadruped import similar_pose
@@ -22,14 +23,38 @@ from quadruped_sim.states.driving import stiff_command
 
 # Thigh and calf of folded legs, on which a robot neither rocks nor is in its own way [rad].
 FOLDED = (1.36, -2.65)
-# Two poses that roll a folded Go2 off its back or its right side onto its belly: hip, thigh and
-# calf of the left legs, then of the right [rad], and how long each is held [s]. An evolution
-# strategy of 12 samples a round found them, on level ground, boxes of 5 cm and 10 degrees.
-ROLLING = (
-    ((0.67, 3.31, -2.15), (-0.91, 2.03, -0.98)),
-    ((0.41, 0.93, -2.15), (-0.86, 3.13, -2.59)),
+
+
+class Roll(NamedTuple):
+    """
+    Two poses that roll a folded robot off its back or its right side onto its belly.
+
+    Of each: hip, thigh and calf of a Go2's left legs, then of its right legs [rad]; and `times`,
+    how long each is held [s].
+    """
+
+    poses: tuple[tuple[tuple[float, ...], tuple[float, ...]], ...]
+    times: tuple[float, float]
+
+
+# Taken in turn. Evolution strategies of 12 samples a round found them: on level ground, boxes of
+# 5 cm and 10 degrees, and with robots of other builds.
+ROLLS = (
+    Roll(
+        (
+            ((0.67, 3.31, -2.15), (-0.91, 2.03, -0.98)),
+            ((0.41, 0.93, -2.15), (-0.86, 3.13, -2.59)),
+        ),
+        (0.29, 0.24),
+    ),
+    Roll(
+        (
+            ((0.44, 3.34, -1.89), (-0.88, 2.93, -1.45)),
+            ((0.72, 2.02, -1.39), (-0.72, 3.01, -2.40)),
+        ),
+        (0.37, 0.26),
+    ),
 )
-ROLLING_TIMES = (0.29, 0.24)
 # Stiffness [N m/rad], damping [N m s/rad] and speed [rad/s] of the joints meanwhile.
 _KP, _KD, _RATE = 100.0, 4.0, 10.0
 # Folded is so close to it [rad] for so long [s], or as close as it gets within so long [s].
@@ -38,8 +63,11 @@ _NEAR, _AT_REST, _SETTLED, _FOLD_TIME_MAX = 0.35, 1.0, 0.1, 1.2
 _UPRIGHT, _TIPPED = 0.8, 0.6
 # Sine of the roll from which on it lies on that side; less is on its back.
 _ON_SIDE = 0.4
+# Joints that reach the poses but for so much may roll a robot over [rad].
+_SHORT = 0.8
 # So often it is tried.
 ROLLS_MAX = 8
+# How long a Go2 takes [s]; all times here are one's.
 _STAND_TIME, _LIE_TIME = 1.0, 2.0
 
 
@@ -63,9 +91,11 @@ class GetUp(State):
     def __init__(self, parts: ControllerParts) -> None:
         super().__init__(parts)
         self._folded = similar_pose(parts.model.quadruped, *FOLDED)
-        self._rolling = {side: rolling_poses(parts.model, side) for side in (1, -1)}
+        self._rolling = {
+            side: [rolling_poses(parts.model, roll, side) for roll in ROLLS] for side in (1, -1)
+        }
         self._target = self._start = self._folded
-        self._folded_time = 0.0
+        self._rested = 0.0
 
     @property
     def is_lying(self) -> bool:
@@ -87,23 +117,24 @@ class GetUp(State):
         """Fold, from wherever the joints are."""
         self._parts.locomotion.gait.reset()
         self._target = robot.joint_position.copy()
-        self._side = self._rolls = 0
+        self._side = self._rolls = 0  # none yet
         self._begin(Stage.FOLD)
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
         """Go toward the pose of this stage, or of the next when its time has come."""
-        self._time += dt
+        self._time += dt / self._parts.model.scale.of('s')
         up = robot.base.R[2]
         if self._stage is Stage.FOLD:
             near = float(np.abs(robot.joint_position - self._folded).max()) < _NEAR
-            rests = near and math.hypot(*robot.base.omega.tolist()) < _AT_REST
-            self._folded_time = self._folded_time + dt if rests else 0.0
-            if self._folded_time > _SETTLED or self._time > _FOLD_TIME_MAX:
+            turning = math.hypot(*robot.base.omega.tolist()) / self._parts.model.scale.of('rad/s')
+            if not near or turning > _AT_REST:
+                self._rested = self._time
+            if self._time - self._rested > _SETTLED or self._time > _FOLD_TIME_MAX:
                 self._leave_fold(up, near)
         elif self._stage is Stage.STAND:
             if up[2] < _TIPPED:
                 self._begin(Stage.FOLD)
-        elif self._time > ROLLING_TIMES[self._stage is Stage.SECOND_POSE]:
+        elif self._time > ROLLS[self._roll].times[self._stage is Stage.SECOND_POSE]:
             is_first = self._stage is Stage.FIRST_POSE
             self._begin(Stage.SECOND_POSE if is_first else Stage.FOLD)
         if self._stage is Stage.STAND:
@@ -112,8 +143,13 @@ class GetUp(State):
             return stiff_command(self._parts.model, self._target.copy())
         return self._move(robot, dt)
 
+    @property
+    def _roll(self) -> int:
+        """Which of the rolls it is."""
+        return (self._rolls - 1) % len(ROLLS)
+
     def _begin(self, stage: Stage) -> None:
-        self._stage, self._time, self._folded_time = stage, 0.0, 0.0
+        self._stage, self._time, self._rested = stage, 0.0, 0.0
         self._start = self._target.copy()
 
     def _leave_fold(self, up: np.ndarray, is_folded: bool) -> None:
@@ -136,7 +172,7 @@ class GetUp(State):
         """Lead the joints to this stage's pose, with no more torque than the motors have."""
         goal = self._folded
         if self._stage is not Stage.FOLD:
-            goal = self._rolling[self._side][self._stage is Stage.SECOND_POSE]
+            goal = self._rolling[self._side][self._roll][self._stage is Stage.SECOND_POSE]
         model, scale = self._parts.model, self._parts.model.scale
         most = np.full(12, _RATE * scale.of('rad/s') * dt)
         self._target = approach(self._target, goal, most)
@@ -149,10 +185,10 @@ class GetUp(State):
         )
 
 
-def rolling_poses(model: RobotModel, side: int) -> tuple[np.ndarray, ...]:
+def rolling_poses(model: RobotModel, roll: Roll, side: int) -> tuple[np.ndarray, ...]:
     """Leg angles (12,) of the poses that roll a robot over its left (1) or right (-1) side."""
     poses = []
-    for pose in ROLLING:
+    for pose in roll.poses:
         angles = np.empty((4, 3))
         for leg, left in enumerate(LEFT):
             hip, thigh, calf = pose[0 if left == side else 1]
@@ -160,6 +196,20 @@ def rolling_poses(model: RobotModel, side: int) -> tuple[np.ndarray, ...]:
             angles[leg, 0] = side * hip
         poses.append(np.clip(angles.ravel(), model.limits.lower, model.limits.upper))
     return tuple(poses)
+
+
+def obstacle(model: RobotModel) -> str:
+    """Return what keeps a robot from rolling over, '' if nothing is known to: a joint's range."""
+    poses = rolling_poses(model, ROLLS[0], 1)
+    for pose, wanted in zip(poses, ROLLS[0].poses, strict=True):
+        asked = np.array([wanted[0 if left == 1.0 else 1] for left in LEFT])
+        asked[:, 1:] *= model.geometry.bend[:, None]
+        short = np.abs(pose - asked.ravel())
+        worst = int(np.argmax(short))
+        if short[worst] > _SHORT:
+            name = model.quadruped.joint_names[worst]
+            return f'{name} ends {short[worst]:.1f} rad short of rolling over'
+    return ''
 
 
 class LieDown(AfterTrot):
@@ -176,6 +226,6 @@ class LieDown(AfterTrot):
 
     def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
         """Next point of the way down."""
-        self._time += dt
+        self._time += dt / self._parts.model.scale.of('s')
         position = self._start + smooth(self._time / _LIE_TIME) * (self._folded - self._start)
         return stiff_command(self._parts.model, position)
