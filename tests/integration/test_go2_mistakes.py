@@ -27,7 +27,7 @@ MISTAKES = [
     ([*SHORT, '--description', 'weak.urdf'], 'no motor on FL_calf_joint, FR_calf_joint'),
     ([*SHORT, '--preset', 'piano'], 'piano'),
     ([*SHORT, '--play', 'slip.keys'], 'slip.keys:2:'),
-    ([*SHORT, '--push', '1 nan 0 0 1'], "wanted 't fx fy fz seconds'"),
+    ([*SHORT, '--push', '1 nan 0 0 1'], "wanted 't fx fy fz seconds [x y z]'"),
 ]
 
 

@@ -19,7 +19,7 @@ MISTAKES = [
     (['mbot', '--play', '.'], '--play .: Is a directory'),
     (['mbot', '--play', 'broken.keys'], 'broken.keys:3:'),
     (['mbot', '--twist', 'broken.twist'], 'broken.twist:2:'),
-    (['mbot', '--push', '1 2 3'], "wanted 't fx fy fz seconds'"),
+    (['mbot', '--push', '1 2 3'], "wanted 't fx fy fz seconds [x y z]'"),
     (['mbot', '--duration', 'long'], '--duration'),
     (['mbot', '--speed', '-1'], '--speed'),
     (['mbot', '--seed', '-1'], '--seed'),
