@@ -56,7 +56,7 @@ def scenario_the_stick_walks_in_trotting_and_letting_go_is_stop(page: Page) -> N
     page.wait_until(
         lambda: page.session.stack.legs.controller.sticks.values.ly == 0.0, 'stick centred'
     )
-    page.wait(1.5)
+    page.wait(1.0)
     assert column(page, Columns.COMMAND, page.session.world.time - 0.2)[1].max() == 0.0
 
 

@@ -55,7 +55,7 @@ def hold_stick(page: Page) -> None:
     page.puppet.press_at(page.show('pad'))
     page.puppet.drag_to(top_of(page, 'pad'))
     since = page.session.world.time
-    page.wait(0.8)
+    page.wait(0.5)
     _, speeds = column(page, Columns.TRUTH, since)
     assert speeds.max() > 0.08, speeds
 
@@ -65,7 +65,7 @@ def scenario_the_stick_drives_and_letting_go_is_stop(page: Page) -> None:
     hold_stick(page)
     page.puppet.let_go()
     since = page.session.world.time
-    page.wait(1.5)
+    page.wait(1.2)
     assert last_command(page, since) <= STOP_TIME
     assert column(page, Columns.TRUTH, since + 1.0)[1].max() < 0.01
     assert page.session.world.base().position[0] > before + 0.05
@@ -86,7 +86,7 @@ def scenario_a_stick_of_a_silent_page_is_let_go(page: Page) -> None:
     hold_stick(page)
     page.puppet.is_silent = True
     since = page.session.world.time
-    page.wait(1.5)
+    page.wait(1.0)
     page.puppet.is_silent = False
     assert last_command(page, since) <= STICK_PROOF + STOP_TIME
     # What is down since before the silence counts for nothing until it was up.
@@ -164,7 +164,7 @@ def scenario_pause_step_and_run(page: Page) -> None:
 def scenario_reset_puts_the_robot_back(page: Page) -> None:
     hold_stick(page)
     page.puppet.let_go()
-    page.wait(1.0)
+    page.wait(0.4)
     page.click('reset')
     page.wait_until(lambda: abs(page.session.world.base().position[0]) < 0.01, 'back')
 

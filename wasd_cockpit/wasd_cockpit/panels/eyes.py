@@ -32,7 +32,7 @@ class Eyes:
             return
         if not self.is_on:
             page.widgets.words(
-                'Off: five pictures a second are 1.5 MB. Red is near, blue is far.',
+                'Five pictures a second are 1.5 MB.',
                 style.DIM,
                 wrapped=True,
             )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PAGES = ('velocity', 'torque', 'feet', 'pace')
 # Points of a line, at most: more are not seen.
-MOST_POINTS = 125
+MOST_POINTS = 100
 _FLAGS = sum(
     int(getattr(implot.Flags, name).value)
     for name in ('NoMenus', 'NoBoxSelect', 'NoMouseText', 'NoTitle', 'NoInputs', 'NoLegend')

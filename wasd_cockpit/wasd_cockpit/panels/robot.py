@@ -36,7 +36,8 @@ class Robot:
         for setting in snapshot.settings:
             self._draw_setting(page, setting)
         self._draw_speed(page, snapshot)
-        for fact in snapshot.facts:
+        # Legs have their command in the plots, and no room here.
+        for fact in () if snapshot.choices else snapshot.facts:
             page.widgets.words(fact, style.DIM)
 
     def _draw_stop(self, page: 'PageState', snapshot: Snapshot) -> None:
