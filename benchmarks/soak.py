@@ -27,6 +27,7 @@ FULL, SETTLED = 1800.0, 300.0  # how long, and after how long it is flat [s of s
 QUICK, QUICK_SETTLED = 90.0, 30.0
 FLAT = 0.02  # largest over smallest memory, less one
 LOOK_PERIOD = 1.0  # of wall time [s]
+ENDING = 3.0  # before the end; the last key may be that old when the report is put together [s]
 
 
 class Look(NamedTuple):
@@ -84,7 +85,7 @@ def _last_time(saved: Path) -> float:
 def judge(looks: list[Look], report: dict[str, Any], duration: float, settled: float) -> Row:
     """Return the row of a run."""
     # At its end the report is put together, which is no part of the drive.
-    steady = [one for one in looks if settled <= one.time < duration - 10.0]
+    steady = [one for one in looks if settled <= one.time < duration - ENDING]
     falls = sum(report['falls'].values())
     trials = [one._asdict() for one in looks]
     must = f'{100 * FLAT:.0f} %, no fall, threads and descriptors constant'
