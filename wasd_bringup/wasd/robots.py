@@ -211,7 +211,7 @@ class Go2(Robot):
 
     def press(self, key: str) -> str | None:
         """
-        Press a key of the Go2: a state (1 to 5, 8 to 0) or a stick (w a s d j l i k, space).
+        Press a key of the Go2: a state (0 to 9, v) or a stick (w a s d j l i k, space).
 
         Return what the status line would say to it, if anything.
 
