@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
+from quadruped_sim.locomotion.whole_body import motor_range
 from quadruped_sim.locomotion.whole_body import WholeBody
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import MpcParameters
@@ -14,7 +17,7 @@ from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
 
 
-def solve(model, angles, rng, stance, force_weight=1e-9):
+def solve(model, angles, rng, stance, force_weight=1e-9, limits=None):
     """Solve for a random state; returns all that the checks need."""
     orientation = np.array(to_quaternion(rpy_matrix(0.1, -0.05, 0.7)))
     R = matrix_from_quaternion(orientation)
@@ -32,7 +35,8 @@ def solve(model, angles, rng, stance, force_weight=1e-9):
         5.0 * rng.normal(size=(4, 3)),
         np.eye(3),
     )
-    body = WholeBody(WholeBodyParameters(force_weight=force_weight), MpcParameters(friction=5.0))
+    weights = WholeBodyParameters(force_weight=force_weight)
+    body = WholeBody(weights, MpcParameters(friction=5.0), limits)
     base = BaseMotion(np.zeros(3), R @ velocity, R, np.array((0.1, -0.05, 0.7)), omega)
     result = body.solve(
         task,
@@ -87,3 +91,30 @@ def test_swing_legs_carry_nothing(model, angles, rng):
 def test_a_heavy_force_weight_returns_the_wanted_forces(model, angles, rng):
     task, result, *_ = solve(model, angles, rng, np.ones(4, dtype=bool), force_weight=1e6)
     np.testing.assert_allclose(result.forces, task.forces, atol=1e-2)
+
+
+def test_torques_that_the_motors_have_not_are_not_asked_for(model, angles):
+    stance = np.ones(4, dtype=bool)
+    free, weak = (
+        solve(model, angles, np.random.default_rng(7), stance, 1e-3, limits)[1]
+        for limits in (None, replace(model.limits, effort=np.full(12, 5.0)))
+    )
+    assert np.abs(free.torque).max() > 6.0
+    assert np.abs(weak.torque).max() == pytest.approx(5.0, abs=0.05)
+    assert weak.is_solved
+
+
+def test_where_motors_cannot_hold_at_all_the_qp_is_solved_still(model, angles, rng):
+    weak = replace(model.limits, effort=np.full(12, 0.1))
+    _, result, *_ = solve(model, angles, rng, np.ones(4, dtype=bool), 1e-3, weak)
+    assert result.is_solved
+    assert (result.forces[:, 2] >= MpcParameters().force_min - 1e-6).all()
+
+
+def test_a_motor_gives_all_at_rest_and_when_it_brakes_and_nothing_at_its_no_load_speed(model):
+    limits = model.limits
+    for speed, share in ((0.0, 1.0), (0.6, 1.0), (0.8, 0.5), (1.0, 0.0), (2.0, 0.0)):
+        least, most = motor_range(limits, speed * limits.velocity)
+        np.testing.assert_allclose(most, share * limits.effort, atol=1e-9)
+        np.testing.assert_array_equal(least, -limits.effort)
+        np.testing.assert_array_equal(motor_range(limits, -speed * limits.velocity)[0], -most)

@@ -8,14 +8,29 @@ import numpy as np
 
 
 class ForceBounds(NamedTuple):
-    """Constraints on n forces stacked as (3n,): `lower` <= (x, A x) <= `upper`."""
+    """
+    Constraints on n forces stacked as (3n,): `lower` <= (x, A x) <= `upper`.
+
+    The last `soft` of them are kept as well as the others allow.
+    """
 
     A: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    soft: int = 0
+
+    def with_soft(self, A: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> 'ForceBounds':
+        """Return these and more rows, which are soft."""
+        return ForceBounds(
+            np.vstack((self.A, A)),
+            np.concatenate((self.lower, lower)),
+            np.concatenate((self.upper, upper)),
+            len(A),
+        )
 
 
 _LARGE = 1e30
+_SOFT = 8  # daqp's mark of a constraint that may be violated if there is no other way
 
 
 class FrictionPyramids:
@@ -82,7 +97,11 @@ class QpSolver:
         """Solution (n,), or None when the solver gives up or the problem holds NaN."""
         self.calls += 1
         if np.isfinite(g).all() and np.isfinite(H).all():
-            x, _, flag, _ = daqp.solve(H, g, bounds.A, bounds.upper, bounds.lower)
+            sense = None
+            if bounds.soft:
+                sense = np.zeros(len(bounds.upper), dtype=np.int32)
+                sense[-bounds.soft :] = _SOFT
+            x, _, flag, _ = daqp.solve(H, g, bounds.A, bounds.upper, bounds.lower, sense)
             if flag > 0 and np.isfinite(x).all():
                 self.failures_in_a_row = 0
                 return np.asarray(x)

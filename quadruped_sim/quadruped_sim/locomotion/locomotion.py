@@ -62,7 +62,7 @@ class Locomotion:
         self.reference = Reference(params.reference, scale)
         inertia, _ = model.inertia_about_com(model.walking_pose)
         self.mpc = ConvexMpc(params.mpc, inertia)
-        self.whole_body = WholeBody(params.whole_body, params.mpc)
+        self.whole_body = WholeBody(params.whole_body, params.mpc, model.limits)
         self._tracking = BaseTracking(params.whole_body, inertia)
         self.swing_legs = SwingLegs(model, params)
         self.step_height = StepHeight(params.gait, params.contact, model)
@@ -72,6 +72,7 @@ class Locomotion:
         self.schedule = self.gait.state()
         self.is_stance = np.ones(4, dtype=bool)
         self._forces = np.zeros((4, 3))
+        self._frame = np.eye(3)  # from the axes in which feet have friction to the world
         self._since_solution = math.inf
         self._height = self._nominal_height
 
@@ -127,9 +128,10 @@ class Locomotion:
         self._update_stance(state)
         points = self._contact_points(state)
         self.ground.step(points, self._is_loaded(state), dt)
-        self.grip.step(state, self._is_loaded(state), self.ground.frame(), dt)
-        self.mpc.pyramids.friction = self.whole_body.pyramids.friction = self.grip.friction
         height_of_step = self.step_height.step(state, self.schedule, points, self.ground, dt)
+        self._frame = self.ground.frame()
+        self.grip.step(state, self._is_loaded(state), self._frame, dt)
+        self.mpc.pyramids.friction = self.whole_body.pyramids.friction = self.grip.friction
         tread = Tread(height_of_step, max(self.schedule.pace, self.step_height.roughness))
         height = self._settle_height(dt)
         reference = self.reference.step(state, command, self.ground, height, dt)
@@ -146,7 +148,7 @@ class Locomotion:
             )
             self._since_solution = math.inf
         task = WholeBodyTask(
-            acceleration, self.is_stance, self._forces, swing.acceleration, self.ground.frame()
+            acceleration, self.is_stance, self._forces, swing.acceleration, self._frame
         )
         result = self.whole_body.solve(task, state)
         return joint_command(
@@ -247,7 +249,7 @@ class Locomotion:
             rate_reference,
             stance,
             arms,
-            Rz.T @ self.ground.frame(),
+            Rz.T @ self._frame,
         )
         forces = self.mpc.solve(problem)
         if forces is not None:

@@ -17,11 +17,16 @@ from quadruped_sim.algebra import solve_in_place
 from quadruped_sim.dynamics import Dynamics
 from quadruped_sim.leg_kinematics import ContactPoints
 from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.locomotion.friction_qp import ForceBounds
 from quadruped_sim.locomotion.friction_qp import FrictionPyramids
 from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
+from quadruped_sim.robot_model import JointLimits
 from quadruped_sim.robot_model import RobotState
+
+# Share of its no-load speed up to which a motor gives its full torque.
+_FULL_TORQUE = 0.6
 
 
 @dataclass(frozen=True)
@@ -85,10 +90,14 @@ class WholeBody:
     Eliminates joint accelerations by the 3 x 3 leg Jacobians, so the QP has only stance forces.
 
     Base acceleration a = T f + t; |T f + t - a_wanted|^2 + w |f - f_wanted|^2 is minimised inside
-    the friction pyramids, as [Kim2019] relaxes both. docs/legs_math.md derives it, signs included.
+    the friction pyramids, as [Kim2019] relaxes both. Torques are linear in f, too: where motors
+    cannot give them they become rows of the QP. docs/legs_math.md derives it, signs included.
     """
 
-    def __init__(self, params: WholeBodyParameters, mpc: MpcParameters) -> None:
+    def __init__(
+        self, params: WholeBodyParameters, mpc: MpcParameters, limits: JointLimits | None = None
+    ) -> None:
+        self._limits = limits
         self.solver = QpSolver()
         self.tune(params, mpc)
 
@@ -118,26 +127,56 @@ class WholeBody:
         goal[:3] = R.T @ task.base_acceleration[:3] - cross(base.omega, velocity)
         goal[3:] = R.T @ task.base_acceleration[3:]
         stands = np.flatnonzero(task.is_stance)
-        forces_wanted = (task.forces[stands] @ task.ground).ravel()
-        forces, is_solved = self._forces(T, t - goal, forces_wanted, len(stands))
-        in_world = np.zeros((4, 3))
-        in_world[stands] = forces.reshape(-1, 3) @ task.ground.T
-        acceleration = T @ forces + t
-        torque = _torque(dynamics, plain(LegTerms(*terms)), acceleration, in_world @ R)
+        legs = plain(LegTerms(*terms))
+
+        def outcome(forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            in_world = np.zeros((4, 3))
+            in_world[stands] = forces.reshape(-1, 3) @ task.ground.T
+            return _torque(dynamics, legs, T @ forces + t, in_world @ R), in_world
+
+        weighted = T.T * self._weights
+        H = weighted @ T
+        H.flat[:: 3 * len(stands) + 1] += self._force_weight
+        wanted = (task.forces[stands] @ task.ground).ravel()
+        g = weighted @ (t - goal) - self._force_weight * wanted
+        bounds = self.pyramids.bounds(len(stands))
+        forces, is_solved = self._forces(H, g, bounds, wanted)
+        torque, in_world = outcome(forces)
+        if self._limits is not None and len(stands):
+            motors = motor_range(self._limits, state.joint_velocity)
+            joints = np.flatnonzero(task.is_stance.repeat(3))
+            if not _is_within(torque[joints], motors[:, joints]):
+                free = outcome(np.zeros_like(forces))[0]
+                slopes = np.array([outcome(unit)[0] - free for unit in np.eye(len(forces))])
+                rows = slopes[:, joints].T, *(motors[:, joints] - free[joints])
+                forces, is_solved = self._forces(H, g, bounds.with_soft(*rows), wanted)
+                torque, in_world = outcome(forces)
         return WholeBodyResult(torque, in_world, is_solved)
 
     def _forces(
-        self, T: np.ndarray, error: np.ndarray, wanted: np.ndarray, count: int
+        self, H: np.ndarray, g: np.ndarray, bounds: ForceBounds, wanted: np.ndarray
     ) -> tuple[np.ndarray, bool]:
         """Stance forces in ground axes (3n,) [N]."""
-        if count == 0:
+        if len(g) == 0:
             return np.zeros(0), True
-        weighted = T.T * self._weights
-        H = weighted @ T
-        H.flat[:: 3 * count + 1] += self._force_weight
-        g = weighted @ error - self._force_weight * wanted
-        forces = self.solver.solve(H, g, self.pyramids.bounds(count))
+        forces = self.solver.solve(H, g, bounds)
         return (wanted, False) if forces is None else (forces, True)
+
+
+def motor_range(limits: JointLimits, velocity: np.ndarray) -> np.ndarray:
+    """
+    Least and largest torque (2, 12) [N m] of motors that turn at `velocity` (12,) [rad/s].
+
+    One that drives gives its full torque up to a share of its no-load speed, and none at it.
+    """
+    left = (1.0 - np.abs(velocity) / limits.velocity) / (1.0 - _FULL_TORQUE)
+    driving = limits.effort * np.clip(left, 0.0, 1.0)
+    least = np.where(velocity < 0.0, -driving, -limits.effort)
+    return np.array((least, np.where(velocity > 0.0, driving, limits.effort)))
+
+
+def _is_within(torque: np.ndarray, motors: np.ndarray) -> bool:
+    return bool((torque >= motors[0]).all() and (torque <= motors[1]).all())
 
 
 @jit
