@@ -118,11 +118,13 @@ def test_windows_are_on_the_page_and_cover_neither_each_other_nor_the_scene(size
 def test_each_panel_can_be_shown_and_is_shown_when_the_page_comes_again(size):
     layout = Layout()
     layout.resize(*size)
+    layout.hides = False
     for panel in PANELS:
         layout.choose(panel)
         assert layout.place_of(panel) is not None
         again = Layout(layout.chosen)
         again.resize(*size)
+        again.hides = False
         assert again.place_of(panel) == layout.place_of(panel)
 
 
@@ -134,10 +136,11 @@ def test_what_was_chosen_on_another_page_is_no_reason_to_fail():
 
 def test_a_page_without_room_shows_the_scene_until_panels_are_asked_for():
     layout = Layout()
-    layout.resize(500, 400)
-    assert layout.is_hidden
-    assert layout.place_of('drive') is None
-    assert (layout.scene.width, layout.scene.height) == (500, 400)
+    for size in ((500, 400), (900, 600)):
+        layout.resize(*size)
+        assert layout.is_hidden
+        assert layout.place_of('drive') is None
+        assert (layout.scene.width, layout.scene.height) == size
     layout.hides = False
     assert layout.place_of('drive') is not None
 

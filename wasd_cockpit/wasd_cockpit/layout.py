@@ -8,8 +8,8 @@ from wasd_cockpit.widgets import Rect
 
 # Narrower pages, and such as are taller than wide, have one place for all below the scene
 # [pixels].
-LEAST_WIDTH = 900.0
-# Lower ones show the scene alone until panels are asked for [pixels].
+LEAST_WIDTH = 1000.0
+# Lower ones, and low ones that are not wide, show the scene alone until panels are asked for.
 LEAST_HEIGHT = 450.0
 LEFT_WIDTH, RIGHT_WIDTH = 268.0, 330.0
 # Shares of the page's height.
@@ -84,7 +84,14 @@ class Layout:
     @property
     def is_hidden(self) -> bool:
         """Whether only the scene is shown: where that was chosen, or there is no room for more."""
-        return self._size[1] < LEAST_HEIGHT if self.hides is None else self.hides
+        if self.hides is not None:
+            return self.hides
+        return self._size[1] < LEAST_HEIGHT or not (self.is_desk or self.is_tall)
+
+    @property
+    def is_tall(self) -> bool:
+        """Whether the page is higher than wide."""
+        return self._size[0] <= self._size[1]
 
     @property
     def is_desk(self) -> bool:

@@ -134,7 +134,7 @@ class Scene:
         if self._home is None:
             self._home = camera.distance, camera.azimuth, camera.elevation
         # Of a page that is narrower than high, more is needed to see as much.
-        scale = 1.0 if page.layout.is_desk else TALL_DISTANCE
+        scale = TALL_DISTANCE if page.layout.is_tall else 1.0
         if scale != self._scale:
             camera.distance *= scale / self._scale
             self._scale = scale
@@ -143,7 +143,7 @@ class Scene:
                 camera.distance, camera.azimuth, camera.elevation = self._home
                 camera.distance *= scale
             self._in_force = self.camera
-        if self.camera == 'follow' and page.layout.is_desk:
+        if self.camera == 'follow' and (page.layout.is_desk or page.layout.is_hidden):
             camera.type = _TRACKING
             return
         camera.type = _FREE
