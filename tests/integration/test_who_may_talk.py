@@ -20,7 +20,7 @@ WASD = (PYTHON, '-m', 'wasd_bringup.cli')
 HOME, FOREIGN = '198.18.77.1', '198.18.77.2'
 # What decides who may talk; the processes here start without, as a user's do.
 DECIDES = re.compile('ROS_|FASTRTPS_|FASTDDS_|RMW_')
-# Says `cmd_vel` for so long [s], then how many have listened.
+# Says `cmd_vel` for so long [s], or for 4 s to who listens; then how many have listened.
 INTRUDER = """
 import sys, time
 from geometry_msgs.msg import Twist
@@ -34,6 +34,8 @@ while time.monotonic() < end:
     twist.linear.x = 0.3
     publisher.publish(twist)
     rclpy.spin_once(node, timeout_sec=0.05)
+    if not most and publisher.get_subscription_count():
+        end = time.monotonic() + 4.0
     most = max(most, publisher.get_subscription_count())
 print(most)
 """
