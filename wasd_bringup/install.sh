@@ -110,7 +110,7 @@ run_pip() {
   show_progress 9>&- &
   progress=$!
   # A pip set up to install elsewhere (PIP_USER) would refuse an environment.
-  PIP_USER=0 "$venv/bin/python" -P -m pip install --quiet --disable-pip-version-check --no-input \
+  PIP_USER=0 "$venv/bin/python" -P -m pip install --quiet --progress-bar off --disable-pip-version-check --no-input \
     --log "$venv/$LOG" -e "$here$1" $numpy >&2 || explain_failure
   end_progress
 }
