@@ -128,11 +128,8 @@ class GamepadNode(Node):
 
     def close(self) -> None:
         """Leave the robot stopped, if it was us who drove it."""
-        self._is_closed = True
+        self._end_watch()
         self._stop()
-        if self._watcher is not None:
-            self._has_looked.set()
-            self._watcher.join(PATIENCE)
         if self._twists is not None:
             self._twists.wait_for_all_acked(LAST_WORDS_TIMEOUT)
         self.gamepad.close()
@@ -158,6 +155,17 @@ class GamepadNode(Node):
             self._has_looked.clear()
             self._call.trigger()
             self._has_looked.wait(PATIENCE)
+
+    def _end_watch(self) -> None:
+        self._is_closed = True
+        if self._watcher is not None:
+            self._has_looked.set()
+            self._watcher.join(PATIENCE)
+
+    def destroy_node(self) -> None:
+        """End the thread first, which would call a node that is gone."""
+        self._end_watch()
+        super().destroy_node()
 
     def _look_when_called(self) -> None:
         if not self._is_closed:

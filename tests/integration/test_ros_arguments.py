@@ -41,6 +41,9 @@ CASES = {
         'diff_drive_sim.diff_drive_controller_node.DiffDriveControllerNode',
         'linear.x.max_velocity', 0.4, 'cmd_vel',
     ),
+    'gamepad': Case(
+        'teleop_keyboard.gamepad_node.GamepadNode', 'deadzone', 0.2, 'cmd_vel'
+    ),
     'key_publisher': Case(
         'teleop_keyboard.key_publisher_node.KeyPublisherNode', 'raw', True, 'keys'
     ),

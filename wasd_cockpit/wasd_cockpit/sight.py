@@ -74,8 +74,9 @@ class Sight:
             self._wanted_until[what] = time.monotonic() + ATTENTION
             self._wake.notify()
         if self._thread is None and self._world is not None and not self._is_closed:
-            self._thread = threading.Thread(target=self._run, name='sight', daemon=True)
-            self._thread.start()
+            thread = threading.Thread(target=self._run, name='sight', daemon=True)
+            thread.start()
+            self._thread = thread  # not before: an interrupt may come between
 
     def close(self) -> None:
         """Look no more."""

@@ -107,11 +107,14 @@ class WholeBody:
         self._force_weight = params.force_weight
         self.pyramids = FrictionPyramids(mpc.friction, mpc.force_min, mpc.force_max)
 
-    def solve(self, task: WholeBodyTask, state: RobotState) -> WholeBodyResult:
+    def solve(
+        self, task: WholeBodyTask, state: RobotState, *, spares_motors: bool = True
+    ) -> WholeBodyResult:
         """
         Torques for `task` of a robot in this state.
 
-        When the QP fails the wanted forces are applied as they are.
+        When the QP fails the wanted forces are applied as they are. With `spares_motors` other
+        forces are looked for where motors cannot give those.
         """
         base, R = state.base, state.base.R
         velocity = R.T @ base.velocity
@@ -142,7 +145,7 @@ class WholeBody:
         bounds = self.pyramids.bounds(len(stands))
         forces, is_solved = self._forces(H, g, bounds, wanted)
         torque, in_world = outcome(forces)
-        if self._limits is not None and len(stands):
+        if spares_motors and self._limits is not None and len(stands):
             motors = motor_range(self._limits, state.joint_velocity)
             joints = np.flatnonzero(task.is_stance.repeat(3))
             if not _is_within(torque[joints], motors[:, joints]):

@@ -111,7 +111,8 @@ class State(ABC):
         forces = standing_forces(model.weight + model.mass * float(acceleration[2]), is_stance)
         led = np.zeros((4, 3)) if led is None else led
         task = WholeBodyTask(acceleration, is_stance, forces, led, np.eye(3))
-        result = self._parts.locomotion.whole_body.solve(task, robot)
+        # Asked for too much, as by a jump, all legs lack the same: others' forces would turn it.
+        result = self._parts.locomotion.whole_body.solve(task, robot, spares_motors=False)
         return NO_TORQUE._replace(
             position=robot.joint_position.copy(),
             effort=result.torque,
