@@ -102,7 +102,8 @@ install_tests() {
   { identity && contents; } >"$venv/$TESTS"
 }
 
-# Installs the project with the extras "$1". pip itself says only what goes wrong.
+# Installs the project with the extras "$1". pip says what goes wrong on standard error; what it
+# turns on the other, with a log to write, is not meant for readers.
 run_pip() {
   rm -f "$venv/$LOG"
   numpy='import numpy; print("numpy==" + numpy.__version__)'
@@ -111,7 +112,7 @@ run_pip() {
   progress=$!
   # A pip set up to install elsewhere (PIP_USER) would refuse an environment.
   PIP_USER=0 "$venv/bin/python" -P -m pip install --quiet --progress-bar off --disable-pip-version-check --no-input \
-    --log "$venv/$LOG" -e "$here$1" $numpy >&2 || explain_failure
+    --log "$venv/$LOG" -e "$here$1" $numpy >/dev/null || explain_failure
   end_progress
 }
 

@@ -35,6 +35,7 @@ exec(code)" "$3" "$(readlink -f "$0").looks" ;;
   *build_tf2_msgs) [ ! -e "$FAKE/no-compiler" ] || { echo 'error: no compiler' >&2; exit 2; } ;;
   *'-m pip'*)
     case "$*" in *--quiet*) ;; *) echo 'Collecting something' ;; esac
+    echo 'Getting requirements ... done'
     echo 'Collecting something==1.0 (from nowhere)' >"$venv/install.log"
     touch "$venv/rubble" "$FAKE/pip-started"
     while [ -e "$FAKE/slow" ]; do sleep 0.02; done

@@ -38,6 +38,7 @@ def test_the_first_start_installs_and_then_runs_the_command_with_all_arguments(c
     # A newcomer reads a few lines; all that pip does is in its log.
     assert len(result.stderr.splitlines()) <= 6
     assert 'Collecting' not in result.stderr
+    assert 'Getting' not in result.stderr + result.stdout
     (pip,) = checkout.calls('-m pip')
     assert f'-e {checkout.folder}[ros,pinocchio]' in pip
     assert '--quiet --progress-bar off' in pip  # with a log, quiet alone leaves the bars
