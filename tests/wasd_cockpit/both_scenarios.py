@@ -9,7 +9,7 @@ from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.presets import GAITS
 from run_scenarios import Page
-from wasd_cockpit.snapshot import Columns
+from wasd_cockpit.history import Columns
 
 
 def enter(page: Page, state: str) -> None:

@@ -13,9 +13,9 @@ from page_puppet import code
 from page_puppet import PagePuppet
 import pytest
 from run_scenarios import Page
+from wasd_cockpit.history import Columns
 from wasd_cockpit.layout import PANELS
 from wasd_cockpit.link import STICK_PROOF
-from wasd_cockpit.snapshot import Columns
 from websockets.exceptions import ConnectionClosed
 
 # A stick that is let go means zero so soon [s], and one of a page that is gone, too.

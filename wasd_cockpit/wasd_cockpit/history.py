@@ -1,7 +1,49 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last samples of a run, always in one piece."""
+"""The last samples of a run, always in one piece, and what their columns mean."""
+
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
+
+# Seconds that the plots show, and samples a second.
+SPAN, RATE = 10.0, 50.0
+
+
+@dataclass(frozen=True)
+class Columns:
+    """
+    Which columns of the history mean what.
+
+    Column 0 is the time [s]; then three each of velocities (forward, left [m/s], turn [rad/s]),
+    the controller's tick [ms], the real-time factor; then a force [N] and whether the plan has it
+    stand for each foot, and the torque of each motor as a share of its limit.
+    """
+
+    feet: tuple[str, ...] = ()
+    motors: tuple[str, ...] = ()
+
+    COMMAND: ClassVar = 1
+    ODOMETRY: ClassVar = 4
+    TRUTH: ClassVar = 7
+    TICK: ClassVar = 10
+    PACE: ClassVar = 11
+    FORCES: ClassVar = 12
+
+    @property
+    def stances(self) -> int:
+        """The first column of the stances."""
+        return self.FORCES + len(self.feet)
+
+    @property
+    def torques(self) -> int:
+        """The first column of the torques."""
+        return self.stances + len(self.feet)
+
+    @property
+    def width(self) -> int:
+        """How many columns there are."""
+        return self.torques + len(self.motors)
 
 
 class History:

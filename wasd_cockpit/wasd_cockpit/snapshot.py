@@ -2,12 +2,11 @@
 """What the page is told of a run: one frozen snapshot, all that both sides share."""
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-# Seconds that the plots show, and samples a second.
-SPAN, RATE = 10.0, 50.0
+from wasd_cockpit.history import Columns
 
 
 class Order(NamedTuple):
@@ -70,42 +69,6 @@ class PlanarPose(NamedTuple):
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
-
-
-@dataclass(frozen=True)
-class Columns:
-    """
-    Which columns of the history mean what.
-
-    Column 0 is the time [s]; then three each of velocities (forward, left [m/s], turn [rad/s]),
-    the controller's tick [ms], the real-time factor; then a force [N] and whether the plan has it
-    stand for each foot, and the torque of each motor as a share of its limit.
-    """
-
-    feet: tuple[str, ...] = ()
-    motors: tuple[str, ...] = ()
-
-    COMMAND: ClassVar = 1
-    ODOMETRY: ClassVar = 4
-    TRUTH: ClassVar = 7
-    TICK: ClassVar = 10
-    PACE: ClassVar = 11
-    FORCES: ClassVar = 12
-
-    @property
-    def stances(self) -> int:
-        """The first column of the stances."""
-        return self.FORCES + len(self.feet)
-
-    @property
-    def torques(self) -> int:
-        """The first column of the torques."""
-        return self.stances + len(self.feet)
-
-    @property
-    def width(self) -> int:
-        """How many columns there are."""
-        return self.torques + len(self.motors)
 
 
 @dataclass(frozen=True, kw_only=True)

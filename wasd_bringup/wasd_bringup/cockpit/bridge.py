@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from wasd_cockpit.cockpit import Cockpit
+from wasd_cockpit.history import Columns
 from wasd_cockpit.history import History
+from wasd_cockpit.history import RATE
+from wasd_cockpit.history import SPAN
 from wasd_cockpit.link import Link
 from wasd_cockpit.settings import usual_path
-from wasd_cockpit.snapshot import Columns
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import PlanarPose
-from wasd_cockpit.snapshot import RATE
 from wasd_cockpit.snapshot import Snapshot
-from wasd_cockpit.snapshot import SPAN
 from wasd_cockpit.snapshot import Stick
 from wasd_core.key_events import HELD
 from wasd_core.key_events import RELEASE

@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from teleop_keyboard.keymap import direction_words
+from teleop_keyboard.keymap import factor_words
+from teleop_keyboard.keymap import Keymap
 from wasd_cockpit.snapshot import Choice
 from wasd_cockpit.snapshot import KeyCap
 from wasd_cockpit.snapshot import Marks
@@ -67,3 +70,12 @@ class Described(ABC):
     @abstractmethod
     def marks(self, place: np.ndarray, rotation: np.ndarray) -> Marks:
         """Return what is drawn beside a robot that is there [m], in the world's axes."""
+
+
+def keymap_caps(keymap: Keymap) -> tuple[KeyCap, ...]:
+    """Return the keys of a keymap and what each does."""
+    return (
+        *(KeyCap(key, direction_words(way), True) for key, way in keymap.motion.items()),
+        *(KeyCap(key, 'stop at once') for key in sorted(keymap.stop_keys)),
+        *(KeyCap(key, factor_words(way)) for key, way in keymap.speed_keys.items()),
+    )

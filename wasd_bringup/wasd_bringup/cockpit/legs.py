@@ -23,9 +23,9 @@ from wasd_cockpit.snapshot import StickUse
 from wasd_core.rotations import matrix_from_quaternion
 
 from wasd_bringup.cockpit.described import Described
+from wasd_bringup.cockpit.described import keymap_caps
 from wasd_bringup.cockpit.described import Motion
 from wasd_bringup.cockpit.described import Numbers
-from wasd_bringup.cockpit.keymap import keymap_caps
 from wasd_bringup.go2_stack import Go2Stack
 
 _STICK_WORDS = {('ly', 1): 'forward', ('lx', -1): 'left', ('rx', -1): 'turn left'}

@@ -10,8 +10,8 @@ from wasd_cockpit.snapshot import StickUse
 from wasd_core.rotations import yaw_matrix
 
 from wasd_bringup.cockpit.described import Described
+from wasd_bringup.cockpit.described import keymap_caps
 from wasd_bringup.cockpit.described import Motion
-from wasd_bringup.cockpit.keymap import keymap_caps
 from wasd_bringup.mbot_stack import MbotStack
 from wasd_bringup.robots import MODES
 

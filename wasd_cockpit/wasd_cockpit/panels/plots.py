@@ -9,9 +9,9 @@ from mujoco.studio.implot import implot
 import numpy as np
 
 from wasd_cockpit import style
-from wasd_cockpit.snapshot import Columns
+from wasd_cockpit.history import Columns
+from wasd_cockpit.history import SPAN
 from wasd_cockpit.snapshot import Snapshot
-from wasd_cockpit.snapshot import SPAN
 from wasd_cockpit.widgets import Rect
 
 if TYPE_CHECKING:
