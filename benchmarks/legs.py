@@ -75,14 +75,13 @@ def seeds(count: int) -> range:
 def on_the_flat(sizes: Sizes) -> list[Experiment]:
     """Return the rows about speed, curves, cost, gaits and published schedules."""
     many, few = seeds(sizes.many), seeds(sizes.gaits)
-    known_gaits = {name: GAIT_SPEEDS[name] for name in GAITS if name in GAIT_SPEEDS}
     return [
         *(speed(what, velocity, many) for what, velocity in SPEEDS.items()),
         curve((2.0, 0.0, 2.0), many),
         curve((1.5, 0.8, 2.0), many),
         *(transport(at, limit, few) for at, limit in ((0.5, 0.45), (1.0, 0.6), (2.0, 0.9))),
         touchdown(few),
-        *(gait(name, at, few) for name, at in known_gaits.items()),
+        *(gait(name, GAIT_SPEEDS[name], few) for name in GAITS),
         gait_switches(list(GAITS), seeds(sizes.switches), 2.0 * sizes.minute),
         schedules.gauge('max_velocity', *schedules.most(), seeds(sizes.switches)),
         schedules.gauge('diagonal_velocity', *schedules.diagonal(), seeds(sizes.switches)),

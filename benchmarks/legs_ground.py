@@ -96,7 +96,7 @@ def known(what: str, runs: Sequence[Run], share: float, height: float | None) ->
     """
     Judge odometry: x and y by a share of the path, height by the path's share or a length [m].
 
-    The error of x and y is also told with the heading's drift taken out.
+    Of x and y what is left with the heading's drift taken out counts; both are told.
     """
 
     def trial(trace: Trace) -> dict[str, Any]:
@@ -117,7 +117,11 @@ def known(what: str, runs: Sequence[Run], share: float, height: float | None) ->
 
     limit = f'{100 * share:g} %' if height is None else f'{100 * height:g} cm'
     return judged(
-        f'odometry: {what}', f'xy <= {100 * share:g} %, height <= {limit}', runs, trial, say
+        f'odometry: {what}',
+        f'xy, heading apart, <= {100 * share:g} %, height <= {limit}',
+        runs,
+        trial,
+        say,
     )
 
 

@@ -187,12 +187,12 @@ def loaded(payload: str, impulse: float, seed: int) -> Experiment:
         for velocity, free, heavy in zip(LOADS, without, under, strict=False):
             axis = int(np.argmax(np.abs(velocity)))
             speeds = [float(one.mean_velocity(START + SETTLE)[axis]) for one in (free, heavy)]
-            shares.append(speeds[1] / speeds[0] if heavy.is_up else 0.0)
+            shares.append(speeds[1] / speeds[0] if free.is_up and heavy.is_up else 0.0)
             trials.append(heavy.record(shares[-1] >= 0.95, share=shares[-1], speed=speeds[1]))
         stood = [sum(trace.is_up for trace in part[-PHASES:]) for part in (without, under)]
         trials += [trace.record(trace.is_up) for trace in under[-PHASES:]]
         measured = f'speeds {100 * min(shares):.1f} % at worst, pushes {stood[1]} after {stood[0]}'
-        passed = min(shares) >= 0.95 and stood[1] >= 0.95 * stood[0]
+        passed = min(shares) >= 0.95 and stood[0] > 0 and stood[1] >= 0.95 * stood[0]
         return Verdict(f'{measured} of {PHASES}', passed, trials)
 
     return Experiment(

@@ -18,7 +18,7 @@ HEAD = """# Numbers
 
 This is what `./{command}` printed at version {version} ({date}, {machine}, {minutes:.1f} minutes);
 `./wasd bench --write` writes it. In brackets behind a count is its Wilson 95 % interval.
-`./wasd bench` runs twenty seeds where `--quick` runs two, and more robots.{note}
+`./wasd bench` runs more seeds than `--quick`, and more robots.{note}
 
 """
 FOOT = """

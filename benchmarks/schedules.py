@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Schedules of velocities that others have published, with their scores."""
+"""Schedules of velocities that others have published, scored as they score; none may fall."""
 
 from collections.abc import Sequence
 from typing import Any

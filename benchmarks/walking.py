@@ -185,7 +185,7 @@ def build(run: Any, loaded: Description) -> World:
     """Return the world of a run with its robot at the start."""
     payload = parse_payload(run.payload) if run.payload else None
     untold = Untold(friction=run.friction, payload=payload, randomise=run.randomise)
-    setup = replace(usual_setup(loaded, noise=run.estimator == 'kalman'), untold=untold)
+    setup = usual_setup(loaded, run.estimator == 'kalman', untold)
     setup = randomise(setup, run.seed, loaded.quadruped)
     if run.tumbled is not None:
         setup = tumbled(run, loaded, setup)

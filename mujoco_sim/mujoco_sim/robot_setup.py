@@ -18,6 +18,7 @@ from robot_description.morphology.wheel_motor import rotors
 
 from mujoco_sim.sensors.noise import SensorNoise
 from mujoco_sim.untold import Drawn
+from mujoco_sim.untold import NOTHING
 from mujoco_sim.untold import Untold
 
 # Thigh and calf of a Go2 that lies on its belly with its legs folded [rad], where unitree_sdk2's
@@ -59,12 +60,12 @@ class RobotSetup:
     reflected_inertia: Mapping[str, float] = field(default_factory=dict)
     imu: bool = False
     held: Mapping[str, float] = field(default_factory=dict)
-    untold: Untold = Untold()
+    untold: Untold = NOTHING
     drawn: Drawn = Drawn()
 
 
 def usual_setup(
-    description: Description, noise: bool = True, imu_drift: float = 1.0
+    description: Description, noise: bool = True, untold: Untold = NOTHING
 ) -> RobotSetup:
     """
     Return a quadruped that lies on the floor, with real motors and sensors; others as they are.
@@ -73,8 +74,8 @@ def usual_setup(
 
     One whose root is above what touches the floor is lifted so that it stands there.
 
-    Without `noise` its sensors tell the truth; motors and delay stay real. `imu_drift` is how many
-    times the usual its IMU drifts.
+    Without `noise` its sensors tell the truth; motors and delay stay real. `untold` is what the
+    controller is not told; what is drawn at random is another's to draw.
     """
     try:
         quadruped = description.quadruped
@@ -86,6 +87,7 @@ def usual_setup(
             height=-lowest if -math.inf < lowest < -ROUNDING else 0.0,
             reflected_inertia=rotors(robot, drive),
             held=held,
+            untold=untold,
         )
     scale = scale_of(quadruped)
     inertia = REFLECTED_INERTIA * scale.of('kg m^2')
@@ -96,10 +98,11 @@ def usual_setup(
         sink=LYING_SINK * scale.of('m'),
         speed_limits={joint.name: joint.velocity for joint in quadruped.joints},
         command_delay=COMMAND_DELAY,
-        noise=SensorNoise().drifting(imu_drift) if noise else None,
+        noise=SensorNoise().drifting(untold.imu_drift) if noise else None,
         reflected_inertia=dict.fromkeys(quadruped.joint_names, inertia),
         imu=True,
         held=quadruped.held,
+        untold=untold,
     )
 
 

@@ -4,7 +4,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
+import math
 from typing import NamedTuple
+
+from wasd_core.errors import UserError
 
 
 class Payload(NamedTuple):
@@ -12,6 +15,11 @@ class Payload(NamedTuple):
 
     mass: float
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether there is such a load."""
+        return 0.0 < self.mass < math.inf and all(map(math.isfinite, self.place))
 
 
 @dataclass(frozen=True)
@@ -22,14 +30,29 @@ class Untold:
     `friction` is what its feet have on any ground, or of a robot without feet all that it touches
     the ground with, wheels too; without one it is what the description says. `payload` is what the
     base carries. `imu_drift` is how many times the usual an IMU drifts that has noise. `randomise`
-    is how much a quadruped differs from its description at random, 0 to
-    1.
+    is how much a quadruped differs from its description at random, 0 to 1.
     """
 
     friction: float | None = None
     payload: Payload | None = None
     randomise: float = 0.0
     imu_drift: float = 1.0
+
+    def __post_init__(self) -> None:
+        """
+        Check the numbers.
+
+        Raises:
+            UserError: one that no robot or floor can have.
+        """
+        if self.friction is not None and not 0.01 <= self.friction <= 2.0:
+            raise UserError(f'friction: got {self.friction:g}, wanted 0.01 to 2')
+        if not 0.0 <= self.randomise <= 1.0:
+            raise UserError(f'randomise: got {self.randomise:g}, wanted 0 to 1')
+        if not 0.0 <= self.imu_drift < math.inf:
+            raise UserError(f'imu_drift: got {self.imu_drift:g}, wanted a number >= 0')
+        if self.payload is not None and not self.payload.is_possible:
+            raise UserError(f'payload: got {tuple(self.payload)}, wanted a mass > 0 at a place')
 
 
 NOTHING = Untold()

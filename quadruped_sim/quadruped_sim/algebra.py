@@ -29,13 +29,12 @@ def forget_stale(package: Path) -> None:
     numba looks at the file of a function alone: not at those of the functions that it calls,
     which are compiled into it, nor whether a class that its cache names has moved.
     """
-    files = sorted(package.rglob('*.py'))
-    state = '\n'.join(
-        f'{file} {(stat := file.stat()).st_mtime_ns} {stat.st_size}' for file in files
-    )
     stamp = package / '__pycache__' / _STAMP
-    # Where nothing can be written nothing changes either, but by an installation.
+    # Where nothing can be written nothing changes either, but by an installation; what an editor
+    # has just replaced is looked at by the next start.
     with contextlib.suppress(OSError):
+        stats = [(file, file.stat()) for file in sorted(package.rglob('[!.]*.py'))]
+        state = '\n'.join(f'{file} {stat.st_mtime_ns} {stat.st_size}' for file, stat in stats)
         if stamp.is_file() and stamp.read_text() == state:
             return
         for compiled in package.rglob('__pycache__/*.nb[ci]'):

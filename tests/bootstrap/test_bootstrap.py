@@ -4,6 +4,7 @@
 import os
 from pathlib import Path
 import pty
+import select
 import shutil
 import signal
 import subprocess
@@ -65,6 +66,7 @@ def read_until(master: int, words: str) -> str:
     """Return what is written on a terminal until `words` have come."""
     text = ''
     while words not in text:
+        assert select.select([master], [], [], 20.0)[0], text
         text += os.read(master, 4096).decode()
     return text
 

@@ -101,3 +101,30 @@ def test_without_the_extra_a_cluster_is_refused_in_a_line(
     with pytest.raises(SystemExit):
         run.main()
     assert capsys.readouterr().err.endswith("pip install -e '.[cluster]'\n")
+
+
+def test_every_gait_has_a_row(bench: Any) -> None:
+    from quadruped_sim.presets import GAITS
+
+    legs = bench('legs')
+    rows = {experiment.what for experiment in legs.on_the_flat(legs.QUICK)}
+    assert {f'gait {name}, {speed:g} m/s' for name, speed in legs.GAIT_SPEEDS.items()} <= rows
+    assert legs.GAIT_SPEEDS.keys() == GAITS.keys()
+
+
+def test_a_payload_is_judged_beside_a_robot_that_walks(bench: Any) -> None:
+    """Two that fall alike, or one that falls without a load, show nothing."""
+    speed = bench('legs_speed')
+
+    class Fallen:
+        is_up = False
+
+        def mean_velocity(self, start: float) -> tuple[float, ...]:
+            return (1.0, 1.0, 1.0)
+
+        def record(self, passed: bool, **figures: Any) -> dict[str, Any]:
+            return {'passed': passed, **figures}
+
+    experiment = speed.loaded('8@0,0.1,0', 35.0, 1)
+    verdict = experiment.judge([Fallen()] * len(experiment.runs))
+    assert not verdict.passed

@@ -117,9 +117,10 @@ def test_what_is_untold_is_that_of_the_command(wasd: Any) -> None:
     import wasd as own
 
     words = ('--friction', '0.5', '--payload', '3@0,0.05,0', '--randomise', '0.5', '--seed', '4')
-    report = wasd.report('go2', *words, '--duration', '1', play='0 2')
+    more = ('--imu-drift', '50', '--duration', '1')
+    report = wasd.report('go2', *words, *more, play='0 2')
     payload = own.Payload(3.0, (0.0, 0.05, 0.0))
-    untold = own.Untold(friction=0.5, payload=payload, randomise=0.5)
+    untold = own.Untold(friction=0.5, payload=payload, randomise=0.5, imu_drift=50.0)
     dog = own.Go2(seed=4, untold=untold)
     dog.press('2')
     dog.run(0.98)

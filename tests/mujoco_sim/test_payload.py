@@ -2,6 +2,7 @@
 """A payload: as heavy as it says, where it says, of no other effect."""
 
 import dataclasses
+import math
 
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.untold import Payload
@@ -10,6 +11,7 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
+from wasd_core.errors import UserError
 
 
 @pytest.fixture(scope='module')
@@ -51,3 +53,19 @@ def test_a_payload_touches_nothing(go2):
     _, _, _, world = base_of(go2, Payload(8.0, (0.0, 0.0, -0.3)))
     geom = world.model.geom('payload/0')
     assert geom.contype[0] == geom.conaffinity[0] == 0
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        ({'friction': 0.0}, 'friction: got 0, wanted 0.01 to 2'),
+        ({'friction': math.nan}, 'friction: got nan'),
+        ({'randomise': 5.0}, 'randomise: got 5, wanted 0 to 1'),
+        ({'imu_drift': -1.0}, 'imu_drift: got -1, wanted a number >= 0'),
+        ({'payload': Payload(-1.0)}, r'payload: got \(-1.0, .*wanted a mass > 0'),
+        ({'payload': Payload(1.0, (math.inf, 0.0, 0.0))}, 'payload: got '),
+    ],
+)
+def test_what_no_robot_or_floor_can_have_is_refused_wherever_it_comes_from(words, said):
+    with pytest.raises(UserError, match=said):
+        Untold(**words)

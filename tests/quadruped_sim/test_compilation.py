@@ -178,5 +178,7 @@ def test_what_was_compiled_of_other_files_is_forgotten(tmp_path):
     kept.touch()
     (package / 'gait/moved.py').touch()
     assert not is_kept()
+    # An editor's lock is no module, and goes nowhere.
+    (package / '.#algebra.py').symlink_to('somebody@host.123')
     kept.touch()
     assert is_kept()

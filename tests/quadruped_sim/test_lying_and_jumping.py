@@ -136,7 +136,7 @@ def test_the_poses_of_one_side_are_the_mirror_image_of_the_other_sides(model, ro
 
 
 @pytest.mark.slow
-def test_it_lies_down_at_less_than_a_tenth_of_a_metre_per_second(floor, model):
+def test_it_is_let_go_of_near_the_ground_at_less_than_a_tenth_of_a_metre_per_second(floor, model):
     dog = Dropped(floor, model, (0.0, 0.0, 0.0), 4)
     dog.run(LIES)
     dog.controller.press('6')

@@ -2,7 +2,6 @@
 """A robot, its world and its controller as one object that a script steps."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 import logging
 import os
 from pathlib import Path
@@ -71,7 +70,7 @@ class Robot:
     ) -> None:
         search = [Path(folder) for folder in package_path]
         self._loaded = load_robot(description, search, xacro_arguments, wheels=wheels)
-        setup = replace(usual_setup(self._loaded, noise=self._with_noise), untold=untold)
+        setup = usual_setup(self._loaded, self._with_noise, untold)
         if untold.randomise:
             setup = randomise(setup, seed, self._loaded.quadruped)
         self._world = build_world(self._loaded, world, seed, setup, visuals=True)
@@ -153,7 +152,7 @@ class Go2(Robot):
     A Unitree Go2, or any quadruped, with its leg controller: keys 2 stand, 4 trot, 5 move base.
 
     `drive` commands a velocity in the state move base. `estimator` is `kalman` (IMU with noise
-    and legs) or `truth`; `limits` is `sport` or `guide`, what full stick means; `gait`
+    and legs) or `truth`; `limits` is `sport`, `guide` or `race`, what full stick means; `gait`
     is the order in which the feet step. The controller is not told of `untold`: friction, payload,
     and how much the robot differs at random.
 

@@ -134,7 +134,7 @@ def parse_payload(text: str) -> Payload:
     try:
         words = place.split(',') if at else ('0', '0', '0')
         payload = Payload(float(mass), _triple([float(word) for word in words]))
-        if not 0.0 < payload.mass < math.inf or not all(map(math.isfinite, payload.place)):
+        if not payload.is_possible:
             raise ValueError
     except ValueError:
         raise UserError(f'--payload: got {text!r}, wanted KG or KG@X,Y,Z with KG > 0') from None

@@ -243,14 +243,13 @@ def read_number(text: str, option: str) -> float:
 def _untold(arguments: argparse.Namespace) -> Untold:
     text = arguments.friction
     friction = None if text is None else read_number(text, '--friction')
-    if friction is not None and not 0.01 <= friction <= 2.0:
-        raise UserError(f'--friction: got {text}, wanted 0.01 to 2')
     payload = None if arguments.payload is None else parse_payload(arguments.payload)
     level = read_number(getattr(arguments, 'randomise', '0'), '--randomise')
-    if level > 1.0:
-        raise UserError(f'--randomise: got {level:g}, wanted 0 to 1')
     drift = read_number(getattr(arguments, 'imu_drift', '1'), '--imu-drift')
-    return Untold(friction=friction, payload=payload, randomise=level, imu_drift=drift)
+    try:
+        return Untold(friction=friction, payload=payload, randomise=level, imu_drift=drift)
+    except UserError as error:
+        raise UserError(f'--{error}') from None
 
 
 def _folders(paths: Sequence[str]) -> tuple[Path, ...]:

@@ -196,9 +196,7 @@ def _load(options: RunOptions) -> Description:
 
 
 def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
-    drift = options.untold.imu_drift
-    setup = usual_setup(loaded, noise=options.estimator == 'kalman', imu_drift=drift)
-    setup = dataclasses.replace(setup, untold=options.untold)
+    setup = usual_setup(loaded, options.estimator == 'kalman', options.untold)
     if options.untold.randomise and ROBOTS[options.robot].kind is LEGGED:
         setup = randomise(setup, options.seed, loaded.quadruped)
     place = ROBOTS[options.robot].place
