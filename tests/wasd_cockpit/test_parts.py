@@ -15,6 +15,10 @@ from wasd_cockpit.link import Link
 from wasd_cockpit.link import STICK_PROOF
 from wasd_cockpit.panels.drive import DEAD_ZONE
 from wasd_cockpit.panels.drive import deflection
+from wasd_cockpit.panels.map import grid_step
+from wasd_cockpit.panels.map import LEAST_GAP
+from wasd_cockpit.panels.map import REACHES
+from wasd_cockpit.panels.map import View
 from wasd_cockpit.panels.plots import MOST_POINTS
 from wasd_cockpit.panels.plots import runs
 from wasd_cockpit.panels.plots import thin
@@ -23,7 +27,9 @@ from wasd_cockpit.settings import load
 from wasd_cockpit.settings import save
 from wasd_cockpit.settings import usual_path
 from wasd_cockpit.snapshot import Order
+from wasd_cockpit.snapshot import PlanarPose
 from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.widgets import Rect
 
 SIZES = [(1280, 720), (1920, 1080), (390, 844), (844, 500), (1024, 768), (900, 600)]
 
@@ -97,6 +103,16 @@ def test_lines_are_thinned_to_what_is_seen_and_end_with_the_last_sample(count):
     history = np.arange(float(count))[:, None]
     assert 1 <= len(thin(history)) <= MOST_POINTS
     assert thin(history)[-1] == count - 1
+
+
+@pytest.mark.parametrize('height', [40, 90, 400])
+@pytest.mark.parametrize('reach', REACHES)
+def test_the_map_has_lines_whatever_its_size_and_few_of_them(height, reach):
+    view = View(Rect(0.0, 0.0, 600.0, height), PlanarPose(), reach)
+    step = grid_step(view.scale)
+    assert step * view.scale > LEAST_GAP or step == REACHES[-1]
+    assert step == 0.5 or 0.5 * step * view.scale <= LEAST_GAP
+    assert 600.0 / (step * view.scale) <= 30.0
 
 
 @pytest.mark.parametrize('size', SIZES)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 # How much of the floor is seen [m], from middle to edge.
 REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)
 MOST_TRAIL = 120
+# Lines of the floor are one of these apart [m], and at least so far where one is enough [pixels].
+GRID_STEPS, LEAST_GAP = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0), 22.0
 
 
 class View:
@@ -37,6 +39,11 @@ class View:
         """Return which point of the floor is at a place of the page."""
         scale = self.scale
         return self._pose.x + (x - self._cx) / scale, self._pose.y - (y - self._cy) / scale
+
+
+def grid_step(scale: float) -> float:
+    """Return how far apart lines [m] are to be that are not too dense at a scale [pixels/m]."""
+    return next((step for step in GRID_STEPS if step * scale > LEAST_GAP), GRID_STEPS[-1])
 
 
 class Map:
@@ -72,9 +79,9 @@ class Map:
         imgui.PopClipRect()
 
     def _paint_grid(self, rect: Rect, view: View) -> None:
-        """Paint a line every metre, or every two or four where they would be too dense."""
+        """Paint lines that are not too dense."""
         drawing, line = imgui.GetWindowDrawList(), style.colour(style.LINE, 0.6)
-        step = next(step for step in (0.5, 1.0, 2.0, 4.0, 8.0) if step * view.scale > 22.0)
+        step = grid_step(view.scale)
         left, top = view.to_floor(rect.left, rect.top)
         right, bottom = view.to_floor(rect.right, rect.bottom)
         for number in range(math.ceil(left / step), math.floor(right / step) + 1):
