@@ -209,6 +209,7 @@ class Actuation:
         """Begin anew at the start of the setup, with limp motors; the state is that of rest."""
         put_at_start(self._model, self._data, self._parts, self._setup)
         self._pushes: list[tuple[int, Push]] = []  # each with the tick of its end
+        self._kept_push = np.zeros(3)  # the force without an end
         self._pending: deque[tuple[int, np.ndarray]] = deque()
         self._put_in_force(np.zeros((5, len(self._parts.motor_names))))
 
@@ -281,9 +282,16 @@ class Actuation:
         self._pushes.append((tick + max(1, round(push.duration / self._time_step)), push))
         self._sum_pushes()
 
+    def keep_pushing(self, force: np.ndarray) -> None:
+        """Replace the force [N], shape (3,), that has no end; see `World.keep_pushing`."""
+        if not np.array_equal(force, self._kept_push):
+            self._kept_push = force
+            self._sum_pushes()
+
     def _sum_pushes(self) -> None:
         data, root = self._data, self._parts.root
         total = np.zeros(6)
+        total[:3] = self._kept_push
         for _, push in self._pushes:
             total[:3] += push.force
             if push.point is not None:

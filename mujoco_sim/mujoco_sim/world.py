@@ -196,6 +196,19 @@ class World:
         self._actuation.push(Push(vector, duration, arm), self.tick)
         return True
 
+    def keep_pushing(self, force: Sequence[float]) -> bool:
+        """
+        Apply a world-frame force [N], shape (3,), at the root's centre of mass from now on.
+
+        It takes the place of the last one given here, and adds to the pushes in force; zero or a
+        reset ends it. Return if it was taken: what is not finite is not.
+        """
+        vector = np.array(force, dtype=float)
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            return False
+        self._actuation.keep_pushing(vector)
+        return True
+
     def contact_forces(self, links: Sequence[str]) -> np.ndarray:
         """
         Return the sum of the normal forces on each link [N], shape (len(links),).

@@ -184,7 +184,7 @@ class LegController:
                 self._machine.press(self._meaning(key))
             return refusal or None
         state = self._machine.coming
-        if self._lies_fallen:
+        if not self.takes_sticks:
             return self.words.to_fallen(self.obstacle)
         if key in GAIT_KEYS and key not in self.words.elsewhere:
             gaits = tuple(GAITS)
@@ -202,6 +202,11 @@ class LegController:
         state, meant = self._machine.coming, self._meaning(key)
         is_legal = state is not STATE_KEYS[meant] and meant in TRANSITIONS[state]
         return '' if is_legal else self.words.to_state(state, STATE_KEYS[meant])
+
+    @property
+    def takes_sticks(self) -> bool:
+        """Whether keys move the sticks now: those of a robot that has fallen do not."""
+        return not self._lies_fallen
 
     @property
     def _lies_fallen(self) -> bool:

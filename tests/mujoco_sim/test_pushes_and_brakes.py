@@ -73,6 +73,38 @@ def test_pushes_at_the_same_time_add_up(ball):
     np.testing.assert_array_equal(ball.data.xfrc_applied, 0.0)
 
 
+@pytest.mark.parametrize('every', [1, 33, 250])
+def test_a_push_that_is_renewed_takes_the_place_of_its_last_and_adds_to_others(ball, every):
+    # 4 N for a second, renewed every so often, and beside it 3 N upward for 100 ms, on 2 kg.
+    ball.push((0.0, 0.0, 3.0), 0.1)
+    for _ in range(0, 1000 - every, every):
+        assert ball.keep_pushing((4.0, 0.0, 0.0))
+        ball.step(every)
+    ball.keep_pushing((4.0, 0.0, 0.0))
+    ball.step(1000 - ball.tick)
+    ball.keep_pushing((0.0, 0.0, 0.0))
+    ball.step(100)
+    np.testing.assert_allclose(ball.base().linear_velocity, (2.0, 0.0, 0.15), rtol=1e-9)
+    np.testing.assert_array_equal(ball.data.xfrc_applied, 0.0)
+
+
+def test_a_push_without_an_end_ends_at_a_reset(ball):
+    ball.keep_pushing((1.0, 0.0, 0.0))
+    ball.step(10)
+    ball.reset()
+    ball.push((0.0, 2.0, 0.0), 0.1)
+    ball.step(200)
+    np.testing.assert_allclose(ball.base().linear_velocity, (0.0, 0.1, 0.0), rtol=1e-9)
+
+
+@pytest.mark.parametrize('force', [(math.nan, 0.0, 0.0), (0.0, math.inf, 0.0), (1.0, 0.0)])
+def test_a_push_without_an_end_that_is_not_finite_is_refused_and_changes_nothing(ball, force):
+    ball.keep_pushing((2.0, 0.0, 0.0))
+    assert not ball.keep_pushing(force)
+    ball.step(100)
+    np.testing.assert_allclose(ball.base().linear_velocity, (0.1, 0.0, 0.0), rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ('force', 'duration'),
     [

@@ -119,7 +119,7 @@ class Go2Stack(ControlStack):
         if self._teleop is None or self._hints is None:
             return
         self._teleop.keys.put(String(data=key))
-        is_ours = key not in STATE_KEYS and is_press(key)
+        is_ours = legs_key not in STATE_KEYS and is_press(key)
         if self.state == StateName.MOVE_BASE and is_ours:
             self.notice.say(self._hints.press(key))
 

@@ -27,6 +27,7 @@ from wasd_core.key_events import is_press
 from wasd_core.robot_io import JointCommand
 from wasd_core.timing import Notice
 
+from diff_drive_sim import MODES as DRIVE_MODES
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
 from wasd_bringup.robots import MBOT
@@ -57,7 +58,9 @@ class MbotStack(ControlStack):
         super().__init__(world, options, self._driver, TwistStamped if self._is_stamped else Twist)
         self.estimator = 'wheels'
         self.start = world.setup.place
-        self._mode = options.drive_mode or MODES[0]
+        mode = self._driver.settings.mode
+        # The usual one by the word that asked for it.
+        self._mode = (options.mode or MODES[0]) if mode == DRIVE_MODES[0] else mode
         geometry = self._driver.controller.geometry
         self._wheels = (geometry.left_joint, geometry.right_joint)
         world.is_kinematic = self._driver.is_fake

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from quadruped_sim.keys import GAIT_KEYS
+from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import STICK_KEYS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.presets import LIMITS
@@ -177,4 +178,4 @@ def unitree_first_keys(layout: str) -> str:
 
 
 def _names(layout: str) -> dict[str, str]:
-    return {key: on_layout(key, layout) for key in (*STICK_KEYS, *GAIT_KEYS, 'v')}
+    return {key: on_layout(key, layout) for key in (*STICK_KEYS, *GAIT_KEYS, *STATE_KEYS)}

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One run from start to end: robots, nodes in lock-step, keys, viewer, report."""
 
+from collections.abc import Iterable
 import math
 import sys
 import time
@@ -350,11 +351,16 @@ class Session:
 
     def _stop_what_the_view_moved(self) -> None:
         """Stop what moves by the keys of a viewer that is gone, by keys, as a driver would."""
-        driven = self._switch.active
         for robot in self._page_drive.moved:
-            self.switch_to(robot)
-            self.press(self.stack.stop_key)
+            self.press_for(robot, (self.robots[robot].stack.stop_key,))
             self._page_drive.forget(robot)
+
+    def press_for(self, robot: int, keys: Iterable[str], from_view: bool = False) -> None:
+        """Give keys to a robot, by its number, whichever is in turn: as a driver would."""
+        driven = self._switch.active
+        self.switch_to(robot)
+        for key in keys:
+            self.press(key, from_view)
         self.switch_to(driven)
 
     def switch_to(self, robot: int) -> None:

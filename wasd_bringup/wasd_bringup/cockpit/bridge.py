@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
 # Snapshots are made, and a held stick is sent, so often [s of wall time].
 PERIOD = 1.0 / 30.0
-# A push is renewed with each snapshot; it lasts so long at real time [s of simulated time].
-PUSH_TIME = 1.5 * PERIOD
 # A key that was pressed is lit for so long [s of wall time].
 LIT_TIME = 0.25
 # Places of the trail: one every so many samples, and how many.
@@ -167,12 +165,8 @@ class CockpitBridge:
         session.disarm()
         for watched in self._watched:
             watched.described.emergency_stop()
-        driven = session.active
         for number, watched in enumerate(self._watched):
-            session.switch_to(number)
-            for key in watched.described.stop_keys:
-                session.press(key, from_view=True)
-        session.switch_to(driven)
+            session.press_for(number, watched.described.stop_keys, from_view=True)
 
     def _follow_stick(self) -> None:
         """Do what the stick says; where nobody holds it any more, stop what it moved."""
@@ -184,12 +178,11 @@ class CockpitBridge:
             self._move(self._driven, stick)
 
     def _push(self) -> None:
-        """Push as the hand does on the page: until the next look, and a little longer."""
-        force = self._link.force
-        simulation = self._session.simulation
-        if force is not None and not simulation.paused:
-            pace = max(simulation.pacer.real_time_factor, 0.05)
-            self._session.world.push(force, PUSH_TIME * min(pace, 1.0))
+        """Push the robot in turn as the hand does on the page, and no other one."""
+        force = self._link.force or (0.0, 0.0, 0.0)
+        for watched in self._watched:
+            is_active = watched is self._active
+            watched.robot.world.keep_pushing(force if is_active else (0.0, 0.0, 0.0))
 
     def _let_go(self) -> None:
         if self._driven is not None:
@@ -203,12 +196,8 @@ class CockpitBridge:
             full = watched.described.stick_use().full
             forward, left, turn = (share * most for share, most in zip(stick, full, strict=True))
             watched.robot.stack.drive((forward, left, turn))
-        elif robot == self._session.active:
-            for key in keys:
-                self._session.press(key, from_view=True)
-        else:
-            for key in keys:
-                watched.robot.stack.press(key)
+        elif keys:
+            self._session.press_for(robot, keys, from_view=True)
 
     def _snapshot(self, now: float) -> Snapshot:
         session, watched = self._session, self._active

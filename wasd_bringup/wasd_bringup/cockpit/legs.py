@@ -77,7 +77,7 @@ class Legs(Described):
 
     def keys(self) -> tuple[KeyCap, ...]:
         """Return the keymap."""
-        states = tuple(KeyCap(key, state.value) for key, state in STATE_KEYS.items())
+        states = tuple(KeyCap(self._named(key), state.value) for key, state in STATE_KEYS.items())
         if self._stack.logic is not None:
             caps = keymap_caps(self._stack.logic.keymap)
             taken = {cap.key for cap in caps}
@@ -99,7 +99,7 @@ class Legs(Described):
         full = (limits.forward, limits.lateral, limits.yaw)
         if self._drives_by_velocity or state == StateName.TROTTING:
             return StickUse(full, f'drives, gait {controller.gait}')
-        wanted = self._stack.legs.controller.words.drive
+        wanted = controller.words.drive
         words = 'moves the body' if state not in (StateName.PASSIVE, StateName.FIXED_STAND) else ''
         return StickUse((0.0, 0.0, 0.0), words or f'drives in {wanted.value}')
 
@@ -107,6 +107,8 @@ class Legs(Described):
         """Return the keys that bring the sticks there, None where velocities drive."""
         if self._drives_by_velocity or self._stack.logic is not None:
             return None
+        if not self._controller.takes_sticks:
+            return ()  # they would be asked for again and again, and never get there
         now = self._controller.sticks.values
         if stick == Stick():
             return () if now == StickValues() else (ZERO_KEYS[0],)

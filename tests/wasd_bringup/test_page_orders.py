@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page asks of a run: sticks by keys that all hear of, the keys' names, a hand's push."""
+
+import mujoco
+import numpy as np
+import pytest
+from quadruped_sim.keys import STATE_KEYS
+from quadruped_sim.keys import StateName
+from quadruped_sim.keys import ZERO_KEYS
+from wasd_bringup.cockpit.bridge import CockpitBridge
+from wasd_bringup.cockpit.bridge import PERIOD
+from wasd_bringup.inputs import SWITCH_KEY
+from wasd_bringup.options import RunOptions
+from wasd_bringup.session import Session
+from wasd_cockpit.snapshot import Order
+from wasd_cockpit.snapshot import Stick
+from wasd_core.output_file import OutputFile
+
+
+class Run:
+    """A run with a page's bridge; simulated time passes when it is told to."""
+
+    def __init__(self, options):
+        self.session = Session(options)
+        self.bridge = CockpitBridge(self.session)
+        self.heard = [[] for _ in self.session.robots]  # what `keys` told, for each robot
+        for robot, heard in zip(self.session.robots, self.heard, strict=True):
+            robot.keys.publish_key = heard.append
+        self._now = 0.0
+
+    def look(self, stick=None, force=None):
+        """Have the page hold this, and the session look at it."""
+        self.bridge._link.hold(stick, force)
+        self.bridge.step(self._now)
+        self._now += PERIOD
+
+    def order(self, what, name=''):
+        self.bridge._link.order(Order(what, name))
+        self.look()
+
+    def close(self):
+        self.bridge.close()
+        self.session.close()
+
+
+@pytest.fixture
+def run_of(ros, tmp_path, monkeypatch):
+    """A function that makes a run of a robot with options."""
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
+    runs = []
+
+    def make(robot, preset, **more):
+        options = RunOptions(robot=robot, description=robot, preset=preset, speed=0.0, **more)
+        runs.append(Run(options))
+        return runs[-1]
+
+    yield make
+    for run in runs:
+        run.close()
+
+
+def test_a_stick_held_over_a_fallen_go2_presses_no_keys(run_of):
+    run = run_of('go2', 'unitree')
+    world, legs = run.session.world, run.session.stack.legs.controller
+    world.data.qpos[3:7] = 0.0, 1.0, 0.0, 0.0  # on its back
+    run.session.simulation.advance(20)
+    assert legs.is_fallen
+    for _ in range(30):
+        run.look(Stick(0.5, -0.3, 0.2))
+        run.session.simulation.advance(33)
+    assert legs.is_fallen
+    assert run.heard == [[]]
+
+
+def test_a_stick_over_a_go2_on_its_feet_presses_each_key_once(run_of):
+    run = run_of('go2', 'unitree')
+    for _ in range(5):
+        run.look(Stick(0.5, -0.3, 0.2))
+    assert sorted(run.heard[0]) == sorted(10 * ['w'] + 6 * ['d'] + 4 * ['j'])
+
+
+def test_each_key_of_a_state_is_named_as_on_the_keyboard_and_does_so_when_clicked(run_of):
+    run = run_of('go2', 'unitree', layout='dvorak')
+    legs = run.session.stack.legs.controller
+    run.look()
+    caps = {cap.does: cap.key for cap in run.bridge._link.snapshot.keys}
+    assert caps['jump'] == 'k'  # the place of qwerty's v
+    assert {caps[state.value] for state in STATE_KEYS.values()} == {*'1234509867k'}
+    for state in (StateName.FIXED_STAND, StateName.JUMP):
+        run.order('key', caps[state.value])
+        assert legs.coming_state == state
+
+
+def test_a_key_of_a_state_is_no_strange_key_on_any_keyboard(run_of):
+    run = run_of('go2', 'wasd', layout='dvorak')
+    stack = run.session.stack
+    stack.legs.controller._machine.force(StateName.MOVE_BASE)
+    run.session.press('k')  # the place of qwerty's v
+    assert 'jump cannot follow' in stack.notice.text
+    run.session.press('v')  # the place of qwerty's full stop
+    assert stack.notice.text.startswith('v stops')
+
+
+@pytest.mark.parametrize('pace', [0.2, 1.0, 20.0])
+def test_a_hand_that_pushes_for_a_second_gives_its_force_times_a_second(run_of, pace):
+    run = run_of('mbot', 'mbot')
+    world, simulation = run.session.world, run.session.simulation
+    model, data = world.model, world.data
+    model.opt.gravity[:] = 0.0
+    data.qpos[2] = 1.0  # it floats
+    force = np.array([0.4, -0.3, 0.5])
+    looks = round(30 / pace)
+    steps = round(1.0 / world.time_step / looks)
+    for _ in range(looks):
+        run.look(force=tuple(force))
+        simulation.advance(steps)
+    run.look()
+    assert not data.xfrc_applied.any()
+    simulation.advance(100)
+    mujoco.mj_subtreeVel(model, data)
+    time = looks * steps * world.time_step
+    expected = force * time / model.body_subtreemass[world.root]
+    np.testing.assert_allclose(data.subtree_linvel[world.root], expected, rtol=1e-3)
+
+
+def test_a_hand_pushes_the_robot_in_turn_alone(run_of):
+    run = run_of('both', 'unitree')
+    data = run.session.world.data
+    go2, mbot = (robot.world.root for robot in run.session.robots)
+    run.look(force=(1.0, 0.0, 0.0))
+    assert data.xfrc_applied[[go2, mbot], 0].tolist() == [1.0, 0.0]
+    run.session.press(SWITCH_KEY)
+    run.look(force=(1.0, 0.0, 0.0))
+    assert data.xfrc_applied[[go2, mbot], 0].tolist() == [0.0, 1.0]
+
+
+def test_a_stick_let_go_at_a_change_of_robot_is_told_and_saved_as_its_keys(run_of, tmp_path):
+    run = run_of('both', 'unitree', save_keys=OutputFile(tmp_path / 'saved', '--save-keys'))
+    run.look(Stick(0.1))
+    assert run.heard == [['w', 'w'], []]
+    run.session.press(SWITCH_KEY)
+    run.look()
+    assert run.heard == [['w', 'w', ZERO_KEYS[0]], []]
+    assert run.session.active == 1
+    sticks = run.session.robots[0].stack.legs.controller.sticks
+    assert sticks.values.ly == 0.0
+    run.session._close_writer()
+    keys = [line.split()[1] for line in (tmp_path / 'saved').read_text().splitlines()]
+    assert keys == ['w', 'w', SWITCH_KEY, SWITCH_KEY, 'SPACE', SWITCH_KEY]
+
+
+@pytest.mark.parametrize(
+    ('given', 'text', 'shown'),
+    [
+        (None, '', 'sim'),
+        ('sim', '', 'sim'),
+        ('float', '', 'float'),
+        ('fake', '', 'fake'),
+        (None, 'mode: arbotix', 'arbotix'),
+        ('sim', 'mode: arbotix', 'arbotix'),
+        (None, 'mode: fake', 'fake'),
+        ('sim', 'mode: fake', 'sim'),
+        ('float', 'mode: arbotix', 'float'),
+    ],
+)
+def test_the_page_shows_the_mode_that_drives(run_of, tmp_path, given, text, shown):
+    file = tmp_path / 'drive.yaml'
+    file.write_text(text)
+    run = run_of('mbot', 'mbot', mode=given, controller=file if text else None)
+    run.look()
+    (setting,) = run.bridge._link.snapshot.settings
+    assert setting.chosen == shown
