@@ -47,11 +47,12 @@ class Pad:
         """The state now."""
         return JoyState(tuple(self._axes), tuple(self._buttons))
 
-    def let_go(self) -> None:
-        """Count every button that is down as up until it was let go, every axis as centred."""
+    def let_go(self, axes: bool = True) -> None:
+        """Count every button that is down as up until it was let go, `axes` as centred."""
         self._ghosts |= {number for number, is_down in enumerate(self._buttons) if is_down}
         self._buttons = [0] * len(self._buttons)
-        self._axes = array('f', [0.0] * len(self._axes))
+        if axes:
+            self._axes = array('f', [0.0] * len(self._axes))
 
     def take(self, data: bytes) -> list[JoyState]:
         """

@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import Joy
 from std_msgs.msg import String
 from wasd_core.node import run_node
+from wasd_core.parameters import known_parameters
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
 from wasd_core.topics import AbsenceWatch
@@ -20,6 +21,7 @@ from wasd_core.topics import LoopbackSubscription
 from wasd_core.topics import RELIABLE
 
 from teleop_keyboard.executables import GAMEPAD
+from teleop_keyboard.gamepad import JoyState
 from teleop_keyboard.gamepad_device import Gamepad
 from teleop_keyboard.joy_messages import from_joy
 from teleop_keyboard.joy_messages import to_full_twist
@@ -39,6 +41,9 @@ PATIENCE = 0.5
 # The zero that ends it all may take this long to leave [s].
 LAST_WORDS_TIMEOUT = 0.25
 FRAME_ID = 'base_footprint'
+# What a pad's parameters are called; those that can be set at run time.
+NAMES = known_parameters(JoyParameters)
+CHANGEABLE = tuple(name for name, (field, _) in NAMES.items() if not field.metadata['read_only'])
 
 
 class PadOutput(NamedTuple):
@@ -75,6 +80,9 @@ class GamepadNode(Node):
         settings = declare_parameters(
             self, JoyParameters, self._on_parameters, PAD_PRESETS[pad.preset]
         )
+        # What a driver has said goes before any preset.
+        self._preset = pad.preset
+        self._given = {n: settings.value(n) for n in NAMES if n in self._parameter_overrides}
         self.gamepad = Gamepad(pad.device, pad.deadzone, pad.autorepeat_rate)
         self.logic = JoyToTwist(settings)
         self._keys = PadKeys(settings.keys)
@@ -104,9 +112,7 @@ class GamepadNode(Node):
         if told.states and not self._is_known:
             self._welcome()
         for state in told.states:
-            message = to_joy(state, self.get_clock().now().to_msg())
-            self.joy.put(message)
-            self._joy.publish(message)
+            self._tell(state)
         if told.is_lost:
             self._forget()
             self._output.say('gamepad lost: stopped')
@@ -115,16 +121,28 @@ class GamepadNode(Node):
             if self._problem:
                 self._output.say(visible(self._problem))
 
-    def take_parameters(self, parameters: JoyParameters) -> None:
-        """Go on with other meanings of sticks and buttons, standing."""
+    def take_preset(self, name: str) -> None:
+        """Go on with a preset's meanings of what was not given, standing; parameters say so."""
         self.halt()
-        self.logic.parameters = parameters
-        self._keys = PadKeys(parameters.keys, self.gamepad.controls)
+        self._preset, given = name, self._given
+        settings = PAD_PRESETS[name].changed(given)
+        self._keys = PadKeys(settings.keys, self.gamepad.controls)
+        self.set_parameters_atomically(
+            [Parameter(key, value=settings.value(key)) for key in CHANGEABLE]
+        )
+        self._given = given
+        self.logic.parameters = settings
 
     def halt(self) -> None:
-        """Stop, and count what is held as let go until it was."""
-        self.gamepad.pad.let_go()
-        self._stop()
+        """Stop, and count what is held as let go until it was, on whatever machine."""
+        # Axes that need no button are held by the logic, which must see when they are at rest.
+        self.gamepad.pad.let_go(axes=self.logic.parameters.require_enable_button)
+        velocity = self.logic.hold()
+        if velocity is not None:
+            self._output.drive(velocity)
+        if self.gamepad.is_there:
+            # Its own buttons are let go now: the next press is a new one.
+            self._tell(self.gamepad.pad.state)
 
     def close(self) -> None:
         """Leave the robot stopped, if it was us who drove it."""
@@ -172,6 +190,11 @@ class GamepadNode(Node):
             self.look()
         self._has_looked.set()
 
+    def _tell(self, state: JoyState) -> None:
+        message = to_joy(state, self.get_clock().now().to_msg())
+        self.joy.put(message)
+        self._joy.publish(message)
+
     def _on_joy(self, message: Joy) -> None:
         state = from_joy(message)
         for key in self._keys.step(state):
@@ -208,7 +231,11 @@ class GamepadNode(Node):
         self.gamepad.rate = parameters.autorepeat_rate
 
     def _on_parameters(self, parameters: JoyParameters) -> None:
-        self.logic.parameters = parameters
+        before = self.logic.parameters
+        pairs = ((name, parameters.value(name)) for name in CHANGEABLE)
+        changes = {name: value for name, value in pairs if value != before.value(name)}
+        self._given = {**self._given, **changes}
+        self.logic.parameters = PAD_PRESETS[self._preset].changed(self._given)
 
 
 def main(args: Sequence[str] | None = None) -> int:

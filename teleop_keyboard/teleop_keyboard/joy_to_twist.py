@@ -36,7 +36,8 @@ class JoyToTwist:
     The commands that follow from a sequence of states of a pad; `is_driving` while one enables it.
 
     `step` takes a state and returns the command to be published with it, or None. `lose` says that
-    there is no pad any more.
+    there is no pad any more, `hold` that the robot was stopped: nothing drives until what enables
+    the sticks was let go, or, where they need nothing, until they were at rest.
     """
 
     def __init__(self, parameters: JoyParameters) -> None:
@@ -46,6 +47,7 @@ class JoyToTwist:
     def reset(self) -> None:
         """Be as before the first state."""
         self._has_stopped = False
+        self._awaits_release = False
         self.is_driving = False
 
     def step(self, state: JoyState) -> JoyTwist | None:
@@ -58,9 +60,14 @@ class JoyToTwist:
         elif not settings.require_enable_button or _is_down(state, settings.enable_button):
             linear, angular = settings.scale_linear, settings.scale_angular
         else:
+            self._awaits_release = False
             return self.lose()
         velocity = self._velocity(state, linear, angular)
         if not all(map(math.isfinite, velocity)):
+            return self.lose()
+        if not settings.require_enable_button and not any(velocity):
+            self._awaits_release = False
+        if self._awaits_release:
             return self.lose()
         self._has_stopped = False
         self.is_driving = True
@@ -71,6 +78,11 @@ class JoyToTwist:
         has_stopped, self._has_stopped = self._has_stopped, True
         self.is_driving = False
         return None if has_stopped else JoyTwist()
+
+    def hold(self) -> JoyTwist | None:
+        """Count what is held as let go until it was; return a zero if it drove."""
+        self._awaits_release = True
+        return self.lose() if self.is_driving else None
 
     def _velocity(self, state: JoyState, linear: Parameters, angular: Parameters) -> JoyTwist:
         lines, turns = self.parameters.axis_linear, self.parameters.axis_angular

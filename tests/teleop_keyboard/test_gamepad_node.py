@@ -98,6 +98,49 @@ def test_what_is_held_over_a_halt_drives_after_it_was_let_go(node, pipe, taker):
     assert taker.velocities[-1] == JoyTwist(vx=0.6)
 
 
+def test_what_is_held_on_a_pad_of_another_machine_over_a_halt_drives_after_it_was_let_go(
+    spawn, taker, tmp_path
+):
+    overrides = [Parameter('device', value=str(tmp_path / 'none'))]
+    node = spawn(GamepadNode(output=taker.output, parameter_overrides=overrides))
+    held, free = (Joy(axes=[0.0, 1.0], buttons=[0, 0, 0, 0, down]) for down in (1, 0))
+    node.joy._callback(held)
+    assert taker.velocities == [JoyTwist(vx=0.3)]
+    node.halt()
+    for _ in range(3):
+        node.joy._callback(held)
+    assert taker.velocities == [JoyTwist(vx=0.3), JoyTwist()]
+    node.joy._callback(free)
+    node.joy._callback(held)
+    assert taker.velocities[-1] == JoyTwist(vx=0.3)
+
+
+def test_without_a_dead_man_button_a_stick_held_over_a_halt_drives_after_it_was_at_rest(
+    node, pipe, taker
+):
+    node.set_parameters([Parameter('require_enable_button', value=False)])
+    pipe.push(1, -1.0)
+    node.look()
+    assert taker.velocities[-1] == JoyTwist(vx=0.6)
+    node.halt()
+    assert taker.velocities[-1] == JoyTwist()
+    pipe.push(1, -0.9)
+    node.look()
+    assert taker.velocities[-1] == JoyTwist()
+    pipe.push(1, 0.0)
+    node.look()
+    pipe.push(1, -1.0)
+    node.look()
+    assert taker.velocities[-1] == JoyTwist(vx=0.6)
+
+
+def test_a_pad_that_tells_only_changes_drives_with_the_first_press_after_a_halt(node, pipe, taker):
+    node.set_parameters([Parameter('autorepeat_rate', value=0.0)])
+    node.halt()
+    drive(node, pipe)
+    assert taker.velocities[-1] == JoyTwist(vx=0.6)
+
+
 def test_buttons_press_keys_once_a_press(node, pipe, taker):
     pipe.press(START)
     for _ in range(5):
@@ -113,7 +156,7 @@ def test_the_driver_is_told_what_to_hold(node, pipe, taker):
 
 def test_other_meanings_begin_with_a_stop(node, pipe, taker):
     drive(node, pipe)
-    node.take_parameters(PAD_PRESETS['mbot'])
+    node.take_preset('mbot')
     assert taker.velocities[-1] == JoyTwist()
     pipe.release(L1)
     drive(node, pipe)
@@ -147,6 +190,22 @@ def test_what_is_given_goes_before_the_preset_which_goes_before_the_defaults(spa
     settings = node.logic.parameters
     assert (settings.scale_linear.x, settings.scale_linear.y) == (0.2, 0.3)
     assert settings.keys == ('X=w',)
+    node.close()
+
+
+def test_what_is_given_stays_when_the_preset_changes_and_parameters_tell_what_is_in_force(spawn):
+    given = [Parameter('scale_linear.x', value=0.2)]
+    node = spawn(GamepadNode(pad=PadParameters(preset='mbot'), parameter_overrides=given))
+    node.set_parameters([Parameter('scale_angular.yaw', value=0.5)])
+    mine = {'scale_linear.x': 0.2, 'scale_angular.yaw': 0.5}
+    for preset in ('go2', 'mbot', 'go2'):
+        node.take_preset(preset)
+        assert node.logic.parameters == PAD_PRESETS[preset].changed(mine)
+        told = node.get_parameter('scale_linear.y').value
+        assert told == PAD_PRESETS[preset].scale_linear.y
+    node.set_parameters([Parameter('scale_linear.x', value=0.4)])
+    wanted = PAD_PRESETS['go2'].changed({**mine, 'scale_linear.x': 0.4})
+    assert node.logic.parameters == wanted
     node.close()
 
 

@@ -17,7 +17,7 @@ from wasd_bringup.recording.recorder import full_definition
 from wasd_core.errors import UserError
 from wasd_core.topics import FOLLOWED
 
-pytest.importorskip('foxglove', reason="the extra 'foxglove' is not installed")
+pytest.importorskip('foxglove.websocket', reason="the extra 'foxglove' is not installed")
 from foxglove_client import FoxgloveClient  # noqa: E402
 from wasd_bringup.session import Session  # noqa: E402
 from wasd_bringup.session_foxglove import FoxgloveServer  # noqa: E402
@@ -28,9 +28,9 @@ TWIST = 'geometry_msgs/msg/Twist'
 class Run:
     """mbot with a server and a client; simulated time passes when it is told to."""
 
-    def __init__(self, recorder=None):
+    def __init__(self, recorder=None, preset='mbot'):
         self.server = FoxgloveServer(0)
-        options = RunOptions(robot='mbot', description='mbot', preset='mbot', speed=0.0)
+        options = RunOptions(robot='mbot', description='mbot', preset=preset, speed=0.0)
         self.session = Session(options, recorder=recorder, foxglove=self.server)
         self.client = FoxgloveClient(self.server.port)
 
@@ -148,20 +148,76 @@ def test_a_client_drives_mbot_and_its_silence_stops_it(run, encoding):
     assert run.speed == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_client_that_is_gone_stops_mbot(run):
+@pytest.fixture
+def patient(monkeypatch):
+    """No client's silence stops a robot while a test lasts."""
+    monkeypatch.setattr('wasd_bringup.foxglove_inbox.SILENCE', 1e6)
+
+
+def velocities_of(run, monkeypatch):
+    """Return a list that gets what mbot is commanded: its own watchdog stops it without a word."""
+    commanded, drive = [], run.session.stack.drive
+    monkeypatch.setattr(
+        run.session.stack, 'drive', lambda velocity: (commanded.append(velocity), drive(velocity))
+    )
+    return commanded
+
+
+def test_a_client_that_is_gone_stops_mbot(run, patient, monkeypatch):
+    commanded = velocities_of(run, monkeypatch)
     run.wait_until(lambda: run.target > 0.19, forward(run))
     run.client.vanish()
     run.client = FoxgloveClient(run.server.port)
-    run.wait_until(lambda: run.target == 0.0)
+    run.wait_until(lambda: commanded[-1] == (0.0, 0.0, 0.0))
+    assert run.target == 0.0
 
 
-def test_a_key_drives_and_its_client_gone_does_no_more(run):
-    key = String(data='i')
+def test_a_key_drives_and_its_client_gone_does_no_more(ros, patient):
+    run = Run(preset='ramps')  # a key's velocity lasts until another key
+    key = String(data='w')
     run.client.publish('/keys', 'std_msgs/msg/String', serialize_message(key))
     run.wait_until(lambda: run.target > 0.0)
+    run.step(2.0)
+    assert run.target > 0.0
     run.client.vanish()
     run.client = FoxgloveClient(run.server.port)
     run.wait_until(lambda: run.target == 0.0)
+    run.close()
+
+
+def test_halted_the_last_word_on_cmd_vel_is_zero_and_a_client_that_goes_on_moves_nothing(
+    run, patient, monkeypatch
+):
+    commanded = velocities_of(run, monkeypatch)
+    run.wait_until(lambda: run.target > 0.19, forward(run))
+    run.session.halt()
+    assert commanded[-1] == (0.0, 0.0, 0.0)
+    count = len(commanded)
+    run.wait_until(lambda: run.client.complaints, forward(run))
+    assert run.client.complaints[-1].startswith('/cmd_vel: stopped; to drive again send a zero')
+    assert len(commanded) == count
+
+
+def test_a_topic_without_a_definition_is_looked_for_once_and_not_made(ros, monkeypatch):
+    asked = []
+
+    def without_odometry(kind):
+        asked.append(kind)
+        if kind == 'nav_msgs/msg/Odometry':
+            raise UserError('its package came without definitions')
+        return full_definition(kind)
+
+    monkeypatch.setattr('wasd_bringup.session_foxglove.full_definition', without_odometry)
+    run = Run()
+    nodes = run.session._nodes
+    topics = [p for node in nodes for p in node.publishers if p.topic_name == '/odom']
+    assert [publisher.get_subscription_count() for publisher in topics] == [1]
+    for _ in range(2):
+        run.server.offer(nodes)
+    odometries = [topic for topic, kind in run.publishers.items() if kind is Odometry]
+    assert asked.count('nav_msgs/msg/Odometry') == len(odometries)
+    assert [publisher.get_subscription_count() for publisher in topics] == [0]
+    run.close()
 
 
 @pytest.mark.parametrize(

@@ -195,10 +195,65 @@ def test_a_channel_that_was_not_advertised_says_nothing(inbox, client, robots):
 
 def test_halted_what_has_come_until_then_does_nothing(inbox, client, robots):
     client.advertise('/go2/cmd_vel').drive(FAST)
-    inbox.forget()
+    inbox.halt()
     inbox.step(STEP)
     pass_time(inbox, 1.0)
     assert robots[0].velocities == []
+
+
+def go_on(inbox, client, velocity, times, channel=0):
+    """Have a client send a velocity at 10 Hz; return what it is told."""
+    told = []
+    for _ in range(times):
+        client.drive(velocity, channel)
+        told += pass_time(inbox, 0.1)
+    return told
+
+
+@pytest.mark.parametrize('suspended', [0.0, 3.0])
+def test_halted_the_last_word_is_zero_and_who_goes_on_drives_after_it_let_go(
+    inbox, client, robots, suspended
+):
+    client.advertise('/go2/cmd_vel', '/mbot/cmd_vel')
+    go_on(inbox, client, FAST, 3)
+    inbox.halt()
+    stopped = [FAST, FAST, FAST, STOP]
+    assert robots[0].velocities == stopped
+    inbox.step(suspended)
+    assert go_on(inbox, client, FAST, 20)[-1] == (
+        '/go2/cmd_vel: stopped; to drive again send a zero, or nothing for 0.5 s'
+    )
+    client.drive(STOP, channel=1)  # another robot's
+    go_on(inbox, client, FAST, 5)
+    assert robots[0].velocities == stopped
+    client.drive(STOP)
+    assert go_on(inbox, client, SLOW, 2) == []
+    assert robots[0].velocities == [*stopped, STOP, SLOW, SLOW]
+
+
+def test_halted_a_client_that_was_silent_for_long_drives_again(inbox, client, robots):
+    client.advertise('/go2/cmd_vel')
+    go_on(inbox, client, FAST, 1)
+    inbox.halt()
+    for _ in range(5):  # as seldom as a client that lives may
+        pass_time(inbox, SILENCE - 8 * STEP)
+        client.drive(FAST)
+        inbox.step(STEP)
+    assert robots[0].velocities == [FAST, STOP]
+    pass_time(inbox, SILENCE + 2 * STEP)
+    go_on(inbox, client, SLOW, 1)
+    assert robots[0].velocities == [FAST, STOP, SLOW]
+
+
+def test_halted_what_a_key_has_set_going_is_stopped_and_keys_are_taken(inbox, client, robots):
+    client.advertise('/mbot/keys').key('i')
+    inbox.step(STEP)
+    inbox.halt()
+    assert robots[1].keys == ['i', 'STOP']
+    pass_time(inbox, 0.3)
+    client.key('k')
+    inbox.step(STEP)
+    assert robots[1].keys == ['i', 'STOP', 'k']
 
 
 def test_the_end_stops_what_clients_drive(inbox, client, robots):

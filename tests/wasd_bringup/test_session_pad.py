@@ -8,6 +8,7 @@ from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
 from wasd_bringup.session_pad import SessionPad
 from wasd_cockpit.snapshot import Order
+from wasd_cockpit.snapshot import Stick
 
 L1, B, START, L2_AXIS, A = 4, 1, 7, 2, 0
 
@@ -106,6 +107,22 @@ def test_the_go2_stands_up_walks_and_lets_go_by_unitrees_buttons(session_of, pip
     pipe.press(B)
     run(session, 0.1)
     assert session.stack.state == 'passive'
+
+
+def test_halted_the_stick_of_the_page_is_let_go_in_the_last_word_on_cmd_vel(
+    session_of, monkeypatch
+):
+    session = session_of('mbot', 'mbot')
+    bridge = session._cockpit = CockpitBridge(session)
+    commanded, drive = [], session.stack.drive
+    monkeypatch.setattr(
+        session.stack, 'drive', lambda velocity: (commanded.append(velocity), drive(velocity))
+    )
+    bridge._link.hold(Stick(forward=1.0))
+    bridge.step(0.0)
+    assert commanded[-1][0] > 0.0
+    session.halt()
+    assert commanded[-1] == (0.0, 0.0, 0.0)
 
 
 class Robot:

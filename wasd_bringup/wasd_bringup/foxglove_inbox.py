@@ -76,24 +76,47 @@ class _Client:
         self._robots = robots
         self._keys = PageDrive([robot.stack for robot in robots])
         self._driven: set[int] = set()
+        # The robots that it moves again after it has let them go.
+        self._held: set[int] = set()
         self._heard = Watchdog(SILENCE)
         self.senders: dict[int, Sender] = {}
 
-    def drive(self, robot: int, velocity: Velocity) -> None:
+    def hear(self) -> None:
+        """Note that it lives."""
         self._heard.hear()
+
+    def drive(self, robot: int, velocity: Velocity) -> None:
+        self.hear()
+        if not any(velocity):
+            self._held.discard(robot)
+        elif robot in self._held:
+            topic = self._robots[robot].stack.command_topic
+            raise UserError(
+                f'{topic}: stopped; to drive again send a zero, or nothing for {SILENCE} s'
+            )
         (self._driven.add if any(velocity) else self._driven.discard)(robot)
         self._robots[robot].stack.drive(velocity)
 
     def press(self, robot: int, key: str) -> None:
-        self._heard.hear()
+        self.hear()
         self._keys.press(robot, key, from_view=True)
         self._robots[robot].press(key)
 
     def step(self, dt: float) -> None:
-        """Let `dt` [s] pass: who is silent drives no more."""
+        """Let `dt` [s] pass: who is silent drives no more, and has let go."""
         self._heard.step(dt)
-        if not self._heard.is_alive:
+        if dt > SHORTEST_ABSENCE:
+            # It was we who heard nothing: its silence counts from now on.
             self.stop()
+            self.hear()
+        elif not self._heard.is_alive:
+            self.stop()
+            self._held.clear()
+
+    def hold(self) -> None:
+        """Stop what it has set moving; no robot moves again before it was let go."""
+        self.stop()
+        self._held.update(range(len(self._robots)))
 
     def stop(self) -> None:
         """Stop what it has set moving."""
@@ -101,10 +124,6 @@ class _Client:
             self._robots[robot].stack.drive(STANDSTILL)
         for robot in self._keys.moved:
             self._robots[robot].press(self._robots[robot].stack.stop_key)
-        self.forget()
-
-    def forget(self) -> None:
-        """Note that all robots stand."""
         self._driven.clear()
         self._keys.reset()
 
@@ -114,7 +133,8 @@ class Inbox:
     The server's listener: its threads put in what clients do, `step` takes it out.
 
     A client moves a robot only while it is heard every SILENCE [s] and stays connected. What
-    waited while this process stood still is not taken.
+    waited while this process stood still is not taken. After a `halt` velocities of a client count
+    when it has sent a zero, or nothing for SILENCE.
     """
 
     def __init__(self, decode: Decode) -> None:
@@ -171,11 +191,11 @@ class Inbox:
                 refused.append(str(error))
         return refused[-1:]
 
-    def forget(self) -> None:
-        """Note that all robots were stopped; what has come until now is not taken."""
+    def halt(self) -> None:
+        """Stop what clients have set moving; what has come, and goes on, is not taken."""
         self._deaf = AFTERMATH
         for client in self._clients.values():
-            client.forget()
+            client.hold()
 
     def stop(self) -> None:
         """Stop what clients have set moving."""
@@ -191,7 +211,9 @@ class Inbox:
             client.senders.pop(channel, None)
             if not client.senders:
                 del self._clients[client_id]
-        elif channel in client.senders and not self._deaf:
+        elif self._deaf:
+            client.hear()
+        elif channel in client.senders:
             self._obey(client, client.senders[channel], what)
 
     def _obey(self, client: _Client, sender: Sender, data: bytes) -> None:

@@ -202,7 +202,9 @@ class Session:
             robot.stack.halt()
 
     def disarm(self) -> None:
-        """Have what a gamepad or Foxglove's clients hold now drive no more."""
+        """Have what the page, a gamepad or Foxglove's clients hold now drive no more."""
+        if self._cockpit is not None:
+            self._cockpit.let_go()
         for guest in self._guests:
             guest.halt()
 

@@ -70,6 +70,8 @@ class FoxgloveServer:
         self._sdk = load_sdk()
         self._context = self._sdk.Context()
         self._channels: dict[str, Any] = {}
+        # Topics that never get a channel.
+        self._refused = {IGNORED}
         self._kept: dict[str, list[bytes]] = {}
         self._latched: set[str] = set()
         self._followers: dict[str, int] = {}
@@ -102,13 +104,14 @@ class FoxgloveServer:
             publishers: Iterable[Any] = node.publishers
             for publisher in publishers:
                 topic: str = publisher.topic_name
-                if topic in self._channels or topic == IGNORED:
+                if topic in self._channels or topic in self._refused:
                     continue
                 kind = type_name(publisher.msg_type)
                 try:
                     text = full_definition(kind)
                 except UserError:
-                    continue  # its package came without definitions
+                    self._refused.add(topic)  # its package came without definitions
+                    continue
                 if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
                     self._latched.add(topic)
                 schema = self._sdk.Schema(name=kind, encoding='ros2msg', data=text.encode())
@@ -141,7 +144,8 @@ class FoxgloveServer:
 
     def _wants(self, topic: str) -> bool:
         # Before a topic is known it may be a latched one.
-        return topic in FOLLOWED or topic in self._latched or topic not in self._channels
+        is_new = topic not in self._channels and topic not in self._refused
+        return topic in FOLLOWED or topic in self._latched or is_new
 
     def _hear(self, topic: str, kind: str, profile: Any, data: bytes) -> None:
         if profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
@@ -196,8 +200,8 @@ class SessionFoxglove:
         """Say nothing again: a client that is silent drives no more."""
 
     def halt(self) -> None:
-        """Take nothing of what was sent until now."""
-        self._server.inbox.forget()
+        """Stop what clients drive, and take nothing of what they hold."""
+        self._server.inbox.halt()
 
     def close(self) -> None:
         """Stop what clients drive."""

@@ -9,7 +9,6 @@ from teleop_keyboard.gamepad_node import GamepadNode
 from teleop_keyboard.gamepad_node import PadOutput
 from teleop_keyboard.joy_to_twist import JoyTwist
 from teleop_keyboard.pad_parameters import PAD_HELP
-from teleop_keyboard.pad_parameters import PAD_PRESETS
 from teleop_keyboard.pad_parameters import PadParameters
 
 
@@ -73,7 +72,7 @@ class SessionPad:
         """Take what the pad has said."""
         active = self._active()
         if active != self._driven:
-            self.node.take_parameters(PAD_PRESETS[self._robots[active].pad_preset])
+            self.node.take_preset(self._robots[active].pad_preset)
             self._driven = active
         self.node.look()
 

@@ -124,7 +124,7 @@ class CockpitBridge:
             self._obey(order)
         if now < self._next:
             if self._driven is not None and self._link.stick is None:
-                self._let_go()
+                self.let_go()
             return
         self._next = now + PERIOD
         self._follow_stick()
@@ -160,7 +160,7 @@ class CockpitBridge:
 
     def _stop(self) -> None:
         """Stop every robot, at once, and by keys for those who listen to them."""
-        self._let_go()
+        self.let_go()
         session = self._session
         session.disarm()
         for watched in self._watched:
@@ -172,7 +172,7 @@ class CockpitBridge:
         """Do what the stick says; where nobody holds it any more, stop what it moved."""
         stick = self._link.stick
         if self._driven is not None and (stick is None or self._driven != self._session.active):
-            self._let_go()
+            self.let_go()
         if stick is not None:
             self._driven = self._session.active
             self._move(self._driven, stick)
@@ -184,7 +184,8 @@ class CockpitBridge:
             is_active = watched is self._active
             watched.robot.world.keep_pushing(force if is_active else (0.0, 0.0, 0.0))
 
-    def _let_go(self) -> None:
+    def let_go(self) -> None:
+        """Stop what the stick moves."""
         if self._driven is not None:
             driven, self._driven = self._driven, None
             self._move(driven, Stick())
