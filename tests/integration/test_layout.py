@@ -32,6 +32,7 @@ BELOW = {
     'robot_description': {'wasd_core'},
     'teleop_keyboard': {'wasd_core'},
     'wasd_cockpit': {'mujoco_sim', 'wasd_core'},
+    'wasd_navigation': {'wasd_core'},
 }
 CONTROLLER_BELOW = {'robot_description', 'wasd_core'}
 TOP = 'wasd_bringup'

@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Map the surroundings with a planar lidar, localise in a map, drive to a point."""
+
+from wasd_core import load_lazily
+
+# Where each name is defined; loaded when it is asked for, as numba takes a while.
+_HOMES = {
+    'Grid': 'grid',
+    'Scan': 'scan',
+    'read_scan': 'scan',
+}
+__all__ = list(_HOMES)  # noqa: PLE0605
+__getattr__ = load_lazily(__name__, _HOMES)
