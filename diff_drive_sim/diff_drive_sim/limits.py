@@ -73,7 +73,7 @@ class AxisLimits(NamedTuple):
         """Return the limits with no acceleration beyond what motors can do; none stays none."""
         speed_up, slow_down, speed_up_backward, slow_down_backward = (
             min(limit, most) if math.isfinite(limit) else limit
-            for limit, most in zip(self[2:6], 2 * strength, strict=True)
+            for limit, most in zip(self[2:6], (*strength, *strength), strict=True)
         )
         return self._replace(
             speed_up=speed_up,

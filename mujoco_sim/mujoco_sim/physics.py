@@ -10,6 +10,7 @@ import numpy as np
 from robot_description.mujoco.builder import holding
 from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
+from wasd_core.robot_io import FULL_TORQUE_SHARE
 from wasd_core.robot_io import JointCommand
 
 from mujoco_sim.robot_setup import RobotSetup
@@ -19,8 +20,6 @@ BRAKE_DAMPING = 3.0
 # ... but at most this share of what stops a joint within one physics step: motor torques are
 # integrated explicitly, which diverges beyond 2 and rings beyond 1.
 STABLE_SHARE = 0.5
-# Full torque up to this share of the no-load speed, then falling linearly to none.
-FULL_TORQUE_SHARE = 0.6
 
 
 class Physics:

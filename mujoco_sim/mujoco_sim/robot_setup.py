@@ -9,6 +9,7 @@ import math
 from robot_description.description import Description
 from robot_description.morphology.equip_wheels import held_joints
 from robot_description.morphology.equip_wheels import lowest_point
+from robot_description.morphology.quadruped import FOLDED
 from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
@@ -21,9 +22,8 @@ from mujoco_sim.untold import Drawn
 from mujoco_sim.untold import NOTHING
 from mujoco_sim.untold import Untold
 
-# Thigh and calf of a Go2 that lies on its belly with its legs folded [rad], where unitree_sdk2's
-# stand example begins; the height of its base then [m], and how deep in the floor its feet are.
-LYING = (1.36, -2.65)
+# Height of the base of a Go2 that lies on its belly with its legs folded [m], and how deep in the
+# floor its feet are.
 LYING_HEIGHT = 0.12
 LYING_SINK = 0.008
 # A description that is off the floor by less than this [m] means to be on it.
@@ -108,7 +108,7 @@ def usual_setup(
 
 def lying_positions(quadruped: Quadruped) -> dict[str, float]:
     """Return the joint positions [rad] of a quadruped that lies with its legs folded."""
-    angles = similar_pose(quadruped, *LYING)
+    angles = similar_pose(quadruped, *FOLDED)
     positions = quadruped.sign * (angles - quadruped.zero)
     return dict(zip(quadruped.joint_names, positions.tolist(), strict=True))
 

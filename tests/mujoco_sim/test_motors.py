@@ -2,12 +2,12 @@
 """Motors give what their torque-speed curve allows, in the simulation, too."""
 
 from descriptions import robot_named
-from mujoco_sim.physics import FULL_TORQUE_SHARE
 from mujoco_sim.physics import TorqueSpeedCurve
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
+from wasd_core.robot_io import FULL_TORQUE_SHARE
 from wasd_core.robot_io import JointCommand
 
 TORQUE, SPEED = 23.7, 30.1

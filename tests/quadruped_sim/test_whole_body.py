@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
+from mujoco_sim.physics import TorqueSpeedCurve
 import numpy as np
 import pytest
 from quadruped_sim.leg_kinematics import contact_points
@@ -109,6 +110,15 @@ def test_where_motors_cannot_hold_at_all_the_qp_is_solved_still(model, angles, r
     _, result, *_ = solve(model, angles, rng, np.ones(4, dtype=bool), 1e-3, weak)
     assert result.is_solved
     assert (result.forces[:, 2] >= MpcParameters().force_min - 1e-6).all()
+
+
+def test_the_motors_that_it_reckons_with_are_the_simulated_ones(model):
+    limits = model.limits
+    curve = TorqueSpeedCurve(limits.effort, limits.velocity)
+    for share in np.linspace(-1.5, 1.5, 31):
+        velocity = share * limits.velocity
+        simulated = curve.limits(velocity).T
+        np.testing.assert_allclose(motor_range(limits, velocity), simulated, atol=1e-9)
 
 
 def test_a_motor_gives_all_at_rest_and_when_it_brakes_and_nothing_at_its_no_load_speed(model):

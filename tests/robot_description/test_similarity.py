@@ -8,6 +8,7 @@ from descriptions import robot_named
 import numpy as np
 import pytest
 from robot_description.morphology.quadruped import find_quadruped
+from robot_description.morphology.quadruped import FOLDED
 from robot_description.morphology.quadruped import GO2
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import Scale
@@ -66,7 +67,7 @@ def test_the_go2_is_the_measure(go2: Quadruped) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('pose', [(1.36, -2.65), (0.67, -1.3)])
+@pytest.mark.parametrize('pose', [FOLDED, (0.67, -1.3)])
 @pytest.mark.parametrize('length', [0.7, 1.0, 1.5])
 def test_a_robot_of_the_same_shape_has_the_same_pose(
     go2: Quadruped, pose: tuple[float, float], length: float
@@ -103,8 +104,8 @@ def test_knees_that_point_forward_get_the_mirror_image(go2: Quadruped) -> None:
 def test_a_knee_that_stops_early_leaves_the_foot_below_the_same_line(go2: Quadruped) -> None:
     legs = tuple(replace(leg, lower=np.array((-1.0, -1.0, -2.0))) for leg in go2.legs)
     stiff = replace(go2, legs=legs)
-    angles = similar_pose(stiff, 1.36, -2.65)
+    angles = similar_pose(stiff, *FOLDED)
     np.testing.assert_allclose(angles[2::3], -2.0 + STOP_MARGIN)
-    lying, folded = feet(stiff, angles), feet(go2, similar_pose(go2, 1.36, -2.65))
+    lying, folded = feet(stiff, angles), feet(go2, similar_pose(go2, *FOLDED))
     assert (lying[:, 0] < folded[:, 0] - 0.05).all()
     np.testing.assert_allclose(lying[:, 1] / lying[:, 0], folded[:, 1] / folded[:, 0])

@@ -17,7 +17,7 @@ _MASS_LEAST, _MASS_MOST = 0.9, 1.8
 _SHIFT_MOST = 0.06
 
 
-class Felt(NamedTuple):
+class LoadState(NamedTuple):
     """State of the observer, both (3,): see `LoadObserver`."""
 
     integral: np.ndarray
@@ -42,12 +42,12 @@ class LoadObserver:
 
     def reset(self) -> None:
         """Believe the model again."""
-        self._felt: Felt | None = None
+        self._felt: LoadState | None = None
 
     def step(self, state: 'Loaded', time: float, dt: float) -> None:
         """Update by `dt` [s] with a time constant [s], and correct `state.dynamics` in place."""
         if self._felt is None:
-            self._felt = Felt(_momentum(plain(state), self._inertia), np.zeros(3))
+            self._felt = LoadState(_momentum(plain(state), self._inertia), np.zeros(3))
         _observe(plain(self._felt), plain(state), self._inertia, 1.0 / time, dt)
         _carry(plain(state), self._felt.residual, self._shift_most)
 
@@ -81,8 +81,8 @@ def _momentum(state: Loaded, inertia: np.ndarray) -> np.ndarray:
 
 
 @jit
-def _observe(felt: Felt, state: Loaded, inertia: np.ndarray, rate: float, dt: float) -> None:
-    felt, state = Felt(*felt), Loaded(*state)
+def _observe(felt: LoadState, state: Loaded, inertia: np.ndarray, rate: float, dt: float) -> None:
+    felt, state = LoadState(*felt), Loaded(*state)
     dynamics = Dynamics(*state.dynamics)
     known = np.zeros(3)
     known[0] = -GRAVITY * dynamics.mass[0, 0]

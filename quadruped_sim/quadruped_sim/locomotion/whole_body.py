@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.robot_io import FULL_TORQUE_SHARE
 from wasd_core.rotations import cross
 
 from quadruped_sim.algebra import cross3
@@ -24,9 +25,6 @@ from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
 from quadruped_sim.robot_model import JointLimits
 from quadruped_sim.robot_model import RobotState
-
-# Share of its no-load speed up to which a motor gives its full torque.
-_FULL_TORQUE = 0.6
 
 
 @dataclass(frozen=True)
@@ -172,7 +170,7 @@ def motor_range(limits: JointLimits, velocity: np.ndarray) -> np.ndarray:
 
     One that drives gives its full torque up to a share of its no-load speed, and none at it.
     """
-    left = (1.0 - np.abs(velocity) / limits.velocity) / (1.0 - _FULL_TORQUE)
+    left = (1.0 - np.abs(velocity) / limits.velocity) / (1.0 - FULL_TORQUE_SHARE)
     driving = limits.effort * np.clip(left, 0.0, 1.0)
     least = np.where(velocity < 0.0, -driving, -limits.effort)
     return np.array((least, np.where(velocity > 0.0, driving, limits.effort)))

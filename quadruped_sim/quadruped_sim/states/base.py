@@ -13,6 +13,7 @@ from quadruped_sim.keys import Sticks
 from quadruped_sim.locomotion.feedback import base_acceleration
 from quadruped_sim.locomotion.feedback import standing_forces
 from quadruped_sim.locomotion.locomotion import Locomotion
+from quadruped_sim.locomotion.swing import foot_velocities
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import NO_TORQUE
@@ -87,12 +88,8 @@ class State(ABC):
         acceleration = base_acceleration(
             self._parts.params.balance, robot.base, position, np.array((0.0, 0.0, yaw))
         )
-        velocity = robot.base.velocity + (
-            robot.motion.velocity @ robot.base.R.T
-            + np.cross(robot.base.R @ robot.base.omega, robot.motion.position @ robot.base.R.T)
-        )
-        stiffness = _FOOT_GAINS[0] * scale.of('1/s^2')
-        led = stiffness * (feet - robot.feet) - _FOOT_GAINS[1] * scale.of('1/s') * velocity
+        stiffness, damping = _FOOT_GAINS[0] * scale.of('1/s^2'), _FOOT_GAINS[1] * scale.of('1/s')
+        led = stiffness * (feet - robot.feet) - damping * foot_velocities(robot)
         return self._by_forces(robot, acceleration, is_stance, led)
 
     def _by_forces(

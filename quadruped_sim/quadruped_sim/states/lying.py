@@ -7,6 +7,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from robot_description.morphology.quadruped import FOLDED
 from robot_description.morphology.quadruped import similar_pose
 from wasd_core.robot_io import JointCommand
 
@@ -20,9 +21,6 @@ from quadruped_sim.states.base import smooth
 from quadruped_sim.states.base import State
 from quadruped_sim.states.driving import AfterTrot
 from quadruped_sim.states.driving import stiff_command
-
-# Thigh and calf of folded legs, on which a robot neither rocks nor is in its own way [rad].
-FOLDED = (1.36, -2.65)
 
 
 class Roll(NamedTuple):

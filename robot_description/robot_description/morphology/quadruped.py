@@ -36,6 +36,9 @@ REFLECTED_INERTIA = 0.01
 RESOLUTION = 1e-4
 # Poses keep away from the stops by this much [rad].
 STOP_MARGIN = 0.05
+# Thigh and calf of a Go2 on its belly with its legs folded [rad], where unitree_sdk2's stand
+# example begins: it neither rocks on them nor are they in its own way.
+FOLDED = (1.36, -2.65)
 # Where a leg is and where its mirror image would be may differ by this share of its length.
 MIRROR_SHARE = 0.1
 # Powers of (length, mass) by which a unit grows on a robot that moves alike under the same
