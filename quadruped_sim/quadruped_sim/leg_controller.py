@@ -144,6 +144,7 @@ class LegController:
         self.safety.reset()
         self._detector.reset()
         self._load.reset()
+        self.locomotion.forget_grip()
         self._is_started = False
         self._level: float | None = None  # of the ground under a robot that lies [m]
         self.robot: RobotState | None = None
@@ -320,7 +321,8 @@ class LegController:
         measured, omega, acceleration = reading.imu
         state = self._states[self._machine.state]
         R = matrix_from_quaternion(measured)
-        self._heading.step(R, motion.position, state.trust, dt)
+        stands = np.zeros(4) if state.is_lying else state.trust
+        self._heading.step(R, motion.position, stands, dt)
         orientation, omega = self._heading.orientation(measured), omega - self._heading.bias * R[2]
         R = matrix_from_quaternion(orientation)
         relative = motion.position @ R.T

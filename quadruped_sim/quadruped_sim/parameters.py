@@ -98,7 +98,9 @@ class MpcParameters(Parameters):
         0.02, above=0.0, unit='s', doc='Time between solutions; every contact switch adds one'
     )
     friction: float = parameter(
-        0.4, above=0.0, doc='Friction coefficient the forces stay inside; less than the feet have'
+        0.4,
+        above=0.0,
+        doc='Friction coefficient the forces stay inside; guessed at first, then felt: see grip',
     )
     force_min: float = parameter(5.0, minimum=0.0, unit='N', doc='Least normal force of a foot')
     force_max: float = parameter(260.0, above=0.0, unit='N', doc='Largest normal force of a foot')
@@ -275,6 +277,14 @@ class GripParameters(Parameters):
     )
     least: float = parameter(0.1, above=0.0, doc='Least friction believed in')
     most: float = parameter(0.7, above=0.0, doc='Largest friction believed in')
+
+    def __post_init__(self) -> None:
+        """Check each value, and that there is a friction to believe in."""
+        super().__post_init__()
+        if self.least > self.most:
+            raise InvalidParameter(
+                f'grip.least must be <= grip.most = {self.most:g}, got {self.least:g}'
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -57,6 +57,13 @@ def test_a_foot_that_does_not_move_against_its_force_is_landing(rest, grip):
     assert feel(rest, grip, ratio=0.2, slip=-0.5) == GUESS
 
 
+@pytest.mark.parametrize('guess', [0.9, 0.05])
+def test_a_guess_beyond_what_is_believed_in_else_stays(rest, guess):
+    grip = Grip(PARAMETERS, guess)
+    assert feel(rest, grip, ratio=0.0) == guess
+    assert feel(rest, grip, ratio=0.5 * guess, slip=0.5) < max(guess, PARAMETERS.least)
+
+
 def test_it_is_never_below_what_a_robot_can_stand_on(rest, grip):
     assert feel(rest, grip, ratio=0.01, slip=0.5) == PARAMETERS.least
     grip.reset()

@@ -60,6 +60,18 @@ def test_a_robot_that_turns_over_its_feet_has_not_drifted():
     assert heading.offset == pytest.approx(before, abs=5e-4)
 
 
+@pytest.mark.parametrize('seconds', [0.0, 1.0])
+@pytest.mark.parametrize('rate', [0.1, 0.8, 3.0])
+def test_a_robot_turned_with_its_feet_as_they_are_has_not_drifted(rate, seconds):
+    """It is twisted on ice, or carried: no gyro drifts so fast."""
+    heading = Heading(EstimatorParameters())
+    start = rest(heading, seconds)
+    for tick in range(1000):
+        heading.step(yaw_matrix(start + rate * DT * tick), FEET, STANDS, DT)
+    assert abs(heading.offset) < 0.02
+    assert abs(heading.bias) < 2e-3
+
+
 def test_feet_that_move_begin_anew_and_are_not_taken_for_drift():
     """Feet that slide by 5 cm as if the robot turned by 0.25 rad: nothing of it is believed."""
     heading = Heading(EstimatorParameters())

@@ -141,6 +141,22 @@ def test_reset_gives_the_same_commands_again(controller, run):
     np.testing.assert_array_equal(first, script())
 
 
+def test_reset_forgets_the_friction_that_was_felt(controller, run):
+    legs = controller.locomotion
+    guess = legs.grip.friction
+    run(controller, 2)
+    for key in '24':
+        controller.press(key)
+        run(controller, 3)
+    for reset in (controller.reset, lambda: legs.reset(controller.robot)):
+        run(controller, 1)
+        legs.grip.friction = 0.2
+        legs.step(controller.robot, np.zeros(3), DT)
+        assert legs.mpc.pyramids.friction == legs.whole_body.pyramids.friction == 0.2
+        reset()
+        assert legs.mpc.pyramids.friction == legs.whole_body.pyramids.friction == guess
+
+
 def test_standing_still_the_odometry_stays(model, run):
     controller = LegController(model)
     run(controller, 50)

@@ -18,12 +18,15 @@ from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.states.lying import rolling_poses
 from quadruped_sim.states.lying import ROLLS
-from quadruped_sim.states.lying import ROLLS_MAX
+from quadruped_sim.states.lying import TRIES_MAX
 from robot_description.description import load_robot
+from robot_description.morphology.quadruped import FOLDED
+from robot_description.morphology.quadruped import similar_pose
 from robot_description.packages import share_directory
 from wasd_core.parameters import InvalidParameter
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
+from wasd_core.rotations import yaw_matrix
 
 DT = 0.002
 LIES = 1.0  # by then a robot that was dropped lies still [s]
@@ -121,8 +124,38 @@ def test_a_robot_that_stays_on_its_back_gives_up_and_says_so(model, standing, tr
         assert (np.abs(torque) <= model.limits.effort + 1e-9).all()
         if controller.event:
             break
-    assert controller.event == f'{ROLLS_MAX} rolls have not turned it over'
+    assert controller.event == f'{TRIES_MAX} rolls have not turned it over'
     assert controller.state == 'passive'
+
+
+def test_one_that_tips_over_whenever_it_stands_up_gives_up_as_well(model, standing, truth):
+    controller = LegController(model, estimator='truth')
+    folded = similar_pose(model.quadruped, *FOLDED)
+    reading = standing._replace(joints=standing.joints._replace(position=folded))
+    tipped = truth._replace(orientation=np.array(to_quaternion(rpy_matrix(0.96, 0.0, 0.0))))
+    controller.step(reading, 0.02, truth)
+    controller.press('6')
+    for _ in range(TRIES_MAX):
+        for _ in range(10):
+            controller.step(reading, 0.02, truth)
+        assert controller.state == 'get up'
+        controller.step(reading, 0.02, tipped)
+    controller.step(reading, 0.02, truth)
+    assert controller.event == f'{TRIES_MAX} tries have not got it on its feet'
+    assert controller.state == 'passive'
+
+
+def test_a_robot_carried_around_while_it_lies_has_not_drifted(model, standing):
+    """So slowly that a gyro might: but the feet in the air do not hold its heading."""
+    controller = LegController(model)
+    for tick in range(1000):
+        R = yaw_matrix(5e-5 * tick) @ rpy_matrix(np.pi, 0.0, 0.0)
+        imu = standing.imu._replace(orientation=np.array(to_quaternion(R)))
+        controller.step(standing._replace(imu=imu), DT)
+        if tick == 1:
+            controller.press('6')
+    assert controller.state == 'get up'
+    np.testing.assert_allclose(controller.robot.base.R, R, atol=1e-3)
 
 
 @pytest.mark.parametrize('roll', ROLLS)
@@ -205,11 +238,37 @@ def test_a_jump_of_no_height_is_refused():
         JumpParameters(height=0.0)
 
 
-def test_a_robot_whose_joints_cannot_roll_it_over_says_which_when_it_has_fallen(standing, truth):
-    hyq = (
-        share_directory('example-robot-data') / 'robots/hyq_description/robots/hyq_no_sensors.urdf'
-    )
-    controller = LegController(RobotModel(load_robot(str(hyq))), estimator='truth')
+@pytest.fixture(scope='module')
+def hyq() -> RobotModel:
+    robots = share_directory('example-robot-data') / 'robots'
+    return RobotModel(load_robot(str(robots / 'hyq_description/robots/hyq_no_sensors.urdf')))
+
+
+def test_a_jump_takes_a_larger_robot_longer_by_the_root_of_its_size(model, hyq, standing, truth):
+    """As its feet feel nothing, each stage takes the longest that it may."""
+
+    def ticks(robot: RobotModel) -> int:
+        controller, dt = LegController(robot, estimator='truth'), DT * robot.scale.of('s')
+        stands = standing._replace(joints=standing.joints._replace(position=robot.standing_pose))
+        for key in ' 2v':
+            controller.press(key)
+            for _ in range(3):
+                controller.step(stands, dt, truth)
+        count = 0
+        while controller.state == 'jump':
+            controller.step(stands, dt, truth)
+            count += 1
+        assert (controller.state, controller.event) == ('fixed stand', None)
+        return count
+
+    assert hyq.scale.of('s') > 1.2
+    assert ticks(hyq) == pytest.approx(ticks(model), abs=3)
+
+
+def test_a_robot_whose_joints_cannot_roll_it_over_says_which_when_it_has_fallen(
+    hyq, standing, truth
+):
+    controller = LegController(hyq, estimator='truth')
     on_back = np.array(to_quaternion(rpy_matrix(np.pi, 0.0, 0.0)))
     controller.step(standing, DT, truth._replace(orientation=on_back))
     for key in '26':

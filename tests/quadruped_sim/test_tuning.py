@@ -100,6 +100,7 @@ def test_a_list_that_is_given_is_the_controllers(make):
         ({'mpc__pose_weights': [-1.0] * 6}, 'mpc.pose_weights must be >= 0, got -1.0'),
         ({'contact__force_off': 30.0}, 'contact.force_off must be < contact.force_on = 25 N'),
         ({'mpc__force_min': 300.0}, 'mpc.force_min must be < mpc.force_max = 260 N, got 300'),
+        ({'grip__least': 0.8}, 'grip.least must be <= grip.most = 0.7, got 0.8'),
         ({'controller': 'none.yaml'}, 'none.yaml: No such file or directory'),
     ],
 )

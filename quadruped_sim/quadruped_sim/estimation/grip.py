@@ -45,6 +45,8 @@ class Grip:
     def tune(self, params: GripParameters, guess: float) -> None:
         """Take other parameters and another guess."""
         self._params, self._guess = params, guess
+        # A guess beyond what is believed in is what somebody knows better.
+        self._least, self._most = min(params.least, guess), max(params.most, guess)
 
     def reset(self) -> None:
         """Believe the guess."""
@@ -71,7 +73,7 @@ class Grip:
             self.friction += min(1.0, dt / params.fall_time) * lower
         elif used > params.share * self.friction:
             self.friction += dt * params.rise
-        self.friction = min(max(params.least, self.friction), params.most)
+        self.friction = min(max(self._least, self.friction), self._most)
 
 
 @jit

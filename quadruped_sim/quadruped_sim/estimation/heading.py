@@ -13,6 +13,8 @@ STILL = 0.006
 SETTLING = 0.25
 # Standard deviation of the heading by a reading of IMU and feet [rad].
 READING = 2e-3
+# Beyond so many deviations between what is measured and expected of the drift rest begins anew.
+_MOST = 5.0
 # Trust in each foot from which on they stand.
 _STANDING = 0.99
 
@@ -93,6 +95,9 @@ class Heading:
         self._cross += dt * self._variance
         share = 1.0 / (self._spread + READING**2)
         innovation = measured - self._drift
+        if innovation * innovation > _MOST**2 / share:  # no gyro drifts so, the robot turns
+            self._feet = None
+            return
         correction = self._spread * share * innovation
         self._drift += correction
         self.offset += correction  # the prediction is in it already

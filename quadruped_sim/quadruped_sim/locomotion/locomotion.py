@@ -104,7 +104,7 @@ class Locomotion:
         self.is_stance = np.ones(4, dtype=bool)
         self.swing_legs.reset(state.feet)
         self.step_height.reset()
-        self.grip.reset()
+        self.forget_grip()
         self._early = np.zeros(4, dtype=bool)
         self._forces = standing_forces(GRAVITY * state.mass, self.is_stance)
         self._since_solution = math.inf
@@ -131,7 +131,7 @@ class Locomotion:
         height_of_step = self.step_height.step(state, self.schedule, points, self.ground, dt)
         self._frame = self.ground.frame()
         self.grip.step(state, self._is_loaded(state), self._frame, dt)
-        self.mpc.pyramids.friction = self.whole_body.pyramids.friction = self.grip.friction
+        self._use_grip()
         tread = Tread(height_of_step, max(self.schedule.pace, self.step_height.roughness))
         height = self._settle_height(dt)
         reference = self.reference.step(state, command, self.ground, height, dt)
@@ -154,6 +154,14 @@ class Locomotion:
         return joint_command(
             self._params.whole_body, self._model, state, reference, swing, result.torque
         )
+
+    def forget_grip(self) -> None:
+        """Believe the guess of the friction again, from now on."""
+        self.grip.reset()
+        self._use_grip()
+
+    def _use_grip(self) -> None:
+        self.mpc.pyramids.friction = self.whole_body.pyramids.friction = self.grip.friction
 
     def _velocity_error(self, state: RobotState, command: np.ndarray) -> float:
         """Return how far the velocity is off the commanded [m/s]."""

@@ -75,7 +75,7 @@ class Jump(AfterTrot):
     @property
     def is_over(self) -> bool:
         """Whether it has landed and rests."""
-        return self._stage is Stage.LAND and self._time > LAND_TIME
+        return self._stage is Stage.LAND and self._time > LAND_TIME * self._scale('s')
 
     def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
         """One tick of the present stage."""

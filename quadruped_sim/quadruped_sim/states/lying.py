@@ -64,7 +64,7 @@ _ON_SIDE = 0.4
 # Joints that reach the poses but for so much may roll a robot over [rad].
 _SHORT = 0.8
 # So often it is tried.
-ROLLS_MAX = 8
+TRIES_MAX = 8
 # How long a Go2 takes [s]; all times here are one's.
 _STAND_TIME, _LIE_TIME = 1.0, 2.0
 
@@ -102,9 +102,13 @@ class GetUp(State):
 
     @property
     def failure(self) -> str | None:
-        """Whether all that rolling has been of no use."""
-        rolls = self._rolls - 1
-        return f'{rolls} rolls have not turned it over' if rolls == ROLLS_MAX else None
+        """Whether all that rolling, and standing up only to tip over, has been of no use."""
+        tries = max(self._rolls - 1, 0) + self._tips
+        if tries < TRIES_MAX:
+            return None
+        if self._tips:
+            return f'{tries} tries have not got it on its feet'
+        return f'{tries} rolls have not turned it over'
 
     @property
     def is_over(self) -> bool:
@@ -115,7 +119,7 @@ class GetUp(State):
         """Fold, from wherever the joints are."""
         self._parts.locomotion.gait.reset()
         self._target = robot.joint_position.copy()
-        self._side = self._rolls = 0  # none yet
+        self._side = self._rolls = self._tips = 0  # none yet
         self._begin(Stage.FOLD)
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
@@ -131,6 +135,7 @@ class GetUp(State):
                 self._leave_fold(up, near)
         elif self._stage is Stage.STAND:
             if up[2] < _TIPPED:
+                self._tips += 1
                 self._begin(Stage.FOLD)
         elif self._time > ROLLS[self._roll].times[self._stage is Stage.SECOND_POSE]:
             is_first = self._stage is Stage.FIRST_POSE
