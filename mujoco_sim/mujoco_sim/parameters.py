@@ -7,8 +7,8 @@ from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
 WORLD_NAMES = (
-    'flat, room, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT, '
-    'ice:MU, gap:WIDTH'
+    'flat, room, office, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT, '
+    'ice:MU, gap:WIDTH, flat:SEED'
 )
 
 

@@ -11,9 +11,21 @@ from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
 from wasd_core.robot_io import TIME_STEP
 
+from mujoco_sim.flats import Flat
+from mujoco_sim.flats import make_flat
+from mujoco_sim.flats import make_office
 from mujoco_sim.parameters import WORLD_NAMES
 
 ROOM_SIZE = 6.0
+WALL = (0.75, 0.72, 0.66, 1.0)
+# Wood, dark wood, and what covers sofas and beds.
+FURNITURE = (
+    (0.62, 0.44, 0.26, 1.0),
+    (0.40, 0.27, 0.17, 1.0),
+    (0.30, 0.45, 0.55, 1.0),
+    (0.55, 0.30, 0.28, 1.0),
+    (0.38, 0.48, 0.34, 1.0),
+)
 SUN = 'sun'
 WALL_HEIGHT = 0.5
 
@@ -124,9 +136,40 @@ def _room(spec: mujoco.MjSpec) -> None:
                 thickness if y else half + 2.0 * thickness,
                 WALL_HEIGHT / 2.0,
             ],
-            rgba=[0.75, 0.72, 0.66, 1.0],
+            rgba=WALL,
         )
     _add_furniture(spec)
+
+
+def _office(spec: mujoco.MjSpec) -> None:
+    """Build the office of `flats`."""
+    _flat(spec)
+    _build(spec, make_office())
+
+
+def add_flat(spec: mujoco.MjSpec, seed: float, _: np.random.Generator) -> None:
+    """
+    Build the flat of a seed.
+
+    Raises:
+        SimulationError: the seed is no whole number.
+    """
+    if not seed.is_integer():
+        raise SimulationError(f'--world flat:{seed:g}: wanted a whole number after the colon')
+    _build(spec, make_flat(int(seed)))
+
+
+def _build(spec: mujoco.MjSpec, flat: Flat) -> None:
+    for index, (x, y, half_length, half_width, height, yaw) in enumerate(flat.boxes.tolist()):
+        piece = index - flat.walls
+        spec.worldbody.add_geom(
+            name=f'wall{index}' if piece < 0 else f'furniture{piece}',
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[x, y, 0.5 * height],
+            size=[half_length, half_width, 0.5 * height],
+            quat=[math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)],
+            rgba=WALL if piece < 0 else FURNITURE[piece % len(FURNITURE)],
+        )
 
 
 def _add_furniture(spec: mujoco.MjSpec) -> None:
@@ -310,8 +353,13 @@ def _end_floor(spec: mujoco.MjSpec, x: float) -> None:
     floor.pos = [x - 3.0, 0.0, -PIT / 2.0]
 
 
-WORLDS: dict[str, Callable[[mujoco.MjSpec], None]] = {'flat': _flat, 'room': _room}
-# What builds a terrain, and its least and largest size that make sense: degrees, friction or [m].
+WORLDS: dict[str, Callable[[mujoco.MjSpec], None]] = {
+    'flat': _flat,
+    'room': _room,
+    'office': _office,
+}
+# What builds a terrain, and its least and largest size that make sense: degrees, friction, [m],
+# or a seed.
 Terrain = Callable[[mujoco.MjSpec, float, np.random.Generator], None]
 TERRAINS: dict[str, tuple[Terrain, float, float]] = {
     'slope': (add_slope, -45.0, 45.0),
@@ -321,4 +369,5 @@ TERRAINS: dict[str, tuple[Terrain, float, float]] = {
     'rough': (add_rough, 0.001, 0.5),
     'ice': (add_ice, 0.01, 2.0),
     'gap': (add_gap, 0.001, 1.0),
+    'flat': (add_flat, 0, 999_999),
 }
