@@ -14,6 +14,8 @@ from typing import NamedTuple
 
 from cores import simulate_all
 from experiment import Experiment
+from experiment import FIRST_SEED
+from experiment import seeds
 from go2_time import determinism
 from go2_time import first_start
 from go2_time import over_topics
@@ -32,8 +34,6 @@ from go2_walks import tracking
 from table import Row
 from trials import RunFailed
 
-FIRST_SEED = 1000
-
 
 class Sizes(NamedTuple):
     """How many seeds or runs of each kind, and how long random commands go on [s]."""
@@ -50,11 +50,6 @@ FULL = Sizes(speed=20, others=5, terrain=10, random=5, random_seconds=120.0, tim
 QUICK = Sizes(speed=2, others=1, terrain=2, random=1, random_seconds=60.0, timed=1)
 
 
-def seeds(count: int) -> range:
-    """Return so many acceptance seeds."""
-    return range(FIRST_SEED, FIRST_SEED + count)
-
-
 def walks(sizes: Sizes) -> list[Experiment]:
     """Return the rows about following a velocity on the flat."""
     fast = constant((2.0, 0.0, 0.0), seeds(1), 20.0, 'truth')
@@ -67,18 +62,15 @@ def walks(sizes: Sizes) -> list[Experiment]:
         stand(seeds(sizes.others)),
         tracking(
             'forward 2.0 m/s, truth, 20 s',
-            [(2.0, 0.0, 0.0)],
             fast,
             0.05,
             'go2-convex-mpc: 1.25 m/s',
         ),
         steadiness(fast),
-        tracking(
-            'forward 1.5 m/s, 20 s', [forward], constant(forward, many, 20.0), 0.1, 'guide: 0.4'
-        ),
-        tracking('lateral 0.8 m/s, 20 s', [left], constant(left, many, 20.0), 0.1, 'guide: 0.3'),
-        tracking('yaw 2.0 rad/s, 20 s', [turn], constant(turn, many, 20.0), 0.1, 'guide: 0.5'),
-        tracking("the tutorial's go2.py: 0.8 m/s, 0.8 rad/s, both", tutorial, runs, 0.05),
+        tracking('forward 1.5 m/s, 20 s', constant(forward, many, 20.0), 0.1, 'guide: 0.4'),
+        tracking('lateral 0.8 m/s, 20 s', constant(left, many, 20.0), 0.1, 'guide: 0.3'),
+        tracking('yaw 2.0 rad/s, 20 s', constant(turn, many, 20.0), 0.1, 'guide: 0.5'),
+        tracking("the tutorial's go2.py: 0.8 m/s, 0.8 rad/s, both", runs, 0.05),
         cross_axis(curve, constant(curve, seeds(sizes.others), 10.0)),
     ]
 

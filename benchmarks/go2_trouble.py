@@ -6,9 +6,10 @@ from dataclasses import replace
 import math
 
 from experiment import Experiment
-from experiment import Verdict
+from experiment import judged
+from experiment import Trial
+from experiment import worst
 import numpy as np
-from table import format_count
 from trials import Run
 from trials import START
 from trials import Trace
@@ -44,26 +45,19 @@ def pushes(impulse: float, seed: int) -> Experiment:
     """Push the trunk to the left while it trots at 0.5 m/s, once in each part of the gait."""
     runs = push_runs(impulse, 0.5, [seed])
 
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = []
-        for phase, (trace, time) in enumerate(zip(traces, TIMES, strict=True)):
-            rows = trace.after(time)
-            roll = math.degrees(float(np.abs(trace.rpy[rows, 0]).max()))
-            speed = float(trace.velocity[rows, 1].max())
-            values = {'phase': phase / PHASES, 'roll_max_deg': roll, 'vy_max': speed}
-            trials.append(trace.record(trace.is_up, **values))
-        up = sum(trial['passed'] for trial in trials)
-        roll = max(trial['roll_max_deg'] for trial in trials)
-        measured = f'{format_count(up, len(trials))}, roll {roll:.0f} deg at worst'
-        return Verdict(measured, up == len(trials), trials)
+    def trial(trace: Trace) -> Trial:
+        time = float(trace.run.push.split()[0])
+        rows = trace.after(time)
+        roll = math.degrees(float(np.abs(trace.rpy[rows, 0]).max()))
+        speed = float(trace.velocity[rows, 1].max())
+        phase = round((time - PUSHED) / GAIT_PERIOD, 3)
+        return {'passed': trace.is_up, 'phase': phase, 'roll': roll, 'vy_max': speed}
 
-    return Experiment(
-        what=f'lateral push {impulse:g} N s in 0.1 s at 0.5 m/s, {PHASES} gait phases',
-        must=f'{PHASES} of {PHASES} survive',
-        runs=runs,
-        judge=judge,
-        anchor='go2-convex-mpc: 0 of 1',
-    )
+    def say(trials: list[Trial]) -> str:
+        return f'roll {worst(trials, "roll"):.0f} deg at worst'
+
+    what = f'lateral push {impulse:g} N s in 0.1 s at 0.5 m/s, {PHASES} gait phases'
+    return judged(what, 'survives', runs, trial, say, anchor='go2-convex-mpc: 0 of 1')
 
 
 def in_place(what: str, seeds: Sequence[int], step_in_place: bool) -> Experiment:
@@ -75,29 +69,21 @@ def in_place(what: str, seeds: Sequence[int], step_in_place: bool) -> Experiment
         Run(seed=seed, keys=keys, duration=begin + 20.0, parameters=parameters) for seed in seeds
     ]
 
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = []
-        for trace in traces:
-            rows = trace.after(begin)
-            place, yaw = trace.position[rows, :2], np.unwrap(trace.rpy[rows, 2])
-            drift = 1e3 * float(np.linalg.norm(place - place[0], axis=1).max())
-            turn = math.degrees(float(np.abs(yaw - yaw[0]).max()))
-            passed = trace.is_up and drift <= 20.0 and turn <= 1.0
-            values = {
-                'drift_mm': drift,
-                'yaw_deg': turn,
-                'feet_down': float(trace.contacts[rows].mean()),
-            }
-            trials.append(trace.record(passed, **values))
-        drift = max(trial['drift_mm'] for trial in trials)
-        turn = max(trial['yaw_deg'] for trial in trials)
-        feet = np.mean([trial['feet_down'] for trial in trials])
-        measured = f'{drift:.1f} mm, {turn:.2f} deg, {100 * feet:.0f} % of feet down, '
-        passed = all(trial['passed'] for trial in trials)
-        return Verdict(f'{measured}n {len(trials)}', passed, trials)
+    def trial(trace: Trace) -> Trial:
+        rows = trace.after(begin)
+        place, yaw = trace.position[rows, :2], np.unwrap(trace.rpy[rows, 2])
+        drift = 1e3 * float(np.linalg.norm(place - place[0], axis=1).max())
+        turn = math.degrees(float(np.abs(yaw - yaw[0]).max()))
+        passed = trace.is_up and drift <= 20.0 and turn <= 1.0
+        down = float(trace.contacts[rows].mean())
+        return {'passed': passed, 'drift_mm': drift, 'yaw_deg': turn, 'feet_down': down}
 
-    must = 'drift <= 20 mm, <= 1 deg'
-    return Experiment(what=what, must=must, runs=runs, judge=judge)
+    def say(trials: list[Trial]) -> str:
+        feet = 100 * np.mean([found['feet_down'] for found in trials])
+        drift, turn = worst(trials, 'drift_mm'), worst(trials, 'yaw_deg')
+        return f'{drift:.1f} mm, {turn:.2f} deg, {feet:.0f} % of feet down, n {len(trials)}'
+
+    return judged(what, 'drift <= 20 mm, <= 1 deg', runs, trial, say, share=None)
 
 
 def terrain(
@@ -112,44 +98,35 @@ def terrain(
     end = START + TERRAIN_TIME
     base = Run(seed=0, twist=twist, duration=end, world=world, friction=friction)
     runs = [replace(base, seed=seed) for seed in seeds]
-    needed = math.ceil(share * len(runs) - 1e-9)
 
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = []
-        for trace in traces:
-            x, y, _ = trace.position[-1].tolist()
-            tilt = math.degrees(float(np.abs(trace.rpy[:, :2]).max()))
-            fell_at = trace.report['fell_at']
-            values = {'x': x, 'y': y, 'tilt_max_deg': tilt, 'fell_at': fell_at}
-            trials.append(trace.record(trace.is_up and x >= TERRAIN_WAY, **values))
-        through = sum(trial['passed'] for trial in trials)
-        return Verdict(format_count(through, len(trials)), through >= needed, trials)
+    def trial(trace: Trace) -> Trial:
+        x, y, _ = trace.position[-1].tolist()
+        return {'passed': trace.is_up and x >= TERRAIN_WAY, 'x': x, 'y': y, 'tilt': trace.tilt}
 
-    must = f'>= {needed} of {len(runs)}, {TERRAIN_WAY:g} m'
-    return Experiment(what=what, must=must, runs=runs, judge=judge)
+    return judged(what, f'{TERRAIN_WAY:g} m', runs, trial, share=share)
 
 
 def random_commands(seeds: Sequence[int], seconds: float) -> Experiment:
     """A new random velocity every 2 s, zero now and then."""
-    runs = [
+
+    def trial(trace: Trace) -> Trial:
+        return {'passed': trace.is_up, 'path': trace.path, 'tilt': trace.tilt}
+
+    def say(trials: list[Trial]) -> str:
+        falls = sum(not found['passed'] for found in trials)
+        metres = sum(found['path'] for found in trials)
+        return f'{falls} falls in {len(trials)} x {seconds:g} s, {metres:.0f} m'
+
+    what = 'random commands: vx -1..1.5, vy +-0.8 m/s, wz +-2 rad/s'
+    return judged(what, '0 falls', random_runs(seeds, seconds), trial, say, share=None)
+
+
+def random_runs(seeds: Sequence[int], seconds: float) -> list[Run]:
+    """Return runs of random commands on the flat, for so long [s]."""
+    return [
         Run(seed=seed, twist=random_script(seed, seconds), duration=START + seconds)
         for seed in seeds
     ]
-
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = []
-        for trace in traces:
-            tilt = math.degrees(float(np.abs(trace.rpy[:, :2]).max()))
-            fell_at = trace.report['fell_at']
-            values = {'path': trace.path, 'tilt_max_deg': tilt, 'fell_at': fell_at}
-            trials.append(trace.record(trace.is_up, **values))
-        falls = sum(not trial['passed'] for trial in trials)
-        metres = sum(trial['path'] for trial in trials)
-        measured = f'{falls} falls in {len(trials)} x {seconds:g} s, {metres:.0f} m'
-        return Verdict(measured, falls == 0, trials)
-
-    what = 'random commands: vx -1..1.5, vy +-0.8 m/s, wz +-2 rad/s'
-    return Experiment(what=what, must='0 falls', runs=runs, judge=judge)
 
 
 def random_script(seed: int, seconds: float) -> str:

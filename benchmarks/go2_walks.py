@@ -5,7 +5,10 @@ from collections.abc import Sequence
 import math
 
 from experiment import Experiment
+from experiment import judged
+from experiment import Trial
 from experiment import Verdict
+from experiment import worst
 import numpy as np
 from table import format_count
 from trials import Run
@@ -26,28 +29,31 @@ def stand(seeds: Sequence[int]) -> Experiment:
     """Key 2 from lying: height after 2 s and from then on, drift in 30 s, peak torque."""
     runs = [Run(seed=seed, keys=f'{STAND_PRESSED} 2\n', duration=32.1) for seed in seeds]
 
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = []
-        for trace in traces:
-            place = trace.position[trace.after(STAND_PRESSED + STAND_READY)]
-            low, high = float(place[:, 2].min()), float(place[:, 2].max())
-            drift = 1e3 * float(np.linalg.norm(place[:, :2] - place[0, :2], axis=1).max())
-            torque = float(trace.torque.max())
-            passed = low >= 0.31 and high <= 0.36 and drift <= 10.0 and torque <= 23.7
-            values = {'lowest': low, 'highest': high, 'drift_mm': drift, 'torque_max': torque}
-            trials.append(trace.record(passed and trace.report['falls'] == 0, **values))
-        measured = (
-            f'{min(t["lowest"] for t in trials):.3f}-{max(t["highest"] for t in trials):.3f} m, '
-            f'{max(t["drift_mm"] for t in trials):.1f} mm, '
-            f'{max(t["torque_max"] for t in trials):.1f} N m (any joint), n {len(trials)}'
-        )
-        return Verdict(measured, all(trial['passed'] for trial in trials), trials)
+    def trial(trace: Trace) -> Trial:
+        place = trace.position[trace.after(STAND_PRESSED + STAND_READY)]
+        low, high = float(place[:, 2].min()), float(place[:, 2].max())
+        drift = 1e3 * float(np.linalg.norm(place[:, :2] - place[0, :2], axis=1).max())
+        torque = float(trace.torque.max())
+        passed = low >= 0.31 and high <= 0.36 and drift <= 10.0 and torque <= 23.7
+        passed = passed and trace.report['falls'] == 0
+        values = {'lowest': low, 'highest': high, 'drift_mm': drift, 'torque_max': torque}
+        return {'passed': passed, **values}
 
-    return Experiment(
-        what='stand: key 2 from lying, then 30 s',
-        must='after 2.0 s 0.31-0.36 m, drift <= 10 mm, <= 23.7 N m',
-        runs=runs,
-        judge=judge,
+    def say(trials: list[Trial]) -> str:
+        lowest = min(found['lowest'] for found in trials)
+        return (
+            f'{lowest:.3f}-{worst(trials, "highest"):.3f} m, '
+            f'{worst(trials, "drift_mm"):.1f} mm, '
+            f'{worst(trials, "torque_max"):.1f} N m (any joint), n {len(trials)}'
+        )
+
+    return judged(
+        'stand: key 2 from lying, then 30 s',
+        'after 2.0 s 0.31-0.36 m, drift <= 10 mm, <= 23.7 N m',
+        runs,
+        trial,
+        say,
+        share=None,
         anchor='unitree_guide: 2.0 s',
     )
 
@@ -61,7 +67,7 @@ def constant(
     return [Run(seed=seed, twist=twist, duration=end, estimator=estimator) for seed in seeds]
 
 
-def error_of(trace: Trace, velocity: Velocity) -> float:
+def error_of(trace: Trace, velocity: Sequence[float]) -> float:
     """Return the largest error of the mean velocity, of the axes commanded, as a share."""
     mean = trace.mean_velocity(START + SETTLE)
     return max(
@@ -69,75 +75,58 @@ def error_of(trace: Trace, velocity: Velocity) -> float:
     )
 
 
-def tracking(
-    what: str, velocities: Sequence[Velocity], runs: Sequence[Run], limit: float, anchor: str = '-'
-) -> Experiment:
-    """Follow velocities; `runs` are as many for each, in order; `limit` is a share."""
+def tracking(what: str, runs: Sequence[Run], limit: float, anchor: str = '-') -> Experiment:
+    """Follow the velocity of each run; `limit` is a share."""
 
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = []
-        each = len(traces) // len(velocities)
-        for index, trace in enumerate(traces):
-            wanted = velocities[index // each]
-            error = error_of(trace, wanted)
-            mean = trace.mean_velocity(START + SETTLE).tolist()
-            names = dict(zip(('vx', 'vy', 'wz'), mean, strict=True))
-            passed = trace.is_up and error <= limit
-            command = ' '.join(map(str, wanted))
-            trials.append(trace.record(passed, command=command, error=error, **names))
-        worst = max(trial['error'] for trial in trials)
-        up = format_count(sum(trace.is_up for trace in traces), len(traces))
-        passed = all(trial['passed'] for trial in trials)
-        return Verdict(f'{100 * worst:.1f} % at worst, {up} up', passed, trials)
+    def trial(trace: Trace) -> Trial:
+        _, *wanted = map(float, trace.run.twist.split())
+        error = error_of(trace, wanted)
+        mean = trace.mean_velocity(START + SETTLE).tolist()
+        names = dict(zip(('vx', 'vy', 'wz'), mean, strict=True))
+        command = ' '.join(map(str, wanted))
+        passed = trace.is_up and error <= limit
+        return {'passed': passed, 'command': command, 'error': error, **names}
+
+    def say(trials: list[Trial]) -> str:
+        up = format_count(sum(found['up'] for found in trials), len(trials))
+        return f'{100 * worst(trials, "error"):.1f} % at worst, {up} up'
 
     must = f'<= {100 * limit:g} %, no fall'
-    return Experiment(what=what, must=must, runs=runs, judge=judge, anchor=anchor)
+    return judged(what, must, runs, trial, say, share=None, anchor=anchor)
 
 
 def steadiness(runs: Sequence[Run]) -> Experiment:
     """Judge how still the trunk is at 2 m/s."""
 
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = []
-        for trace in traces:
-            rows = trace.after(START + SETTLE)
-            roll, pitch = np.degrees(trace.rpy[rows, :2].std(axis=0)).tolist()
-            passed = trace.is_up and max(roll, pitch) <= 0.5
-            trials.append(trace.record(passed, roll_std_deg=roll, pitch_std_deg=pitch))
-        roll = max(trial['roll_std_deg'] for trial in trials)
-        pitch = max(trial['pitch_std_deg'] for trial in trials)
-        passed = all(trial['passed'] for trial in trials)
-        return Verdict(f'roll {roll:.2f}, pitch {pitch:.2f} deg', passed, trials)
+    def trial(trace: Trace) -> Trial:
+        rows = trace.after(START + SETTLE)
+        roll, pitch = np.degrees(trace.rpy[rows, :2].std(axis=0)).tolist()
+        passed = trace.is_up and max(roll, pitch) <= 0.5
+        return {'passed': passed, 'roll_std_deg': roll, 'pitch_std_deg': pitch}
 
-    return Experiment(
-        what='trunk at 2.0 m/s, truth: standard deviation',
-        must='<= 0.5 deg',
-        runs=runs,
-        judge=judge,
-        anchor='go2-convex-mpc: 16 deg roll at 1.25 m/s',
-    )
+    def say(trials: list[Trial]) -> str:
+        roll, pitch = (worst(trials, f'{axis}_std_deg') for axis in ('roll', 'pitch'))
+        return f'roll {roll:.2f}, pitch {pitch:.2f} deg'
+
+    what = 'trunk at 2.0 m/s, truth: standard deviation'
+    anchor = 'go2-convex-mpc: 16 deg roll at 1.25 m/s'
+    return judged(what, '<= 0.5 deg', runs, trial, say, share=None, anchor=anchor)
 
 
 def cross_axis(velocity: Velocity, runs: Sequence[Run]) -> Experiment:
     """Judge the speed sideways that nobody asked for."""
 
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = []
-        for trace in traces:
-            sideways = float(trace.mean_velocity(START + SETTLE)[1])
-            passed = trace.is_up and abs(sideways) <= 0.03
-            trials.append(trace.record(passed, vy=sideways, error=error_of(trace, velocity)))
-        worst = max(abs(trial['vy']) for trial in trials)
-        passed = all(trial['passed'] for trial in trials)
-        return Verdict(f'{worst:.3f} m/s at worst, n {len(trials)}', passed, trials)
+    def trial(trace: Trace) -> Trial:
+        sideways = float(trace.mean_velocity(START + SETTLE)[1])
+        passed = trace.is_up and abs(sideways) <= 0.03
+        return {'passed': passed, 'vy': sideways, 'error': error_of(trace, velocity)}
 
-    return Experiment(
-        what='sideways at (0.5, 0, 0.5)',
-        must='<= 0.03 m/s',
-        runs=runs,
-        judge=judge,
-        anchor='grove-g1: 0.299 m/s',
-    )
+    def say(trials: list[Trial]) -> str:
+        sideways = max(abs(found['vy']) for found in trials)
+        return f'{sideways:.3f} m/s at worst, n {len(trials)}'
+
+    what, anchor = 'sideways at (0.5, 0, 0.5)', 'grove-g1: 0.299 m/s'
+    return judged(what, '<= 0.03 m/s', runs, trial, say, share=None, anchor=anchor)
 
 
 def odometry(runs: Sequence[Run]) -> Experiment:
@@ -152,14 +141,14 @@ def odometry(runs: Sequence[Run]) -> Experiment:
             values = {'path': trace.path, 'error': trace.odometry_error, 'share': share}
             trials.append(trace.record(share <= 0.03, **values))
         shares = sorted(trial['share'] for trial in trials)
-        worst = shares[-1] if shares else math.inf
+        largest = shares[-1] if shares else math.inf
         middle = shares[len(shares) // 2] if shares else math.inf
         metres = sum(trial['path'] for trial in trials)
         measured = (
-            f'{100 * worst:.2f} % at worst, median {100 * middle:.2f} %: '
+            f'{100 * largest:.2f} % at worst, median {100 * middle:.2f} %: '
             f'{len(trials)} walks, {metres:.0f} m'
         )
-        return Verdict(measured, worst <= 0.03, trials)
+        return Verdict(measured, largest <= 0.03, trials)
 
     return Experiment(
         what='odometry, of the path (all walks and terrains above)',

@@ -12,11 +12,13 @@ from typing import NamedTuple
 
 from cores import simulate_all
 from experiment import Experiment
+from experiment import FIRST_SEED
+from experiment import seeds
+from go2_trouble import random_runs
 from go2_trouble import terrain
 from legs_ground import climbing
 from legs_ground import differing
 from legs_ground import known
-from legs_ground import long_way
 from legs_ground import patch
 from legs_ground import pushed
 from legs_ground import slippery
@@ -33,7 +35,6 @@ from quadruped_sim.presets import GAITS
 import schedules
 from table import Row
 
-FIRST_SEED = 1000
 SPEEDS = {
     'forward 3.0 m/s, 20 s': (3.0, 0.0, 0.0),
     'backward 2.0 m/s, 20 s': (-2.0, 0.0, 0.0),
@@ -65,11 +66,6 @@ class Sizes(NamedTuple):
 
 FULL = Sizes(20, 10, 3, 100, 100, 5, way=600.0, minute=60.0)
 QUICK = Sizes(1, 1, 1, 3, 2, 1, way=60.0, minute=20.0)
-
-
-def seeds(count: int) -> range:
-    """Return so many acceptance seeds."""
-    return range(FIRST_SEED, FIRST_SEED + count)
 
 
 def on_the_flat(sizes: Sizes) -> list[Experiment]:
@@ -129,7 +125,7 @@ def of_odometry(sizes: Sizes) -> list[Experiment]:
     many, few = seeds(sizes.many), seeds(sizes.switches)
     far = f'random commands, {sizes.way / 60.0:g} min'
     return [
-        known(far, long_way(few, sizes.way), 0.005, 0.05),
+        known(far, random_runs(few, sizes.way), 0.005, 0.05),
         known('stairs of 10 cm', climbing('stairs:0.1', many), 0.02, None),
         known('20 degrees up', climbing('slope:20', many), 0.02, None),
     ]

@@ -3,14 +3,13 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-import math
-from typing import Any
 
 from experiment import Experiment
+from experiment import judged
+from experiment import Trial
+from experiment import worst
 from go2_trouble import push_runs
-from go2_trouble import random_script
-from legs_speed import judged
-from legs_speed import worst
+from go2_trouble import random_runs
 from mujoco_sim.scene import EDGE
 from mujoco_sim.scene import ICE_AHEAD
 from mujoco_sim.scene import ICE_LENGTH
@@ -20,21 +19,16 @@ from trials import START
 from trials import Trace
 
 
-def tilt(trace: Trace) -> float:
-    """Return the largest roll or pitch of a run [deg]."""
-    return math.degrees(float(np.abs(trace.rpy[:, :2]).max()))
-
-
 def pushed(impulse: float, speed: float, seeds: Sequence[int], share: float) -> Experiment:
     """Push the trunk to the left in each part of the gait; a share of the runs must stay up."""
     runs = push_runs(impulse, speed, seeds)
 
-    def trial(trace: Trace) -> dict[str, Any]:
-        return {'passed': trace.is_up, 'tilt': tilt(trace)}
+    def trial(trace: Trace) -> Trial:
+        return {'passed': trace.is_up, 'tilt': trace.tilt}
 
     what = f'lateral push {impulse:g} N s at {speed:g} m/s, 8 phases x {len(seeds)} seeds'
     say = lambda trials: f'{worst(trials, "tilt"):.0f} deg at worst'  # noqa: E731
-    return judged(what, 'stays up', runs, trial, say, share)
+    return judged(what, 'stays up', runs, trial, say, share=share)
 
 
 def slippery(friction: float, seeds: Sequence[int]) -> Experiment:
@@ -44,11 +38,11 @@ def slippery(friction: float, seeds: Sequence[int]) -> Experiment:
         for seed in seeds
     ]
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         x = float(trace.position[-1, 0])
-        return {'passed': trace.is_up and x >= 1.0, 'x': x, 'fell_at': trace.report['fell_at']}
+        return {'passed': trace.is_up and x >= 1.0, 'x': x}
 
-    def say(trials: list[dict[str, Any]]) -> str:
+    def say(trials: list[Trial]) -> str:
         return f'{min(found["x"] for found in trials):.1f} m at least'
 
     return judged(f'ice: friction {friction:g} from the start', '1 m', runs, trial, say)
@@ -61,35 +55,26 @@ def patch(friction: float, speed: float, seeds: Sequence[int], share: float) -> 
     duration = START + 2.0 * end / speed
     runs = [Run(seed=seed, twist=twist, duration=duration, world=world) for seed in seeds]
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         x = float(trace.position[-1, 0])
         passed = trace.report['falls'] == 0 and x >= end
-        return {'passed': passed, 'x': x, 'fell_at': trace.report['fell_at']}
+        return {'passed': passed, 'x': x}
 
     what = f'ice: a patch of {friction:g} entered at {speed:g} m/s'
-    return judged(what, f'{end:g} m', runs, trial, lambda _: '', share)
+    return judged(what, f'{end:g} m', runs, trial, share=share)
 
 
 def differing(seeds: Sequence[int], seconds: float, level: float = 1.0) -> Experiment:
     """Follow random commands with a robot that differs from its description."""
-    runs = [
-        Run(
-            seed=seed,
-            twist=random_script(seed, seconds),
-            duration=START + seconds,
-            randomise=level,
-        )
-        for seed in seeds
-    ]
+    runs = [replace(run, randomise=level) for run in random_runs(seeds, seconds)]
 
-    def trial(trace: Trace) -> dict[str, Any]:
-        fell_at = trace.report['fell_at']
-        return {'passed': trace.is_up, 'tilt': tilt(trace), 'fell_at': fell_at, 'path': trace.path}
+    def trial(trace: Trace) -> Trial:
+        return {'passed': trace.is_up, 'tilt': trace.tilt, 'path': trace.path}
 
     what = f'randomised at {level:g}: random commands, {seconds:g} s each'
     say = lambda trials: f'{sum(r["path"] for r in trials):.0f} m'  # noqa: E731
     # One in a hundred may fall.
-    return judged(what, 'no fall', runs, trial, say, 1.0 - 1.0 / max(len(runs), 100))
+    return judged(what, 'no fall', runs, trial, say, share=1.0 - 1.0 / max(len(runs), 100))
 
 
 def known(what: str, runs: Sequence[Run], share: float, height: float | None) -> Experiment:
@@ -99,7 +84,7 @@ def known(what: str, runs: Sequence[Run], share: float, height: float | None) ->
     Of x and y what is left with the heading's drift taken out counts; both are told.
     """
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         assert trace.felt is not None
         rows = trace.after(START)
         seen, true = trace.felt.height[rows], trace.position[rows, 2]
@@ -110,7 +95,7 @@ def known(what: str, runs: Sequence[Run], share: float, height: float | None) ->
         xy = 100 * trace.odometry_error / path
         return {'passed': passed, 'xy': xy, 'apart': 100 * flat / path, 'rise': rise, 'path': path}
 
-    def say(trials: list[dict[str, Any]]) -> str:
+    def say(trials: list[Trial]) -> str:
         xy = f'{worst(trials, "apart"):.2f} % ({worst(trials, "xy"):.2f} % with heading)'
         way = sum(found['path'] for found in trials)
         return f'xy {xy}, height {100 * worst(trials, "rise"):.1f} cm at worst, {way:.0f} m'
@@ -136,14 +121,6 @@ def apart(trace: Trace) -> float:
         (cos * steps[:, 0] - sin * steps[:, 1], sin * steps[:, 0] + cos * steps[:, 1])
     )
     return float(np.linalg.norm(turned.sum(axis=0) - (true[-1] - true[0])))
-
-
-def long_way(seeds: Sequence[int], seconds: float) -> list[Run]:
-    """Return runs of random commands on the flat."""
-    return [
-        Run(seed=seed, twist=random_script(seed, seconds), duration=START + seconds)
-        for seed in seeds
-    ]
 
 
 def climbing(world: str, seeds: Sequence[int], friction: float | None = None) -> list[Run]:

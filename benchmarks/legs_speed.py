@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """How fast the Go2 is, how straight, at what cost; gaits; and what a payload takes away."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 import math
 from typing import Any
 
 from experiment import Experiment
+from experiment import judged
+from experiment import Trial
 from experiment import Verdict
+from experiment import worst
 from go2_trouble import PHASES
 from go2_trouble import push_runs
 from go2_walks import constant
@@ -15,7 +18,6 @@ from go2_walks import error_of
 from go2_walks import SETTLE
 from go2_walks import Velocity
 import numpy as np
-from table import format_count
 from trials import Run
 from trials import START
 from trials import Trace
@@ -25,50 +27,19 @@ RACE = (('command.limits', 'race'),)
 FAST = START + 5.0  # a ramp to 3 m/s takes 1.5 s, and a wobble some time to show [s]
 
 
-def judged(
-    what: str,
-    must: str,
-    runs: Sequence[Run],
-    trial: Callable[[Trace], dict[str, Any]],
-    say: Callable[[list[dict[str, Any]]], str],
-    share: float = 1.0,
-) -> Experiment:
-    """
-    Return an experiment of trials that pass each by itself, a share of them at least.
-
-    `trial` returns the values of one run with `passed`, `say` what is told of all of them.
-    """
-    needed = math.ceil(share * len(runs) - 1e-9)
-
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = [trace.record(**trial(trace)) for trace in traces]
-        passed = sum(found['passed'] for found in trials)
-        measured = f'{format_count(passed, len(trials))}, {say(trials)}'
-        return Verdict(measured.removesuffix(', '), passed >= needed, trials)
-
-    return Experiment(
-        what=what, must=f'{must}: >= {needed} of {len(runs)}', runs=runs, judge=judge
-    )
-
-
-def worst(trials: Sequence[dict[str, Any]], name: str) -> float:
-    """Return the largest of a value."""
-    return max(float(trial[name]) for trial in trials)
-
-
 def speed(
     what: str, velocity: Velocity, seeds: Sequence[int], parameters: tuple[Any, ...] = RACE
 ) -> Experiment:
     """Hold a velocity for 20 s: error, and how still the trunk is."""
     runs = [replace(run, parameters=parameters) for run in constant(velocity, seeds, 20.0)]
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         error = error_of(trace, velocity)
         roll, pitch = np.degrees(trace.rpy[trace.after(FAST), :2].std(axis=0)).tolist()
         passed = trace.is_up and error <= 0.05 and max(roll, pitch) <= 1.5
         return {'passed': passed, 'error': error, 'roll': roll, 'pitch': pitch}
 
-    def say(trials: list[dict[str, Any]]) -> str:
+    def say(trials: list[Trial]) -> str:
         errors = f'{100 * worst(trials, "error"):.1f} %'
         return f'{errors}, {worst(trials, "roll"):.1f} {worst(trials, "pitch"):.1f} deg at worst'
 
@@ -80,14 +51,14 @@ def curve(velocity: Velocity, seeds: Sequence[int]) -> Experiment:
     runs = [replace(run, parameters=RACE) for run in constant(velocity, seeds, 20.0)]
     asked = velocity[2] / math.hypot(*velocity[:2])
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         vx, vy, wz = trace.mean_velocity(FAST).tolist()
         skid = vy - float(trace.command[trace.after(FAST), 1].mean())
         error = abs(wz / max(math.hypot(vx, vy), 1e-6) / asked - 1.0)
         passed = trace.is_up and abs(skid) <= 0.1 and error <= 0.1
         return {'passed': passed, 'skid': abs(skid), 'error': error, 'vx': vx, 'vy': vy, 'wz': wz}
 
-    def say(trials: list[dict[str, Any]]) -> str:
+    def say(trials: list[Trial]) -> str:
         curved = f'{100 * worst(trials, "error"):.1f} % of the curve'
         return f'{worst(trials, "skid"):.3f} m/s sideways, {curved} at worst'
 
@@ -99,7 +70,7 @@ def transport(velocity: float, limit: float, seeds: Sequence[int]) -> Experiment
     """Judge the work of the motors over weight and way, sum |torque x speed| / (m g d)."""
     runs = constant((velocity, 0.0, 0.0), seeds, 12.0)
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         assert trace.felt is not None
         rows = trace.after(START + SETTLE)
         energy = trace.felt.energy[rows]
@@ -115,7 +86,7 @@ def touchdown(seeds: Sequence[int], limit: float = 0.5) -> Experiment:
     """Judge how fast feet come down in a trot of 1 m/s: the median of all steps."""
     runs = constant((1.0, 0.0, 0.0), seeds, 12.0)
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         assert trace.felt is not None
         times, speeds = trace.felt.touchdowns.T
         median = float(np.median(speeds[times > START + SETTLE]))
@@ -133,11 +104,11 @@ def gait(name: str, velocity: float, seeds: Sequence[int]) -> Experiment:
         replace(run, parameters=parameters) for run in constant((velocity, 0.0, 0.0), seeds, 10.0)
     ]
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         error = error_of(trace, (velocity, 0.0, 0.0))
         return {'passed': trace.is_up and error <= 0.1, 'error': error}
 
-    def say(trials: list[dict[str, Any]]) -> str:
+    def say(trials: list[Trial]) -> str:
         return f'{100 * worst(trials, "error"):.1f} % at worst'
 
     return judged(f'gait {name}, {velocity:g} m/s', '<= 10 %', runs, trial, say)
@@ -155,8 +126,8 @@ def gait_switches(names: Sequence[str], seeds: Sequence[int], seconds: float) ->
         for seed in seeds
     ]
 
-    def trial(trace: Trace) -> dict[str, Any]:
-        return {'passed': trace.is_up, 'fell_at': trace.report['fell_at'], 'path': trace.path}
+    def trial(trace: Trace) -> Trial:
+        return {'passed': trace.is_up, 'path': trace.path}
 
     what = f'gaits switched at random every 3 s for {seconds:g} s at 0.5 m/s'
     return judged(what, 'no fall', runs, trial, lambda t: f'{sum(r["path"] for r in t):.0f} m')

@@ -2,11 +2,11 @@
 """What the Go2 does on a key: it gets up from any pose, and jumps."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from experiment import Experiment
-from legs_speed import judged
-from legs_speed import worst
+from experiment import judged
+from experiment import Trial
+from experiment import worst
 import numpy as np
 from trials import Run
 from trials import Trace
@@ -30,7 +30,7 @@ def get_up(what: str, world: str, x: float, seeds: Sequence[int]) -> Experiment:
         for seed in seeds
     ]
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         assert trace.felt is not None
         rows = trace.after(SETTLED)
         is_level = np.abs(trace.rpy[rows, :2]).max(axis=1) < TURNED
@@ -39,7 +39,7 @@ def get_up(what: str, world: str, x: float, seeds: Sequence[int]) -> Experiment:
         took = float(trace.t[rows][stays.argmax()]) - SETTLED if stays.any() else np.inf
         return {'passed': took <= PATIENCE, 'took': min(took, 99.0), 'ends': trace.state[-1]}
 
-    def say(trials: list[dict[str, Any]]) -> str:
+    def say(trials: list[Trial]) -> str:
         return f'{worst([t for t in trials if t["passed"]] or trials, "took"):.1f} s at worst'
 
     return judged(f'get up: {what}', f'<= {PATIENCE:g} s', runs, trial, say)
@@ -54,7 +54,7 @@ def jump(what: str, key: str, far: float, seeds: Sequence[int], **parameters: fl
         for seed in seeds
     ]
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         assert trace.felt is not None
         rows = trace.after(pressed)
         clear = float(trace.felt.lowest[rows].max())
@@ -63,7 +63,7 @@ def jump(what: str, key: str, far: float, seeds: Sequence[int], **parameters: fl
         passed = stands and (ahead >= far if far else clear >= 0.25)
         return {'passed': passed, 'clear': clear, 'ahead': ahead, 'ends': trace.state[-1]}
 
-    def say(trials: list[dict[str, Any]]) -> str:
+    def say(trials: list[Trial]) -> str:
         clear, ahead = (min(found[name] for found in trials) for name in ('clear', 'ahead'))
         return f'feet {100 * clear:.0f} cm clear, {ahead:.2f} m ahead at least'
 

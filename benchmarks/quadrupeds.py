@@ -12,7 +12,10 @@ from pathlib import Path
 
 from cores import simulate_all
 from experiment import Experiment
-from experiment import Verdict
+from experiment import judged
+from experiment import seeds
+from experiment import Trial
+from experiment import worst
 import numpy as np
 from robot_description.description import read_description
 from robot_description.morphology.quadruped import Scale
@@ -25,7 +28,6 @@ from trials import START
 from trials import Trace
 from wasd_core.errors import UserError
 
-FIRST_SEED = 1000
 # In example-robot-data, which the project installs.
 ROBOTS = {
     'a1': 'a1_description/urdf/a1.urdf',
@@ -53,7 +55,6 @@ more: list[str] = []
 
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     """Walk every robot that is there and return the rows; `note` is told how far it is."""
-    seeds = range(FIRST_SEED, FIRST_SEED + (1 if quick else 3))
     folder = share_directory('example-robot-data') / 'robots'
     names = list(ROBOTS)[:QUICK_ROBOTS] if quick else list(ROBOTS)
     files = {name: folder / ROBOTS[name] for name in names}
@@ -62,7 +63,7 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     experiments: dict[str, Experiment] = {}
     for name, path in files.items():
         try:
-            experiments[name] = walk(name, path, seeds)
+            experiments[name] = walk(name, path, seeds(1 if quick else 3))
         except UserError as error:
             rows[name] = skipped(name, str(error))
     runs = [run for experiment in experiments.values() for run in experiment.runs]
@@ -82,7 +83,7 @@ def what(name: str) -> str:
     return f'quadruped {name}: 10 s ahead, sideways, on the spot'
 
 
-def walk(name: str, path: Path, seeds: Sequence[int]) -> Experiment:
+def walk(name: str, path: Path, chosen: Sequence[int]) -> Experiment:
     """
     Return the experiment of one robot.
 
@@ -94,17 +95,14 @@ def walk(name: str, path: Path, seeds: Sequence[int]) -> Experiment:
     scale = scale_of(read_description(path).quadruped)
     script, spans = walk_script(scale)
     end = spans[-1][2]
-    runs = [Run(seed=seed, twist=script, duration=end, description=str(path)) for seed in seeds]
+    runs = [Run(seed=seed, twist=script, duration=end, description=str(path)) for seed in chosen]
 
-    def judge(traces: Sequence[Trace]) -> Verdict:
-        trials = [trial(trace, spans) for trace in traces]
-        worst = max(float(found['error']) for found in trials)
-        roll, pitch = (max(float(found[key]) for found in trials) for key in ('roll', 'pitch'))
-        up = format_count(sum(trace.is_up for trace in traces), len(traces))
-        measured = f'{100 * worst:.1f} % at worst, {roll:.1f} {pitch:.1f} deg, {up} up'
-        return Verdict(measured, all(found['passed'] for found in trials), trials)
+    def say(trials: list[Trial]) -> str:
+        up = format_count(sum(found['up'] for found in trials), len(trials))
+        still = f'{worst(trials, "roll"):.1f} {worst(trials, "pitch"):.1f} deg'
+        return f'{100 * worst(trials, "error"):.1f} % at worst, {still}, {up} up'
 
-    return Experiment(what=what(name), must=MUST, runs=runs, judge=judge)
+    return judged(what(name), MUST, runs, lambda trace: trial(trace, spans), say, share=None)
 
 
 def walk_script(scale: Scale) -> tuple[str, list[Span]]:
@@ -120,7 +118,7 @@ def walk_script(scale: Scale) -> tuple[str, list[Span]]:
     return ''.join(lines), spans
 
 
-def trial(trace: Trace, spans: Sequence[Span]) -> dict[str, object]:
+def trial(trace: Trace, spans: Sequence[Span]) -> Trial:
     """Return one run as the JSON has it: the largest error as a share, standard deviations."""
     errors, names = [], ('vx', 'vy', 'wz')
     values: dict[str, float] = {}
@@ -132,4 +130,4 @@ def trial(trace: Trace, spans: Sequence[Span]) -> dict[str, object]:
     roll, pitch = np.degrees(trace.rpy[trace.after(spans[0][1]), :2].std(axis=0)).tolist()
     error = max(errors)
     passed = trace.is_up and error <= 0.1
-    return trace.record(passed, error=error, roll=roll, pitch=pitch, **values)
+    return {'passed': passed, 'error': error, 'roll': roll, 'pitch': pitch, **values}

@@ -21,6 +21,7 @@ import both
 import cores
 import cycles
 import describe
+from experiment import FIRST_SEED
 import go2
 import legs
 import mbot
@@ -87,7 +88,7 @@ def draw(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> int:
     if arguments.part == 'legs':
         cores.cluster = arguments.dask
         count = 4 if arguments.quick else 20
-        print(draw_success(path, legs.FIRST_SEED, count, note))
+        print(draw_success(path, FIRST_SEED, count, note))
     else:
         with tempfile.TemporaryDirectory() as folder:
             draw_square(simulate(Path(folder), '--twist', SQUARE, 29.0), path)

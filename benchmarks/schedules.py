@@ -2,10 +2,10 @@
 """Schedules of velocities that others have published, scored as they score; none may fall."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from experiment import Experiment
-from legs_speed import judged
+from experiment import judged
+from experiment import Trial
 from legs_speed import RACE
 import numpy as np
 from trials import Run
@@ -78,13 +78,13 @@ def gauge(what: str, schedule: Schedule, seconds: float, seeds: Sequence[int]) -
         for seed in seeds
     ]
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         error = trace.velocity[trace.after(START)] - asked(trace, schedule)
         linear = 1.0 - np.linalg.norm(error[:, :2], axis=1).mean() / np.hypot(AHEAD, LEFT)
         angular = 1.0 - np.abs(error[:, 2]).mean() / TURN
         return {'passed': trace.is_up, 'linear': float(linear), 'angular': float(angular)}
 
-    def say(trials: list[dict[str, Any]]) -> str:
+    def say(trials: list[Trial]) -> str:
         linear, angular = (np.mean([t[name] for t in trials]) for name in ('linear', 'angular'))
         return f'linear {linear:.3f}, angular {angular:.3f}'
 
@@ -95,13 +95,13 @@ def demo(seeds: Sequence[int]) -> Experiment:
     """Follow go2-convex-mpc's demo; the errors are against our own ramps, as it has none."""
     runs = [Run(seed=seed, twist=script(DEMO), duration=START + 10.0) for seed in seeds]
 
-    def trial(trace: Trace) -> dict[str, Any]:
+    def trial(trace: Trace) -> Trial:
         rows = trace.after(START)
         error = trace.velocity[rows] - trace.command[rows]
         vx, vy, wz = np.sqrt((error**2).mean(axis=0)).tolist()
         return {'passed': trace.is_up, 'vx': vx, 'vy': vy, 'wz': wz}
 
-    def say(trials: list[dict[str, Any]]) -> str:
+    def say(trials: list[Trial]) -> str:
         vx, vy, wz = (np.mean([t[name] for t in trials]) for name in ('vx', 'vy', 'wz'))
         return f'RMSE {vx:.3f} {vy:.3f} m/s, {wz:.3f} rad/s'
 

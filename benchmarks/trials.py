@@ -75,6 +75,11 @@ class Trace:
         """Whether it never fell and was still being driven at the end."""
         return self.report['falls'] == 0 and self.state[-1] in ('move base', 'trotting')
 
+    @property
+    def tilt(self) -> float:
+        """The largest roll or pitch [deg]."""
+        return math.degrees(float(np.abs(self.rpy[:, :2]).max()))
+
     def after(self, time: float) -> slice:
         """Return the rows from a simulated time on."""
         return slice(int(np.searchsorted(self.t, time - 1e-6)), None)
@@ -106,7 +111,8 @@ class Trace:
         for name in ('friction', 'payload', 'randomise', 'push'):
             if getattr(run, name):
                 asked[name] = getattr(run, name)
-        seen = {'falls': self.report['falls'], 'state': self.state[-1]}
+        seen = {'up': self.is_up, 'falls': self.report['falls'], 'state': self.state[-1]}
+        seen['fell_at'] = self.report['fell_at']
         return {**asked, 'passed': passed, **seen, **values}
 
 
