@@ -39,7 +39,9 @@ FROM_ROS = {
     'xacro': 'xacro==2.1.1',
 }
 # Nothing here uses these: rosdep would install them all the same.
-NOT_HERE = {'launch', 'launch_ros', 'ros2launch', 'rviz2', 'tf2_msgs'}
+# What ./wasd builds where ROS comes as wheels.
+BUILT = ('tf2_msgs', 'nav2_msgs')
+NOT_HERE = {'launch', 'launch_ros', 'ros2launch', 'rviz2', *BUILT}
 # colcon comes from apt, too; setuptools is what it builds with.
 TOOLS = 'setuptools==68.1.2 lark-parser==0.12.0 lxml==5.2.1 wheel==0.42.0'
 
@@ -79,7 +81,7 @@ class SourcedJazzy:
         self.home.mkdir()
         self._unpack()
         (self._site,) = self.prefix.glob('lib/python3.*/site-packages')
-        self._copy_tf2_msgs()
+        self._copy_built()
         self._put_tools()
         self.environment = self._environment()
 
@@ -132,15 +134,16 @@ class SourcedJazzy:
             done = subprocess.run(words, env=environment, capture_output=True, text=True)
             assert done.returncode == 0, done.stdout + done.stderr
 
-    def _copy_tf2_msgs(self) -> None:
-        """Take the tf2_msgs that ./wasd has built; without it everything but /tf works."""
+    def _copy_built(self) -> None:
+        """Take the interfaces that ./wasd has built; without them all but their use works."""
         ours = Path(sysconfig.get_path('purelib'))
-        if not (ours / 'tf2_msgs').is_dir() or ours.parent.name != self._site.parent.name:
-            return
-        shutil.copytree(ours / 'tf2_msgs', self._site / 'tf2_msgs')
-        shutil.copytree(Path(sys.prefix, 'share/tf2_msgs'), self.prefix / 'share/tf2_msgs')
-        for library in Path(sys.prefix, 'lib').glob('libtf2_msgs*'):
-            shutil.copy(library, self.prefix / 'lib')
+        for name in BUILT:
+            if not (ours / name).is_dir() or ours.parent.name != self._site.parent.name:
+                continue
+            shutil.copytree(ours / name, self._site / name)
+            shutil.copytree(Path(sys.prefix, 'share', name), self.prefix / 'share' / name)
+            for library in Path(sys.prefix, 'lib').glob(f'lib{name}*'):
+                shutil.copy(library, self.prefix / 'lib')
 
     def _put_tools(self) -> None:
         tools = self.folder / 'bin'

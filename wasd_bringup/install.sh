@@ -85,8 +85,8 @@ make_environment() {
 install_project() {
   say "installing the project and what it needs; what pip does is in '$venv/$LOG'"
   run_pip "$extras"
-  say 'compiling the message of /tf and the leg controller, once'
-  "$venv/bin/python" -m robot_description.build_tf2_msgs >&2 || :  # it has said what is missing
+  say 'compiling the messages that the wheels lack and the leg controller, once'
+  "$venv/bin/python" -m robot_description.build_interfaces >&2 || :  # it has said what is missing
   "$venv/bin/python" -m quadruped_sim >&2 || say 'not compiled; the first walk starts later'
   { identity && contents; } >"$venv/$STAMP.new"
   mv "$venv/$STAMP.new" "$venv/$STAMP"

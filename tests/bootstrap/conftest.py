@@ -32,7 +32,7 @@ exec(code)" "$3" "$(readlink -f "$0").looks" ;;
   *'-m venv'*)
     for folder; do :; done
     mkdir -p "$folder/bin" && ln -s "$(readlink -f "$0")" "$folder/bin/python" ;;
-  *build_tf2_msgs) [ ! -e "$FAKE/no-compiler" ] || { echo 'error: no compiler' >&2; exit 2; } ;;
+  *build_interfaces) [ ! -e "$FAKE/no-compiler" ] || { echo 'error: no compiler' >&2; exit 2; } ;;
   *'-m pip'*)
     case "$*" in *--quiet*) ;; *) echo 'Collecting something' ;; esac
     echo 'Getting requirements ... done'

@@ -126,12 +126,12 @@ def test_a_later_start_says_nothing_and_starts_no_other_python(checkout):
         'pyproject.toml',
         'package/package.xml',
         'package/setup.cfg',
-        'package/package/build_tf2_msgs.py',
+        'package/package/build_interfaces.py',
     ],
 )
 def test_a_changed_project_is_installed_again_into_the_same_environment(changed, checkout):
     (checkout.folder / 'package/package').mkdir()
-    (checkout.folder / 'package/package/build_tf2_msgs.py').touch()
+    (checkout.folder / 'package/package/build_interfaces.py').touch()
     checkout.run()
     checkout.calls()
     with open(checkout.folder / changed, 'a') as file:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-pytest.importorskip('tf2_msgs', reason='no tf2_msgs: python -m robot_description.build_tf2_msgs')
+pytest.importorskip('tf2_msgs', reason='no tf2_msgs: python -m robot_description.build_interfaces')
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile

@@ -16,7 +16,7 @@ import starting
 
 pytest.importorskip(
     'tf2_msgs',
-    reason='no tf2_msgs: python -m robot_description.build_tf2_msgs says what it needs',
+    reason='no tf2_msgs: python -m robot_description.build_interfaces says what it needs',
 )
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry

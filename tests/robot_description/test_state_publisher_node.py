@@ -133,7 +133,7 @@ def test_in_a_sourced_ros_the_hint_is_the_package_of_apt(spawn, capfd, monkeypat
     spawn(StatePublisherNode(lock_step=True))
     said = capfd.readouterr().err
     assert 'sudo apt install ros-jazzy-tf2-msgs' in said
-    assert 'build_tf2_msgs' not in said
+    assert 'build_interfaces' not in said
 
 
 def test_a_description_that_is_not_there_ends_with_one_line(isolated_ros, capsys):

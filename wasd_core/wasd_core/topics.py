@@ -92,7 +92,7 @@ class TfBroadcaster:
         if self._type is None:
             if not TfBroadcaster._reported:
                 TfBroadcaster._reported = True
-                cure = 'python -m robot_description.build_tf2_msgs makes it'
+                cure = 'python -m robot_description.build_interfaces makes it'
                 if is_sourced(os.environ):
                     cure = f'sudo apt install ros-{os.environ["ROS_DISTRO"]}-tf2-msgs'
                 node.get_logger().info(f'tf2_msgs is not installed: /tf is not published ({cure})')

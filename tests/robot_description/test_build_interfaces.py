@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""tf2_msgs made from the wheels' generators: the type is ROS' own, and an install is whole."""
+"""Interfaces made from the wheels' generators: types are ROS' own, and an install is whole."""
 
 import json
 import os
@@ -11,10 +11,26 @@ import sysconfig
 
 import pytest
 
-from robot_description import build_tf2_msgs
+from robot_description import build_interfaces
 
 # What `ros2 topic info -v /tf` shows on any ROS 2: the name of the type's exact layout.
 TYPE_HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
+TF2_MSGS, NAV2_MSGS = build_interfaces.PACKAGES
+# The fields of Nav2's action for Jazzy (nav2_msgs 1.3); a later one has more feedback.
+FIELDS = """
+from nav2_msgs.action import NavigateToPose
+for part in (NavigateToPose.Goal, NavigateToPose.Result, NavigateToPose.Feedback):
+    print(*(f'{name}:{kind}' for name, kind in part.get_fields_and_field_types().items()))
+print(NavigateToPose.Result.NONE)
+"""
+NAVIGATE_TO_POSE = [
+    'pose:geometry_msgs/PoseStamped behavior_tree:string',
+    'error_code:uint16 error_msg:string',
+    'current_pose:geometry_msgs/PoseStamped navigation_time:builtin_interfaces/Duration '
+    'estimated_time_remaining:builtin_interfaces/Duration number_of_recoveries:int16 '
+    'distance_remaining:float',
+    '0',
+]
 RESOURCES = Path(sys.prefix) / 'share/rosidl_generator_py/resource'
 COMPILERS = [name for name in ('g++', 'c++', 'clang++') if shutil.which(name)]
 HEADER = Path(sysconfig.get_path('include')) / 'Python.h'
@@ -36,10 +52,10 @@ class Prefix:
             made.mkdir()
         for kind in ('packages', 'rosidl_interfaces'):
             (folder / 'share/ament_index/resource_index' / kind).mkdir(parents=True)
-        monkeypatch.setattr(build_tf2_msgs, 'TARGET', folder)
-        monkeypatch.setattr(build_tf2_msgs, 'SITE_PACKAGES', self.site)
+        monkeypatch.setattr(build_interfaces, 'TARGET', folder)
+        monkeypatch.setattr(build_interfaces, 'SITE_PACKAGES', self.site)
         # What this Python has is not what the new environment has.
-        monkeypatch.setattr(build_tf2_msgs, 'is_importable', lambda: False)
+        monkeypatch.setattr(build_interfaces, 'is_importable', lambda name: False)
 
     def run(self, code: str) -> 'subprocess.CompletedProcess[str]':
         """Run code in a Python that finds what was installed here."""
@@ -68,8 +84,10 @@ def prefix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Prefix:
 
 @can_build
 def test_what_is_built_is_ros_own_message_and_is_built_once(prefix, capfd):
-    assert build_tf2_msgs.main() == 0
-    assert 'tf2_msgs built in' in capfd.readouterr().out
+    assert build_interfaces.main() == 0
+    said = capfd.readouterr().out
+    assert 'tf2_msgs built in' in said
+    assert 'nav2_msgs built in' in said
     described = json.loads((prefix.folder / 'share/tf2_msgs/msg/TFMessage.json').read_text())
     hashes = {item['type_name']: item['hash_string'] for item in described['type_hashes']}
     assert hashes['tf2_msgs/msg/TFMessage'] == TYPE_HASH
@@ -81,11 +99,15 @@ def test_what_is_built_is_ros_own_message_and_is_built_once(prefix, capfd):
     # Four bytes of CDR header and an empty sequence's length.
     assert used.stdout.split() == [f'{prefix.site}/tf2_msgs', '8'], used.stderr
     before = prefix.files()
-    assert build_tf2_msgs.main() == 0
-    assert 'tf2_msgs is there' in capfd.readouterr().out
+    assert build_interfaces.main() == 0
+    assert 'tf2_msgs is there\nnav2_msgs is there\n' in capfd.readouterr().out
     assert prefix.files() == before
     assert not [name for name in before if name.endswith(('.c', '.cpp', '.h', '.new'))]
-    assert 'share/ament_index/resource_index/packages/tf2_msgs' in before
+    for name in ('tf2_msgs', 'nav2_msgs'):
+        assert f'share/ament_index/resource_index/packages/{name}' in before
+    assert 'share/nav2_msgs/action/NavigateToPose.action' in before
+    used = prefix.run(FIELDS)
+    assert used.stdout.splitlines() == NAVIGATE_TO_POSE, used.stderr
 
 
 @can_build
@@ -93,7 +115,7 @@ def test_an_interrupted_install_leaves_nothing_that_can_be_imported(
     prefix, monkeypatch, tmp_path_factory
 ):
     made = tmp_path_factory.mktemp('made')
-    build_tf2_msgs.generate(made)
+    build_interfaces.generate(TF2_MSGS, made)
     (made / 'lib').mkdir()
 
     def interrupted(*_: object, **__: object) -> None:
@@ -101,26 +123,26 @@ def test_an_interrupted_install_leaves_nothing_that_can_be_imported(
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(shutil, 'copytree', interrupted)
-        build_tf2_msgs.install(made)
+        build_interfaces.install(TF2_MSGS, made)
     assert list(prefix.site.iterdir()) == []
-    assert build_tf2_msgs.state() == 'missing'
-    build_tf2_msgs.install(made)
-    assert build_tf2_msgs.state() == 'current'
+    assert build_interfaces.state(TF2_MSGS) == 'missing'
+    build_interfaces.install(TF2_MSGS, made)
+    assert build_interfaces.state(TF2_MSGS) == 'current'
 
 
 def test_a_build_by_another_recipe_is_stale(prefix):
     (prefix.site / 'tf2_msgs').mkdir()
-    stamp = prefix.site / 'tf2_msgs' / build_tf2_msgs.STAMP
+    stamp = prefix.site / 'tf2_msgs' / build_interfaces.STAMP
     stamp.write_text('an older recipe\n')
-    assert build_tf2_msgs.state() == 'stale'
-    stamp.write_text(build_tf2_msgs.fingerprint())
-    assert build_tf2_msgs.state() == 'current'
+    assert build_interfaces.state(TF2_MSGS) == 'stale'
+    stamp.write_text(build_interfaces.fingerprint(TF2_MSGS))
+    assert build_interfaces.state(TF2_MSGS) == 'current'
 
 
-def test_a_tf2_msgs_of_somebody_else_is_left_alone(prefix, monkeypatch, capfd):
-    monkeypatch.setattr(build_tf2_msgs, 'is_importable', lambda: True)
-    assert build_tf2_msgs.main() == 0
-    assert capfd.readouterr().out == 'tf2_msgs is there\n'
+def test_an_interface_of_somebody_else_is_left_alone(prefix, monkeypatch, capfd):
+    monkeypatch.setattr(build_interfaces, 'is_importable', lambda name: True)
+    assert build_interfaces.main() == 0
+    assert capfd.readouterr().out == 'tf2_msgs is there\nnav2_msgs is there\n'
     assert prefix.files() == []
 
 
@@ -128,12 +150,13 @@ def test_a_tf2_msgs_of_somebody_else_is_left_alone(prefix, monkeypatch, capfd):
 @pytest.mark.parametrize('header', [HEADER, Path('/no such/Python.h')])
 def test_without_a_compiler_one_line_says_what_to_install(prefix, monkeypatch, capfd, header):
     monkeypatch.setenv('PATH', '')
-    monkeypatch.setattr(build_tf2_msgs, 'HEADER', header)
-    assert build_tf2_msgs.main() == 2
+    monkeypatch.setattr(build_interfaces, 'HEADER', header)
+    assert build_interfaces.main() == 2
     said = capfd.readouterr().err
-    assert said.startswith('error: no tf2_msgs, so no /tf: no C++ compiler')
+    missing = 'no tf2_msgs, so no /tf; no nav2_msgs, so no navigate_to_pose'
+    assert said.startswith(f'error: {missing}: no C++ compiler')
     assert 'sudo apt install g++ python3-dev; then: ' in said
-    assert said.endswith('python -m robot_description.build_tf2_msgs\n')
+    assert said.endswith('python -m robot_description.build_interfaces\n')
     assert (said.count('\n'), f'no {header}' in said) == (1, not header.is_file())
     assert prefix.files() == []
 
@@ -144,7 +167,7 @@ def test_a_compiler_that_fails_is_quoted(prefix, monkeypatch, capfd, tmp_path):
     compiler.write_text('#!/bin/sh\necho "x.c:1: error: out of luck" >&2; exit 1\n')
     compiler.chmod(0o755)
     monkeypatch.setenv('CXX', str(compiler))
-    assert build_tf2_msgs.main() == 2
+    assert build_interfaces.main() == 2
     said = capfd.readouterr().err
     assert (said.count('\n'), 'error: out of luck' in said) == (1, True)
     assert prefix.site not in [path.parent for path in prefix.folder.rglob('tf2_msgs')]
