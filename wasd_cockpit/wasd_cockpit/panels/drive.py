@@ -62,10 +62,10 @@ class Drive:
         page.widgets.note_field('share')
         if use.sideways:
             width = columns(2)
-            if page.widgets.toggle('walk', 'left is left', not turns, (width, 0.0)):
+            if page.widgets.toggle('left is left', 'left is left', not turns, (width, 0.0)):
                 self.turns_sideways = False
             imgui.SameLine()
-            if page.widgets.toggle('turn', 'left is turn', turns, (width, 0.0)):
+            if page.widgets.toggle('left is turn', 'left is turn', turns, (width, 0.0)):
                 self.turns_sideways = True
         if self._is_held:
             page.held = scaled
