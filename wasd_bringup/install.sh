@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs the project into the environment; `wasd` reads this where there is none that will do.
 
-OLDEST_PYTHON='3, 11'
 LOG=install.log
-CANDIDATES='python3 /usr/bin/python3 python3.14 python3.13 python3.12 python3.11'
+# Of Python 3, the oldest minor version that pyproject.toml asks for.
+OLDEST=$(sed -n 's/^requires-python = ">=3\.\([0-9]*\)"$/\1/p' "$here/pyproject.toml")
+CANDIDATES="python3 /usr/bin/python3 python3.14 python3.13 python3.12 python3.$OLDEST"
 
 check_machine() {
   [ "$home" = jazzy ] || [ "$machine" = 'Linux x86_64' ] ||
@@ -18,7 +19,7 @@ check_machine() {
 fault() {
   "$1" -I -c "
 import sys
-if sys.version_info < ($OLDEST_PYTHON):
+if sys.version_info < (3, $OLDEST):
     print('is', '.'.join(map(str, sys.version_info[:2])))
 else:
     try:
@@ -46,10 +47,10 @@ find_python() {
     [ "$python" != "${WASD_PYTHON-}" ] || break  # asked for by name: no other will do
   done
   if [ "$home" = jazzy ]; then
-    fail "ROS 2 Jazzy is sourced, but no Python >= 3.11 with venv can import its rclpy" \
+    fail "ROS 2 Jazzy is sourced, but no Python >= 3.$OLDEST with venv can import its rclpy" \
       "(${found#, }): sudo apt install ros-jazzy-rclpy python3-venv"
   fi
-  fail "needs Python >= 3.11 with venv, and found none (${found#, })." \
+  fail "needs Python >= 3.$OLDEST with venv, and found none (${found#, })." \
     'On Debian or Ubuntu: sudo apt install python3 python3-venv. Or name one: WASD_PYTHON=PATH'
 }
 

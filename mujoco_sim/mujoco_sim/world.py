@@ -301,12 +301,12 @@ def _set_friction(spec: mujoco.MjSpec, feet: Sequence[str], friction: float) -> 
 def _add_payload(base: mujoco.MjsBody, payload: Payload) -> None:
     """Weld a cube of the payload's mass to the base; it is to be seen and touches nothing."""
     edge = (payload.mass / PAYLOAD_DENSITY) ** (1.0 / 3.0)
-    load = base.add_body(name='payload', pos=payload.place)
+    load = base.add_body(pos=payload.place)  # a link may have any name, also `payload`
     load.explicitinertial = True
     load.mass, load.ipos = payload.mass, np.zeros(3)
     load.inertia = np.full(3, payload.mass * edge**2 / 6.0)
     load.add_geom(
-        name='payload/0',
+        name=f'{base.name}/payload',
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=np.full(3, edge / 2.0),
         contype=0,

@@ -71,7 +71,7 @@ class Checkout:
             # The one absolute path there would let the real machine in.
             path.write_text(text.replace('/usr/bin/python3', str(self.other_tools / 'python3')))
         self.script.chmod(0o755)
-        (self.folder / 'pyproject.toml').write_text('[project]\n')
+        (self.folder / 'pyproject.toml').write_text('requires-python = ">=3.11"\n')
         (self.folder / 'package' / 'package.xml').write_text('<version>1</version>\n')
         for tool in TOOLS.split():
             found = shutil.which(tool)

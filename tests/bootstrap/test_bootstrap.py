@@ -224,6 +224,13 @@ def test_an_unfit_python_is_passed_over_for_a_fit_one(checkout):
     assert checkout.calls('-m venv')[0].startswith('python3.12 ')
 
 
+def test_the_oldest_python_that_will_do_is_the_projects(checkout):
+    (checkout.folder / 'pyproject.toml').write_text('requires-python = ">=3.99"\n')
+    (line,) = checkout.run().stderr.splitlines()
+    assert 'needs Python >= 3.99 with venv' in line
+    assert 'python3 is 3.' in line
+
+
 def test_a_python_asked_for_by_name_is_taken_or_nothing_is(checkout):
     checkout.add_python('python3.11')
     assert checkout.run(WASD_PYTHON='python3.11').returncode == 0

@@ -51,8 +51,24 @@ def test_off_the_centre_it_adds_to_the_moments_of_inertia_as_steiner_says(go2):
 
 def test_a_payload_touches_nothing(go2):
     _, _, _, world = base_of(go2, Payload(8.0, (0.0, 0.0, -0.3)))
-    geom = world.model.geom('payload/0')
+    geom = world.model.geom('base/payload')
     assert geom.contype[0] == geom.conaffinity[0] == 0
+
+
+def test_a_link_may_be_called_payload_and_lie_anywhere(tmp_path):
+    link = '<link name="{}"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1"'
+    link += ' iyz="0" izz="1"/></inertial><collision><geometry><sphere radius="0.1"/></geometry>'
+    link += '</collision></link>'
+    joint = '<joint name="j" type="{}"><parent link="base"/><child link="payload"/>'
+    joint += '<axis xyz="0 0 1"/></joint>'
+    for kind in ('fixed', 'continuous'):
+        path = tmp_path / f'{kind}.urdf'
+        parts = link.format('base'), link.format('payload'), joint.format(kind)
+        path.write_text(f'<robot name="r">{"".join(parts)}</robot>')
+        *_, world = base_of(load_robot(str(path)), Payload(8.0))
+        assert float(world.model.body_mass.sum()) == pytest.approx(10.0)
+        geoms = {world.model.geom(index).name for index in range(world.model.ngeom)}
+        assert {'base/payload', 'payload/0'} <= geoms
 
 
 @pytest.mark.parametrize(
