@@ -17,6 +17,7 @@ from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulation import TickStatistics
+from mujoco_sim.untold import Payload
 from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 from mujoco_sim.world import World
@@ -29,7 +30,6 @@ from quadruped_sim.robot_model import RobotModel
 from robot_description.description import Description
 from robot_description.description import load_robot
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.inputs import parse_payload
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import Player
@@ -183,10 +183,10 @@ def load(name: str) -> tuple[Description, RobotModel]:
 
 def build(run: Any, loaded: Description) -> World:
     """Return the world of a run with its robot at the start."""
-    payload = parse_payload(run.payload) if run.payload else None
+    payload = Payload.parse(run.payload) if run.payload else None
     untold = Untold(friction=run.friction, payload=payload, randomise=run.randomise)
     setup = usual_setup(loaded, run.estimator == 'kalman', untold)
-    setup = randomise(setup, run.seed, loaded.quadruped)
+    setup = randomise(setup, run.seed, loaded)
     if run.tumbled is not None:
         setup = tumbled(run, loaded, setup)
     world = build_world(loaded, run.world, run.seed, setup)

@@ -2,6 +2,7 @@
 """Parameters of the simulator node."""
 
 from dataclasses import dataclass
+import math
 
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
@@ -10,6 +11,8 @@ WORLD_NAMES = (
     'flat, room, office, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT, '
     'ice:MU, gap:WIDTH, flat:SEED'
 )
+# Of feet or wheels on a floor.
+FRICTION = (0.01, 2.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +44,29 @@ class SimulatorParameters(Parameters):
         True,
         doc='Whether lidars, cameras and the sensors of a legged robot have noise',
         read_only=True,
+    )
+    friction: float = parameter(
+        math.nan,
+        doc='Friction of feet or wheels on any floor; the controller is not told',
+        minimum=FRICTION[0],
+        maximum=FRICTION[1],
+        read_only=True,
+        nan='what the description says',
+    )
+    payload: str = parameter(
+        '',
+        doc='Load welded to the base, KG or KG@X,Y,Z in its frame; the controller is not told',
+        read_only=True,
+    )
+    randomise: float = parameter(
+        0.0,
+        doc='How much a quadruped differs from its description at random, by the seed',
+        minimum=0.0,
+        maximum=1.0,
+        read_only=True,
+    )
+    imu_drift: float = parameter(
+        1.0, doc='How many times the usual a noisy IMU drifts', minimum=0.0, read_only=True
     )
     camera_scale: float = parameter(
         1.0,

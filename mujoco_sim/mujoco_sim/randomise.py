@@ -13,6 +13,8 @@ from dataclasses import fields
 from dataclasses import replace
 
 import numpy as np
+from robot_description.description import Description
+from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import scale_of
 
@@ -53,12 +55,20 @@ def draw(level: float, seed: int, quadruped: Quadruped) -> Drawn:
     )
 
 
-def randomise(setup: RobotSetup, seed: int, quadruped: Quadruped) -> RobotSetup:
-    """Return a setup whose robot differs as its `untold.randomise` says."""
+def randomise(setup: RobotSetup, seed: int, description: Description) -> RobotSetup:
+    """
+    Return a setup whose robot differs as its `untold.randomise` says.
+
+    Raises:
+        NotAQuadruped: it does differ, and its ranges are for quadrupeds.
+    """
     level = setup.untold.randomise
     if level == 0.0:
         return setup
-    drawn = draw(level, seed, quadruped)
+    try:
+        drawn = draw(level, seed, description.quadruped)
+    except NotAQuadruped as error:
+        raise NotAQuadruped(f'randomise: {error}') from None
     noise = setup.noise
     if noise is not None:
         names = [each.name for each in fields(noise)]

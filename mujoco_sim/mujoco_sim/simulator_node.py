@@ -39,6 +39,7 @@ from wasd_core.topics import SENSOR_DATA
 
 from mujoco_sim.executables import SIMULATOR
 from mujoco_sim.parameters import SimulatorParameters
+from mujoco_sim.randomise import randomise
 from mujoco_sim.robot_setup import foot_links
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.sensors.publisher import SensorPublisher
@@ -47,6 +48,7 @@ from mujoco_sim.simulation import AnswerHold
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulation import TickStatistics
 from mujoco_sim.truth_publisher import TruthPublisher
+from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 from mujoco_sim.world import World
 
@@ -168,7 +170,9 @@ class SimulatorNode(Node):
             self.__dict__.pop(name, None)
 
     def _build_world(self, robot: Description) -> World:
-        setup = usual_setup(robot, self.settings.sensor_noise)
+        untold = Untold.from_parameters(self.settings)
+        setup = usual_setup(robot, self.settings.sensor_noise, untold)
+        setup = randomise(setup, self.settings.seed, robot)
         try:
             visuals = has_camera(robot.robot)
             return build_world(robot, self.settings.world, self.settings.seed, setup, visuals)

@@ -5,9 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from dataclasses import field
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 from wasd_core.errors import UserError
+from wasd_core.parameters import InvalidParameter
+
+from mujoco_sim.parameters import FRICTION
+from mujoco_sim.parameters import SimulatorParameters
 
 
 class Payload(NamedTuple):
@@ -15,6 +19,25 @@ class Payload(NamedTuple):
 
     mass: float
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """
+        Return the load that `KG` or `KG@X,Y,Z` says.
+
+        Raises:
+            UserError: it is not a mass > 0 and three finite lengths.
+        """
+        mass, at, place = text.partition('@')
+        try:
+            x, y, z = map(float, place.split(',') if at else (0, 0, 0))
+            payload = cls(float(mass), (x, y, z))
+            if not payload.is_possible:
+                raise ValueError
+        except ValueError:
+            wanted = 'wanted KG or KG@X,Y,Z with KG > 0'
+            raise UserError(f'payload: got {text!r}, {wanted}') from None
+        return payload
 
     @property
     def is_possible(self) -> bool:
@@ -45,14 +68,29 @@ class Untold:
         Raises:
             UserError: one that no robot or floor can have.
         """
-        if self.friction is not None and not 0.01 <= self.friction <= 2.0:
-            raise UserError(f'friction: got {self.friction:g}, wanted 0.01 to 2')
-        if not 0.0 <= self.randomise <= 1.0:
-            raise UserError(f'randomise: got {self.randomise:g}, wanted 0 to 1')
-        if not 0.0 <= self.imu_drift < math.inf:
-            raise UserError(f'imu_drift: got {self.imu_drift:g}, wanted a number >= 0')
+        low, high = FRICTION
+        if self.friction is not None and not low <= self.friction <= high:
+            wanted = f'>= {low:g} and <= {high:g}'
+            raise InvalidParameter(f'friction must be {wanted}, got {self.friction!r}')
+        for name in ('randomise', 'imu_drift'):
+            SimulatorParameters.checked(name, float(getattr(self, name)))
         if self.payload is not None and not self.payload.is_possible:
             raise UserError(f'payload: got {tuple(self.payload)}, wanted a mass > 0 at a place')
+
+    @classmethod
+    def from_parameters(cls, settings: SimulatorParameters) -> Self:
+        """
+        Return what the simulator's parameters say.
+
+        Raises:
+            UserError: one that no robot can have.
+        """
+        return cls(
+            friction=None if math.isnan(settings.friction) else settings.friction,
+            payload=Payload.parse(settings.payload) if settings.payload else None,
+            randomise=settings.randomise,
+            imu_drift=settings.imu_drift,
+        )
 
 
 NOTHING = Untold()

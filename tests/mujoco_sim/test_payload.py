@@ -74,10 +74,10 @@ def test_a_link_may_be_called_payload_and_lie_anywhere(tmp_path):
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        ({'friction': 0.0}, 'friction: got 0, wanted 0.01 to 2'),
-        ({'friction': math.nan}, 'friction: got nan'),
-        ({'randomise': 5.0}, 'randomise: got 5, wanted 0 to 1'),
-        ({'imu_drift': -1.0}, 'imu_drift: got -1, wanted a number >= 0'),
+        ({'friction': 0.0}, 'friction must be >= 0.01 and <= 2, got 0.0'),
+        ({'friction': math.nan}, 'friction must be >= 0.01 and <= 2, got nan'),
+        ({'randomise': 5.0}, 'randomise must be >= 0 and <= 1, got 5.0'),
+        ({'imu_drift': -1.0}, 'imu_drift must be >= 0, got -1.0'),
         ({'payload': Payload(-1.0)}, r'payload: got \(-1.0, .*wanted a mass > 0'),
         ({'payload': Payload(1.0, (math.inf, 0.0, 0.0))}, 'payload: got '),
     ],
@@ -85,3 +85,14 @@ def test_a_link_may_be_called_payload_and_lie_anywhere(tmp_path):
 def test_what_no_robot_or_floor_can_have_is_refused_wherever_it_comes_from(words, said):
     with pytest.raises(UserError, match=said):
         Untold(**words)
+
+
+def test_a_payload_is_a_mass_and_where_it_is():
+    assert Payload.parse('8') == Payload(8.0, (0.0, 0.0, 0.0))
+    assert Payload.parse('.5@0.1,-.2,3e-2') == Payload(0.5, (0.1, -0.2, 0.03))
+
+
+@pytest.mark.parametrize('text', ['', '0', '-1', 'heavy', 'inf', '8@', '8@1,2', '8@0,0,nan', '@'])
+def test_anything_else_is_no_payload(text):
+    with pytest.raises(UserError, match='payload: got .*, wanted KG or KG@X,Y,Z'):
+        Payload.parse(text)

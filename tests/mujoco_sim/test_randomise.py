@@ -56,12 +56,12 @@ def test_larger_robots_get_larger_lengths_and_masses(go2):
 
 def test_at_level_0_the_setup_is_the_usual_one(go2):
     usual = usual_setup(go2)
-    assert randomise(usual, 1, go2.quadruped) == usual
+    assert randomise(usual, 1, go2) == usual
 
 
 def test_noise_and_delay_are_on_top_of_the_usual(go2):
     usual = dataclasses.replace(usual_setup(go2), untold=Untold(randomise=1.0))
-    setup = randomise(usual, 1, go2.quadruped)
+    setup = randomise(usual, 1, go2)
     drawn = setup.drawn
     assert setup.command_delay == usual.command_delay + drawn.command_delay
     assert setup.noise.acceleration == drawn.noise * usual.noise.acceleration

@@ -5,11 +5,16 @@ import os
 import signal
 import threading
 
+from mujoco_sim.randomise import randomise
+from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.simulator_node import main
 from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.untold import Payload
+from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 import pytest
 from rclpy.parameter import Parameter
+from robot_description.description import load_robot
 from wasd_core.errors import UserError
 
 
@@ -40,12 +45,27 @@ def test_the_speed_can_be_changed_while_it_runs_and_the_world_cannot(simulator):
         ({'description': 'dog'}, '^dog: no such file'),
         ({'speed': -1.0}, 'speed must be >= 0, got -1.0'),
         ({'seed': -1}, 'seed must be >= 0, got -1'),
+        ({'friction': 0.0}, 'friction must be >= 0.01 and <= 2, or NaN: what the description'),
+        ({'payload': 'heavy'}, "payload: got 'heavy', wanted KG or KG@X,Y,Z with KG > 0"),
+        ({'randomise': 1.0}, '^randomise: a quadruped is wanted'),
         ({'clock_rate': 5000.0}, 'clock_rate must be > 0 and <= 1000 Hz, got 5000.0'),
     ],
 )
 def test_what_cannot_be_is_refused_at_start(ros, overrides, message):
     with pytest.raises(UserError, match=message):
         SimulatorNode(parameter_overrides=[Parameter(k, value=v) for k, v in overrides.items()])
+
+
+def test_what_the_controller_is_not_told_is_that_of_the_command(spawn):
+    told = {'payload': '8@0,0.1,0', 'friction': 0.3, 'randomise': 1.0, 'imu_drift': 2.0}
+    told |= {'description': 'go2', 'seed': 3}
+    overrides = [Parameter(name, value=value) for name, value in told.items()]
+    node = spawn(SimulatorNode(parameter_overrides=overrides))
+    payload = Payload(8.0, (0.0, 0.1, 0.0))
+    untold = Untold(friction=0.3, payload=payload, randomise=1.0, imu_drift=2.0)
+    go2 = load_robot('go2')
+    wanted = randomise(usual_setup(go2, True, untold), 3, go2)
+    assert node.simulation.world.setup == wanted
 
 
 def test_a_rate_between_physics_steps_is_refused(spawn, loaded):

@@ -11,6 +11,8 @@ import pytest
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import read_options
 from wasd_bringup.parsers import add_run_options
+from wasd_bringup.recording.reader import describe_run
+from wasd_bringup.recording.reader import recorded_options
 from wasd_bringup.robots import GO2
 from wasd_bringup.robots import MBOT
 from wasd_core.errors import UserError
@@ -82,6 +84,12 @@ def test_what_the_controller_is_not_told_is_read(read):
     )
 
 
+def test_what_is_recorded_of_a_run_are_its_options(read):
+    words = '--friction', '0.3', '--payload', '8@0,0.1,0', '--randomise', '1', '--imu-drift', '2'
+    options = read(*words)
+    assert recorded_options(describe_run(options)).untold == options.untold
+
+
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
@@ -90,10 +98,11 @@ def test_what_the_controller_is_not_told_is_read(read):
         (('--duration', 'nan'), "--duration: got 'nan', wanted a number >= 0"),
         (('--duration', '-1'), "--duration: got '-1'"),
         (('--speed', 'fast'), "--speed: got 'fast', wanted a number >= 0"),
-        (('--friction', '0'), '--friction: got 0, wanted 0.01 to 2'),
+        (('--friction', '0'), '--friction must be >= 0.01 and <= 2, got 0.0'),
         (('--friction', 'ice'), "--friction: got 'ice', wanted a number >= 0"),
         (('--imu-drift', 'much'), "--imu-drift: got 'much', wanted a number >= 0"),
-        (('--randomise', '1.5'), '--randomise: got 1.5, wanted 0 to 1'),
+        (('--randomise', '1.5'), '--randomise must be >= 0 and <= 1, got 1.5'),
+        (('--payload', 'heavy'), "--payload: got 'heavy', wanted KG or KG@X,Y,Z with KG > 0"),
         (('--speed', 'inf'), "--speed: got 'inf'"),
         (('--play', 'gone'), '--play gone: No such file'),
         (('--twist', 'bytes'), '--twist bytes: not a text file'),

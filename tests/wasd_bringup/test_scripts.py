@@ -3,9 +3,7 @@
 
 import math
 
-from mujoco_sim.untold import Payload
 import pytest
-from wasd_bringup.inputs import parse_payload
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import Player
@@ -64,17 +62,6 @@ def test_a_push_is_five_numbers_or_eight_and_is_written_as_it_was_read(text):
     push = parse_push(text)
     assert push == PUSHES[text]
     assert parse_push(push_text(push)) == push
-
-
-def test_a_payload_is_a_mass_and_where_it_is():
-    assert parse_payload('8') == Payload(8.0, (0.0, 0.0, 0.0))
-    assert parse_payload('.5@0.1,-.2,3e-2') == Payload(0.5, (0.1, -0.2, 0.03))
-
-
-@pytest.mark.parametrize('text', ['', '0', '-1', 'heavy', 'inf', '8@', '8@1,2', '8@0,0,nan', '@'])
-def test_anything_else_is_no_payload(text):
-    with pytest.raises(UserError, match='--payload: got .*, wanted KG or KG@X,Y,Z'):
-        parse_payload(text)
 
 
 @pytest.mark.parametrize(

@@ -71,8 +71,7 @@ class Robot:
         search = [Path(folder) for folder in package_path]
         self._loaded = load_robot(description, search, xacro_arguments, wheels=wheels)
         setup = usual_setup(self._loaded, self._with_noise, untold)
-        if untold.randomise:
-            setup = randomise(setup, seed, self._loaded.quadruped)
+        setup = randomise(setup, seed, self._loaded)
         self._world = build_world(self._loaded, world, seed, setup, visuals=True)
         self._simulation = Simulation(self._world, speed=0.0)
         self._window: Any = None

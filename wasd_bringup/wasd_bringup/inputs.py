@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 import math
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
-from mujoco_sim.untold import Payload
 from teleop_keyboard.dashboard import HELP_KEY
 from wasd_core.errors import UserError
 from wasd_core.key_events import HELD
@@ -121,24 +120,6 @@ def parse_push(text: str) -> ScriptedPush:
 def push_text(push: ScriptedPush) -> str:
     """Return a push as `parse_push` reads it, every digit kept."""
     return ' '.join(map(repr, (push.time, *push.force, push.duration, *(push.point or ()))))
-
-
-def parse_payload(text: str) -> Payload:
-    """
-    Return the load of a `--payload KG[@X,Y,Z]`.
-
-    Raises:
-        UserError: it is not a mass > 0 and three finite lengths.
-    """
-    mass, at, place = text.partition('@')
-    try:
-        words = place.split(',') if at else ('0', '0', '0')
-        payload = Payload(float(mass), _triple([float(word) for word in words]))
-        if not payload.is_possible:
-            raise ValueError
-    except ValueError:
-        raise UserError(f'--payload: got {text!r}, wanted KG or KG@X,Y,Z with KG > 0') from None
-    return payload
 
 
 def _triple(numbers: Sequence[float]) -> tuple[float, float, float]:

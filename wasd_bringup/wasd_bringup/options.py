@@ -12,6 +12,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mujoco_sim.untold import Payload
 from mujoco_sim.untold import Untold
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
@@ -23,7 +24,6 @@ from wasd_core.output_file import check_apart
 from wasd_core.output_file import OutputFile
 
 from wasd_bringup.inputs import Command
-from wasd_bringup.inputs import parse_payload
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import ScriptedPush
@@ -243,10 +243,10 @@ def read_number(text: str, option: str) -> float:
 def _untold(arguments: argparse.Namespace) -> Untold:
     text = arguments.friction
     friction = None if text is None else read_number(text, '--friction')
-    payload = None if arguments.payload is None else parse_payload(arguments.payload)
     level = read_number(getattr(arguments, 'randomise', '0'), '--randomise')
     drift = read_number(getattr(arguments, 'imu_drift', '1'), '--imu-drift')
     try:
+        payload = None if arguments.payload is None else Payload.parse(arguments.payload)
         return Untold(friction=friction, payload=payload, randomise=level, imu_drift=drift)
     except UserError as error:
         raise UserError(f'--{error}') from None

@@ -197,8 +197,8 @@ def _load(options: RunOptions) -> Description:
 
 def _setup(options: RunOptions, loaded: Description) -> RobotSetup:
     setup = usual_setup(loaded, options.estimator == 'kalman', options.untold)
-    if options.untold.randomise and ROBOTS[options.robot].kind is LEGGED:
-        setup = randomise(setup, options.seed, loaded.quadruped)
+    if ROBOTS[options.robot].kind is LEGGED:
+        setup = randomise(setup, options.seed, loaded)
     place = ROBOTS[options.robot].place
     if not options.namespace or place is None:
         return setup

@@ -151,11 +151,8 @@ def _untold(known: Mapping[str, Any] | None) -> Untold:
     if known is None:
         return Untold()
     payload = known['payload']
-    return Untold(
-        friction=known['friction'],
-        payload=None if payload is None else Payload(payload[0], tuple(payload[1])),
-        randomise=known['randomise'],
-    )
+    payload = None if payload is None else Payload(payload[0], tuple(payload[1]))
+    return Untold(**{**known, 'payload': payload})
 
 
 def recorded_ros_arguments(run: Mapping[str, str]) -> list[str]:
