@@ -5,8 +5,11 @@ import math
 
 import numpy as np
 import pytest
+from wasd_core.rotations import Pose
+from wasd_core.rotations import rpy_matrix
 from wasd_navigation.grid import Grid
 from wasd_navigation.scan import read_scan
+from wasd_navigation.scan import read_tilted_scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 from wasd_navigation.se2 import transform
@@ -41,3 +44,31 @@ def test_centres_of_cells_lie_in_their_cells() -> None:
     assert np.array_equal(grid.to_cells(grid.to_points(cells)), cells)
     assert grid.to_points(cells[:1])[0] == pytest.approx((-0.975, 2.025))
     assert grid.covers(np.array(((2, 3), (3, 0), (0, -1)))).tolist() == [True, False, False]
+
+
+def tilted(pitch: float, height: float) -> Pose:
+    """Return a lidar at a height [m] that looks down by an angle [rad]."""
+    return Pose(np.array([0.0, 0.0, height]), rpy_matrix(0.0, pitch, 0.0))
+
+
+def test_a_tilted_ray_reaches_less_far_as_seen_from_above() -> None:
+    scan = read_tilted_scan(np.array([2.0]), np.zeros(1), (0.1, 6.0), tilted(0.1, 0.4))
+    assert scan.points == pytest.approx(np.array([[2.0 * math.cos(0.1), 0.0]]))
+
+
+def test_a_ray_that_ends_on_the_floor_tells_nothing() -> None:
+    ranges = np.array([3.0, 4.0])  # 0.3 m and 0.4 m down
+    scan = read_tilted_scan(ranges, np.zeros(2), (0.1, 6.0), tilted(0.1, 0.4))
+    assert len(scan.ends) == 1
+
+
+def test_a_level_lidar_at_any_height_sees_all() -> None:
+    for height in (0.0, 0.02, 0.4):
+        scan = read_tilted_scan(np.array([6.0]), np.zeros(1), (0.1, 6.0), tilted(0.0, height))
+        assert len(scan.points) == 1
+
+
+def test_a_lidar_upside_down_sees_left_on_the_right() -> None:
+    mount = Pose(np.array([0.0, 0.0, 0.3]), rpy_matrix(math.pi, 0.0, 0.0))
+    scan = read_tilted_scan(np.array([1.0]), np.array([math.pi / 2.0]), (0.1, 6.0), mount)
+    assert scan.points == pytest.approx(np.array([[0.0, -1.0]]))

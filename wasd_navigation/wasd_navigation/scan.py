@@ -4,8 +4,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from wasd_core.rotations import Pose
+from wasd_core.rotations import yaw_matrix
 
-from wasd_navigation.se2 import transform
+# What a tilted lidar sees below this height is the floor [m]; nor is anything that ends less far
+# below the lidar.
+FLOOR, LEAST_DESCENT = 0.05, 0.02
 
 
 @dataclass(frozen=True)
@@ -38,10 +42,27 @@ def read_scan(
     [m]; `mount` is the lidar's pose in the base frame, shape (3,). Infinite ranges are rays that
     hit nothing up to the greatest range; those below the least, and NaN, tell nothing.
     """
+    x, y, yaw = mount.tolist()
+    level = Pose(np.array([x, y, 1.0]), yaw_matrix(yaw))
+    return read_tilted_scan(ranges, angles, limits, level)
+
+
+def read_tilted_scan(
+    ranges: np.ndarray, angles: np.ndarray, limits: tuple[float, float], mount: Pose
+) -> Scan:
+    """
+    Return the rays of a lidar that tilts, as seen from above; see `read_scan`.
+
+    `mount` is the lidar's pose in a level frame below the base: its origin is at the height of
+    the floor, x is ahead. Rays that end on the floor tell nothing.
+    """
     least, most = limits
     tells = ranges >= least
     ranges, angles = ranges[tells], angles[tells]
+    along = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
+    along = along @ mount.rotation.T
     hits = ranges <= most
     lengths = np.where(hits, ranges, most)
-    ends = np.stack((lengths * np.cos(angles), lengths * np.sin(angles)), axis=1)
-    return Scan(mount[:2].copy(), transform(mount, ends), hits)
+    is_floor = -lengths * along[:, 2] >= max(mount.position[2] - FLOOR, LEAST_DESCENT)
+    ends = mount.position[:2] + lengths[:, None] * along[:, :2]
+    return Scan(mount.position[:2].copy(), ends[~is_floor], hits[~is_floor])

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the robot is and where it drives to: a map, a driver, and what happens to a goal."""
+
+from collections.abc import Callable
+import math
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from wasd_core.timing import Watchdog
+
+from wasd_navigation.grid import Grid
+from wasd_navigation.odometry_memory import Odometry
+from wasd_navigation.scan import Scan
+from wasd_navigation.se2 import compose
+from wasd_navigation.se2 import inverse
+from wasd_navigation.se2 import transform
+
+# Odometry that is silent for so long is gone [s].
+SILENCE = 0.5
+# The driver plans on a map that is at most so old [s]: drawing one takes as long as 20 steps.
+LOOK_PERIOD = 1.0
+STANDSTILL = np.zeros(3)
+# States of a driver in which it has done with a goal.
+ENDS = ('arrived', 'refused', 'failed')
+
+
+class Locator(Protocol):
+    """What maps, or localises in a map: `Mapper` or `Localizer`."""
+
+    @property
+    def correction(self) -> np.ndarray:
+        """T_map_odom, shape (3,)."""
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the pose in the map, shape (3, 3) [m, m, rad]."""
+
+    @property
+    def grid(self) -> Grid:
+        """The map, drawn when its revision has changed."""
+
+    @property
+    def revision(self) -> int:
+        """Another number for each other map."""
+
+    def step(self, scan: Scan, odometry: np.ndarray, covariance: np.ndarray) -> None:
+        """Take a scan, T_odom_base of its instant and odometry's covariance then."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+
+class Pilot(Protocol):
+    """What drives to a goal: `Driver`."""
+
+    state: str
+    reason: str
+    recoveries: int
+
+    @property
+    def path(self) -> np.ndarray:
+        """The way to the goal, shape (n, 2) [m]."""
+
+    @property
+    def local_path(self) -> np.ndarray:
+        """The motion that was chosen, shape (n, 2) [m]."""
+
+    @property
+    def costmap(self) -> Grid | None:
+        """What is around, as costmaps have it."""
+
+    @property
+    def distance_left(self) -> float:
+        """Length of the way to the goal [m]."""
+
+    @property
+    def time_left(self) -> float:
+        """How long that will take, about [s]."""
+
+    def set_goal(self, goal: np.ndarray) -> None:
+        """Take T_map_goal, shape (3,)."""
+
+    def cancel(self) -> None:
+        """Drive no more."""
+
+    def reset(self) -> None:
+        """Know of nothing."""
+
+    def step(
+        self,
+        grid: Grid,
+        revision: int,
+        pose: np.ndarray,
+        velocity: np.ndarray,
+        scan: Scan | None,
+        dt: float,
+    ) -> np.ndarray:
+        """Return the velocity (vx, vy, wz) to command, shape (3,) [m/s], [m/s], [rad/s]."""
+
+
+class Outcome(NamedTuple):
+    """How a goal has ended: arrived, refused, failed or cancelled, and why in words."""
+
+    state: str
+    reason: str = ''
+
+
+class Navigator:
+    """
+    Feeds a locator with scans and a pilot with the map, and keeps one goal.
+
+    `move` comes with each odometry, `see` with each scan and the odometry of its instant, `step`
+    at a steady rate. It reads no clock. `on_end` are told how each goal has ended.
+    """
+
+    def __init__(self, locator: Locator, pilot: Pilot) -> None:
+        self.locator = locator
+        self.pilot = pilot
+        self.goal: np.ndarray | None = None
+        self.last_goal = np.full(3, math.nan)  # that one, or the one before
+        self.outcome: Outcome | None = None  # of the last goal, until the next
+        self.on_end: list[Callable[[Outcome], None]] = []
+        self.elapsed = 0.0  # since the goal came [s]
+        self.scans = 0
+        self._odometry: Odometry | None = None
+        self._fresh = Watchdog(SILENCE)
+        self._seen: tuple[Scan, np.ndarray] | None = None
+        self._grid: Grid | None = None
+        self._revision = -1
+        self._looked = 0.0
+
+    @property
+    def pose(self) -> np.ndarray | None:
+        """T_map_base of now, shape (3,); None before there is odometry."""
+        if self._odometry is None:
+            return None
+        return np.asarray(compose(self.locator.correction, self._odometry.pose))
+
+    @property
+    def state(self) -> str:
+        """One word: idle, waiting, driving, turning, recovering, arrived, refused, ..."""
+        if self.goal is None:
+            return 'idle' if self.outcome is None else self.outcome.state
+        return 'waiting' if self._missing else self.pilot.state
+
+    @property
+    def reason(self) -> str:
+        """Why it is in this state, '' where the state says it all."""
+        if self.goal is None:
+            return '' if self.outcome is None else self.outcome.reason
+        return self._missing or self.pilot.reason
+
+    @property
+    def notice(self) -> str:
+        """What a localiser has to say, '' where all is well."""
+        return getattr(self.locator, 'notice', None) or ''
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether it is known where in the map the robot is."""
+        return self.scans > 0 and bool(getattr(self.locator, 'is_found', True))
+
+    @property
+    def _missing(self) -> str:
+        """What has to come before anything can drive."""
+        if not self.scans:
+            return 'no scan has come yet'
+        if not self.is_placed:
+            return self.notice or 'the robot does not know yet where it is'
+        return '' if self._fresh.is_alive else 'odometry is silent'
+
+    def move(self, odometry: Odometry) -> None:
+        """Take the newest odometry; one that is not finite is none."""
+        if np.isfinite(odometry.pose).all() and np.isfinite(odometry.velocity).all():
+            self._odometry = odometry
+            self._fresh.hear()
+
+    def see(self, scan: Scan, odometry: Odometry) -> None:
+        """Take a scan and the odometry of its instant."""
+        if not np.isfinite(odometry.pose).all():
+            return
+        self.locator.step(scan, odometry.pose, odometry.covariance)
+        self.scans += 1
+        self._seen = scan, odometry.pose
+
+    def set_goal(self, goal: np.ndarray) -> None:
+        """
+        Drive to T_map_goal, shape (3,), instead of where it was going.
+
+        A yaw of NaN is that of the line from the robot to the goal.
+        """
+        self.cancel('another goal has come')
+        if math.isnan(goal[2]):
+            pose = np.zeros(3) if self.pose is None else self.pose
+            goal = np.array([*goal[:2], math.atan2(goal[1] - pose[1], goal[0] - pose[0])])
+        self.goal = self.last_goal = goal
+        self.outcome, self.elapsed = None, 0.0
+        self._looked = math.inf
+        self.pilot.set_goal(goal)
+
+    def refuse(self, why: str) -> None:
+        """End what it was doing, and take no other goal, because of something."""
+        self.cancel('another goal has come')
+        self._end(Outcome('refused', why))
+
+    def cancel(self, why: str) -> bool:
+        """Drive no more, because of something; return whether it was driving."""
+        if self.goal is None:
+            return False
+        self.pilot.cancel()
+        self._end(Outcome('cancelled', why))
+        return True
+
+    def reset(self) -> None:
+        """Begin anew: the robot is back at its start."""
+        self.cancel('the robot was put back to its start')
+        self.locator.reset()
+        self.pilot.reset()
+        self.outcome, self.scans = None, 0
+        self._odometry = self._seen = self._grid = None
+        self._fresh.reset()
+
+    def step(self, dt: float) -> np.ndarray | None:
+        """Let `dt` [s] pass; return the velocity to command, shape (3,), None where none is."""
+        self._fresh.step(dt)
+        self._looked += dt
+        self.elapsed += dt
+        if self.goal is None:
+            return None
+        pose = self.pose
+        if self._missing or pose is None or self._odometry is None:
+            return STANDSTILL
+        grid = self._look()
+        velocity = self.pilot.step(
+            grid, self._revision, pose, self._odometry.velocity, self._take_scan(), dt
+        )
+        if self.pilot.state in ENDS:
+            self._end(Outcome(self.pilot.state, self.pilot.reason))
+            return STANDSTILL
+        return velocity if np.isfinite(velocity).all() else STANDSTILL
+
+    def _look(self) -> Grid:
+        """Return the map to plan on; when it is drawn depends on nobody who looks at it, too."""
+        if self._grid is None or self._looked >= LOOK_PERIOD:
+            self._looked = 0.0
+            if self._grid is None or self._revision != self.locator.revision:
+                self._grid, self._revision = self.locator.grid, self.locator.revision
+        return self._grid
+
+    def _take_scan(self) -> Scan | None:
+        """Return a scan that has come since the last call, in the base frame of now."""
+        if self._seen is None or self._odometry is None:
+            return None
+        (scan, at), self._seen = self._seen, None
+        moved = compose(inverse(self._odometry.pose), at)
+        origin = transform(moved, scan.origin[None])[0]
+        return Scan(origin, transform(moved, scan.ends), scan.hits)
+
+    def _end(self, outcome: Outcome) -> None:
+        self.goal, self.outcome = None, outcome
+        for tell in self.on_end:
+            tell(outcome)
