@@ -18,6 +18,7 @@ from mujoco_sim.parameters import WORLD_NAMES
 
 ROOM_SIZE = 6.0
 WALL = (0.75, 0.72, 0.66, 1.0)
+BOARDS = ((0.47, 0.40, 0.33), (0.43, 0.36, 0.29), (0.36, 0.30, 0.24))
 # Wood, dark wood, and what covers sofas and beds.
 FURNITURE = (
     (0.62, 0.44, 0.26, 1.0),
@@ -160,6 +161,10 @@ def add_flat(spec: mujoco.MjSpec, seed: float, _: np.random.Generator) -> None:
 
 
 def _build(spec: mujoco.MjSpec, flat: Flat) -> None:
+    # Boards, not the slabs of the endless floor; and shadows wherever the robot goes.
+    floor = spec.texture('floor')
+    floor.rgb1, floor.rgb2, floor.markrgb = BOARDS
+    spec.visual.map.shadowclip = 1.3 * float(flat.size.max())
     for index, (x, y, half_length, half_width, height, yaw) in enumerate(flat.boxes.tolist()):
         piece = index - flat.walls
         spec.worldbody.add_geom(
