@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 import math
+import xml.etree.ElementTree as ElementTree
 
+from descriptions import robot_named
+from mujoco_sim.flats import make_flat
+from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.sensors.lidar import Lidar
 from mujoco_sim.sensors.mount import Site
@@ -137,3 +141,57 @@ def test_a_lidar_on_a_head_that_turns_turns_with_it(tmp_path, make):
     # From (0.1, 0.1) / sqrt(2), at 135 degrees to the wall at y = 3 or x = -3.
     reach = (3.0 - 0.1 / math.sqrt(2.0)) * math.sqrt(2.0)
     assert lidar.true_ranges()[0] == pytest.approx(reach, abs=1e-6)
+
+
+@pytest.fixture(scope='module')
+def go2():
+    return robot_named('go2')
+
+
+def test_the_go2_walks_on_its_lidar_or_not_the_same(go2):
+    # Nor does it weigh anything, for who plans with the description.
+    urdf = ElementTree.fromstring(go2.urdf)
+    for tag in [*urdf]:
+        if 'laser' in str(sorted(tag.attrib.values())):
+            urdf.remove(tag)
+    without = load_robot('go2', urdf=ElementTree.tostring(urdf, encoding='unicode'))
+    assert 'laser_link' not in without.robot.links
+    assert go2.robot.mass == without.robot.mass
+    worlds = [build_world(robot, 'room', setup=usual_setup(robot)) for robot in (go2, without)]
+    for world in worlds:
+        world.push((10.0, 20.0, 30.0), 0.1)
+        world.step(200)
+    np.testing.assert_array_equal(worlds[0].data.qpos, worlds[1].data.qpos)
+    for one, other in zip(*(world.read().imu for world in worlds), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def stand(world, pitch=0.0):
+    """Put a Go2 on its feet where it is, tilted by a pitch [rad]."""
+    world.data.qpos[2] = 0.30
+    world.data.qpos[3:7] = math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0
+    for leg in ('FL', 'FR', 'RL', 'RR'):
+        for part, angle in (('hip', 0.0), ('thigh', 0.8), ('calf', -1.5)):
+            world.data.joint(f'{leg}_{part}_joint').qpos[0] = angle
+
+
+@pytest.mark.parametrize('is_lying', [False, True])
+def test_a_go2_sees_the_walls_all_around_and_none_of_its_legs(go2, make, is_lying):
+    world = build_world(go2, 'flat:3', setup=usual_setup(go2))
+    if not is_lying:
+        stand(world)
+    ranges = make(world, go2).true_ranges()
+    flat = make_flat(3)
+    assert (ranges > 0.6).all()
+    assert (ranges < np.linalg.norm(flat.size)).all()
+
+
+def test_a_go2_that_stoops_sees_the_floor_where_its_rays_meet_it(go2, make):
+    world = build_world(go2, 'flat', setup=usual_setup(go2))
+    lidar = make(world, go2)
+    assert np.isinf(lidar.true_ranges()).all()
+    pitch = math.radians(5.0)
+    stand(world, pitch)
+    ahead = lidar.true_ranges()[ray_at(lidar, 0.0)]
+    height = 0.30 + 0.11 * math.cos(pitch)
+    assert ahead == pytest.approx(height / math.sin(pitch), abs=1e-3)

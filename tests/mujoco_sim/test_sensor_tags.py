@@ -48,6 +48,15 @@ def test_mbots_lidar_is_the_courses(mbot):
     assert (lidar.resolution, lidar.noise) == (0.01, 0.01)
 
 
+def test_the_go2_has_a_lidar_that_looks_all_around():
+    ((lidar,), _), notes = read_sensor_tags(robot_named('go2').robot)
+    assert not notes
+    assert (lidar.topic, lidar.frame, lidar.rate) == ('scan', 'laser_link', 10.0)
+    step = (lidar.max_angle - lidar.min_angle) / (lidar.samples - 1)
+    assert (lidar.samples, 360 * step) == (360, pytest.approx(2.0 * math.pi))
+    assert (lidar.min_range, lidar.max_range, lidar.noise) == (0.1, 12.0, 0.01)
+
+
 def test_mbots_camera_is_the_courses_with_depth_beside_it(mbot):
     (_, (colour, depth)), _ = mbot
     assert (colour.colour_topic, colour.colour_info_topic) == (

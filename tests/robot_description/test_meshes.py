@@ -108,7 +108,8 @@ def test_what_is_no_mesh_is_a_value_error_in_one_line(tmp_path, name):
 @pytest.mark.slow
 def test_every_link_of_the_go2_is_drawn_with_its_mesh():
     world = build_world(robot_named('go2'), visuals=True)
-    assert shown(world.model, 'base') == [mujoco.mjtGeom.mjGEOM_MESH]
+    mesh, lidar = shown(world.model, 'base')
+    assert (mesh, lidar) == (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_CYLINDER)
     for leg in ('FL', 'FR', 'RL', 'RR'):
         for part in ('hip', 'thigh', 'calf'):
             assert mujoco.mjtGeom.mjGEOM_MESH in shown(world.model, f'{leg}_{part}')
