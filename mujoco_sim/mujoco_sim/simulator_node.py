@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulator's face on ROS: clock, joint states, truth, joint commands, services."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import sys
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
@@ -148,6 +149,10 @@ class SimulatorNode(Node):
         text = 'slower than asked for' if slow else state
         stamp, name = self.stamp, self.get_fully_qualified_name().strip('/')
         self._diagnostics.publish(to_diagnostics(name, text, values, slow, stamp))
+
+    def hand_over(self, topic: str, receive: Callable[[Any], None]) -> None:
+        """Give each message of a sensor's topic to `receive`, too, in the instant of its stamp."""
+        self._sensors.hand_over(topic, receive)
 
     @property
     def stamp(self) -> Time:

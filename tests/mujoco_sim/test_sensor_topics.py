@@ -241,3 +241,11 @@ def test_a_robot_with_a_camera_is_there_to_be_looked_at(spawn, robot, drawn):
     node = spawn(SimulatorNode(parameter_overrides=[Parameter('description', value=robot)]))
     groups = node.simulation.world.model.geom_group
     assert (groups == VISUAL_GROUP).any() == drawn
+
+
+def test_a_scan_is_handed_over_in_its_instant_without_a_listener(start):
+    node, got = start(), []
+    node.hand_over('scan', lambda scan: got.append((seconds(scan), node.simulation.world.time)))
+    node.simulation.advance(1000)
+    assert len(got) == 6
+    assert [stamp for stamp, _ in got] == pytest.approx([now for _, now in got])

@@ -15,8 +15,10 @@ from wasd_cockpit.link import Link
 from wasd_cockpit.link import STICK_PROOF
 from wasd_cockpit.panels.drive import DEAD_ZONE
 from wasd_cockpit.panels.drive import deflection
+from wasd_cockpit.panels.map import FREE_GREY
 from wasd_cockpit.panels.map import grid_step
 from wasd_cockpit.panels.map import LEAST_GAP
+from wasd_cockpit.panels.map import paint_cells
 from wasd_cockpit.panels.map import REACHES
 from wasd_cockpit.panels.map import View
 from wasd_cockpit.panels.plots import MOST_POINTS
@@ -26,9 +28,11 @@ from wasd_cockpit.scene import CAMERAS
 from wasd_cockpit.settings import load
 from wasd_cockpit.settings import save
 from wasd_cockpit.settings import usual_path
+from wasd_cockpit.snapshot import moved
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import PlanarPose
 from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.style import TEXT
 from wasd_cockpit.widgets import Rect
 
 SIZES = [(1280, 720), (1920, 1080), (390, 844), (844, 500), (1024, 768), (900, 600)]
@@ -209,3 +213,17 @@ def test_a_cockpit_begins_whatever_was_kept(kept, tmp_path):
     assert 0.0 < cockpit._drive.share <= 1.0
     cockpit.close()
     assert load(path) == kept  # no page has changed anything
+
+
+def test_the_picture_of_a_map_has_its_first_row_at_the_bottom():
+    cells = np.array([[100, 0], [-1, 0], [0, 0]], dtype=np.int8)
+    picture = np.frombuffer(paint_cells(cells), dtype=np.uint8).reshape(3, 2, 4)
+    assert tuple(picture[2, 0]) == (*TEXT, 255)  # occupied
+    assert tuple(picture[2, 1]) == (*FREE_GREY, 255)
+    assert picture[1, 0, 3] == 0  # nobody has seen it
+
+
+def test_points_move_with_the_thing_whose_pose_they_are_known_by():
+    points = np.array([[1.0, 0.0], [0.0, 2.0]])
+    there = moved(points, PlanarPose(1.0, 0.0, 0.0), PlanarPose(3.0, 1.0, math.pi / 2.0))
+    assert there == pytest.approx(np.array([[3.0, 1.0], [1.0, 0.0]]))

@@ -246,10 +246,12 @@ def draw_marks(pool: Pool, shown: set[str], snapshot: Snapshot, page: 'PageState
     if 'estimate' in shown and marks.estimate is not None:
         rotation = marks.rotation if marks.estimated_rotation is None else marks.estimated_rotation
         pool.box(marks.estimate, rotation, marks.size * np.array([0.5, 0.2, 0.12]), style.ESTIMATE)
-    if 'trail' in shown:
-        for start, end in _pieces(snapshot.trail):
+    lines = [(snapshot.trail, style.ODOMETRY)] if 'trail' in shown else []
+    lines += [(marks.path, style.COMMAND)] if marks.path is not None else []
+    for places, rgb in lines:
+        for start, end in _pieces(places):
             ends = (np.array([*start, marks.height + 0.01]), np.array([*end, marks.height + 0.01]))
-            pool.link(_CAPSULE, 0.015 * marks.size, *ends, style.ODOMETRY)
+            pool.link(_CAPSULE, 0.015 * marks.size, *ends, rgb)
     if 'lidar' in shown:
         page.sight.want('ranges')
         seen = page.sight.seen

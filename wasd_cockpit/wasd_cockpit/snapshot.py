@@ -2,6 +2,7 @@
 """What the page is told of a run: one frozen snapshot, all that both sides share."""
 
 from dataclasses import dataclass
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -71,6 +72,35 @@ class PlanarPose(NamedTuple):
     yaw: float = 0.0
 
 
+def moved(points: np.ndarray, pose: PlanarPose, other: PlanarPose) -> np.ndarray:
+    """Return points (n, 2) of one frame in another, by one thing's pose in both."""
+    turn = other.yaw - pose.yaw
+    cos, sin = math.cos(turn), math.sin(turn)
+    rotation = np.array(((cos, -sin), (sin, cos)))
+    return np.asarray((points - (pose.x, pose.y)) @ rotation.T + (other.x, other.y))
+
+
+class Navigation(NamedTuple):
+    """
+    The surroundings as the robot knows them, and where it drives, in the map's axes [m].
+
+    `cells` (rows, columns) are -1 where nothing is known, 0 free, to 100 occupied, each of a
+    `resolution`; the corner of the first, lowest in x and y, is at `origin`. `number` is another
+    one for another map. `pose` is where the robot believes to be, `path` (n, 2) the way to the
+    `goal`; `state` says in a word what it does, `reason` why.
+    """
+
+    number: int
+    cells: np.ndarray
+    resolution: float
+    origin: tuple[float, float]
+    pose: PlanarPose
+    path: np.ndarray
+    goal: PlanarPose | None
+    state: str
+    reason: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class Marks:
     """
@@ -103,7 +133,7 @@ class Snapshot:
     `robot` is which of `robots` is driven. `speed` is the factor of real time that is wanted, 0 as
     fast as it goes, `pace` the one that is reached. `history` has a row for each sample of the
     last SPAN seconds (see `Columns`), `trail` (n, 2) where the robot was [m]. `body` and `qpos`
-    are MuJoCo's, `mass` is the robot's [kg].
+    are MuJoCo's, `mass` is the robot's [kg]. `navigation` is None without a map.
     """
 
     time: float
@@ -128,6 +158,7 @@ class Snapshot:
     mass: float
     marks: Marks
     qpos: np.ndarray
+    navigation: Navigation | None = None
 
 
 def words_of(snapshot: Snapshot) -> list[str]:
@@ -143,5 +174,12 @@ def words_of(snapshot: Snapshot) -> list[str]:
         *(f'{name:10} {x:+.2f} {y:+.2f} m/s {turn:+.2f} rad/s' for name, (x, y, turn) in rows),
         *chosen,
         *snapshot.facts,
-        *filter(None, [snapshot.message]),
+        *filter(None, [navigation_words(snapshot.navigation), snapshot.message]),
     ]
+
+
+def navigation_words(navigation: Navigation | None) -> str:
+    """Return what a navigator does, '' where there is none."""
+    if navigation is None:
+        return ''
+    return ': '.join(filter(None, (f'goal {navigation.state}', navigation.reason)))

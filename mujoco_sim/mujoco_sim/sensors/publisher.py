@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes what the sensors of a robot measure, each at its rate, for whoever listens."""
 
+from collections.abc import Callable
 import dataclasses
 from typing import Any
 
@@ -71,6 +72,11 @@ class SensorPublisher:
                 random = np.random.default_rng(seed) if self._noise else None
                 sensor.publish(wanted, random, to_stamp(now))
 
+    def hand_over(self, topic: str, receive: Callable[[Any], None]) -> None:
+        """Give what is published on a topic to `receive`, too: it counts as a listener."""
+        for sensor in self._sensors:
+            sensor.receivers.setdefault(topic, []).append(receive)
+
     def reset(self) -> None:
         """Draw the noise again from its beginning, as the robot is back at its own."""
         self._start = self._world.time
@@ -94,12 +100,15 @@ class _SensorTopics:
         self._frame = tag.frame
         self._sensor = sensor
         self._publishers: dict[str, Any] = {}
+        self._names: dict[str, str] = {}
+        self.receivers: dict[str, list[Callable[[Any], None]]] = {}  # by relative names of topics
         self._large: set[str] = set()
         names: set[str] = set()
         for field, kind in topics.items():
             name = getattr(tag, field)
             if name and name not in names:
                 names.add(name)
+                self._names[field] = name
                 message_type = getattr(sensor_msgs.msg, kind)
                 self._publishers[field] = node.create_publisher(message_type, name, RELIABLE)
                 self._large |= {field} if kind in LARGE else set()
@@ -112,10 +121,15 @@ class _SensorTopics:
         header = Header(stamp=stamp, frame_id=self._frame)
         for field, fields in self._sensor.measure(wanted, random):
             publisher = self._publishers[field]
-            publisher.publish(publisher.msg_type(header=header, **fields))
+            message = publisher.msg_type(header=header, **fields)
+            publisher.publish(message)
+            for receive in self.receivers.get(self._names[field], ()):
+                receive(message)
 
     def _is_wanted(self, field: str) -> bool:
         publisher = self._publishers[field]
+        if self._names[field] in self.receivers:
+            return True
         if field in self._large:
             return has_subscriber(self._node, publisher)
         return has_listener(publisher)

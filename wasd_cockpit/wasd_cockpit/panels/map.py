@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panel Map: the floor from above around the robot, its trail, and what rays hit."""
+"""
+The panel Map: the floor from above around the robot, its trail, and what rays hit.
+
+With a navigator it is the robot's map, in its axes, and a click is a goal.
+"""
 
 import math
 from typing import TYPE_CHECKING
@@ -8,6 +12,10 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 import numpy as np
 
 from wasd_cockpit import style
+from wasd_cockpit.snapshot import moved
+from wasd_cockpit.snapshot import Navigation
+from wasd_cockpit.snapshot import navigation_words
+from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import PlanarPose
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.widgets import Rect
@@ -20,6 +28,22 @@ REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)
 MOST_TRAIL = 120
 # Lines of the floor are one of these apart [m], and at least so far where one is enough [pixels].
 GRID_STEPS, LEAST_GAP = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0), 22.0
+
+
+# A click that is dragged so far [pixels] says which way to look at the goal.
+LEAST_DRAG = 12.0
+# Grey of what is free; what nobody has seen is left out.
+FREE_GREY: style.Rgb = (62, 70, 86)
+
+
+def paint_cells(cells: np.ndarray) -> bytes:
+    """Return the picture of a grid, y up: rgba bytes, a pixel for each cell."""
+    known = cells[::-1] >= 0
+    share = np.clip(cells[::-1], 0, 100)[..., None] / 100.0
+    image = np.zeros((*cells.shape, 4), dtype=np.uint8)
+    image[..., :3] = (1.0 - share) * FREE_GREY + share * style.TEXT
+    image[..., 3] = 255 * known
+    return image.tobytes()
 
 
 class View:
@@ -51,32 +75,122 @@ class Map:
 
     def __init__(self) -> None:
         self.zoom = 2
+        self._texture = 0
+        self._painted: int | None = None
+        self._pressed: tuple[float, float] | None = None
 
     def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
+        navigation = snapshot.navigation
         for name, label, step in (('closer', '+', -1), ('farther', '-', 1)):
             imgui.SameLine(0.0, 8.0)
             if page.widgets.button(f'map {name}', label, (28.0, 26.0)):
                 self.zoom = min(max(self.zoom + step, 0), len(REACHES) - 1)
-        imgui.SameLine(0.0, 12.0)
-        imgui.AlignTextToFramePadding()
-        pose = snapshot.pose
-        page.widgets.words(f'x {pose.x:+.2f}  y {pose.y:+.2f} m', style.DIM)
+        pose = snapshot.pose if navigation is None else navigation.pose
+        if navigation is not None:
+            self._draw_orders(page, navigation)
+        else:
+            imgui.SameLine(0.0, 12.0)
+            imgui.AlignTextToFramePadding()
+            page.widgets.words(f'x {pose.x:+.2f}  y {pose.y:+.2f} m', style.DIM)
         page.sight.want('ranges')
+        rect = self._draw_floor(page)
+        low, high = imgui.Vec2(rect.left, rect.top), imgui.Vec2(rect.right, rect.bottom)
+        imgui.PushClipRect(low, high, True)
+        view = View(rect, pose, REACHES[self.zoom])
+        if navigation is not None:
+            self._paint_map(page, navigation, rect, view)
+            self._take_goal(page, view)
+        self._paint_grid(rect, view)
+        points, trail = page.sight.seen.points, snapshot.trail
+        if navigation is not None:
+            points, trail = (moved(places, snapshot.pose, pose) for places in (points, trail))
+        self._paint_points(points, rect, view)
+        self._paint_trail(trail, view)
+        if navigation is not None:
+            self._paint_way(navigation, view)
+        self._paint_robot(snapshot.marks.size, pose, view)
+        imgui.PopClipRect()
+
+    def _draw_orders(self, page: 'PageState', navigation: Navigation) -> None:
+        """Draw the buttons of a navigator, and what it does."""
+        for what, refusal in (
+            ('save map', ''),
+            ('cancel goal', '' if navigation.goal else 'there is no goal'),
+        ):
+            imgui.SameLine(0.0, 8.0)
+            if page.widgets.button(what, what, (0.0, 26.0), refusal=refusal):
+                page.link.order(Order(what))
+        words = navigation_words(navigation)
+        if navigation.state == 'idle':
+            words = navigation.reason or 'click where to drive; drag to say which way to look'
+        is_bad = navigation.state in ('refused', 'failed')
+        page.widgets.words(words, style.ODOMETRY if is_bad else style.DIM, wrapped=True)
+
+    def _draw_floor(self, page: 'PageState') -> Rect:
+        """Draw the empty floor, which can be clicked."""
         room = imgui.GetContentRegionAvail()
         imgui.InvisibleButton('floor', imgui.Vec2(max(room.x, 40.0), max(room.y, 40.0)))
         page.widgets.note('floor')
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
-        rect = Rect(low.x, low.y, high.x, high.y)
-        drawing = imgui.GetWindowDrawList()
-        drawing.AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
-        imgui.PushClipRect(low, high, True)
-        view = View(rect, pose, REACHES[self.zoom])
-        self._paint_grid(rect, view)
-        self._paint_points(page.sight.seen.points, rect, view)
-        self._paint_trail(snapshot.trail, view)
-        self._paint_robot(snapshot, view)
-        imgui.PopClipRect()
+        imgui.GetWindowDrawList().AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
+        return Rect(low.x, low.y, high.x, high.y)
+
+    def _take_goal(self, page: 'PageState', view: View) -> None:
+        """Order a goal where the floor is clicked; a drag from there is the way to look."""
+        mouse = imgui.GetMousePos()
+        if imgui.IsItemActive() and page.is_live:
+            self._pressed = self._pressed or (mouse.x, mouse.y)
+            return
+        pressed, self._pressed = self._pressed, None
+        if pressed is None or not page.is_live:
+            return
+        (x, y), (end_x, end_y) = view.to_floor(*pressed), view.to_floor(mouse.x, mouse.y)
+        is_drag = math.hypot(mouse.x - pressed[0], mouse.y - pressed[1]) > LEAST_DRAG
+        yaw = math.atan2(end_y - y, end_x - x) if is_drag else math.nan
+        page.link.order(Order('goal', f'{x} {y} {yaw}'))
+
+    def _paint_map(
+        self, page: 'PageState', navigation: Navigation, rect: Rect, view: View
+    ) -> None:
+        """Paint what of the map is in sight."""
+        rows, columns = navigation.cells.shape
+        if self._painted != navigation.number:
+            self._painted = navigation.number
+            picture = paint_cells(navigation.cells)
+            self._texture = page.viewer.upload_image(self._texture, picture, columns, rows, 4)
+        (x, y), cell = navigation.origin, navigation.resolution
+        left, bottom = view.to_page(x, y)
+        right, top = view.to_page(x + columns * cell, y + rows * cell)
+        seen = Rect(
+            max(left, rect.left),
+            max(top, rect.top),
+            min(right, rect.right),
+            min(bottom, rect.bottom),
+        )
+        if seen.width <= 0.0 or seen.height <= 0.0:
+            return
+        shares = [
+            imgui.Vec2((px - left) / (right - left), (py - top) / (bottom - top))
+            for px, py in ((seen.left, seen.top), (seen.right, seen.bottom))
+        ]
+        imgui.SetCursorScreenPos(imgui.Vec2(seen.left, seen.top))
+        imgui.Image(self._texture, imgui.Vec2(seen.width, seen.height), *shares)
+
+    def _paint_way(self, navigation: Navigation, view: View) -> None:
+        if navigation.goal is None:
+            return
+        drawing, blue = imgui.GetWindowDrawList(), style.colour(style.COMMAND)
+        if len(navigation.path) > 1:
+            every = max(1, -(-len(navigation.path) // MOST_TRAIL))
+            places = [*navigation.path[::every].tolist(), navigation.path[-1].tolist()]
+            ends = [imgui.Vec2(*view.to_page(x, y)) for x, y in places]
+            drawing.AddPolyline(ends, blue, 2.0)
+        goal = navigation.goal
+        x, y = view.to_page(goal.x, goal.y)
+        drawing.AddCircle(imgui.Vec2(x, y), 7.0, blue, 16, 2.0)
+        end = imgui.Vec2(x + 14.0 * math.cos(goal.yaw), y - 14.0 * math.sin(goal.yaw))
+        drawing.AddLine(imgui.Vec2(x, y), end, blue, 2.0)
 
     def _paint_grid(self, rect: Rect, view: View) -> None:
         """Paint lines that are not too dense."""
@@ -107,13 +221,13 @@ class Map:
         places = [imgui.Vec2(*view.to_page(x, y)) for x, y in trail[::-1][::every].tolist()]
         imgui.GetWindowDrawList().AddPolyline(places, style.colour(style.TRUTH), 2.0)
 
-    def _paint_robot(self, snapshot: Snapshot, view: View) -> None:
+    def _paint_robot(self, size: float, pose: PlanarPose, view: View) -> None:
         """Paint an arrow as large as the robot, but one that is seen."""
-        size = max(snapshot.marks.size * view.scale, 9.0)
-        x, y = view.to_page(snapshot.pose.x, snapshot.pose.y)
+        size = max(size * view.scale, 9.0)
+        x, y = view.to_page(pose.x, pose.y)
         corners = []
         for turn, length in ((0.0, 1.0), (2.5, 0.8), (math.pi, 0.3), (-2.5, 0.8)):
-            angle = snapshot.pose.yaw + turn
+            angle = pose.yaw + turn
             place = x + length * size * math.cos(angle), y - length * size * math.sin(angle)
             corners.append(imgui.Vec2(*place))
         drawing, fill = imgui.GetWindowDrawList(), style.colour(style.COMMAND)
