@@ -5,7 +5,11 @@ from wasd_core import load_lazily
 
 # Where each name is defined; loaded when it is asked for, as numba takes a while.
 _HOMES = {
+    'DriveLimits': 'planning.parameters',
+    'Driver': 'planning.driver',
+    'Footprint': 'planning.footprint',
     'Grid': 'grid',
+    'PlanningParameters': 'planning.parameters',
     'Scan': 'scan',
     'read_scan': 'scan',
 }

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The last half metre: straight to the goal, then around to its heading."""
+
+import math
+
+from numba import njit
+import numpy as np
+
+from wasd_navigation.planning.distance_field import Field
+from wasd_navigation.planning.motion import Base
+from wasd_navigation.planning.motion import clearance
+from wasd_navigation.planning.motion import move
+from wasd_navigation.se2 import wrap
+
+GO, TURN, STAND = 0, 1, 2
+# Shares of the tolerances: near enough to turn, to stand; and so far off that it goes again.
+_NEAR, _TURNED, _OFF = 0.4, 0.3, 0.8
+# What cannot go sideways goes ahead only when the goal is within this of straight ahead [rad].
+_AHEAD = 0.3
+# A base that cannot go sideways backs to a goal behind it that is nearer than this [m].
+_BACK = 0.3
+# Speed per distance, and yaw rate per angle [1/s], of a base without lag.
+_GAIN = 1.5
+# What is rehearsed before one docks: so many steps of so long [s].
+_STEPS, _STEP = 150, 0.1
+
+
+@njit(cache=True)
+def dock(
+    state: np.ndarray, goal: np.ndarray, base: Base, tolerances: tuple[float, float], phase: int
+) -> tuple[int, float, float, float]:
+    """
+    Return the phase and the velocity (vx, vy, wz) [m/s, m/s, rad/s] toward a goal (x, y, yaw).
+
+    `state` is (x, y, yaw, vx, vy, wz), `tolerances` are of distance [m] and heading [rad].
+    """
+    cos, sin = math.cos(state[2]), math.sin(state[2])
+    ahead = cos * (goal[0] - state[0]) + sin * (goal[1] - state[1])
+    left = cos * (goal[1] - state[1]) - sin * (goal[0] - state[0])
+    distance = math.hypot(ahead, left)
+    turn = wrap(goal[2] - state[2])
+    gain = _GAIN / (1.0 + 2.0 * base.lag)
+    if distance > _OFF * tolerances[0] or (phase == STAND and abs(turn) > _OFF * tolerances[1]):
+        phase = GO
+    if phase == GO and distance < _NEAR * tolerances[0]:
+        phase = TURN
+    if phase == TURN and abs(turn) < _TURNED * tolerances[1]:
+        phase = STAND
+    if phase == STAND:
+        return phase, 0.0, 0.0, 0.0
+    if base.is_omni:
+        share = _share(base, gain * ahead, gain * left, gain * turn)
+        return phase, share * gain * ahead, share * gain * left, share * gain * turn
+    if phase == TURN:
+        return phase, 0.0, 0.0, _within(gain * turn, base.most[2])
+    bearing = math.atan2(left, ahead)
+    sign = 1.0
+    if distance < _BACK and abs(bearing) > 0.5 * math.pi:
+        bearing, sign = wrap(bearing + math.pi), -1.0
+    if abs(bearing) > _AHEAD:
+        return phase, 0.0, 0.0, _within(2.0 * gain * bearing, base.most[2])
+    speed = min(gain * distance, math.sqrt(base.change[0] * distance))
+    speed = min(speed, base.most[0] if sign > 0.0 else -base.least[0])
+    return phase, sign * speed, 0.0, _within(2.0 * gain * bearing, base.most[2])
+
+
+@njit(cache=True)
+def _within(value: float, most: float) -> float:
+    bounded: float = min(max(value, -most), most)
+    return bounded
+
+
+@njit(cache=True)
+def _share(base: Base, vx: float, vy: float, wz: float) -> float:
+    """Return the largest share of a translation up to 1, and of a turn, that is within bounds."""
+    over = max(abs(vx) / base.most[0], abs(vy) / base.most[1])
+    over = max(max(over, abs(wz) / base.most[2]), vx / base.least[0])
+    share: float = 1.0 / max(over, 1.0)
+    return share
+
+
+@njit(cache=True)
+def rehearse(
+    state: np.ndarray,
+    goal: np.ndarray,
+    base: Base,
+    tolerances: tuple[float, float],
+    around: tuple[Field, np.ndarray],
+    margin: float,
+) -> float:
+    """
+    Return how long docking from a state takes [s]; infinite when it comes near something.
+
+    `around` are the distances and the circles of the footprint, `margin` [m] what is kept.
+    """
+    state = state.copy()
+    velocity = np.zeros(3)
+    phase = GO
+    for step in range(_STEPS):
+        phase, velocity[0], velocity[1], velocity[2] = dock(state, goal, base, tolerances, phase)
+        if phase == STAND:
+            return step * _STEP
+        move(state, velocity, base, _STEP)
+        if clearance(around[0], around[1], state, margin) < margin:
+            return math.inf
+    return math.inf

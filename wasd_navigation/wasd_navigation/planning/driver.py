@@ -1,0 +1,364 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drives a robot to a goal: the machine of states around route, sampler and docking."""
+
+import math
+
+import numpy as np
+
+from wasd_navigation.grid import Grid
+from wasd_navigation.planning import docking
+from wasd_navigation.planning import recovery
+from wasd_navigation.planning.footprint import Footprint
+from wasd_navigation.planning.motion import base_of
+from wasd_navigation.planning.parameters import DriveLimits
+from wasd_navigation.planning.parameters import PlanningParameters
+from wasd_navigation.planning.route import refusal
+from wasd_navigation.planning.route import Route
+from wasd_navigation.planning.sampling import is_safe
+from wasd_navigation.planning.sampling import Sampler
+from wasd_navigation.planning.sampling import Scene
+from wasd_navigation.planning.surroundings import Surroundings
+from wasd_navigation.scan import Scan
+from wasd_navigation.se2 import compose
+from wasd_navigation.se2 import wrap
+
+# Values are worked out anew when something changed, but no more often than this [s] ...
+_REDRAW = 1.0
+# ... except when the way is blocked: then at most this often.
+_REDRAW_BLOCKED = 0.25
+# From so much left on it is looked whether the goal is there straight away [m].
+_DOCKING = 1.0
+# Coming nearer by less than this is none [m].
+_NEARER = 0.1
+# A goal is reached when its error is small over this time at rest [s].
+_SETTLE = 0.5
+# No way at all: so long it is waited for one, before that counts as one recovery [s].
+_WAIT = 2.0
+# Time constant in which a pose that odometry does not know of is believed [s]; and a difference
+# that is no noise, but another place [m].
+_POSE_TIME, _JUMP = 0.3, 0.15
+# A command holds so long, with all that delays it, before the next one can stop the robot [s].
+_HOLD = 0.15
+_SHARES = (1.0, 0.5, 0.25)
+
+
+class Driver:
+    """
+    Takes the map, the pose, the velocity and scans; says which velocity to ask for.
+
+    All poses are (x, y, yaw) [m, rad] in the map frame, velocities (vx, vy, wz) [m/s, rad/s] in
+    the base frame, shape (3,). `state` is `idle`, `driving`, `turning` (at the goal, to its
+    heading), `recovering`, `arrived`, `refused` or `failed`; `reason` says in a sentence why it
+    is in that state, where there is something to say. `way` is of the plan, `recoveries` how
+    often it had to recover since the goal was set.
+    """
+
+    def __init__(
+        self,
+        limits: DriveLimits,
+        footprint: Footprint,
+        parameters: PlanningParameters | None = None,
+    ) -> None:
+        self._limits, self._footprint = limits, footprint
+        self._parameters = parameters or PlanningParameters()
+        self._base = base_of(limits)
+        self._sampler = Sampler(self._base, self._parameters.samples, self._parameters.horizon)
+        self.reset()
+
+    def reset(self) -> None:
+        """Know of nothing: no goal, no map, no obstacle."""
+        self._around = Surroundings(self._footprint, self._parameters)
+        self._pose: np.ndarray | None = None
+        self._silence = 0.0
+        self.cancel()
+
+    def cancel(self, reason: str = '') -> None:
+        """Have no goal, and stand."""
+        self.state, self.reason = 'idle', reason
+        self._route: Route | None = None
+        self._velocity = np.zeros(3)
+        self.recoveries = 0
+        self.local_path = np.empty((0, 2))
+
+    def set_goal(self, goal: np.ndarray) -> None:
+        """Drive to a goal from the next step on, in place of any other."""
+        moving = self._velocity
+        self.cancel()
+        self._velocity = moving
+        self._route = Route(np.array(goal, float), self._footprint, self._parameters)
+        self.state = 'driving'
+        self._is_new = True
+        self._sampler.reset()
+        self._since_drawn = math.inf
+        self._drawn = -1
+        self._start_anew()
+
+    def _start_anew(self) -> None:
+        """Forget how far it came: count time without progress from now."""
+        self._phase: int | None = None
+        self._errors: list[np.ndarray] = []
+        self._least_left, self._no_nearer = math.inf, 0.0
+        self._in_a_row = 0
+        self._manoeuvre: recovery.Manoeuvre | None = None
+        self._manoeuvred = 0.0
+
+    @property
+    def goal(self) -> np.ndarray | None:
+        """Where it drives to, shape (3,)."""
+        return None if self._route is None else self._route.goal
+
+    @property
+    def path(self) -> np.ndarray:
+        """The way from the robot to the goal, shape (n, 2) [m]."""
+        return np.empty((0, 2)) if self._route is None else self._route.way
+
+    @property
+    def costmap(self) -> Grid | None:
+        """What is around, as costmaps have it; None before there was a map."""
+        return None if self._around.grid is None else self._around.costmap
+
+    @property
+    def distance_left(self) -> float:
+        """Length of the way to the goal [m]."""
+        steps = np.diff(self.path, axis=0)
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+    @property
+    def time_left(self) -> float:
+        """How long the way will take, about [s]."""
+        if self._route is None or self._pose is None:
+            return 0.0
+        turn = abs(wrap(float(self._route.goal[2] - self._pose[2])))
+        return 1.2 * self.distance_left / self._limits.forward + turn / self._limits.yaw
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether it drives, or tries to."""
+        return self.state in ('driving', 'turning', 'recovering')
+
+    def check_goal(self, goal: np.ndarray) -> str | None:
+        """Return why a goal cannot be reached from here, as far as is known; None: it can."""
+        around = self._around
+        reason = refusal(goal, around, self._footprint, self._parameters)
+        if reason is not None or self._pose is None:
+            return reason
+        route = Route(np.array(goal, float), self._footprint, self._parameters)
+        route.draw(around)
+        return None if route.left(self._pose) < math.inf else self._no_way(route.goal)
+
+    def _no_way(self, goal: np.ndarray) -> str:
+        width = 2.0 * (self._footprint.inscribed + self._parameters.margin)
+        return f'no way {width:.2f} m wide leads to ({goal[0]:.2f}, {goal[1]:.2f})'
+
+    def step(
+        self,
+        grid: Grid,
+        revision: int,
+        pose: np.ndarray,
+        velocity: np.ndarray,
+        scan: Scan | None,
+        dt: float,
+    ) -> np.ndarray:
+        """
+        Return the velocity to ask for, a time `dt` [s] after the last step.
+
+        `grid` is another one than in the step before only when `revision` is. `scan` is one that
+        came since then, taken at about `pose`; None when none came.
+        """
+        self._silence += dt
+        known = bool(np.isfinite(pose).all() and np.isfinite(velocity).all())
+        if known:
+            self._believe(pose, velocity, dt)
+            assert self._pose is not None
+            self._around.take_map(grid, revision)
+            if scan is not None:
+                self._silence = 0.0
+                self._around.see(scan, pose)
+        if not self.is_under_way:
+            return self._stand()
+        if not known:
+            return self._stand('the pose or the velocity is not a number: the robot stands')
+        if self._silence > self._parameters.silence:
+            return self._stand('the lidar is silent: the robot stands')
+        assert self._pose is not None
+        state = np.concatenate((self._pose, velocity))
+        self._velocity = self._held(self._choose(state, dt), state)
+        return self._velocity.copy()
+
+    def _stand(self, reason: str | None = None) -> np.ndarray:
+        if reason is not None:
+            self.reason = reason
+            self._sampler.reset()
+        self._velocity = np.zeros(3)
+        return self._velocity.copy()
+
+    def _believe(self, pose: np.ndarray, velocity: np.ndarray, dt: float) -> None:
+        """Follow the pose by velocity, and by what it is: noise of it would shake the robot."""
+        if self._pose is None:
+            self._pose = np.array(pose, float)
+            return
+        foreseen = compose(self._pose, velocity * dt)
+        error = pose - foreseen
+        error[2] = wrap(error[2])
+        share = min(dt / _POSE_TIME, 1.0)
+        if math.hypot(error[0], error[1]) > _JUMP or abs(error[2]) > _JUMP:
+            share = 1.0
+        self._pose = foreseen + share * error
+
+    def _held(self, asked: np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Return the largest share of a velocity after which the robot can still stop."""
+        if not np.isfinite(asked).all():
+            return np.zeros(3)
+        scene = self._scene()
+        for share in _SHARES:
+            if is_safe(state, share * asked, scene, self._base, _HOLD):
+                return share * asked
+        turn = asked * (0.0, 0.0, 1.0)
+        return turn if is_safe(state, turn, scene, self._base, _HOLD) else np.zeros(3)
+
+    def _scene(self) -> Scene:
+        route = self._route
+        assert route is not None
+        assert route.values is not None
+        keep = (self._parameters.margin, self._parameters.comfort)
+        return Scene(
+            self._around.distances,
+            route.values,
+            self._footprint.circles,
+            route.way,
+            route.goal,
+            keep,
+        )
+
+    def _choose(self, state: np.ndarray, dt: float) -> np.ndarray:
+        """Return the velocity that leads on, by the state of things."""
+        route = self._route
+        assert route is not None
+        if self._is_new:
+            self._is_new = False
+            reason = self.check_goal(route.goal)
+            if reason is not None:
+                route.draw(self._around)
+                return self._end('refused', reason)
+        left = self._redraw(state[:3], dt)
+        if self._manoeuvre is not None:
+            return self._recover(dt)
+        if left == math.inf:
+            return self._wait(dt)
+        self._watch(left, dt)
+        if self._manoeuvre is not None or not self.is_under_way:
+            return np.zeros(3)
+        if self._phase is None and left < _DOCKING and self._may_dock(state):
+            self._phase = docking.GO
+        if self._phase is not None:
+            return self._dock(state, dt)
+        self.state, self.reason = 'driving', ''
+        velocity = self._sampler.step(state, self._scene(), dt)
+        self.local_path = self._sampler.foresee(state)
+        return velocity
+
+    def _redraw(self, pose: np.ndarray, dt: float) -> float:
+        """Bring route and way up to date, and return what is left [m]."""
+        route, around = self._route, self._around
+        assert route is not None
+        self._since_drawn += dt
+        is_stale = around.distances is not None and around.revision != self._drawn
+        due = route.values is None or (is_stale and self._since_drawn >= _REDRAW)
+        if not due and is_stale and self._since_drawn >= _REDRAW_BLOCKED:
+            due = route.is_blocked(around) or route.left(pose) == math.inf
+        if due:
+            route.draw(around)
+            self._drawn, self._since_drawn = around.revision, 0.0
+        left = route.left(pose)
+        if left < math.inf:
+            route.lead_from(pose)
+        return left
+
+    def _tolerances(self) -> tuple[float, float]:
+        return self._parameters.xy_goal_tolerance, self._parameters.yaw_goal_tolerance
+
+    def _may_dock(self, state: np.ndarray) -> bool:
+        route, scene = self._route, self._scene()
+        assert route is not None
+        around = (scene.distances, scene.circles)
+        margin = 0.5 * self._parameters.margin
+        time = docking.rehearse(state, route.goal, self._base, self._tolerances(), around, margin)
+        return bool(time < math.inf)
+
+    def _dock(self, state: np.ndarray, dt: float) -> np.ndarray:
+        route = self._route
+        assert route is not None
+        assert self._phase is not None
+        self._phase, *velocity = docking.dock(
+            state, route.goal, self._base, self._tolerances(), self._phase
+        )
+        self.local_path = np.stack((state[:2], route.goal[:2]))
+        self.state, self.reason = ('driving' if self._phase == docking.GO else 'turning'), ''
+        if self._phase != docking.STAND:
+            self._errors.clear()
+            return np.array(velocity)
+        error = route.goal - state[:3]
+        self._errors.append(np.array((error[0], error[1], wrap(error[2]))))
+        if len(self._errors) * dt >= _SETTLE:
+            mean = np.mean(self._errors, axis=0)
+            self._errors.clear()
+            near, turned = self._tolerances()
+            if math.hypot(mean[0], mean[1]) <= 0.8 * near and abs(mean[2]) <= 0.8 * turned:
+                return self._end('arrived', '')
+            self._phase = docking.GO
+        return np.zeros(3)
+
+    def _end(self, state: str, reason: str) -> np.ndarray:
+        self.state, self.reason = state, reason
+        self.local_path = np.empty((0, 2))
+        return np.zeros(3)
+
+    def _watch(self, left: float, dt: float) -> None:
+        """Recover when it has come no nearer for long."""
+        if left < self._least_left - _NEARER:
+            if self._least_left < math.inf:
+                self._in_a_row = 0
+            self._least_left, self._no_nearer = left, 0.0
+            return
+        self._no_nearer += dt
+        patience = self._parameters.stuck_time * (1.0 if self._phase is None else 3.0)
+        if self._no_nearer > patience:
+            self._begin_recovery(f'came no nearer than {self._least_left:.2f} m')
+
+    def _begin_recovery(self, why: str) -> None:
+        if self._in_a_row >= self._parameters.recoveries:
+            self._end('failed', f'{why} in {self._in_a_row} tries')
+            return
+        self._manoeuvre = recovery.choose(self._in_a_row, self._limits)
+        self._manoeuvred = 0.0
+        self._in_a_row += 1
+        self.recoveries += 1
+        self._phase = None
+        self.state, self.reason = 'recovering', f'{why}: {self._manoeuvre.what}'
+        self.local_path = np.empty((0, 2))
+
+    def _recover(self, dt: float) -> np.ndarray:
+        manoeuvre = self._manoeuvre
+        assert manoeuvre is not None
+        self._manoeuvred += dt
+        if self._manoeuvred < manoeuvre.duration:
+            return manoeuvre.velocity
+        self._manoeuvre = None
+        self._around.layer.clear()
+        self._sampler.reset()
+        self._no_nearer = 0.0
+        self._least_left = math.inf
+        return np.zeros(3)
+
+    def _wait(self, dt: float) -> np.ndarray:
+        """Stand while no way leads to the goal; look around for one at times, then give up."""
+        route = self._route
+        assert route is not None
+        self._phase = None
+        self.local_path = np.empty((0, 2))
+        self.state, self.reason = 'recovering', f'{self._no_way(route.goal)} any more: waiting'
+        self._no_nearer += dt
+        if self._no_nearer > _WAIT:
+            self._no_nearer = 0.0
+            self._begin_recovery(f'{self._no_way(route.goal)} any more')
+        return np.zeros(3)

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+How much way is left to the goal from each cell, around all that is in the way.
+
+The eikonal equation |grad value| = price, solved by fast marching (Sethian, A fast marching
+level set method for monotonically advancing fronts, 1996), upwind and of first order: from a
+cell, down the gradient is the shortest way, in any direction, not in steps of 45 degrees.
+"""
+
+import math
+
+from numba import njit
+import numpy as np
+
+from wasd_navigation.planning.distance_field import Field
+from wasd_navigation.planning.distance_field import look_up
+from wasd_navigation.planning.heap import Heap
+from wasd_navigation.planning.heap import make_heap
+from wasd_navigation.planning.heap import pop
+from wasd_navigation.planning.heap import push
+
+# Around the goal, so many cells each way get their straight distance: first order errs most there.
+_DISC = 3
+# Ways through cells where nobody may stand cost so much more; only who stands there takes them.
+_ESCAPE_PRICE = 20.0
+# Beyond all that is reached [m].
+_BEYOND = 10.0
+# A way is followed in steps of half a cell, in the best of so many directions.
+_DIRECTIONS = 32
+
+
+def march_from(
+    goal: tuple[int, int], price: np.ndarray, escape: np.ndarray, resolution: float
+) -> tuple[np.ndarray, float]:
+    """
+    Return values [m of free way], shape (rows, columns), float32, and what none reached exceeds.
+
+    `goal` is its cell (row, column). `price`, float32 of the same shape, says what a metre
+    costs in a cell, infinite where nobody may be. `escape`, bool, are cells where nobody may
+    be, but from which one finds out; what is reached through them only does not count.
+    """
+    rows, columns = price.shape
+    values = np.full((rows, columns), np.inf, np.float32)
+    heap = make_heap(4 * rows * columns + 64)
+    if np.isfinite(price[goal]):
+        _begin(values, heap, price, goal, resolution)
+        _march(values, heap, price, resolution)
+    reached = values < np.inf
+    most = float(values[reached].max()) if reached.any() else 0.0
+    out = np.where(escape & ~reached, np.float32(_ESCAPE_PRICE), np.float32(np.inf))
+    heap.held[0] = 0
+    _begin_at_edge(values, heap, out)
+    _march(values, heap, out, resolution)
+    beyond = most + _BEYOND
+    values[~(values < beyond)] = beyond
+    return values, beyond
+
+
+@njit(cache=True)
+def _begin(
+    values: np.ndarray, heap: Heap, price: np.ndarray, goal: tuple[int, int], resolution: float
+) -> None:
+    rows, columns = values.shape
+    for row in range(max(goal[0] - _DISC, 0), min(goal[0] + _DISC + 1, rows)):
+        for column in range(max(goal[1] - _DISC, 0), min(goal[1] + _DISC + 1, columns)):
+            if price[row, column] < math.inf:
+                distance = math.hypot(row - goal[0], column - goal[1]) * resolution
+                values[row, column] = distance * price[row, column]
+                push(heap, values[row, column], row * columns + column)
+
+
+@njit(cache=True)
+def _begin_at_edge(values: np.ndarray, heap: Heap, price: np.ndarray) -> None:
+    """Begin at all cells with a value that have a neighbour with a price."""
+    rows, columns = values.shape
+    for row in range(1, rows - 1):
+        for column in range(1, columns - 1):
+            if values[row, column] < math.inf:
+                least = min(price[row - 1, column], price[row + 1, column])
+                least = min(least, price[row, column - 1], price[row, column + 1])
+                if least < math.inf:
+                    push(heap, values[row, column], row * columns + column)
+
+
+@njit(cache=True)
+def _march(values: np.ndarray, heap: Heap, price: np.ndarray, resolution: float) -> None:
+    rows, columns = values.shape
+    while heap.held[0] > 0:
+        value, cell = pop(heap)
+        row, column = cell // columns, cell % columns
+        if value > values[row, column]:
+            continue
+        for turn in range(4):
+            up = (turn == 0) - (turn == 1)
+            right = (turn == 2) - (turn == 3)
+            if 0 <= row + up < rows and 0 <= column + right < columns:
+                new = _solve(values, price, row + up, column + right, resolution)
+                if new < values[row + up, column + right]:
+                    values[row + up, column + right] = new
+                    push(heap, values[row + up, column + right], cell + up * columns + right)
+
+
+@njit(cache=True)
+def _solve(
+    values: np.ndarray, price: np.ndarray, row: int, column: int, resolution: float
+) -> np.float32:
+    """Return the value of a cell by its lowest neighbours in x and y."""
+    step = price[row, column] * resolution
+    if not step < math.inf:
+        return np.float32(math.inf)
+    rows, columns = values.shape
+    across = values[row, column - 1] if column > 0 else np.float32(math.inf)
+    if column + 1 < columns:
+        across = min(across, values[row, column + 1])
+    up = values[row - 1, column] if row > 0 else np.float32(math.inf)
+    if row + 1 < rows:
+        up = min(up, values[row + 1, column])
+    low, high = min(across, up), max(across, up)
+    if high - low >= step:
+        return np.float32(low + step)
+    return np.float32(0.5 * (low + high + math.sqrt(2.0 * step * step - (high - low) ** 2)))
+
+
+@njit(cache=True)
+def follow(field: Field, layer: int, start: np.ndarray, way: np.ndarray) -> int:
+    """
+    Write the way down a layer from (x, y) to `way`, shape (room, 2) [m]; return its points.
+
+    It ends where no direction leads down any more: at the goal.
+    """
+    step = 0.5 * field.resolution
+    x, y = start[0], start[1]
+    value = look_up(field, layer, x, y)
+    count = 0
+    while count < way.shape[0]:
+        way[count, 0], way[count, 1] = x, y
+        count += 1
+        best, best_x, best_y = value, x, y
+        for direction in range(_DIRECTIONS):
+            angle = 2.0 * math.pi * direction / _DIRECTIONS
+            to_x, to_y = x + 2.0 * step * math.cos(angle), y + 2.0 * step * math.sin(angle)
+            there = look_up(field, layer, to_x, to_y)
+            if there < best:
+                best, best_x, best_y = there, 0.5 * (x + to_x), 0.5 * (y + to_y)
+        if best_x == x and best_y == y:
+            break
+        x, y = best_x, best_y
+        value = min(best, look_up(field, layer, x, y))
+    return count

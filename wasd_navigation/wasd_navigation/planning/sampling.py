@@ -1,0 +1,229 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which motion of the next seconds is best: model predictive path integral control.
+
+Many motions around the last best one are tried, and weighted by the exponential of what they cost
+(Williams, Wagener, Goldfain and others, Information Theoretic MPC for Model-Based Reinforcement
+Learning, 2017, Alg. 2). Some of them are not random but what simple drivers would do: follow the
+way, turn, back up, stand. So one that is good is there from the first step on.
+"""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+import numpy as np
+
+from wasd_navigation.planning.distance_field import FAST
+from wasd_navigation.planning.distance_field import Field
+from wasd_navigation.planning.distance_field import look_up
+from wasd_navigation.planning.motion import Base
+from wasd_navigation.planning.motion import clearance
+from wasd_navigation.planning.motion import move
+from wasd_navigation.se2 import wrap
+
+STEP = 0.1  # of a motion [s]
+# A bank of noise is drawn once; each step takes the next part of it.
+_BANK = 8
+# Noise is drawn at every so many steps, and runs straight between.
+_KNOT = 6
+# Standard deviation of the noise as a share of the largest velocities.
+_SPREAD = 0.4
+# Costs differ by this much [m of way] where weights differ by e.
+_TEMPERATURE = 0.04
+# What costs how much [m of way]: a step nearer than the margin, one that touches; a second at
+# no comfort; a radian turned; a metre backward, where the base goes ahead by nature.
+_TOO_NEAR, _TOUCHES, _DISCOMFORT, _TURNING, _BACKWARD = 3.0, 30.0, 0.1, 0.01, 0.5
+# Simple drivers: looks ahead [m] and shares of full speed of those that follow the way; and four
+# that turn left, turn right, back up and stand.
+_FOLLOWERS = 6
+DRIVERS = _FOLLOWERS + 4
+
+
+class Scene(NamedTuple):
+    """All that a motion is judged by; the way, shape (n, 2) [m], leads to the goal."""
+
+    distances: Field
+    values: Field
+    circles: np.ndarray
+    way: np.ndarray
+    goal: np.ndarray  # (x, y, yaw)
+    keep: tuple[float, float]  # margin and comfort [m]
+
+
+class Sampler:
+    """
+    Chooses the velocity of the next step; keeps the motion that it is part of.
+
+    `plan`, shape (horizon, 3), are the velocities to come, one per STEP.
+    """
+
+    def __init__(self, base: Base, samples: int, horizon: int) -> None:
+        self._base = base
+        random = np.random.default_rng(16)
+        knots = -(-horizon // _KNOT) + 1
+        drawn = random.normal(size=(_BANK, samples, knots, 3)) * _SPREAD * base.most
+        at = np.arange(horizon) / _KNOT
+        left, share = at.astype(int), (at % 1.0)[:, None]
+        noise = (1.0 - share) * drawn[:, :, left] + share * drawn[:, :, left + 1]
+        self._noise = noise.astype(np.float32)
+        self._costs = np.empty(samples)
+        self._motions = np.empty((samples, horizon, 3))
+        self.plan = np.zeros((horizon, 3))
+        self.reset()
+
+    def reset(self) -> None:
+        """Know of no motion."""
+        self.plan[:] = 0.0
+        self._turn = 0
+
+    def step(self, state: np.ndarray, scene: Scene, dt: float) -> np.ndarray:
+        """Return the velocity (3,) to ask for in a state (6,), `dt` [s] after the last step."""
+        later = np.arange(len(self.plan)) + dt / STEP
+        for axis in range(3):
+            self.plan[:, axis] = np.interp(later, np.arange(len(self.plan)), self.plan[:, axis])
+        np.add(self.plan, self._noise[self._turn % _BANK], out=self._motions)
+        self._turn += 1
+        self._motions[-1] = self.plan
+        _try_all(self._motions, state, scene, self._base, self._costs)
+        weights = np.exp((self._costs.min() - self._costs) / _TEMPERATURE)
+        np.einsum('k,kta->ta', weights / weights.sum(), self._motions, out=self.plan)
+        first: np.ndarray = self.plan[0].copy()
+        return first
+
+    def foresee(self, state: np.ndarray) -> np.ndarray:
+        """Return where the plan leads, shape (horizon + 1, 2) [m]."""
+        places: np.ndarray = _foresee(self.plan, state, self._base)
+        return places
+
+
+@njit(**FAST)
+def _foresee(plan: np.ndarray, state: np.ndarray, base: Base) -> np.ndarray:
+    state = state.copy()
+    places = np.empty((plan.shape[0] + 1, 2))
+    places[0] = state[:2]
+    for step in range(plan.shape[0]):
+        move(state, plan[step], base, STEP)
+        places[step + 1] = state[:2]
+    return places
+
+
+@njit(**FAST)
+def _try_all(
+    motions: np.ndarray, start: np.ndarray, scene: Scene, base: Base, costs: np.ndarray
+) -> None:
+    """Write what each motion, shape (k, steps, 3), costs; the first ones are drivers', in full."""
+    state = np.empty(6)
+    for sample in range(motions.shape[0]):
+        state[:] = start
+        motion = motions[sample]
+        cost = 0.0
+        near = 0
+        for step in range(motion.shape[0]):
+            if sample < DRIVERS:
+                near = _drive(sample, state, scene, base, near, motion[step])
+            for axis in range(3):
+                motion[step, axis] = min(
+                    max(motion[step, axis], base.least[axis]), base.most[axis]
+                )
+            move(state, motion[step], base, STEP)
+            cost += _price(state, scene, base) + value_at(scene.values, state) / motion.shape[0]
+        costs[sample] = cost + value_at(scene.values, state)
+
+
+@njit(**FAST)
+def value_at(values: Field, state: np.ndarray) -> float:
+    """Return what is left from (x, y, yaw, ...), between headings by their share."""
+    value: float
+    layers = values.values.shape[0]
+    if layers == 1:
+        value = look_up(values, 0, state[0], state[1])
+        return value
+    around = state[2] / (2.0 * math.pi) * layers
+    low = math.floor(around)
+    share = around - low
+    first, second = int(low) % layers, (int(low) + 1) % layers
+    value = (1.0 - share) * look_up(values, first, state[0], state[1])
+    value += share * look_up(values, second, state[0], state[1])
+    return value
+
+
+@njit(**FAST)
+def _price(state: np.ndarray, scene: Scene, base: Base) -> float:
+    """Return what a step costs that ends in a state."""
+    margin, comfort = scene.keep
+    room = clearance(scene.distances, scene.circles, state, comfort)
+    cost: float = _TURNING * abs(state[5]) * STEP
+    if room < 0.0:
+        cost += _TOUCHES * (1.0 - 10.0 * room)
+    if room < margin:
+        cost += _TOO_NEAR * (1.0 + (margin - room) / max(margin, 0.01))
+    if room < comfort:
+        cost += _DISCOMFORT * (1.0 - room / comfort) ** 2 * STEP
+    if state[3] < 0.0:
+        cost -= _BACKWARD * state[3] * STEP
+    return cost
+
+
+@njit(**FAST)
+def _drive(
+    driver: int, state: np.ndarray, scene: Scene, base: Base, near: int, asked: np.ndarray
+) -> int:
+    """Write what a simple driver asks for, (3,); return the nearest point of the way."""
+    asked[:] = 0.0
+    if driver >= _FOLLOWERS:
+        kind = driver - _FOLLOWERS
+        if kind < 2:
+            asked[2] = base.most[2] if kind == 0 else base.least[2]
+        elif kind == 2:
+            asked[0] = base.least[0]
+        return near
+    way = scene.way
+    while near + 1 < way.shape[0] and _away(way[near + 1], state) <= _away(way[near], state):
+        near += 1
+    look = 0.2 + 0.15 * (driver % 3)
+    target = near
+    while target + 1 < way.shape[0] and _away(way[target], state) < look:
+        target += 1
+    x, y = way[target, 0] - state[0], way[target, 1] - state[1]
+    turn = wrap(math.atan2(y, x) - state[2])
+    full = 1.0 if driver < 3 else 0.5
+    distance = math.hypot(x, y)
+    speed = min(full * base.most[0], math.sqrt(base.change[0] * distance))
+    if target + 1 == way.shape[0] and base.is_omni:
+        turn = wrap(scene.goal[2] - state[2])
+    asked[2] = 2.0 * turn
+    if base.is_omni:
+        bearing = math.atan2(y, x) - state[2]
+        asked[0], asked[1] = speed * math.cos(bearing), speed * math.sin(bearing)
+    elif abs(turn) < 1.2:
+        asked[0] = speed * math.cos(turn) ** 2
+    return near
+
+
+@njit(**FAST)
+def _away(point: np.ndarray, state: np.ndarray) -> float:
+    distance: float = math.hypot(point[0] - state[0], point[1] - state[1])
+    return distance
+
+
+@njit(**FAST)
+def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time: float) -> bool:
+    """
+    Whether the robot can ask for a velocity for a time [s] and then stop, and touch nothing.
+
+    Where it is nearer than half the margin to something already, it may go away from it.
+    """
+    state = state.copy()
+    least = 0.5 * scene.keep[0]
+    room = min(clearance(scene.distances, scene.circles, state, least), least)
+    stop = np.zeros(3)
+    passed = 0.0
+    while passed < time or max(abs(state[3]), abs(state[4]), 0.3 * abs(state[5])) > 0.02:
+        move(state, asked if passed < time else stop, base, 0.5 * STEP)
+        passed += 0.5 * STEP
+        if clearance(scene.distances, scene.circles, state, least) < room - 1e-3:
+            return False
+        if passed > 5.0:
+            break
+    return True
