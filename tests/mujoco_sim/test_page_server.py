@@ -12,10 +12,12 @@ import socket
 import time
 
 from mujoco_sim.viewer import server as page_server
+from mujoco_sim.viewer import turns
 from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.viewer.page import WebView
 from mujoco_sim.world import build_world
+from page_puppet import code
 from page_puppet import PagePuppet
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -188,6 +190,60 @@ def test_nobody_takes_the_robot_from_a_driver_who_is_there(view, port):
         page.tap('I')
         assert page.frames > before
         assert 'i' in view.pressed_keys()
+
+
+def wait_for_grant(state: ClientConnection, seconds: float) -> bool:
+    """Return whether a browser is told within some seconds that control is its."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        with contextlib.suppress(TimeoutError):
+            if state.recv(timeout=0.1) == 'grant':
+                return True
+    return False
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('way', ['given', 'rests'])
+def test_control_that_is_asked_for_goes_when_it_is_given_or_the_driver_rests(
+    view, port, monkeypatch, way
+):
+    monkeypatch.setattr(turns, 'GIVEN_AFTER', 0.3 if way == 'rests' else 1000.0)
+    with PagePuppet(view.url, session='first') as page:
+        page.keys = {code('I')}
+        time.sleep(0.5)
+        with connect(f'ws://127.0.0.1:{port}/state?sid=second') as state:
+            state.send('request_control')
+            # Hands that hold a key keep it.
+            assert not wait_for_grant(state, 1.0)
+            assert view.input.turns.waiting == 1
+            page.keys = set()
+            if way == 'given':
+                view.input.turns.give()
+            assert wait_for_grant(state, 5.0)
+            assert view.pressed_keys()[-1] in ('LOST', 'RELEASE+i')
+            with PagePuppet(view.url, session='second') as other:
+                time.sleep(0.5)
+                assert view.input.turns.waiting == 0
+                other.tap('J')
+    assert 'j' in view.pressed_keys()
+
+
+@pytest.mark.slow
+def test_who_waits_and_goes_away_waits_no_more(view, port):
+    with PagePuppet(view.url) as page:
+        with connect(f'ws://127.0.0.1:{port}/state?sid=second') as state:
+            state.send('request_control')
+            assert not wait_for_grant(state, 0.3)
+            assert view.input.turns.waiting == 1
+            state.send('leave_queue')
+            assert not wait_for_grant(state, 0.3)
+            assert view.input.turns.waiting == 0
+            state.send('force_control')
+            assert not wait_for_grant(state, 0.3)
+            assert view.input.turns.waiting == 1
+        time.sleep(0.3)
+        assert view.input.turns.waiting == 0
+        assert page.frames > 0
 
 
 @pytest.mark.slow

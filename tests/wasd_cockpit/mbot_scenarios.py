@@ -17,6 +17,7 @@ from wasd_cockpit.history import Columns
 from wasd_cockpit.layout import PANELS
 from wasd_cockpit.link import STICK_PROOF
 from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
 
 # A stick that is let go means zero so soon [s], and one of a page that is gone, too.
 STOP_TIME = 0.3
@@ -271,6 +272,23 @@ def scenario_a_spectator_has_no_panels_and_moves_nothing(page: Page) -> None:
         assert f'mbot   {page.snapshot.state}'.encode() in answer.read()
     page.wait(0.2)
     assert last_command(page, since) == 0.0
+
+
+def scenario_who_drives_is_asked_for_control_and_gives_it(page: Page) -> None:
+    hold_stick(page)
+    with connect(f'{page.url.replace("http", "ws")}state?sid=second') as spectator:
+        spectator.send('request_control')
+        page.puppet.let_go()
+        page.puppet.press_at(page.show('give control'))
+        since = page.session.world.time
+        page.puppet.buttons = 0
+        while spectator.recv() != 'grant':
+            pass
+        page.open('second')
+        page.wait_until(lambda: 'give control' not in page.rects, 'nobody waits')
+        page.wait(0.3)
+        assert last_command(page, since) <= STOP_TIME
+        hold_stick(page)
 
 
 def scenario_whatever_a_hand_does_no_panel_fails_and_nothing_grows(page: Page) -> None:

@@ -37,7 +37,7 @@ class Page:
         self.session = session
         self.url = url
         self.cockpit = session._cockpit.content
-        self.puppet = PagePuppet(url, size=DESK)
+        self.puppet: Any = None
 
     @property
     def snapshot(self) -> Any:
@@ -84,6 +84,17 @@ class Page:
         self.puppet.press_at(self.show(name))
         self.puppet.let_go()
 
+    def open(self, session: str = 'puppet') -> None:
+        """Go on as a browser of another session, or begin."""
+        self.close()
+        self.puppet = PagePuppet(self.url, session=session, size=DESK)
+        self.puppet.__enter__()
+
+    def close(self) -> None:
+        """Close the browser."""
+        if self.puppet is not None:
+            self.puppet.__exit__()
+
     def tap(self, *keys: str) -> None:
         """Press keys by their names in ImGui, with the pointer on the scene."""
         self.puppet.mouse = SCENE
@@ -107,14 +118,15 @@ def run(module: str, words: list[str]) -> dict[str, str]:
     results: dict[str, str] = {}
 
     def play() -> None:
-        with page.puppet:
-            for name, scenario in scenarios.items():
-                try:
-                    scenario(page)
-                    results[name] = ''
-                except BaseException:
-                    results[name] = traceback.format_exc()
-                page.rest()
+        page.open()
+        for name, scenario in scenarios.items():
+            try:
+                scenario(page)
+                results[name] = ''
+            except BaseException:
+                results[name] = traceback.format_exc()
+            page.rest()
+        page.close()
 
     hand = threading.Thread(target=play)
     hand.start()

@@ -278,7 +278,21 @@ class Cockpit:
             page.link.order(Order('e-stop'))
         for text in filter(None, (snapshot.message, SLOW_PAGE if self._is_slow else '')):
             page.widgets.words(text, style.ODOMETRY)
+        self._draw_turns()
         imgui.End()
+
+    def _draw_turns(self) -> None:
+        """Say that somebody asks for control, who gets it from hands that rest."""
+        page = self.page
+        turns = page.input.turns if page.input is not None else None
+        if turns is None or not turns.waiting:
+            return
+        imgui.AlignTextToFramePadding()
+        words = f'asked for control: goes in {turns.remaining:.0f} s'
+        page.widgets.words(words, style.ODOMETRY)
+        imgui.SameLine()
+        if page.widgets.button('give control', 'give'):
+            turns.give()
 
     @property
     def _is_slow(self) -> bool:

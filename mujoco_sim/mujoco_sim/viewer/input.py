@@ -15,6 +15,8 @@ from wasd_core.key_events import REPEAT_RATE
 from wasd_core.key_events import with_event
 from wasd_core.timing import Watchdog
 
+from mujoco_sim.viewer.turns import Turns
+
 # What is held down on a page counts for so long after it was heard [s]: with every picture.
 SILENCE = 0.5
 # A page that was not heard for so long is lost, and what it has set moving is stopped [s]: within
@@ -107,6 +109,8 @@ class PageInput:
         self._pictures: deque[float] = deque(maxlen=_MOST_PICTURES)
         self._undrawn = False
         self._buttons = 0
+        self._place = (0, 0)
+        self.turns = Turns(clock)
         self._is_ghost = False  # whether a button is down since before the browser was alive
         self.has_clicked = False  # until a frame of panels was begun for it
 
@@ -149,11 +153,17 @@ class PageInput:
         rate = self.rate
         return rate is not None and rate < SLOW
 
-    def hear(self, source: object, down: frozenset[int], buttons: int = 0) -> None:
+    def hear(
+        self,
+        source: object,
+        down: frozenset[int],
+        buttons: int = 0,
+        place: tuple[int, int] = (0, 0),
+    ) -> None:
         """
         Take what a browser sends with each picture that it draws: the keys that are down.
 
-        `buttons` has a bit for each of the mouse's that is.
+        `buttons` has a bit for each of the mouse's that is; its pointer is at a `place` [pixels].
         """
         with self._lock:
             self._step()
@@ -171,7 +181,9 @@ class PageInput:
             self._presence.hear()
             self._pictures.append(now)
             self.has_clicked |= buttons != self._buttons
-            self._buttons = buttons
+            if down or buttons or place != self._place:
+                self.turns.touch()
+            self._buttons, self._place = buttons, place
             self._undrawn = True
             self._lock.notify_all()
 

@@ -28,6 +28,9 @@ ANSWER_TIMEOUT = 300.0
 PING_PERIOD, PING_TIMEOUT, CLOSE_TIMEOUT = 5.0, 10.0, 1.0
 # Somebody who waits for control gets it from a page that is silent for so long [s].
 SILENT_CONTROLLER = 5.0
+# What a page says that asks for control, and the code that ends its control.
+REQUEST, FORCE, LEAVE = 'request_control', 'force_control', 'leave_queue'
+CONTROL_TAKEN = 4001
 # No message of a page is longer: files to drop are refused, what is left is input and a clipboard.
 LONGEST_MESSAGE = 1 << 20
 
@@ -49,9 +52,11 @@ ProcessResponse = Callable[[ServerConnection, Request, Response], Response | Non
 # NetImgui's header: u32 size, u8 type, 3 bytes of nothing.
 _HEADER = struct.Struct('<IB3x')
 INPUT_TYPE = 2
-# NetImgui 18's input: at 552 a u64, a bit for each button of the mouse; at 560 three of them, a
-# bit for each key from ImGui's number 512 on.
+# NetImgui 18's input: at 12 two i16, where the pointer is [pixels]; at 552 a u64, a bit for each
+# button of the mouse; at 560 three of them, a bit for each key from ImGui's number 512 on.
 INPUT_SIZE = 616
+_PLACE = struct.Struct('<2h')
+_PLACE_AT = 12
 _BUTTONS = struct.Struct('<Q')
 _BUTTONS_AT = 552
 _KEYS = struct.Struct('<3Q')
@@ -105,18 +110,37 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
     def connection_lost(self, exc: Exception | None) -> None:
         """Tell that nothing more will come."""
         self._input.lose(self)
+        if self._path == '/state':
+            self._input.turns.leave(self._session)
         super().connection_lost(exc)
 
     async def recv(self, decode: bool | None = None) -> Any:
         """Return the next message; hear what it says of the page."""
         message = await super().recv(decode)
-        path = self.request.path.partition('?')[0] if self.request else ''
-        if path == '/ui' and isinstance(message, bytes):
+        turns = self._input.turns
+        if self._path == '/ui' and isinstance(message, bytes):
+            turns.leave(self._session)
             self._hear(message)
-        elif path == '/state' and message == 'force_control' and self._input.is_present:
-            # Nobody takes a robot from a driver who is there: they wait for their turn.
-            return 'request_control'
+            if turns.take_end():
+                # Studio then grants control to the one who has waited longest.
+                await self.close(CONTROL_TAKEN, 'control was asked for')
+        elif self._path == '/state':
+            if message == FORCE and self._input.is_present:
+                # Nobody takes a robot from a driver who is there: they wait for their turn.
+                message = REQUEST
+            if message == REQUEST:
+                turns.ask(self._session)
+            elif message == LEAVE:
+                turns.leave(self._session)
         return message
+
+    @property
+    def _path(self) -> str:
+        return self.request.path.partition('?')[0] if self.request else ''
+
+    @property
+    def _session(self) -> str:
+        return str(web_server._session_id(self))
 
     def _give_up(self) -> None:
         if self.request is None:
@@ -205,10 +229,15 @@ class UnknownPacket(ValueError):
 
 
 class Pressed(NamedTuple):
-    """What is down on a page: keys by ImGui's numbers, and a bit for each button of the mouse."""
+    """
+    What is down on a page: keys by ImGui's numbers, and a bit for each button of the mouse.
+
+    `place` is where its pointer is [pixels].
+    """
 
     keys: frozenset[int]
     buttons: int
+    place: tuple[int, int]
 
 
 class InputPackets:
@@ -234,7 +263,9 @@ class InputPackets:
             packet, self._rest = self._rest[:size], self._rest[size:]
             if kind == INPUT_TYPE:
                 keys = keys_down(packet)
-                yield Pressed(keys, _BUTTONS.unpack_from(packet, _BUTTONS_AT)[0])
+                (buttons,) = _BUTTONS.unpack_from(packet, _BUTTONS_AT)
+                x, y = _PLACE.unpack_from(packet, _PLACE_AT)
+                yield Pressed(keys, buttons, (x, y))
 
 
 def keys_down(packet: bytes) -> frozenset[int]:
