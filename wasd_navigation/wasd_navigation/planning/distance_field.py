@@ -14,7 +14,7 @@ from numba import njit
 import numpy as np
 
 # How what runs most often is compiled: sums in any order, no checks of divisions.
-FAST = {'cache': True, 'error_model': 'numpy', 'fastmath': {'contract', 'reassoc', 'arcp', 'nsz'}}
+fast = njit(cache=True, error_model='numpy', fastmath={'contract', 'reassoc', 'arcp', 'nsz'})
 # Farther than this nothing is looked for [m].
 FARTHEST = 5.0
 
@@ -97,7 +97,7 @@ def _meeting(heights: np.ndarray, left: int, right: int) -> float:
     return place
 
 
-@njit(**FAST)
+@fast
 def look_up(field: Field, layer: int, x: float, y: float) -> float:
     """Return the value of a layer at a point of the map [m], between cells by their share."""
     rows, columns = field.values.shape[1], field.values.shape[2]

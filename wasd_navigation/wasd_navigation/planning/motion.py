@@ -4,10 +4,9 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 
-from wasd_navigation.planning.distance_field import FAST
+from wasd_navigation.planning.distance_field import fast
 from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.distance_field import look_up
 from wasd_navigation.planning.parameters import DriveLimits
@@ -36,7 +35,7 @@ def base_of(limits: DriveLimits) -> Base:
     )
 
 
-@njit(**FAST)
+@fast
 def move(state: np.ndarray, asked: np.ndarray, base: Base, dt: float) -> None:
     """Advance (x, y, yaw, vx, vy, wz), shape (6,), by `dt` [s] of a velocity asked for, (3,)."""
     share = dt / max(base.lag, dt)
@@ -52,7 +51,7 @@ def move(state: np.ndarray, asked: np.ndarray, base: Base, dt: float) -> None:
     state[2] += dt * state[5]
 
 
-@njit(**FAST)
+@fast
 def clearance(distances: Field, circles: np.ndarray, state: np.ndarray, enough: float) -> float:
     """
     Return the distance [m] from the footprint at (x, y, yaw, ...) to what is nearest.

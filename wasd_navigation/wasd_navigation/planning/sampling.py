@@ -11,10 +11,9 @@ way, turn, back up, stand. So one that is good is there from the first step on.
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 
-from wasd_navigation.planning.distance_field import FAST
+from wasd_navigation.planning.distance_field import fast
 from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.distance_field import look_up
 from wasd_navigation.planning.motion import Base
@@ -97,7 +96,7 @@ class Sampler:
         return places
 
 
-@njit(**FAST)
+@fast
 def _foresee(plan: np.ndarray, state: np.ndarray, base: Base) -> np.ndarray:
     state = state.copy()
     places = np.empty((plan.shape[0] + 1, 2))
@@ -108,7 +107,7 @@ def _foresee(plan: np.ndarray, state: np.ndarray, base: Base) -> np.ndarray:
     return places
 
 
-@njit(**FAST)
+@fast
 def _try_all(
     motions: np.ndarray, start: np.ndarray, scene: Scene, base: Base, costs: np.ndarray
 ) -> None:
@@ -131,7 +130,7 @@ def _try_all(
         costs[sample] = cost + value_at(scene.values, state)
 
 
-@njit(**FAST)
+@fast
 def value_at(values: Field, state: np.ndarray) -> float:
     """Return what is left from (x, y, yaw, ...), between headings by their share."""
     value: float
@@ -148,7 +147,7 @@ def value_at(values: Field, state: np.ndarray) -> float:
     return value
 
 
-@njit(**FAST)
+@fast
 def _price(state: np.ndarray, scene: Scene, base: Base) -> float:
     """Return what a step costs that ends in a state."""
     margin, comfort = scene.keep
@@ -165,7 +164,7 @@ def _price(state: np.ndarray, scene: Scene, base: Base) -> float:
     return cost
 
 
-@njit(**FAST)
+@fast
 def _drive(
     driver: int, state: np.ndarray, scene: Scene, base: Base, near: int, asked: np.ndarray
 ) -> int:
@@ -201,13 +200,13 @@ def _drive(
     return near
 
 
-@njit(**FAST)
+@fast
 def _away(point: np.ndarray, state: np.ndarray) -> float:
     distance: float = math.hypot(point[0] - state[0], point[1] - state[1])
     return distance
 
 
-@njit(**FAST)
+@fast
 def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time: float) -> bool:
     """
     Whether the robot can ask for a velocity for a time [s] and then stop, and touch nothing.
