@@ -6,10 +6,10 @@ numba compiles `numpy.linalg` and `@` for seconds per function; these loops take
 and are as fast for sizes up to 6.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import contextlib
 from pathlib import Path
-from typing import Any, cast, ParamSpec, TypeVar
+from typing import Any, cast, ParamSpec, TYPE_CHECKING, TypeVar
 
 import numba
 import numpy as np
@@ -54,14 +54,61 @@ def jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
         return cast('Callable[_P, _R]', numba.njit(function))
 
 
-def plain(record: _T) -> _T:
-    """
-    Return a NamedTuple as the tuple that it is, for a call of a compiled function from Python.
+if TYPE_CHECKING:
 
-    numba takes 10 us to see what a NamedTuple holds, and one for a tuple. The function names the
-    fields again, at no cost: `base = BaseMotion(*base)`.
+    def plain(record: _T) -> _T:
+        """
+        Return a NamedTuple as the tuple that it is, for a call of a compiled function from Python.
+
+        numba takes 10 us to see what a NamedTuple holds, and one for a tuple. The function names
+        the fields again, at no cost: `base = BaseMotion(*base)`.
+        """
+else:
+    plain = tuple
+
+
+def flatten(record: Any) -> np.ndarray:
     """
-    return cast('_T', tuple(record))
+    Return what a NamedTuple, or a mapping, holds in one block of memory, a record array (1,).
+
+    A compiled function takes it as fast as one number, whatever is in it, and returns nothing but
+    writes into it: each array that numba is given takes 0.2 us, each that it returns 1 us and
+    more. There, `base = robot[0].base` has the fields of the NamedTuple that was flattened.
+    """
+    flat = np.zeros(1, _layout(record))
+    _fill(flat, record)
+    return flat
+
+
+def _parts(record: Any) -> Any:
+    return record.items() if isinstance(record, Mapping) else record._asdict().items()
+
+
+def _is_record(value: Any) -> bool:
+    return isinstance(value, Mapping) or hasattr(value, '_fields')
+
+
+def _layout(value: Any) -> np.dtype[Any]:
+    if _is_record(value):
+        return np.dtype([(name, _layout(part)) for name, part in _parts(value)])
+    array = np.asarray(value)
+    # numba knows no flags in records.
+    return np.dtype((np.uint8 if array.dtype == bool else float, array.shape))
+
+
+def _fill(flat: np.ndarray, record: Any) -> None:
+    for name, part in _parts(record):
+        if _is_record(part):
+            _fill(flat[name], part)
+        else:
+            flat[name][...] = part
+
+
+def view_of(flat: np.ndarray, record: Any) -> Any:
+    """Return the like of a NamedTuple, or array, whose arrays are views on its flattened form."""
+    if _is_record(record):
+        return type(record)(*(view_of(flat[name], part) for name, part in _parts(record)))
+    return flat[0].view(bool) if np.asarray(record).dtype == bool else flat[0]
 
 
 @jit

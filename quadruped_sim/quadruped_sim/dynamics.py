@@ -34,15 +34,20 @@ class PinocchioTerms(NamedTuple):
     velocity: np.ndarray
 
 
-def in_leg_order(terms: PinocchioTerms, order: np.ndarray, signs: np.ndarray) -> Dynamics:
+def blank_dynamics() -> Dynamics:
+    """Return dynamics to be written into."""
+    return Dynamics(*(np.zeros(shape) for shape in ((18, 18), 18, 12, 12, 3)))
+
+
+def put_in_order(
+    terms: PinocchioTerms, order: np.ndarray, signs: np.ndarray, out: Dynamics
+) -> None:
     """
-    Return the dynamics in variables of which number i is `signs[i]` times Pinocchio's `order[i]`.
+    Write the dynamics in variables of which number i is `signs[i]` times Pinocchio's `order[i]`.
 
     The first six are the base's in both; `order` and `signs` are (18,).
     """
-    out = Dynamics(*(np.empty(shape) for shape in ((18, 18), 18, 12, 12, 3)))
     _put_in_order(plain(terms), order, signs, plain(out))
-    return out
 
 
 @jit

@@ -8,8 +8,8 @@ from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
 from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.rotations import rpy_from_matrix
 
+from quadruped_sim.algebra import plain
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.estimation.contacts import ContactDetector
@@ -27,17 +27,17 @@ from quadruped_sim.keys import StateName
 from quadruped_sim.keys import Sticks
 from quadruped_sim.keys import SUCCESSORS
 from quadruped_sim.keys import TRANSITIONS
-from quadruped_sim.leg_kinematics import contact_points
-from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.leg_kinematics import write_contact_points
+from quadruped_sim.leg_kinematics import write_leg_motion
 from quadruped_sim.locomotion.locomotion import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.presets import GAITS
-from quadruped_sim.robot_model import BaseMotion
-from quadruped_sim.robot_model import LegOdometry
-from quadruped_sim.robot_model import make_odometry
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import LegOdometry
+from quadruped_sim.robot_state import make_odometry
+from quadruped_sim.robot_state import place_base
+from quadruped_sim.robot_state import RobotState
 from quadruped_sim.safety import Safety
 from quadruped_sim.scaling import scale_parameters
 from quadruped_sim.states import ControllerParts
@@ -98,6 +98,7 @@ class LegController:
             self.model, self._params, self.locomotion, self.command_filter, self.sticks
         )
         self._states = make_states(self._parts)
+        self._robot, self._geometry = RobotState.blank(), plain(model.geometry)
         self.obstacle = obstacle(model)  # what keeps it from getting up, '' if nothing does
         self.reset()
 
@@ -278,40 +279,30 @@ class LegController:
 
     def _estimate(self, reading: Reading, dt: float, truth: BaseState | None) -> RobotState:
         """Base, feet, contacts and dynamics at this reading."""
-        model = self.model
-        angles, rates, efforts = reading.joints
-        motion = leg_motion(model.geometry, angles, rates)
+        model, robot, detector = self.model, self._robot, self._detector
+        robot.joint_position[:], robot.joint_velocity[:], efforts = reading.joints
+        motion, base = robot.motion, robot.base
+        write_leg_motion(self._geometry, robot.joint_position, robot.joint_velocity, plain(motion))
         is_trotting = self._machine.state in (StateName.TROTTING, StateName.MOVE_BASE)
         normal = self.locomotion.ground.normal() if is_trotting else _UP
         if truth is None or not self._uses_truth:
             truth = self._filter(reading, motion, normal, dt)
-        position, orientation, velocity, omega = truth
-        R = matrix_from_quaternion(orientation)
-        up = R.T @ normal
-        dynamics = model.dynamics(orientation, R.T @ velocity, omega, angles, rates)
-        self._detector.step(efforts, motion, dynamics, up, dt)
-        contact = contact_points(motion, up, model.geometry.foot_radius)
+        base.position[:], robot.orientation[:], base.velocity[:], base.omega[:] = truth
+        place_base(robot.flat)
+        model.update_dynamics(robot)
+        up = base.R.T @ normal
+        detector.step(efforts, motion, robot.dynamics, up, dt)
+        robot.forces[:], robot.is_contact[:] = detector.forces, detector.is_contact
+        robot.normal_forces[:] = detector.normal_forces
+        contact = robot.contact
+        write_contact_points(plain(motion), up, model.geometry.foot_radius, plain(contact))
         if self._machine.state is StateName.PASSIVE or self._states[self._machine.state].is_lying:
             self._load.reset()
         else:
-            down = Loaded(
-                dynamics, self._detector.forces, contact.position, R[2], R.T @ velocity, omega
-            )
+            moves = base.R.T @ base.velocity, base.omega
+            down = Loaded(plain(robot.dynamics), robot.forces, contact.position, base.R[2], *moves)
             self._load.step(down, self._params.contact.load_time, dt)
-        return RobotState(
-            joint_position=angles,
-            joint_velocity=rates,
-            orientation=orientation,
-            base=BaseMotion(position, velocity, R, rpy_from_matrix(R), omega),
-            motion=motion,
-            contact=contact,
-            dynamics=dynamics,
-            feet=position + motion.position @ R.T,
-            com=dynamics.com,
-            normal_forces=self._detector.normal_forces,
-            is_contact=self._detector.is_contact,
-            forces=self._detector.forces,
-        )
+        return robot
 
     def _filter(
         self, reading: Reading, motion: LegMotion, normal: np.ndarray, dt: float
@@ -325,17 +316,15 @@ class LegController:
         self._heading.step(R, motion.position, stands, dt)
         orientation, omega = self._heading.orientation(measured), omega - self._heading.bias * R[2]
         R = matrix_from_quaternion(orientation)
-        relative = motion.position @ R.T
         if not self._is_started:
-            self._start(relative)
+            self._start(motion.position @ R.T)
         is_passive = self._machine.state is StateName.PASSIVE
         if state.is_lying or (is_passive and (self._level is not None or self._is_down(R))):
-            self._rest(relative, dt)
+            self._rest(motion.position @ R.T, dt)
         else:
             self._level = None
             self._kalman.step(ImuSample(R, omega, acceleration), motion, state.trust, normal, dt)
-        position, velocity = self._kalman.position.copy(), self._kalman.velocity.copy()
-        return BaseState(position, orientation, velocity, omega)
+        return BaseState(self._kalman.position, orientation, self._kalman.velocity, omega)
 
     def _is_down(self, R: np.ndarray) -> bool:
         """Whether something else than the feet carries the robot; `R` turns base axes to world."""

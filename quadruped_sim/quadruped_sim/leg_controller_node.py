@@ -51,8 +51,8 @@ from quadruped_sim.keys import StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_model import LegOdometry
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_state import LegOdometry
 
 # Longest step of gait and estimate between two readings [s]; a request is as old as it is.
 MAXIMUM_STEP = 0.02

@@ -56,20 +56,19 @@ class LegMotion(NamedTuple):
 
 def leg_motion(leg: LegGeometry, angles: np.ndarray, rates: np.ndarray) -> LegMotion:
     """Feet at joint `angles` [rad] moving at `rates` [rad/s], both (12,)."""
-    return LegMotion(*_leg_motion(plain(leg), angles, rates))
+    out = LegMotion(*(np.zeros((4, 3, 3) if k == 2 else (4, 3)) for k in range(6)))
+    write_leg_motion(plain(leg), angles, rates, plain(out))
+    return out
 
 
 @jit
-def _leg_motion(
-    leg: LegGeometry, angles: np.ndarray, rates: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    leg = LegGeometry(*leg)
-    position = leg.hip.copy()
-    velocity = np.zeros((4, 3))
-    jacobian = np.zeros((4, 3, 3))
-    bias = np.zeros((4, 3))
-    spin = np.zeros((4, 3))
-    axis = np.zeros((4, 3))
+def write_leg_motion(
+    leg: LegGeometry, angles: np.ndarray, rates: np.ndarray, out: LegMotion
+) -> None:
+    """Compiled `leg_motion`, which writes into `out`."""
+    leg, out = LegGeometry(*leg), LegMotion(*out)
+    position, velocity, jacobian = out.position, out.velocity, out.jacobian
+    bias, spin, axis = out.bias, out.calf_rate, out.axis
     for i in range(4):
         hip_rate, thigh_rate = rates[3 * i], rates[3 * i + 1]
         calf_rate = thigh_rate + rates[3 * i + 2]
@@ -82,15 +81,16 @@ def _leg_motion(
         z = fall - leg.drop[i]
         y_base = leg.offset[i] * c1 - z * s1
         z_base = leg.offset[i] * s1 + z * c1
-        position[i, 0] += x
-        position[i, 1] += y_base
-        position[i, 2] += z_base
+        position[i, 0] = leg.hip[i, 0] + x
+        position[i, 1] = leg.hip[i, 1] + y_base
+        position[i, 2] = leg.hip[i, 2] + z_base
 
         J = jacobian[i]
         J[1, 0], J[2, 0] = -z_base, y_base
         J[0, 1], J[1, 1], J[2, 1] = fall, x * s1, -x * c1
         J[0, 2], J[1, 2], J[2, 2] = -lc3, -ls3 * s1, ls3 * c1
         for row in range(3):
+            velocity[i, row] = 0.0
             for joint in range(3):
                 velocity[i, row] += J[row, joint] * rates[3 * i + joint]
 
@@ -102,7 +102,6 @@ def _leg_motion(
         bias[i, 2] = -z_base * hip_rate**2 + z_bias * c1 - 2.0 * z_rate * hip_rate * s1
         axis[i, 1], axis[i, 2] = c1, s1
         spin[i, 0], spin[i, 1], spin[i, 2] = hip_rate, calf_rate * c1, calf_rate * s1
-    return position, velocity, jacobian, bias, spin, axis
 
 
 class ContactPoints(NamedTuple):
@@ -119,26 +118,36 @@ class ContactPoints(NamedTuple):
 
 def contact_points(motion: LegMotion, normal: np.ndarray, foot_radius: float) -> ContactPoints:
     """Contact points of balls of `foot_radius` [m] on ground with `normal` (3,) in base axes."""
-    arm = -foot_radius * normal
-    return ContactPoints(
-        motion.position + arm, _contact_jacobian(motion.jacobian, motion.axis, arm)
-    )
+    out = ContactPoints(np.zeros((4, 3)), np.zeros((4, 3, 3)))
+    write_contact_points(plain(motion), normal, foot_radius, plain(out))
+    return out
 
 
 @jit
-def _contact_jacobian(jacobian: np.ndarray, axis: np.ndarray, arm: np.ndarray) -> np.ndarray:
-    """Add (joint axis) x `arm`; the hip's axis is (1, 0, 0), the others' (0, c1, s1)."""
-    J = jacobian.copy()
-    x, y, z = arm
+def write_contact_points(
+    motion: LegMotion, normal: np.ndarray, foot_radius: float, out: ContactPoints
+) -> None:
+    """
+    Compiled `contact_points`, which writes into `out`.
+
+    The Jacobian has (joint axis) x (arm to the contact) more than that of the centre; the hip's
+    axis is (1, 0, 0), the others' (0, c1, s1).
+    """
+    motion, out = LegMotion(*motion), ContactPoints(*out)
+    J = out.jacobian
+    x, y, z = -foot_radius * normal[0], -foot_radius * normal[1], -foot_radius * normal[2]
     for i in range(4):
-        c1, s1 = axis[i, 1], axis[i, 2]
+        for row in range(3):
+            out.position[i, row] = motion.position[i, row] - foot_radius * normal[row]
+            for joint in range(3):
+                J[i, row, joint] = motion.jacobian[i, row, joint]
+        c1, s1 = motion.axis[i, 1], motion.axis[i, 2]
         J[i, 1, 0] -= z
         J[i, 2, 0] += y
         for joint in (1, 2):
             J[i, 0, joint] += z * c1 - y * s1
             J[i, 1, joint] += x * s1
             J[i, 2, joint] -= x * c1
-    return J
 
 
 def foot_positions(leg: LegGeometry, angles: np.ndarray) -> np.ndarray:

@@ -25,14 +25,17 @@ from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 from wasd_core.streams import visible
 
+from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import rotate_back
+from quadruped_sim.dynamics import blank_dynamics
 from quadruped_sim.dynamics import Dynamics
-from quadruped_sim.dynamics import in_leg_order
 from quadruped_sim.dynamics import PinocchioTerms
-from quadruped_sim.leg_kinematics import ContactPoints
+from quadruped_sim.dynamics import put_in_order
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegGeometry
-from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.robot_state import RobotState
 
 # The closed form may miss the feet by so much per leg length: descriptions round right angles.
 GEOMETRY_TOLERANCE = 2e-3
@@ -61,88 +64,6 @@ class JointLimits:
     upper: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
-
-
-class BaseMotion(NamedTuple):
-    """
-    Where the base is and how it moves.
-
-    `position` [m] and `velocity` [m/s] are in the world, `R` (3, 3) turns base axes into it,
-    `rpy` says the same [rad]; `omega` [rad/s] is in base axes.
-    """
-
-    position: np.ndarray
-    velocity: np.ndarray
-    R: np.ndarray
-    rpy: np.ndarray
-    omega: np.ndarray
-
-
-@dataclass(frozen=True)
-class RobotState:
-    """
-    Estimated state of one tick.
-
-    `orientation` (w, x, y, z) says what `base.R` says. `feet` (4, 3) are the foot centres in the
-    world and `com` (3,) the centre of mass in base axes. `normal_forces` (4,) [N] are estimated
-    from the joint torques, `is_contact` (4,) follows from them; `forces` (4, 3) [N] are all of
-    each, in base axes.
-    """
-
-    joint_position: np.ndarray
-    joint_velocity: np.ndarray
-    orientation: np.ndarray
-    base: BaseMotion
-    motion: LegMotion
-    contact: ContactPoints
-    dynamics: Dynamics
-    feet: np.ndarray
-    com: np.ndarray
-    normal_forces: np.ndarray
-    is_contact: np.ndarray
-    forces: np.ndarray
-
-    @property
-    def mass(self) -> float:
-        """What the legs carry [kg], a load as it is felt among it."""
-        return float(self.dynamics.mass[0, 0])
-
-
-@dataclass(frozen=True)
-class LegOdometry:
-    """
-    Pose and velocity of the base for navigation.
-
-    `position` [m] in odom, `orientation` (w, x, y, z) base to odom; `linear_velocity` [m/s] and
-    `angular_velocity` [rad/s] in base axes. Covariances are (6, 6): xyz then rotation about xyz.
-    """
-
-    position: np.ndarray
-    orientation: np.ndarray
-    linear_velocity: np.ndarray
-    angular_velocity: np.ndarray
-    pose_covariance: np.ndarray
-    twist_covariance: np.ndarray
-
-
-# The IMU's tilt is taken as true up to this variance [rad^2]; its rate likewise.
-_ROTATION_VARIANCE = 1e-5
-_RATE_VARIANCE = 1e-4
-
-
-def make_odometry(
-    robot: RobotState, position_variance: float, velocity_variance: float, heading_variance: float
-) -> LegOdometry:
-    """LegOdometry from the estimated state; variances per axis [m^2], [m^2/s^2], [rad^2]."""
-    rotation = [_ROTATION_VARIANCE] * 2 + [_ROTATION_VARIANCE + heading_variance]
-    return LegOdometry(
-        position=robot.base.position,
-        orientation=robot.orientation,
-        linear_velocity=robot.base.R.T @ robot.base.velocity,
-        angular_velocity=robot.base.omega,
-        pose_covariance=np.diag([position_variance] * 3 + rotation),
-        twist_covariance=np.diag([velocity_variance] * 3 + [_RATE_VARIANCE] * 3),
-    )
 
 
 class RobotModel:
@@ -196,6 +117,7 @@ class RobotModel:
         self._sign, self._zero = self.quadruped.sign, self.quadruped.zero
         self._order = np.concatenate((np.arange(6), self._to_v))
         self._signs = np.concatenate((np.ones(6), self._sign))
+        self._joints = plain(_PinocchioJoints(self._to_q, self._to_v, self._sign, self._zero))
         self._is_plain = self.quadruped.is_plain
         self._neutral = pin.neutral(self._model)
         self._q = self._neutral.copy()
@@ -315,23 +237,57 @@ class RobotModel:
         rates: np.ndarray,
     ) -> Dynamics:
         """
-        Equations of motion at a state.
+        Return the equations of motion at a state.
 
         `orientation` is (w, x, y, z), `velocity` [m/s] and `angular_velocity` [rad/s] are those of
         the base in base axes.
         """
-        model, data, q, v = self._model, self._data, self._q, self._v
-        q[3:6] = orientation[1:]
-        q[6] = orientation[0]
+        out = blank_dynamics()
+        q, v = self._q, self._v
+        q[3:6], q[6] = orientation[1:], orientation[0]
         q[self._to_q] = self._joint_positions(angles)
-        v[0:3] = velocity
-        v[3:6] = angular_velocity
+        v[0:3], v[3:6] = velocity, angular_velocity
         v[self._to_v] = rates if self._is_plain else self._sign * rates
+        self._find_dynamics(out)
+        return out
+
+    def update_dynamics(self, robot: RobotState) -> None:
+        """Write the equations of motion at a state into it."""
+        _to_pinocchio(robot.flat, self._joints, self._q, self._v)
+        self._find_dynamics(robot.dynamics)
+
+    def _find_dynamics(self, out: Dynamics) -> None:
+        model, data, q, v = self._model, self._data, self._q, self._v
         pin.crba(model, data, q)
         pin.nonLinearEffects(model, data, q, v)
         coriolis = pin.computeCoriolisMatrix(model, data, q, v)
-        terms = PinocchioTerms(data.M, data.nle, coriolis, v)
-        return in_leg_order(terms, self._order, self._signs)
+        put_in_order(PinocchioTerms(data.M, data.nle, coriolis, v), self._order, self._signs, out)
+
+
+class _PinocchioJoints(NamedTuple):
+    """Where Pinocchio has the joints' positions and velocities; their signs and zeros (12,)."""
+
+    to_q: np.ndarray
+    to_v: np.ndarray
+    sign: np.ndarray
+    zero: np.ndarray
+
+
+@jit
+def _to_pinocchio(
+    robot: np.ndarray, joints: _PinocchioJoints, q: np.ndarray, v: np.ndarray
+) -> None:
+    """Write Pinocchio's configuration and velocity of a flat `RobotState`, but for its place."""
+    state, joints = robot[0], _PinocchioJoints(*joints)
+    turn, base = state.orientation, state.base
+    q[3], q[4], q[5], q[6] = turn[1], turn[2], turn[3], turn[0]
+    velocity = rotate_back(base.R, base.velocity)
+    for k in range(3):
+        v[k], v[3 + k] = velocity[k], base.omega[k]
+    for i in range(12):
+        sign = joints.sign[i]
+        q[joints.to_q[i]] = sign * (state.joint_position[i] - joints.zero[i])
+        v[joints.to_v[i]] = sign * state.joint_velocity[i]
 
 
 def _check_feet(robot: Robot, quadruped: Quadruped) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 from robot_description.description import parse_description
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import ImuReading

@@ -11,7 +11,7 @@ from quadruped_sim.leg_controller_node import Frames
 from quadruped_sim.leg_controller_node import to_odometry
 from quadruped_sim.leg_controller_node import to_transform
 from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_model import LegOdometry
+from quadruped_sim.robot_state import LegOdometry
 from sensor_msgs.msg import JointState
 from wasd_core.messages import to_base_state
 from wasd_core.messages import to_imu

@@ -10,7 +10,7 @@ from quadruped_sim.parameters import FootholdParameters
 from quadruped_sim.parameters import GroundParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.parameters import ReferenceParameters
-from quadruped_sim.robot_model import BaseMotion
+from quadruped_sim.robot_state import BaseMotion
 from wasd_core.rotations import yaw_matrix
 
 STANCE = 0.2

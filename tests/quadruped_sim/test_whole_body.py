@@ -11,8 +11,8 @@ from quadruped_sim.locomotion.whole_body import WholeBody
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
-from quadruped_sim.robot_model import BaseMotion
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import BaseMotion
+from quadruped_sim.robot_state import RobotState
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
@@ -50,7 +50,6 @@ def solve(model, angles, rng, stance, force_weight=1e-9, limits=None):
             contact=contact,
             dynamics=dynamics,
             feet=motion.position @ R.T,
-            com=np.zeros(3),
             normal_forces=forces[:, 2],
             is_contact=stance,
             forces=forces @ R,

@@ -27,8 +27,8 @@ from quadruped_sim.parameters import CommandParameters
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_model import LegOdometry
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_state import LegOdometry
 from robot_description.description import load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.morphology.wheels import WheelChoice

@@ -53,34 +53,30 @@ class ContactDetector:
         """Update by the measured joint `torque` (12,) [N m]; `normal` (3,) is up in base axes."""
         if self._observer is None:
             self._observer = Observer(dynamics.momentum.copy(), np.zeros(12))
-        self.forces = _observe(
-            plain(self._observer),
-            torque + dynamics.momentum_drift,
-            dynamics.momentum,
-            motion.jacobian,
-            self.params.bandwidth,
-            dt,
-        )
-        self.normal_forces = self.forces @ normal
-        threshold = np.where(self.is_contact, self.params.force_off, self.params.force_on)
-        self.is_contact = self.normal_forces > threshold
+        moving = torque, dynamics.momentum_drift, dynamics.momentum, motion.jacobian
+        _observe(plain(self._observer), moving, self.params.bandwidth, dt, self.forces)
+        thresholds = self.params.force_off, self.params.force_on
+        _touch(self.forces, normal, thresholds, self.normal_forces, self.is_contact)
 
 
 @jit
 def _observe(
     observer: Observer,
-    known: np.ndarray,
-    momentum: np.ndarray,
-    jacobian: np.ndarray,
+    moving: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     bandwidth: float,
     dt: float,
-) -> np.ndarray:
-    """Advance the observer in place; returns the foot forces (4, 3) [N]."""
+    forces: np.ndarray,
+) -> None:
+    """
+    Advance the observer in place; writes the foot forces (4, 3) [N].
+
+    `moving` are torque, momentum drift and momentum of the joints, and the feet's Jacobian.
+    """
     integral, residual = observer
+    torque, drift, momentum, jacobian = moving
     for k in range(12):
-        integral[k] += dt * (known[k] + residual[k])
+        integral[k] += dt * (torque[k] + drift[k] + residual[k])
         residual[k] = bandwidth * (momentum[k] - integral[k])
-    forces = np.empty((4, 3))
     damped = np.empty((3, 3))
     pull = np.empty((3, 1))
     for i in range(4):
@@ -96,7 +92,23 @@ def _observe(
         solve_in_place(damped, pull)
         for k in range(3):
             forces[i, k] = pull[k, 0]
-    return forces
+
+
+@jit
+def _touch(
+    forces: np.ndarray,
+    normal: np.ndarray,
+    thresholds: tuple[float, float],
+    normal_forces: np.ndarray,
+    is_contact: np.ndarray,
+) -> None:
+    """Write what the feet bear along `normal`, and which touch: more than one of (off, on) [N]."""
+    off, on = thresholds
+    for i in range(4):
+        normal_forces[i] = 0.0
+        for k in range(3):
+            normal_forces[i] += forces[i, k] * normal[k]
+        is_contact[i] = normal_forces[i] > (off if is_contact[i] else on)
 
 
 class Plane(NamedTuple):

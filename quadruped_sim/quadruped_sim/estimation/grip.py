@@ -13,8 +13,8 @@ from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.leg_kinematics import ContactPoints
 from quadruped_sim.parameters import GripParameters
-from quadruped_sim.robot_model import BaseMotion
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import BaseMotion
+from quadruped_sim.robot_state import RobotState
 
 # Cosine between motion and force of a foot below which it slips: -1, but for what is not known.
 _OPPOSED = -0.9

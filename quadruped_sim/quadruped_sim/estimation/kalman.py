@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the base is and how fast it moves: a linear Kalman filter on IMU and leg kinematics."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
@@ -47,11 +47,15 @@ class Gaussian(NamedTuple):
     Mean x (7, 3) and covariance P (7, 7).
 
     Rows are position and velocity of the IMU, four feet, all in world axes, and the bias of the
-    accelerometer, in base axes.
+    accelerometer, in base axes. `lever` (3,) is from the base's origin to the IMU and `whirl` (3,)
+    what that moves by, of turning, world axes; `belief` (4,) says how far each foot was believed.
     """
 
     x: np.ndarray
     P: np.ndarray
+    lever: np.ndarray
+    whirl: np.ndarray
+    belief: np.ndarray
 
 
 class SensorModel(NamedTuple):
@@ -59,7 +63,8 @@ class SensorModel(NamedTuple):
     Where the IMU is and how round the feet are [m], and the noises' standard deviations.
 
     Those are of acceleration, of its bias' walk, of a standing foot, of foot position by joint
-    angles and of velocity by a leg; `slip` is what velocity a foot is doubted at [m/s].
+    angles and of velocity by a leg; `slip` is what velocity a foot is doubted at [m/s]. Feet less
+    than `level_band` [m] off level ground are drawn to it in `level_time` [s].
     """
 
     imu_offset: np.ndarray
@@ -70,6 +75,8 @@ class SensorModel(NamedTuple):
     kinematics: float
     velocity: float
     slip: float
+    level_band: float
+    level_time: float
 
 
 class KalmanEstimator:
@@ -100,42 +107,45 @@ class KalmanEstimator:
     def tune(self, params: EstimatorParameters) -> None:
         """Take other noises; the estimate stays."""
         self._params = params
-        self._sensors = SensorModel(
-            self._imu_offset,
-            self._radius,
-            params.acceleration_noise,
-            params.bias_noise,
-            params.foot_noise,
-            params.kinematics_noise,
-            params.velocity_noise,
-            params.slip_speed,
+        self._sensors = flatten(
+            SensorModel(
+                self._imu_offset,
+                self._radius,
+                params.acceleration_noise,
+                params.bias_noise,
+                params.foot_noise,
+                params.kinematics_noise,
+                params.velocity_noise,
+                params.slip_speed,
+                params.level_band,
+                params.level_time,
+            )
         )
 
     def reset(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Start at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]."""
         x = np.vstack((position, np.zeros(3), feet, np.zeros(3)))
         bias = self._params.bias**2
-        self._estimate = Gaussian(x, np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, bias)))
-        self.belief = np.ones(4)
-        self._lever: np.ndarray | None = None  # from the base's origin to the IMU, world axes
-        self._whirl = np.zeros(3)  # and what it moves by, of turning
+        P = np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, bias))
+        self._estimate = Gaussian(x, P, np.zeros(3), np.zeros(3), np.ones(4))
+        self._is_placed = False  # whether it is known where the IMU is, seen from the world
 
     def hold(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Be at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]; no surer."""
         x = self._estimate.x
         x[0], x[1], x[2:6] = position, 0.0, feet
-        self._lever, self._whirl = None, np.zeros(3)
+        self._estimate.lever[:], self._estimate.whirl[:] = 0.0, 0.0
+        self._is_placed = False
 
     @property
     def position(self) -> np.ndarray:
         """Base position in world (3,) [m]."""
-        lever = np.zeros(3) if self._lever is None else self._lever
-        return np.asarray(self._estimate.x[0] - lever)
+        return np.asarray(self._estimate.x[0] - self._estimate.lever)
 
     @property
     def velocity(self) -> np.ndarray:
         """Base velocity in world axes (3,) [m/s]."""
-        return np.asarray(self._estimate.x[1] - self._whirl)
+        return np.asarray(self._estimate.x[1] - self._estimate.whirl)
 
     @property
     def feet(self) -> np.ndarray:
@@ -148,6 +158,11 @@ class KalmanEstimator:
         return np.asarray(self._estimate.x[6])
 
     @property
+    def belief(self) -> np.ndarray:
+        """How far each foot was believed (4,)."""
+        return self._estimate.belief
+
+    @property
     def variances(self) -> tuple[float, float]:
         """Variance of position [m^2] and of velocity [m^2/s^2] per axis."""
         return float(self._estimate.P[0, 0]), float(self._estimate.P[1, 1])
@@ -156,31 +171,32 @@ class KalmanEstimator:
         self, imu: ImuSample, motion: LegMotion, trust: np.ndarray, normal: np.ndarray, dt: float
     ) -> None:
         """Predict by the accelerometer, correct by the legs; `normal` is the ground's, world."""
-        lever = rotate(imu.R, self._imu_offset)
-        if self._lever is None:  # the first of all readings
-            self._estimate.x[0] += lever
-        self._lever = lever
-        self._whirl = rotate(imu.R, cross3(imu.omega, self._imu_offset))
+        if not self._is_placed:  # the first of all readings
+            self._estimate.x[0] += rotate(imu.R, self._imu_offset)
+            self._is_placed = True
         footing = plain(Footing(trust, normal))
-        self.belief = _filter_step(
-            plain(self._estimate), plain(imu), plain(motion), footing, plain(self._sensors), dt
-        )
-        self._anchor(trust, dt)
+        _filter_step(plain(self._estimate), plain(imu), plain(motion), footing, self._sensors, dt)
 
-    def _anchor(self, trust: np.ndarray, dt: float) -> None:
-        """
-        Draw feet that stand near the start level to it, taking the robot with them.
 
-        Leg odometry has no height reference and drifts. On level ground this removes the drift;
-        beyond `level_band` the ground has really changed and nothing is done.
-        """
-        total = float(trust.sum())
-        if total < 1.0:
-            return
-        level = float(trust @ self._estimate.x[2:6, 2]) / total - self._radius
-        if math.fabs(level) < self._params.level_band:
-            self._estimate.x[0, 2] -= dt / self._params.level_time * level
-            self._estimate.x[2:6, 2] -= dt / self._params.level_time * level
+@jit
+def _anchor(estimate: Gaussian, trust: np.ndarray, sensors: SensorModel, dt: float) -> None:
+    """
+    Draw feet that stand near the start level to it, taking the robot with them.
+
+    Leg odometry has no height reference and drifts. On level ground this removes the drift; beyond
+    `level_band` the ground has really changed and nothing is done.
+    """
+    total = level = 0.0
+    for i in range(4):
+        total += trust[i]
+        level += trust[i] * estimate.x[2 + i, 2]
+    if total < 1.0:
+        return
+    level = level / total - sensors.radius
+    if abs(level) < sensors.level_band:
+        estimate.x[0, 2] -= dt / sensors.level_time * level
+        for i in range(4):
+            estimate.x[2 + i, 2] -= dt / sensors.level_time * level
 
 
 @jit
@@ -189,18 +205,20 @@ def _filter_step(
     imu: ImuSample,
     motion: LegMotion,
     footing: Footing,
-    sensors: SensorModel,
+    flat_sensors: np.ndarray,
     dt: float,
-) -> np.ndarray:
-    """Predict and correct `estimate` in place; returns how far each foot was believed (4,)."""
+) -> None:
+    """Predict and correct `estimate` in place."""
+    estimate, footing, sensors = Gaussian(*estimate), Footing(*footing), flat_sensors[0]
     imu = ImuSample(*imu)
-    sensors = SensorModel(*sensors)
-    x, P = estimate
-    R = imu.R
+    x, P, R = estimate.x, estimate.P, imu.R
+    estimate.lever[:] = rotate(R, sensors.imu_offset)
+    estimate.whirl[:] = rotate(R, cross3(imu.omega, sensors.imu_offset))
     x[6] = rotate(R, x[6])  # into world axes, and back in the end
     _predict_base(estimate, imu, sensors, dt)
-    reach, velocity, rolling = _legs(imu, LegMotion(*motion), Footing(*footing).normal, sensors)
-    belief = _believe(estimate, Footing(*footing).trust, velocity, sensors.slip)
+    reach, velocity, rolling = _legs(imu, LegMotion(*motion), footing.normal, sensors)
+    _believe(estimate, footing.trust, velocity, sensors.slip)
+    belief = estimate.belief
     h = np.empty(7)
     # Independent noises: measurements may be taken one after the other.
     for i in range(4):
@@ -218,7 +236,7 @@ def _filter_step(
             noise = sensors.velocity * sensors.velocity / belief[i]
             _scalar_update(estimate, h, velocity[i], noise)
     x[6] = rotate_back(R, x[6])
-    return belief
+    _anchor(estimate, footing.trust, sensors, dt)
 
 
 @jit
@@ -251,18 +269,15 @@ def _legs(
 
 
 @jit
-def _believe(
-    estimate: Gaussian, trust: np.ndarray, velocity: np.ndarray, slip: float
-) -> np.ndarray:
+def _believe(estimate: Gaussian, trust: np.ndarray, velocity: np.ndarray, slip: float) -> None:
     """
-    Return how far each foot is believed (4,): its trust, less where its velocity does not fit.
+    Find how far each foot is believed: its trust, less where its velocity does not fit.
 
     The weight 1 / (1 + d^2) of a disagreement d times what is expected is Cauchy's: feet that all
     slip hardly pull, but they do pull, so that a prediction gone wrong (a hard landing between
     two readings) is found again. Beside a foot that fits, one that is far off is left out.
     """
-    x, P = estimate
-    belief = np.empty(4)
+    x, P, belief = estimate.x, estimate.P, estimate.belief
     # In a quick gait legs that stand are off as well, most of all up and down at landing.
     speed = (x[1, 0] ** 2 + x[1, 1] ** 2 + x[1, 2] ** 2) / (_QUICK * slip) ** 2
     expected = (slip * (1.0 + speed)) ** 2 + 3.0 * P[1, 1]
@@ -276,13 +291,12 @@ def _believe(
     for i in range(4):
         if best > 0.5 and belief[i] < _FAR * trust[i]:
             belief[i] = 0.0
-    return belief
 
 
 @jit
 def _predict_base(estimate: Gaussian, imu: ImuSample, sensors: SensorModel, dt: float) -> None:
     """Move the IMU by what its accelerometer feels, less the bias."""
-    x, P = estimate
+    x, P = estimate.x, estimate.P
     force = rotate(imu.R, imu.acceleration)
     force[2] -= GRAVITY
     square = 0.0
@@ -308,7 +322,7 @@ def _predict_base(estimate: Gaussian, imu: ImuSample, sensors: SensorModel, dt: 
 @jit
 def _scalar_update(estimate: Gaussian, h: np.ndarray, measured: np.ndarray, noise: float) -> None:
     """Take one measurement h x = `measured` (3,), of variance `noise` in each axis, in place."""
-    x, P = estimate
+    x, P = estimate.x, estimate.P
     size = len(h)
     Ph = np.zeros(size)
     for i in range(size):

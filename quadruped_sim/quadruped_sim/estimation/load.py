@@ -48,8 +48,7 @@ class LoadObserver:
         """Update by `dt` [s] with a time constant [s], and correct `state.dynamics` in place."""
         if self._felt is None:
             self._felt = LoadState(_momentum(plain(state), self._inertia), np.zeros(3))
-        _observe(plain(self._felt), plain(state), self._inertia, 1.0 / time, dt)
-        _carry(plain(state), self._felt.residual, self._shift_most)
+        _feel(plain(self._felt), plain(state), self._inertia, self._shift_most, 1.0 / time, dt)
 
 
 class Loaded(NamedTuple):
@@ -98,6 +97,15 @@ def _observe(felt: LoadState, state: Loaded, inertia: np.ndarray, rate: float, d
     for k in range(3):
         felt.integral[k] += dt * (known[k] + felt.residual[k])
         felt.residual[k] = rate * (momentum[k] - felt.integral[k])
+
+
+@jit
+def _feel(
+    felt: LoadState, state: Loaded, inertia: np.ndarray, most: float, rate: float, dt: float
+) -> None:
+    """Observe, and correct the dynamics by what is felt."""
+    _observe(felt, state, inertia, rate, dt)
+    _carry(state, LoadState(*felt).residual, most)
 
 
 @jit

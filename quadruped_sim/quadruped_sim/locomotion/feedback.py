@@ -22,9 +22,9 @@ from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
 from quadruped_sim.parameters import BalanceParameters
 from quadruped_sim.parameters import WholeBodyParameters
-from quadruped_sim.robot_model import BaseMotion
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import BaseMotion
+from quadruped_sim.robot_state import RobotState
 
 
 def gains_of(params: BalanceParameters | WholeBodyParameters) -> np.ndarray:

@@ -30,7 +30,7 @@ from quadruped_sim.locomotion.whole_body import WholeBody
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 
 # On the Go2: how fast the base sinks or rises to its height on entry [m/s],
 _HEIGHT_RATE = 0.15

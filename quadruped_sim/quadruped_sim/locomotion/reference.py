@@ -10,7 +10,7 @@ from wasd_core.rotations import wrap_angle
 
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.parameters import ReferenceParameters
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 
 # Largest correction by the height integral [m], and the velocity error beyond which an error is
 # a push, which does not wind the velocity integral faster [m/s]; both on the Go2.

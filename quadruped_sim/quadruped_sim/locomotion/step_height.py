@@ -10,7 +10,7 @@ from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.parameters import ContactParameters
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 
 # Feet that stand this far off the plane through all are the noise of a flat floor, and this far
 # off are on rough ground, in full; on the Go2 [m].

@@ -13,9 +13,9 @@ from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_model import BaseMotion
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import BaseMotion
+from quadruped_sim.robot_state import RobotState
 
 # Share of a swing in which the foot gathers speed, and as much in which it loses it again.
 _RAMP = 0.3

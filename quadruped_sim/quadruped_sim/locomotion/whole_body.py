@@ -6,29 +6,25 @@ from typing import NamedTuple
 
 import numpy as np
 from wasd_core.robot_io import FULL_TORQUE_SHARE
-from wasd_core.rotations import cross
 
 from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import invert3
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import solve_in_place
-from quadruped_sim.dynamics import Dynamics
-from quadruped_sim.leg_kinematics import ContactPoints
-from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.locomotion.friction_qp import ForceBounds
 from quadruped_sim.locomotion.friction_qp import FrictionPyramids
 from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
 from quadruped_sim.parameters import WholeBodyParameters
 from quadruped_sim.robot_model import JointLimits
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 
 
-@dataclass(frozen=True)
-class WholeBodyTask:
+class WholeBodyTask(NamedTuple):
     """
     What the robot shall do now.
 
@@ -53,34 +49,41 @@ class WholeBodyResult:
     is_solved: bool
 
 
-class BodyRates(NamedTuple):
-    """R (3, 3) base to world; velocity [m/s] and angular velocity [rad/s] (3,) in base axes."""
-
-    R: np.ndarray
-    velocity: np.ndarray
-    omega: np.ndarray
-
-
-class Feet(NamedTuple):
-    """Which feet stand, (4,), and what those in the air shall accelerate at (4, 3), world axes."""
-
-    is_stance: np.ndarray
-    acceleration: np.ndarray
-
-
 class LegTerms(NamedTuple):
     """
-    What eliminates the joints' accelerations, leg by leg, base axes.
+    What eliminates the joints' accelerations, leg by leg, base axes, and what is left.
 
     Jacobian `J` (4, 3, 3) of the point that counts and its `inverse`; `Jb` (4, 3, 6) from the
     base's motion to that point's; its `wanted` acceleration (4, 3) less its drift. Of a standing
     leg the contact point counts, of one in the air the foot's centre.
+
+    The base accelerates at T f + t by stance forces f, ground axes; `T` is (6, 3n), `t` (6,).
     """
 
     J: np.ndarray
     inverse: np.ndarray
     Jb: np.ndarray
     wanted: np.ndarray
+    T: np.ndarray
+    t: np.ndarray
+
+
+_SHAPES = (4, 3, 3), (4, 3, 3), (4, 3, 6), (4, 3), (6, 12), 6
+
+
+class Costs(NamedTuple):
+    """Hessian (3n, 3n) and gradient (3n,) of a QP, and the forces wanted (3n,), ground axes."""
+
+    H: np.ndarray
+    g: np.ndarray
+    wanted: np.ndarray
+
+
+class Weights(NamedTuple):
+    """Of the base's acceleration (6,), base axes, and of forces, each axis the same."""
+
+    acceleration: np.ndarray
+    force: float
 
 
 class WholeBody:
@@ -96,13 +99,17 @@ class WholeBody:
         self, params: WholeBodyParameters, mpc: MpcParameters, limits: JointLimits | None = None
     ) -> None:
         self._limits = limits
+        self._legs = flatten(LegTerms(*(np.zeros(shape) for shape in _SHAPES)))
+        # One of each number of standing feet: its arrays are the solver's, as long as they are.
+        self._costs = [Costs(np.zeros((n, n)), np.zeros(n), np.zeros(n)) for n in range(0, 15, 3)]
         self.solver = QpSolver()
         self.tune(params, mpc)
 
     def tune(self, params: WholeBodyParameters, mpc: MpcParameters) -> None:
         """Take other weights; the limits of the forces are the MPC's."""
-        self._weights = np.array(params.acceleration_weights)
-        self._force_weight = params.force_weight
+        self._weights = flatten(
+            Weights(np.array(params.acceleration_weights), params.force_weight)
+        )
         self.pyramids = FrictionPyramids(mpc.friction, mpc.force_min, mpc.force_max)
 
     def solve(
@@ -114,54 +121,40 @@ class WholeBody:
         When the QP fails the wanted forces are applied as they are. With `spares_motors` other
         forces are looked for where motors cannot give those.
         """
-        base, R = state.base, state.base.R
-        velocity = R.T @ base.velocity
-        T, t, *terms = _reduce(
-            plain(BodyRates(R, velocity, base.omega)),
-            plain(state.motion),
-            plain(state.contact),
-            dynamics := plain(state.dynamics),
-            plain(Feet(task.is_stance, task.foot_acceleration)),
-            R.T @ task.ground,
-        )
-        goal = np.empty(6)
-        goal[:3] = R.T @ task.base_acceleration[:3] - cross(base.omega, velocity)
-        goal[3:] = R.T @ task.base_acceleration[3:]
-        stands = np.flatnonzero(task.is_stance)
-        legs = plain(LegTerms(*terms))
+        asked = plain(task)
+        costs = self._costs[task.is_stance.tolist().count(True)]
+        _reduce(state.flat, asked, self._legs)
+        _weigh(state.flat, asked, self._legs, self._weights, plain(costs))
+        bounds = self.pyramids.bounds(len(costs.g) // 3)
+        forces, is_solved = self._forces(costs, bounds)
 
         def outcome(forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            in_world = np.zeros((4, 3))
-            in_world[stands] = forces.reshape(-1, 3) @ task.ground.T
-            return _torque(dynamics, legs, T @ forces + t, in_world @ R), in_world
+            torque, in_world = np.empty(12), np.zeros((4, 3))
+            _find_torque(state.flat, asked, self._legs, forces, torque, in_world)
+            return torque, in_world
 
-        weighted = T.T * self._weights
-        H = weighted @ T
-        H.flat[:: 3 * len(stands) + 1] += self._force_weight
-        wanted = (task.forces[stands] @ task.ground).ravel()
-        g = weighted @ (t - goal) - self._force_weight * wanted
-        bounds = self.pyramids.bounds(len(stands))
-        forces, is_solved = self._forces(H, g, bounds, wanted)
         torque, in_world = outcome(forces)
-        if spares_motors and self._limits is not None and len(stands):
-            motors = motor_range(self._limits, state.joint_velocity)
+        limits, rates = self._limits, state.joint_velocity
+        if (
+            spares_motors
+            and limits is not None
+            and _overtaxes(limits.effort, limits.velocity, rates, torque, task.is_stance)
+        ):
             joints = np.flatnonzero(task.is_stance.repeat(3))
-            if not _is_within(torque[joints], motors[:, joints]):
-                free = outcome(np.zeros_like(forces))[0]
-                slopes = np.array([outcome(unit)[0] - free for unit in np.eye(len(forces))])
-                rows = slopes[:, joints].T, *(motors[:, joints] - free[joints])
-                forces, is_solved = self._forces(H, g, bounds.with_soft(*rows), wanted)
-                torque, in_world = outcome(forces)
+            motors = motor_range(limits, rates)[:, joints]
+            free = outcome(np.zeros_like(forces))[0]
+            slopes = np.array([outcome(unit)[0] - free for unit in np.eye(len(forces))])
+            rows = slopes[:, joints].T, *(motors - free[joints])
+            forces, is_solved = self._forces(costs, bounds.with_soft(*rows))
+            torque, in_world = outcome(forces)
         return WholeBodyResult(torque, in_world, is_solved)
 
-    def _forces(
-        self, H: np.ndarray, g: np.ndarray, bounds: ForceBounds, wanted: np.ndarray
-    ) -> tuple[np.ndarray, bool]:
+    def _forces(self, costs: Costs, bounds: ForceBounds) -> tuple[np.ndarray, bool]:
         """Stance forces in ground axes (3n,) [N]."""
-        if len(g) == 0:
-            return np.zeros(0), True
-        forces = self.solver.solve(H, g, bounds)
-        return (wanted, False) if forces is None else (forces, True)
+        if len(costs.g) == 0:
+            return costs.wanted, True
+        forces = self.solver.solve(costs.H, costs.g, bounds)
+        return (costs.wanted, False) if forces is None else (forces, True)
 
 
 def motor_range(limits: JointLimits, velocity: np.ndarray) -> np.ndarray:
@@ -170,60 +163,72 @@ def motor_range(limits: JointLimits, velocity: np.ndarray) -> np.ndarray:
 
     One that drives gives its full torque up to a share of its no-load speed, and none at it.
     """
-    left = (1.0 - np.abs(velocity) / limits.velocity) / (1.0 - FULL_TORQUE_SHARE)
-    driving = limits.effort * np.clip(left, 0.0, 1.0)
-    least = np.where(velocity < 0.0, -driving, -limits.effort)
-    return np.array((least, np.where(velocity > 0.0, driving, limits.effort)))
-
-
-def _is_within(torque: np.ndarray, motors: np.ndarray) -> bool:
-    return bool((torque >= motors[0]).all() and (torque <= motors[1]).all())
+    return _motor_range(limits.effort, limits.velocity, velocity)
 
 
 @jit
-def _leg_terms(body: BodyRates, motion: LegMotion, contact: ContactPoints, feet: Feet) -> LegTerms:
-    omega, centre = body.omega, motion.position
-    J, inverse = np.empty((4, 3, 3)), np.empty((4, 3, 3))
-    Jb, wanted = np.zeros((4, 3, 6)), np.empty((4, 3))
+def _motor_range(effort: np.ndarray, no_load: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    motors = np.empty((2, len(velocity)))
+    for i in range(len(velocity)):
+        left = (1.0 - abs(velocity[i]) / no_load[i]) / (1.0 - FULL_TORQUE_SHARE)
+        driving = effort[i] * min(max(left, 0.0), 1.0)
+        motors[0, i] = -driving if velocity[i] < 0.0 else -effort[i]
+        motors[1, i] = driving if velocity[i] > 0.0 else effort[i]
+    return motors
+
+
+@jit
+def _overtaxes(
+    effort: np.ndarray,
+    no_load: np.ndarray,
+    velocity: np.ndarray,
+    torque: np.ndarray,
+    is_stance: np.ndarray,
+) -> bool:
+    """Whether a joint of a standing leg is to give a torque that its motor has not."""
+    motors = _motor_range(effort, no_load, velocity)
+    for i in range(12):
+        if is_stance[i // 3] and not motors[0, i] <= torque[i] <= motors[1, i]:
+            return True
+    return False
+
+
+@jit
+def _find_legs(state: RobotState, task: WholeBodyTask, legs: LegTerms) -> None:
+    """Write all of `LegTerms` but T and t."""
+    base, motion, contact = state.base, state.motion, state.contact
+    omega, centre = base.omega, motion.position
+    velocity = rotate_back(base.R, base.velocity)
     for i in range(4):
-        stands = feet.is_stance[i]
+        stands = task.is_stance[i]
         arm = contact.position[i] if stands else centre[i]
         source = contact.jacobian[i] if stands else motion.jacobian[i]
         inverted = invert3(source)
         inner = cross3(omega, centre[i])
         for k in range(3):
-            inner[k] += body.velocity[k] + 2.0 * motion.velocity[i, k]
-        drift = cross3(omega, inner)
-        goal = rotate_back(body.R, feet.acceleration[i])
+            inner[k] += velocity[k] + 2.0 * motion.velocity[i, k]
+        drift, Jb = cross3(omega, inner), legs.Jb
+        goal = rotate_back(base.R, task.foot_acceleration[i])
         for k in range(3):
-            wanted[i, k] = (0.0 if stands else goal[k]) - drift[k] - motion.bias[i, k]
-            Jb[i, k, k] = 1.0
+            legs.wanted[i, k] = (0.0 if stands else goal[k]) - drift[k] - motion.bias[i, k]
             for m in range(3):
-                J[i, k, m] = source[k, m]
-                inverse[i, k, m] = inverted[k, m]
+                legs.J[i, k, m] = source[k, m]
+                legs.inverse[i, k, m] = inverted[k, m]
+                Jb[i, k, m] = 1.0 if k == m else 0.0
         Jb[i, 0, 4], Jb[i, 0, 5] = arm[2], -arm[1]
         Jb[i, 1, 3], Jb[i, 1, 5] = -arm[2], arm[0]
         Jb[i, 2, 3], Jb[i, 2, 4] = arm[1], -arm[0]
-    return LegTerms(J, inverse, Jb, wanted)
 
 
 @jit
-def _reduce(
-    body: BodyRates,
-    motion: LegMotion,
-    contact: ContactPoints,
-    dynamics: Dynamics,
-    feet: Feet,
-    ground: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """
-    T (6, 3n) and t (6,), then the fields of `LegTerms`.
-
-    T f + t is the base acceleration by stance forces f in ground axes.
-    """
-    dynamics, feet = Dynamics(*dynamics), Feet(*feet)
-    is_stance = feet.is_stance
-    legs = _leg_terms(BodyRates(*body), LegMotion(*motion), ContactPoints(*contact), feet)
+def _reduce(robot: np.ndarray, task: WholeBodyTask, flat_legs: np.ndarray) -> None:
+    """Eliminate the joints' accelerations: write `LegTerms`, flat."""
+    state, legs, task = robot[0], flat_legs[0], WholeBodyTask(*task)
+    base, dynamics, is_stance = state.base, state.dynamics, task.is_stance
+    _find_legs(state, task, legs)
+    ground = np.empty((3, 3))  # from ground axes to the base's
+    for k in range(3):
+        ground[:, k] = rotate_back(base.R, task.ground[:, k])
     mass = dynamics.mass
     count = 0
     for i in range(4):
@@ -249,36 +254,81 @@ def _reduce(
                         G[row, column + k] += legs.Jb[i, m, row] * ground[m, k]
         column += 3 if is_stance[i] else 0
     solve_in_place(A, G)
-    T, t = G[:, :count].copy(), G[:, count].copy()
-    return T, t, legs.J, legs.inverse, legs.Jb, legs.wanted
+    legs.T[:, :count], legs.t[:] = G[:, :count], G[:, count]
 
 
 @jit
-def _torque(
-    dynamics: Dynamics, legs: LegTerms, acceleration: np.ndarray, forces: np.ndarray
-) -> np.ndarray:
-    """Joint torques (12,) [N m] by the joint rows; `forces` (4, 3) are in base axes."""
-    dynamics = Dynamics(*dynamics)
-    legs = LegTerms(*legs)
-    v = np.empty(18)
-    torque = np.empty(12)
-    for k in range(6):
-        v[k] = acceleration[k]
-    rest = np.empty(3)
+def _weigh(
+    robot: np.ndarray,
+    task: WholeBodyTask,
+    flat_legs: np.ndarray,
+    flat_weights: np.ndarray,
+    costs: Costs,
+) -> None:
+    """Write the costs of the QP."""
+    base, legs, weights = robot[0].base, flat_legs[0], flat_weights[0]
+    task, costs = WholeBodyTask(*task), Costs(*costs)
+    T, R = legs.T, base.R
+    linear = rotate_back(R, task.base_acceleration[:3])
+    angular = rotate_back(R, task.base_acceleration[3:])
+    swept = cross3(base.omega, rotate_back(R, base.velocity))
+    short = np.empty(6)  # of the wanted acceleration without forces
+    for k in range(3):
+        short[k] = weights.acceleration[k] * (legs.t[k] - linear[k] + swept[k])
+        short[3 + k] = weights.acceleration[3 + k] * (legs.t[3 + k] - angular[k])
+    H, g, wanted = costs.H, costs.g, costs.wanted
+    row = 0
     for i in range(4):
+        if task.is_stance[i]:
+            force = rotate_back(task.ground, task.forces[i])
+            for k in range(3):
+                wanted[row + k] = force[k]
+            row += 3
+    for i in range(len(g)):
+        for j in range(len(g)):
+            H[i, j] = weights.force if i == j else 0.0
+            for k in range(6):
+                H[i, j] += T[k, i] * weights.acceleration[k] * T[k, j]
+        g[i] = -weights.force * wanted[i]
+        for k in range(6):
+            g[i] += T[k, i] * short[k]
+
+
+@jit
+def _find_torque(
+    robot: np.ndarray,
+    task: WholeBodyTask,
+    flat_legs: np.ndarray,
+    forces: np.ndarray,
+    torque: np.ndarray,
+    in_world: np.ndarray,
+) -> None:
+    """Write joint torques (12,) [N m] by the joint rows, and the forces (4, 3) in world axes."""
+    legs, base, dynamics = flat_legs[0], robot[0].base, robot[0].dynamics
+    task = WholeBodyTask(*task)
+    v = np.empty(18)
+    for k in range(6):
+        v[k] = legs.t[k]
+        for m in range(len(forces)):
+            v[k] += legs.T[k, m] * forces[m]
+    rest = np.empty(3)
+    stands = 0
+    for i in range(4):
+        if task.is_stance[i]:
+            in_world[i] = rotate(task.ground, forces[stands : stands + 3])
+            stands += 3
         for k in range(3):
             rest[k] = legs.wanted[i, k]
             for m in range(6):
-                rest[k] -= legs.Jb[i, k, m] * acceleration[m]
+                rest[k] -= legs.Jb[i, k, m] * v[m]
         joints = rotate(legs.inverse[i], rest)
         for k in range(3):
             v[6 + 3 * i + k] = joints[k]
     for i in range(4):
-        push = rotate_back(legs.J[i], forces[i])
+        push = rotate_back(legs.J[i], rotate_back(base.R, in_world[i]))
         for k in range(3):
             row = 6 + 3 * i + k
             total = dynamics.bias[row] - push[k]
             for m in range(18):
                 total += dynamics.mass[row, m] * v[m]
             torque[3 * i + k] = total
-    return torque

@@ -18,7 +18,7 @@ from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 
 # On the Go2: acceleration of a led foot per position error [1/s^2] and per velocity [1/s],
 _FOOT_GAINS = (300.0, 30.0)

@@ -14,7 +14,7 @@ from quadruped_sim.leg_kinematics import all_leg_angles
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 from quadruped_sim.states.base import approach
 from quadruped_sim.states.base import State
 

@@ -14,7 +14,7 @@ from wasd_core.rotations import yaw_matrix
 from quadruped_sim.leg_kinematics import FR
 from quadruped_sim.leg_kinematics import FRONT
 from quadruped_sim.leg_kinematics import LEFT
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 from quadruped_sim.states.base import approach
 from quadruped_sim.states.base import State
 

@@ -16,7 +16,7 @@ from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.locomotion.feedback import pd_law
 from quadruped_sim.locomotion.feedback import rotation_error
 from quadruped_sim.robot_model import NO_TORQUE
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 from quadruped_sim.states.base import smooth
 from quadruped_sim.states.driving import AfterTrot
 from quadruped_sim.states.driving import stiff_command

@@ -14,7 +14,7 @@ from wasd_core.robot_io import JointCommand
 from quadruped_sim.leg_kinematics import LEFT
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_model import RobotState
+from quadruped_sim.robot_state import RobotState
 from quadruped_sim.states.base import approach
 from quadruped_sim.states.base import ControllerParts
 from quadruped_sim.states.base import smooth

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robot as it is in one tick, and what of it is told as odometry."""
+
+from dataclasses import dataclass
+from dataclasses import field
+from dataclasses import fields
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from quadruped_sim.algebra import flatten
+from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import rotate
+from quadruped_sim.algebra import view_of
+from quadruped_sim.dynamics import blank_dynamics
+from quadruped_sim.dynamics import Dynamics
+from quadruped_sim.leg_kinematics import ContactPoints
+from quadruped_sim.leg_kinematics import LegMotion
+
+
+class BaseMotion(NamedTuple):
+    """
+    Where the base is and how it moves.
+
+    `position` [m] and `velocity` [m/s] are in the world, `R` (3, 3) turns base axes into it,
+    `rpy` says the same [rad]; `omega` [rad/s] is in base axes.
+    """
+
+    position: np.ndarray
+    velocity: np.ndarray
+    R: np.ndarray
+    rpy: np.ndarray
+    omega: np.ndarray
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """
+    Estimated state of one tick; the next one overwrites the controller's.
+
+    `orientation` (w, x, y, z) says what `base.R` says. `feet` (4, 3) are the foot centres in the
+    world. `normal_forces` (4,) [N] are estimated from the joint torques, `is_contact` (4,) follows
+    from them; `forces` (4, 3) [N] are all of each, in base axes.
+
+    The arrays are views on one block of memory, `flat`, which is what compiled functions take.
+    """
+
+    joint_position: np.ndarray
+    joint_velocity: np.ndarray
+    orientation: np.ndarray
+    base: BaseMotion
+    motion: LegMotion
+    contact: ContactPoints
+    dynamics: Dynamics
+    feet: np.ndarray
+    normal_forces: np.ndarray
+    is_contact: np.ndarray
+    forces: np.ndarray
+    flat: np.ndarray = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Copy what was given into the block."""
+        given = {part.name: getattr(self, part.name) for part in fields(self) if part.init}
+        flat = flatten(given)
+        for name, part in given.items():
+            object.__setattr__(self, name, view_of(flat[name], part))
+        object.__setattr__(self, 'flat', flat)
+
+    @classmethod
+    def blank(cls) -> 'RobotState':
+        """Return a state of zeros, to be written into."""
+        three, four = np.zeros(3), np.zeros((4, 3))
+        jacobian = np.zeros((4, 3, 3))
+        return cls(
+            joint_position=np.zeros(12),
+            joint_velocity=np.zeros(12),
+            orientation=np.zeros(4),
+            base=BaseMotion(three, three, np.zeros((3, 3)), three, three),
+            motion=LegMotion(four, four, jacobian, four, four, four),
+            contact=ContactPoints(four, jacobian),
+            dynamics=blank_dynamics(),
+            feet=four,
+            normal_forces=np.zeros(4),
+            is_contact=np.zeros(4, dtype=bool),
+            forces=four,
+        )
+
+    @property
+    def com(self) -> np.ndarray:
+        """Centre of mass in base axes (3,) [m]."""
+        return self.dynamics.com
+
+    @property
+    def mass(self) -> float:
+        """What the legs carry [kg], a load as it is felt among it."""
+        return float(self.dynamics.mass[0, 0])
+
+
+@jit
+def place_base(robot: np.ndarray) -> None:
+    """Write into a flat `RobotState` what follows from its orientation and position."""
+    state = robot[0]
+    base, q = state.base, state.orientation
+    R = base.R
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)
+    base.rpy[0] = math.atan2(R[2, 1], R[2, 2])
+    base.rpy[1] = math.asin(max(-1.0, min(1.0, -R[2, 0])))
+    base.rpy[2] = math.atan2(R[1, 0], R[0, 0])
+    for i in range(4):
+        arm = rotate(R, state.motion.position[i])
+        for k in range(3):
+            state.feet[i, k] = base.position[k] + arm[k]
+
+
+@dataclass(frozen=True)
+class LegOdometry:
+    """
+    Pose and velocity of the base for navigation.
+
+    `position` [m] in odom, `orientation` (w, x, y, z) base to odom; `linear_velocity` [m/s] and
+    `angular_velocity` [rad/s] in base axes. Covariances are (6, 6): xyz then rotation about xyz.
+    """
+
+    position: np.ndarray
+    orientation: np.ndarray
+    linear_velocity: np.ndarray
+    angular_velocity: np.ndarray
+    pose_covariance: np.ndarray
+    twist_covariance: np.ndarray
+
+
+# The IMU's tilt is taken as true up to this variance [rad^2]; its rate likewise.
+_ROTATION_VARIANCE = 1e-5
+_RATE_VARIANCE = 1e-4
+
+
+def make_odometry(
+    robot: RobotState, position_variance: float, velocity_variance: float, heading_variance: float
+) -> LegOdometry:
+    """LegOdometry from the estimated state; variances per axis [m^2], [m^2/s^2], [rad^2]."""
+    rotation = [_ROTATION_VARIANCE] * 2 + [_ROTATION_VARIANCE + heading_variance]
+    return LegOdometry(
+        position=robot.base.position.copy(),
+        orientation=robot.orientation.copy(),
+        linear_velocity=robot.base.R.T @ robot.base.velocity,
+        angular_velocity=robot.base.omega.copy(),
+        pose_covariance=np.diag([position_variance] * 3 + rotation),
+        twist_covariance=np.diag([velocity_variance] * 3 + [_RATE_VARIANCE] * 3),
+    )
