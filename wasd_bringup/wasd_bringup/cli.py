@@ -132,6 +132,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         words, ros_arguments = split_ros_arguments(words)
         # Nothing asked for is nothing wrong: as cargo does it, the help and status 0.
         arguments = make_parser().parse_args(words or ['--help'])
+        arguments.words = (*words, *ros_arguments)
         # The commands whose nodes can be renamed, remapped and set: `-r __ns:=/robot`.
         if ros_arguments and arguments.command not in ROBOTS:
             takers = ' and '.join(ROBOTS)

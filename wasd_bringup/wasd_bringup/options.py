@@ -87,6 +87,7 @@ class RunOptions:
     gamepad: str | None = None  # None: no pad; '': the first that comes
     foxglove: int | None = None  # the port
     interactive: bool = False
+    words: tuple[str, ...] = ()  # of the command line, where there is one
     # Of a recording: the descriptions by namespace, and the commands in place of all others.
     urdfs: Mapping[str, str] = field(default_factory=dict)
     commands: tuple[Command, ...] | None = None

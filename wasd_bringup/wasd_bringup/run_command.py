@@ -27,6 +27,7 @@ from wasd_core.signals import last_status
 from wasd_core.signals import StopSignals
 from wasd_core.streams import never_wait
 
+from wasd_bringup.anew import become
 from wasd_bringup.options import choose_range
 from wasd_bringup.options import NAMESPACED
 from wasd_bringup.options import read_options
@@ -47,6 +48,7 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
         UserError: what is wrong with the options or the files they name.
     """
     never_wait()
+    environment = dict(os.environ)
     options = read_options(arguments)
     reader = _open_keys(options)
     viewer = options.viewer or ('web' if _is_interactive(reader) else 'none')
@@ -62,7 +64,12 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
         init_ros(with_own_frames(ros_arguments), is_local=True)
         if reader is not None and reader.terminal is not None:
             stop.last_words.append(reader.terminal.restore)
-        run = _Run(dataclasses.replace(options, interactive=_is_interactive(reader)))
+        options = dataclasses.replace(
+            options,
+            interactive=_is_interactive(reader),
+            words=getattr(arguments, 'words', ()),
+        )
+        run = _Run(options)
         try:
             attempt_all(
                 lambda: run.do(reader, viewer, ros_arguments, stop), run.close, rclpy.try_shutdown
@@ -70,6 +77,8 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
         except Stopped:
             return stop.exit_status
     print(run.summary(), file=_where_to_say(options))
+    if run.next_words:
+        become(run.next_words, environment)
     return last_status(stop)
 
 
@@ -127,6 +136,11 @@ class _Run:
             attempt_all(*served, *([recorder.discard] if recorder is not None else []))
             return
         attempt_all(session.close, *served, *([recorder.close] if recorder is not None else []))
+
+    @property
+    def next_words(self) -> tuple[str, ...]:
+        """The words of the run that is to come in its place, if one is."""
+        return () if self._session is None else self._session.next_words
 
     def summary(self) -> str:
         """Return what has happened, in a line."""

@@ -170,24 +170,31 @@ class Session:
         """
         if kind != 'none':
             # Here, because only a page needs it.
+            from wasd_bringup.anew import Anew
             from wasd_bringup.cockpit.bridge import CockpitBridge
 
-            cockpit = CockpitBridge(self)
+            cockpit = CockpitBridge(self, Anew(self._options))
             self._view, self._where = start_view(
                 kind, self.world, self.stack.camera, cockpit.content, self._options.port
             )
             if kind == 'web':
                 self._cockpit = cockpit
+                cockpit.anew.is_at(self._where)
                 self.simulation.on_reset.append(cockpit.forget)
                 self.simulation.schedule.every(SAMPLE_PERIOD, cockpit.sample)
         return self._where
+
+    @property
+    def next_words(self) -> tuple[str, ...]:
+        """The words of the run that the page has asked for in place of this one."""
+        return () if self._cockpit is None else self._cockpit.anew.wanted
 
     def run(self, stop: Any) -> None:
         """Simulate until the duration is over, the keys have ended, or `stop` is requested."""
         started = time.monotonic()
         try:
             self.simulation.run(
-                stop=lambda: stop.requested or self._keys_ended(),
+                stop=lambda: stop.requested or self._keys_ended() or bool(self.next_words),
                 poll=self._poll,
                 each_second=self._each_second,
                 duration=self._options.duration,

@@ -28,6 +28,7 @@ from wasd_cockpit.panels.plots import Plots
 from wasd_cockpit.panels.robot import Robot
 from wasd_cockpit.panels.robot import STOP_LABEL
 from wasd_cockpit.panels.view import View
+from wasd_cockpit.panels.world import World
 from wasd_cockpit.scene import CAMERAS
 from wasd_cockpit.scene import OVERLAYS
 from wasd_cockpit.scene import Scene
@@ -59,7 +60,7 @@ _FIXED = functools.reduce(
 _CHIP = _FIXED | int(imgui.WindowFlags.AlwaysAutoResize.value)
 _TAB_HEIGHT = 26.0
 # What may be longer than its place: it moves below the tabs.
-_SCROLLED = ('robot', 'drive', 'keys', 'view')
+_SCROLLED = ('robot', 'drive', 'keys', 'view', 'world')
 
 
 @dataclass
@@ -121,6 +122,7 @@ class Cockpit:
             'eyes': Eyes(),
             'map': Map(),
             'view': View(self.scene),
+            'world': World(),
         }
         self._is_ghost = True
         self._settings = settings

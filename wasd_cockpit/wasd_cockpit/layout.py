@@ -17,7 +17,7 @@ BOTTOM_SHARE, PHONE_SCENE_SHARE, EYES_SHARE = 0.30, 0.42, 0.5
 # Of the left side, for the robot: what its buttons need [pixels], and at most this share.
 ROBOT_HEIGHT, ROBOT_SHARE = 420.0, 0.62
 
-PANELS = ('robot', 'drive', 'keys', 'plots', 'eyes', 'map', 'view')
+PANELS = ('robot', 'drive', 'keys', 'plots', 'eyes', 'map', 'view', 'world')
 
 
 class Place(NamedTuple):
@@ -36,7 +36,7 @@ def places(width: float, height: float) -> tuple[Place, ...]:
     """Return the windows of a page of a size [pixels]."""
     if not is_desk(width, height):
         top = round(PHONE_SCENE_SHARE * height)
-        order = ('drive', 'robot', 'map', 'eyes', 'plots', 'view', 'keys')
+        order = ('drive', 'robot', 'map', 'eyes', 'plots', 'view', 'keys', 'world')
         return (Place(Rect(0.0, top, width, height), order),)
     right = width - RIGHT_WIDTH
     robot = round(min(ROBOT_HEIGHT, ROBOT_SHARE * height))
@@ -45,7 +45,7 @@ def places(width: float, height: float) -> tuple[Place, ...]:
         Place(Rect(0.0, 0.0, LEFT_WIDTH, robot), ('robot',)),
         Place(Rect(0.0, robot, LEFT_WIDTH, height), ('drive', 'keys')),
         Place(Rect(LEFT_WIDTH, bottom, right, height), ('plots',)),
-        Place(Rect(right, 0.0, width, eyes), ('view', 'eyes')),
+        Place(Rect(right, 0.0, width, eyes), ('view', 'eyes', 'world')),
         Place(Rect(right, eyes, width, height), ('map',)),
     )
 

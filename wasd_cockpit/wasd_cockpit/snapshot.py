@@ -64,6 +64,21 @@ class StickUse(NamedTuple):
     sideways: bool = True
 
 
+class Start(NamedTuple):
+    """
+    What runs, and which robots and worlds a run may start anew with.
+
+    `called` is what the user types before their names; `refusal` says why it may not.
+    """
+
+    called: str
+    robots: tuple[str, ...]
+    robot: str
+    worlds: tuple[str, ...]
+    world: str
+    refusal: str = ''
+
+
 class PlanarPose(NamedTuple):
     """Where something is: x, y [m], yaw [rad]."""
 
@@ -158,6 +173,7 @@ class Snapshot:
     mass: float
     marks: Marks
     qpos: np.ndarray
+    start: Start
     navigation: Navigation | None = None
 
 

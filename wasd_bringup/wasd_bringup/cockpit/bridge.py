@@ -22,6 +22,7 @@ from wasd_core.key_events import RELEASE
 from wasd_core.key_events import split_event
 from wasd_core.rotations import matrix_from_quaternion
 
+from wasd_bringup.anew import Anew
 from wasd_bringup.cockpit.described import Described
 from wasd_bringup.session_robot import SessionRobot
 
@@ -81,8 +82,9 @@ class CockpitBridge:
     All that it changes goes through the session's keys and velocities, which recordings have.
     """
 
-    def __init__(self, session: 'Session') -> None:
+    def __init__(self, session: 'Session', anew: Anew) -> None:
         self._session = session
+        self.anew = anew
         self._link = Link()
         self.content = Cockpit(self._link, usual_path())
         self.content.page.sight.open(session.world)
@@ -149,6 +151,8 @@ class CockpitBridge:
         elif order.what == 'speed' and math.isfinite(order.value):
             simulation.pacer.speed = min(max(order.value, 0.0), FASTEST)
             simulation.pacer.restart()
+        elif order.what == 'start':
+            self.anew.want(*order.name.split(maxsplit=1))
         elif order.what == 'choose':
             setting, _, option = order.name.partition('=')
             for key in self._active.described.keys_to_choose(setting, option):
@@ -230,4 +234,5 @@ class CockpitBridge:
             mass=watched.mass,
             marks=described.marks(base.position, matrix_from_quaternion(base.orientation)),
             qpos=world.data.qpos.copy(),
+            start=self.anew.start,
         )

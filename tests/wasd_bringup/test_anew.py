@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run that starts anew by its page: with which words, and when it does not."""
+
+from pathlib import Path
+
+from mujoco_sim.scene import TERRAINS
+from mujoco_sim.scene import WORLDS as PLAIN
+import pytest
+from wasd_bringup.anew import Anew
+from wasd_bringup.anew import words_anew
+from wasd_bringup.anew import WORLDS
+from wasd_bringup.cli import make_parser
+from wasd_bringup.options import read_options
+from wasd_bringup.options import RunOptions
+from wasd_core.output_file import OutputFile
+
+USUAL = RunOptions(robot='go2', description='go2', words=('go2',))
+
+
+def anew(**options: object) -> Anew:
+    """Return what a run with some options may start anew with."""
+    words = {'robot': 'go2', 'description': 'go2', 'words': ('go2',)}
+    found = Anew(RunOptions(**{**words, **options}))  # type: ignore[arg-type]
+    found.is_at('http://127.0.0.1:8083/')
+    return found
+
+
+@pytest.mark.parametrize(
+    ('before', 'after'),
+    [
+        ('go2', 'go2'),
+        ('go2 --gait walk --world flat --port 8090', 'go2 --gait walk'),
+        ('go2 --world=flat --no-open --port=8090 --seed 3', 'go2 --seed 3'),
+        ('mbot --preset wasd --world flat', 'go2'),  # the options of another robot
+    ],
+)
+def test_a_run_starts_anew_with_its_options_in_another_world_on_the_same_page(before, after):
+    words = words_anew(tuple(before.split()), 'go2', 'room', '8083')
+    assert ' '.join(words) == f'{after} --world room --port 8083 --no-open'
+    again = words_anew(words, 'go2', 'flat', '8083')
+    assert len(again) == len(words)
+    options = read_options(make_parser().parse_args(again))
+    assert (options.world, options.port, options.opens_page) == ('flat', 8083, False)
+
+
+def test_what_is_for_ros_stays_behind_all_options():
+    words = words_anew(('go2', '--ros-args', '-r', '__ns:=/a'), 'go2', 'room', '8083')
+    assert words[-3:] == ('--ros-args', '-r', '__ns:=/a')
+    assert words.index('--world') < words.index('--ros-args')
+
+
+def test_only_what_the_page_offers_is_started():
+    run = anew()
+    run.want('go2', 'no such world')
+    run.want('no_such_robot', 'room')
+    assert run.wanted == ()
+    run.want('both', 'stairs:0.1')
+    assert run.wanted == (*('both', '--world', 'stairs:0.1', '--port', '8083', '--no-open'),)
+
+
+def test_every_kind_of_world_is_offered_and_each_can_be_had():
+    assert {world.partition(':')[0] for world in WORLDS} == {*PLAIN, *TERRAINS}
+    for world in WORLDS:
+        name, _, size = world.partition(':')
+        if name in TERRAINS:
+            _, least, most = TERRAINS[name]
+            assert least <= float(size) <= most
+
+
+def test_a_file_of_the_users_that_is_the_world_is_offered_too():
+    assert anew(world='my/house.xml').start.worlds == (*WORLDS, 'my/house.xml')
+
+
+@pytest.mark.parametrize(
+    ('options', 'why'),
+    [
+        ({'words': ()}, 'not started by its command'),
+        ({'record': OutputFile(Path('a.mcap'), '--record')}, 'files of this run'),
+        ({'report': OutputFile(Path('a.json'), '--report')}, 'files of this run'),
+        ({'save_keys': OutputFile(Path('a.txt'), '--save-keys')}, 'files of this run'),
+        ({'keys': ()}, 'a script drives'),
+        ({'twists': ()}, 'a script drives'),
+    ],
+)
+def test_a_run_that_would_lose_something_is_not_started_anew(options, why):
+    run = anew(**options)
+    assert why in run.start.refusal
+    run.want('go2', 'room')
+    assert run.wanted == ()

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+A run that starts anew with another robot or in another world, by its page.
+
+A world is compiled into the model that everything holds. So the run ends as it always does, and
+its process becomes that of a new one on the same terminal and port, and the page comes back.
+"""
+
+from collections.abc import Mapping, Sequence
+import os
+import sys
+from typing import NoReturn
+
+from mujoco_sim.scene import WORLDS as PLAIN
+from wasd_cockpit.snapshot import Start
+
+from wasd_bringup.options import RunOptions
+from wasd_bringup.parsers import called
+from wasd_bringup.robots import BOTH
+from wasd_bringup.robots import ROBOTS
+
+# What the page offers: each world there is, where it is of a size at a moderate one.
+WORLDS = (
+    *(*PLAIN, 'slope:10', 'stairs:0.1', 'step:0.1', 'boxes:0.05', 'rough:0.05'),
+    *('ice:0.2', 'gap:0.15'),
+)
+_WITH_VALUE, _ALONE = ('--world', '--port'), ('--no-open',)
+
+
+class Anew:
+    """What a run may start anew with; `wanted` are the words of the one that was asked for."""
+
+    def __init__(self, options: RunOptions) -> None:
+        """Take what the run was started with."""
+        self._words = options.words
+        self._page = ''
+        self.wanted: tuple[str, ...] = ()
+        # A file of the user's is a world, too.
+        worlds = WORLDS if options.world in WORLDS else (*WORLDS, options.world)
+        self.start = Start(
+            called(), (*ROBOTS, BOTH), options.robot, worlds, options.world, refusal(options)
+        )
+
+    def is_at(self, page: str) -> None:
+        """Take the address of the run's page."""
+        self._page = page
+
+    def want(self, robot: str, world: str) -> None:
+        """Have the run end, and start with another robot or in another world."""
+        start = self.start
+        if not start.refusal and robot in start.robots and world in start.worlds:
+            port = self._page.rpartition(':')[2].strip('/')
+            self.wanted = words_anew(self._words, robot, world, port)
+
+
+def refusal(options: RunOptions) -> str:
+    """Return why a run is not to be started anew by a click."""
+    if not options.words:
+        return 'this run was not started by its command'
+    if any((options.record, options.report, options.save_keys)):
+        return 'the files of this run would be written over: end it with Ctrl-C first'
+    return 'a script drives this run' if options.scripted else ''
+
+
+def words_anew(words: Sequence[str], robot: str, world: str, port: str) -> tuple[str, ...]:
+    """Return words with another robot, whose options are its own, or world, and the same page."""
+    end = words.index('--ros-args') if '--ros-args' in words else len(words)
+    kept, rest = [robot], iter(words[1:end] if words[0] == robot else ())
+    for word in rest:
+        if word in _WITH_VALUE:
+            next(rest, None)
+        elif word not in _ALONE and word.partition('=')[0] not in _WITH_VALUE:
+            kept.append(word)
+    return (*kept, '--world', world, '--port', port, '--no-open', *words[end:])
+
+
+def become(words: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
+    """Become the process of a new run."""
+    print(f'starting anew: {called()} {" ".join(words)}')
+    sys.stdout.flush()
+    sys.stderr.flush()
+    program = (sys.executable, '-m', 'wasd_bringup.cli', *words)
+    os.execve(sys.executable, program, dict(environment))
