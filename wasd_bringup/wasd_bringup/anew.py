@@ -21,7 +21,7 @@ from wasd_bringup.robots import ROBOTS
 
 # What the page offers: each world there is, where it is of a size at a moderate one.
 WORLDS = (
-    *(*PLAIN, 'slope:10', 'stairs:0.1', 'step:0.1', 'boxes:0.05', 'rough:0.05'),
+    *(*PLAIN, 'flat:1', 'slope:10', 'stairs:0.1', 'step:0.1', 'boxes:0.05', 'rough:0.05'),
     *('ice:0.2', 'gap:0.15'),
 )
 _WITH_VALUE, _ALONE = ('--world', '--port'), ('--no-open',)
