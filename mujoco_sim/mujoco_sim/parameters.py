@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
@@ -13,6 +14,14 @@ WORLD_NAMES = (
 )
 # Of feet or wheels on a floor.
 FRICTION = (0.01, 2.0)
+
+
+class BoxSize(NamedTuple):
+    """The size of a box that stands on the floor [m]: higher than a lidar on a Go2's back."""
+
+    length: float = 0.4
+    width: float = 0.4
+    height: float = 0.7
 
 
 @dataclass(frozen=True, kw_only=True)

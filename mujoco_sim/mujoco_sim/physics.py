@@ -13,6 +13,7 @@ from wasd_core.errors import SimulationError
 from wasd_core.robot_io import FULL_TORQUE_SHARE
 from wasd_core.robot_io import JointCommand
 
+from mujoco_sim.moving_boxes import MovingBoxes
 from mujoco_sim.robot_setup import RobotSetup
 
 # Damping of motors that brake without having been commanded any [N m s/rad]: a Go2 sinks down.
@@ -24,7 +25,7 @@ STABLE_SHARE = 0.5
 
 class Physics:
     """
-    A compiled model, its state, and `tick`, the number of physics steps so far.
+    A compiled model, its state, its `boxes`, and `tick`, the number of physics steps so far.
 
     Commands and pushes of the robots begin and end between steps; in between, MuJoCo runs alone.
     """
@@ -41,6 +42,7 @@ class Physics:
         except ValueError as error:
             raise SimulationError(f'MuJoCo: {one_line(error)}') from None
         self.data = mujoco.MjData(self.model)
+        self.boxes = MovingBoxes(self.model, self.data)
         self.time_step = float(self.model.opt.timestep)
         self.tick = 0
         self.resets = 0

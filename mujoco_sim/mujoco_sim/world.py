@@ -20,6 +20,9 @@ from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 
+from mujoco_sim.moving_boxes import add_boxes
+from mujoco_sim.moving_boxes import MovingBoxes
+from mujoco_sim.parameters import BoxSize
 from mujoco_sim.physics import Actuation
 from mujoco_sim.physics import Physics
 from mujoco_sim.physics import Push
@@ -105,6 +108,11 @@ class World:
     def step(self, count: int = 1) -> None:
         """Advance by `count` physics steps; commands and pushes begin and end within them."""
         self.physics.step(count)
+
+    @property
+    def boxes(self) -> MovingBoxes:
+        """The boxes that can be put into the robots' way."""
+        return self.physics.boxes
 
     @property
     def is_kinematic(self) -> bool:
@@ -225,6 +233,17 @@ class World:
                     forces[link] += float(wrench[0])
         return np.array([forces[link] for link in links])
 
+    def touched(self) -> set[str]:
+        """
+        Return the geoms that are no part of this robot and touch it, `floor` among them.
+
+        They belong to the beginning of the last physics step, as contacts are found then.
+        """
+        root = self.model.body_rootid[self.model.geom_bodyid[self.data.contact.geom]]
+        pairs = zip(self.data.contact.geom, root == self.root, strict=True)
+        others = [pair[~own] for pair, own in pairs if own.sum() == 1]
+        return {self.model.geom(int(geom)).name for (geom,) in others}
+
     def _strength_of_joints(self) -> np.ndarray:
         strength = self.setup.drawn.strength
         return np.array([strength.get(name, 1.0) for name in self.joint_names])
@@ -322,9 +341,12 @@ def build_world(
     seed: int = 0,
     setup: RobotSetup | None = None,
     visuals: bool = False,
+    boxes: Sequence[BoxSize] = (),
 ) -> World:
     """
     Put a robot into a world; with `visuals`, its meshes are there to be drawn.
+
+    `boxes` are the sizes of those that `World.boxes` puts into its way.
 
     Raises:
         DescriptionError: MuJoCo cannot read the robot.
@@ -333,6 +355,7 @@ def build_world(
     setup = setup or RobotSetup()
     spec = robot_spec(loaded, setup, visuals)
     add_scene(spec, world, seed)
+    add_boxes(spec, boxes)
     lead_sun(spec, loaded.robot.base)
     return World(spec, loaded.robot.base, seed, setup)
 
@@ -342,9 +365,12 @@ def build_shared_world(
     world: str = 'flat',
     seed: int = 0,
     visuals: bool = False,
+    boxes: Sequence[BoxSize] = (),
 ) -> list[World]:
     """
     Put several robots into one world, each with its prefix; their setups say where.
+
+    `boxes` are as in `build_world`.
 
     Raises:
         DescriptionError: MuJoCo cannot read a robot.
@@ -356,6 +382,7 @@ def build_shared_world(
         body = robot_spec(loaded, setup, visuals).body(loaded.robot.base)
         spec.worldbody.add_frame().attach_body(body, prefix, '')
     add_scene(spec, world, seed)
+    add_boxes(spec, boxes)
     first, loaded, _ = robots[0]
     lead_sun(spec, first + loaded.robot.base)
     physics = Physics(spec)

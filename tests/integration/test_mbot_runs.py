@@ -136,6 +136,19 @@ def test_a_command_that_is_not_a_number_changes_nothing(report_of: RunMbot) -> N
     assert np.isfinite(samples['position']).all()
 
 
+def test_a_box_in_the_way_stops_it_and_none_is_put_into_it(report_of: RunMbot) -> None:
+    twist = '0 0.5 0 0'
+    boxes = ('--box', '1 1.0 0', '--box', '0.5 0 0')
+    free, blocked = (
+        report_of('--duration', '3', *words, twist=twist)['samples']['position']
+        for words in ((), boxes)
+    )
+    assert free[-1][0] > 1.1
+    assert 0.4 < blocked[-1][0] < 0.8
+    at = blocked.index(next(place for place in blocked if place[0] > 0.4))
+    assert blocked[:at] == free[:at]
+
+
 def test_a_push_moves_it_and_odometry_does_not_see_all_of_it(report_of: RunMbot) -> None:
     report = report_of('--duration', '2', '--push', '0.5 0 40 0 0.3')
     assert abs(report['samples']['position'][-1][1]) > 0.05

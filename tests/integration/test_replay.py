@@ -20,13 +20,14 @@ from wasd_bringup.session_robot import build_worlds
 
 KEYS = '0.5 i*40\n2.5 j*30'
 PUSH = '1 20 5 0 0.3'
+BOX = '4 3 0'
 
 
 @pytest.fixture(scope='module')
 def run(new_runner: Any) -> tuple[Any, dict[str, Any]]:
     """Record 5 s of mbot, driven and pushed; return the runner and the report."""
     runner = new_runner()
-    words = ('mbot', '--duration', '5', '--push', PUSH, '--record', 'run.mcap')
+    words = ('mbot', '--duration', '5', '--push', PUSH, '--box', BOX, '--record', 'run.mcap')
     return runner, runner.report(*words, play=KEYS)
 
 

@@ -70,7 +70,9 @@ def test_an_empty_script_is_a_script(read, tmp_path):
 
 
 def test_pushes_and_folders_may_be_given_again_and_again(read, tmp_path):
-    options = read('--push', '1 1 0 0 1', '--push', '2 0 1 0 1', '--package-path', '.')
+    boxes = ('--box', '3 1 0', '--box', '1 2 0 0.5')
+    options = read('--push', '1 1 0 0 1', '--push', '2 0 1 0 1', '--package-path', '.', *boxes)
+    assert [box.time for box in options.boxes] == [3.0, 1.0]
     assert [push.time for push in options.pushes] == [1.0, 2.0]
     assert options.package_path == (tmp_path.resolve(),)
 

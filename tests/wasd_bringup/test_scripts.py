@@ -3,11 +3,15 @@
 
 import math
 
+from mujoco_sim.parameters import BoxSize
 import pytest
+from wasd_bringup.inputs import box_text
+from wasd_bringup.inputs import parse_box
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import Player
 from wasd_bringup.inputs import push_text
+from wasd_bringup.inputs import ScriptedBox
 from wasd_bringup.inputs import ScriptedPush
 from wasd_bringup.inputs import ScriptedTwist
 from wasd_bringup.inputs import TwistPlayer
@@ -72,6 +76,30 @@ def test_a_push_is_five_numbers_or_eight_and_is_written_as_it_was_read(text):
 def test_anything_else_is_no_push(text):
     with pytest.raises(UserError, match="--push: got .*, wanted 't fx fy fz seconds .x y z.'"):
         parse_push(text)
+
+
+BOXES = {
+    '1.5 2 -3': ScriptedBox(1.5, 2.0, -3.0, 0.0, BoxSize(0.4, 0.4)),
+    ' 0 1 0  0.3 ': ScriptedBox(0.0, 1.0, 0.0, 0.3, BoxSize()),
+    '9 1 0 1.57 1.0 0.1': ScriptedBox(9.0, 1.0, 0.0, 1.57, BoxSize(1.0, 0.1)),
+}
+
+
+@pytest.mark.parametrize('text', BOXES)
+def test_a_box_is_three_four_or_six_numbers_and_is_written_as_it_was_read(text):
+    box = parse_box(text)
+    assert box == BOXES[text]
+    assert parse_box(box_text(box)) == box
+
+
+@pytest.mark.parametrize(
+    'text',
+    ['', '1', '1 2', '1 2 3 4 5', '1 2 3 4 5 6 7', 'x 0 0', '1 nan 0', '-1 0 0', '1 0 0 inf']
+    + ['1 0 0 0 0 1', '1 0 0 0 1 -1', '1 0 0 0 1 nan'],
+)
+def test_anything_else_is_no_box(text):
+    with pytest.raises(UserError, match="--box: got .*, wanted 't x y .yaw .length width..'"):
+        parse_box(text)
 
 
 def events(*times):

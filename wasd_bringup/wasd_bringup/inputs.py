@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import math
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
+from mujoco_sim.parameters import BoxSize
 from teleop_keyboard.dashboard import HELP_KEY
 from wasd_core.errors import UserError
 from wasd_core.key_events import HELD
@@ -35,6 +36,16 @@ class ScriptedPush(NamedTuple):
     force: tuple[float, float, float]
     duration: float
     point: tuple[float, float, float] | None = None
+
+
+class ScriptedBox(NamedTuple):
+    """From `time` [s] on a box stands there, in the world's axes [m], [rad], of such a size."""
+
+    time: float
+    x: float
+    y: float
+    yaw: float
+    size: BoxSize
 
 
 class Command(NamedTuple):
@@ -117,6 +128,30 @@ def parse_push(text: str) -> ScriptedPush:
     return push
 
 
+def parse_box(text: str) -> ScriptedBox:
+    """
+    Return the box of a `--box "t x y [yaw [length width]]"`.
+
+    Raises:
+        UserError: it is not three, four or six finite numbers with t >= 0 and a size > 0.
+    """
+    try:
+        words = text.split()
+        x, y, *more = [float(word) for word in words[1:]]
+        yaw, *size = more or [0.0]
+        if not (all(map(math.isfinite, (x, y, yaw, *size))) and min(size, default=1.0) > 0.0):
+            raise ValueError
+        length, width = size or BoxSize()[:2]
+        return ScriptedBox(_seconds(words[0]), x, y, yaw, BoxSize(length, width))
+    except (ValueError, IndexError):
+        raise UserError(f"--box: got {text!r}, wanted 't x y [yaw [length width]]'") from None
+
+
+def box_text(box: ScriptedBox) -> str:
+    """Return a box as `parse_box` reads it, every digit kept."""
+    return ' '.join(map(repr, (box.time, box.x, box.y, box.yaw, *box.size[:2])))
+
+
 def push_text(push: ScriptedPush) -> str:
     """Return a push as `parse_push` reads it, every digit kept."""
     return ' '.join(map(repr, (push.time, *push.force, push.duration, *(push.point or ()))))
@@ -147,6 +182,26 @@ class Player(Generic[Event]):
         while self._next < len(self._events) and self._events[self._next].time <= time + SLACK:
             self._next += 1
         return list(self._events[first : self._next])
+
+
+class BoxPlayer:
+    """Puts scripted boxes, whose numbers are those of their order, where they are to stand."""
+
+    def __init__(
+        self,
+        boxes: Sequence[ScriptedBox],
+        put: Callable[[int, float, float, float], bool],
+    ) -> None:
+        self._boxes, self._put = boxes, put
+        self._player = Player(boxes)
+
+    def step(self, time: float) -> list[ScriptedBox]:
+        """Put those that are due at a simulated time [s]; return the ones that have no place."""
+        return [
+            box
+            for box in self._player.due(time)
+            if not self._put(self._boxes.index(box), box.x, box.y, box.yaw)
+        ]
 
 
 class TwistPlayer:

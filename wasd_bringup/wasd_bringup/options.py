@@ -24,8 +24,10 @@ from wasd_core.output_file import check_apart
 from wasd_core.output_file import OutputFile
 
 from wasd_bringup.inputs import Command
+from wasd_bringup.inputs import parse_box
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
+from wasd_bringup.inputs import ScriptedBox
 from wasd_bringup.inputs import ScriptedPush
 from wasd_bringup.inputs import ScriptedTwist
 from wasd_bringup.robots import BOTH
@@ -69,6 +71,7 @@ class RunOptions:
     keys: tuple[KeyPress, ...] | None = None
     twists: tuple[ScriptedTwist, ...] | None = None
     pushes: tuple[ScriptedPush, ...] = ()
+    boxes: tuple[ScriptedBox, ...] = ()
     duration: float = math.inf
     speed: float = 1.0
     seed: int = 0
@@ -187,6 +190,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         keys=keys,
         twists=twists,
         pushes=tuple(parse_push(text) for text in arguments.push),
+        boxes=tuple(parse_box(text) for text in arguments.box),
         duration=duration,
         speed=read_number(arguments.speed, '--speed'),
         untold=_untold(arguments),

@@ -166,9 +166,7 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
         action='store_true',
         help='print where the page is, but do not open it in your browser',
     )
-    parser.add_argument(
-        '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
-    )
+    _add_world(parser)
     parser.add_argument(
         '--layout', choices=LAYOUTS, default='qwerty', help='your keyboard (default: qwerty)'
     )
@@ -200,6 +198,21 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
 
 # Where Foxglove looks first.
 FOXGLOVE_PORT = 8765
+
+
+def _add_world(parser: argparse.ArgumentParser) -> None:
+    """Declare what is around the robot."""
+    parser.add_argument(
+        '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
+    )
+    parser.add_argument(
+        '--box',
+        action='append',
+        default=[],
+        metavar='"T X Y"',
+        help='a box that stands there [m] from T [s] on (repeatable); then its yaw [rad], length '
+        'and width [m], if you like',
+    )
 
 
 def _add_guests(parser: argparse.ArgumentParser) -> None:

@@ -24,6 +24,7 @@ from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
 from wasd_core.node import MessagePump
 
+from wasd_bringup.inputs import BoxPlayer
 from wasd_bringup.inputs import Command
 from wasd_bringup.inputs import KEY_LINE
 from wasd_bringup.inputs import KeySwitch
@@ -265,6 +266,7 @@ class Session:
     def _schedule(self) -> None:
         """Fix the order of one instant: time, scripts, controllers, publishers, report."""
         schedule = self.simulation.schedule
+        self._boxes = BoxPlayer(self._options.boxes, self.world.boxes.put)
         schedule.every(min(robot.stack.period for robot in self.robots), self._begin_instant)
         for guest in self._guests:
             schedule.every(1.0 / TWIST_RATE, guest.repeat)
@@ -277,6 +279,8 @@ class Session:
         self._time_source.clock_callback(Clock(clock=self.robots[0].simulator.stamp))
         for robot in self.robots:
             robot.begin_instant()
+        for box in self._boxes.step(self.world.time):
+            self.stack.notice.say(f'no box at {box.x:g} {box.y:g}: a robot is there')
         for command in self._commands.due(self.world.time):
             self._repeat(command)
         for press in self._key_player.due(self.world.time):

@@ -173,13 +173,14 @@ def build_worlds(
     loaded = [_load(part) for part in parts]
     setups = [_setup(part, robot) for part, robot in zip(parts, loaded, strict=True)]
     visuals = visuals or any(has_camera(robot.robot) for robot in loaded)
+    boxes = [box.size for box in options.boxes]
     if len(parts) == 1:
         built = loaded[0].with_stand_in_masses() if options.is_fake else loaded[0]
-        world = build_world(built, options.world, options.seed, setups[0], visuals)
+        world = build_world(built, options.world, options.seed, setups[0], visuals, boxes)
         return [(options, loaded[0], world)]
     prefixes = [f'{part.namespace}/' for part in parts]
     members = list(zip(prefixes, loaded, setups, strict=True))
-    worlds = build_shared_world(members, options.world, options.seed, visuals)
+    worlds = build_shared_world(members, options.world, options.seed, visuals, boxes)
     return list(zip(parts, loaded, worlds, strict=True))
 
 

@@ -145,6 +145,7 @@ class _Eye:
     def place(self, snapshot: Snapshot) -> None:
         """Have everything where a snapshot says."""
         self._data.qpos[:] = snapshot.qpos
+        self._data.mocap_pos[:], self._data.mocap_quat[:] = np.hsplit(snapshot.mocap, [3])
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)

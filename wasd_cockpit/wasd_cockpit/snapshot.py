@@ -147,8 +147,9 @@ class Snapshot:
 
     `robot` is which of `robots` is driven. `speed` is the factor of real time that is wanted, 0 as
     fast as it goes, `pace` the one that is reached. `history` has a row for each sample of the
-    last SPAN seconds (see `Columns`), `trail` (n, 2) where the robot was [m]. `body` and `qpos`
-    are MuJoCo's, `mass` is the robot's [kg]. `navigation` is None without a map.
+    last SPAN seconds (see `Columns`), `trail` (n, 2) where the robot was [m]. `body`, `qpos` and
+    `mocap` (positions and quaternions of moving boxes, shape (n, 7)) are MuJoCo's, `mass` is the
+    robot's [kg]. `navigation` is None without a map.
     """
 
     time: float
@@ -174,6 +175,7 @@ class Snapshot:
     marks: Marks
     qpos: np.ndarray
     start: Start
+    mocap: np.ndarray
     navigation: Navigation | None = None
 
 

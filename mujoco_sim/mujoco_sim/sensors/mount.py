@@ -38,7 +38,7 @@ class Snapshot:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._state: tuple[bytes, bytes] | None = None
+        self._state: tuple[bytes, ...] | None = None
         self._data: mujoco.MjData | None = None
 
     def take(self) -> mujoco.MjData:
@@ -46,7 +46,8 @@ class Snapshot:
         model, now = self._world.model, self._world.data
         if self._data is None:
             self._data = mujoco.MjData(model)
-        state = (now.qpos.tobytes(), now.qvel.tobytes())
+        parts = (now.qpos, now.qvel, now.mocap_pos, now.mocap_quat)
+        state = tuple(part.tobytes() for part in parts)
         if state != self._state:
             self._state = state
             self._data.qpos[:], self._data.qvel[:] = now.qpos, now.qvel

@@ -235,4 +235,5 @@ class CockpitBridge:
             marks=described.marks(base.position, matrix_from_quaternion(base.orientation)),
             qpos=world.data.qpos.copy(),
             start=self.anew.start,
+            mocap=np.hstack((world.data.mocap_pos, world.data.mocap_quat)),
         )

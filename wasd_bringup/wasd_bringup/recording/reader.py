@@ -16,7 +16,9 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_core.errors import one_line
 
+from wasd_bringup.inputs import box_text
 from wasd_bringup.inputs import Command
+from wasd_bringup.inputs import parse_box
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import push_text
 from wasd_bringup.options import RunOptions
@@ -112,6 +114,7 @@ def describe_run(options: RunOptions, ros_arguments: Sequence[str] = ()) -> dict
         'mode': options.mode,
         'controller': None if controller is None else str(controller.resolve()),
         'pushes': [push_text(push) for push in options.pushes],
+        'boxes': [box_text(box) for box in options.boxes],
         'ros_arguments': list(ros_arguments),
     }
     return {name: json.dumps(value) for name, value in run.items()}
@@ -142,6 +145,7 @@ def recorded_options(run: Mapping[str, str]) -> RunOptions:
             mode=known['mode'],
             controller=None if controller is None else Path(controller),
             pushes=tuple(map(parse_push, known['pushes'])),
+            boxes=tuple(map(parse_box, known.get('boxes', ()))),  # nor this
         )
     except (KeyError, TypeError, ValueError) as error:
         raise RecordingError(f'recorded by another version of wasd ({error!r})') from None

@@ -25,6 +25,8 @@ from std_msgs.msg import String
 from wasd_core.node import init_ros
 from wasd_core.signals import StopSignals
 
+from wasd_bringup.inputs import BoxPlayer
+from wasd_bringup.inputs import ScriptedBox
 from wasd_bringup.options import keep_alone
 from wasd_bringup.options import read_number
 from wasd_bringup.options import RunOptions
@@ -123,10 +125,17 @@ CAMERA = CameraView(distance=2.0, azimuth=130.0, elevation=-20.0)
 class ReplayView:
     """Moves the robots of some worlds as recorded, at a speed; 0 is as fast as it goes."""
 
-    def __init__(self, bag: BagReader, worlds: Sequence[World], speed: float) -> None:
+    def __init__(
+        self,
+        bag: BagReader,
+        worlds: Sequence[World],
+        speed: float,
+        boxes: Sequence[ScriptedBox] = (),
+    ) -> None:
         self._bag = bag
         self._speed = speed
         self._world = worlds[0]
+        self._boxes = BoxPlayer(boxes, self._world.boxes.put)
         by_name = {world.prefix.rstrip('/'): world for world in worlds}
         self._truths = {topic: by_name[name] for name, topic in robot_topics(bag, TRUTH).items()}
         self._joints = {topic: by_name[name] for name, topic in robot_topics(bag, JOINTS).items()}
@@ -159,6 +168,7 @@ class ReplayView:
                     self._draw()
             if stop():
                 return
+            self._boxes.step(1e-9 * message.time)
             self._apply(message)
         while not stop():
             self._draw()
@@ -229,7 +239,7 @@ def _show(
     bag: BagReader, options: RunOptions, viewer: str, speed: float, stop: StopSignals
 ) -> int:
     worlds = [world for _, _, world in build_worlds(options, visuals=True)]
-    view = ReplayView(bag, worlds, speed)
+    view = ReplayView(bag, worlds, speed, options.boxes)
     with contextlib.closing(view):
         print(f'viewer: {view.open(viewer, options.port)}', flush=True)
         view.run(lambda: stop.requested)
