@@ -7,7 +7,6 @@ import pytest
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateName
 from quadruped_sim.keys import ZERO_KEYS
-from wasd_bringup.anew import Anew
 from wasd_bringup.cockpit.bridge import CockpitBridge
 from wasd_bringup.cockpit.bridge import PERIOD
 from wasd_bringup.inputs import SWITCH_KEY
@@ -23,7 +22,7 @@ class Run:
 
     def __init__(self, options):
         self.session = Session(options)
-        self.bridge = CockpitBridge(self.session, Anew(options))
+        self.bridge = CockpitBridge(self.session)
         self.heard = [[] for _ in self.session.robots]  # what `keys` told, for each robot
         for robot, heard in zip(self.session.robots, self.heard, strict=True):
             robot.keys.publish_key = heard.append

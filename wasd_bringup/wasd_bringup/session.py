@@ -80,7 +80,7 @@ class Session:
         Raises:
             UserError: what is wrong with what was asked for, in one line.
         """
-        self._options = options
+        self.options = options
         self._reader = reader
         self._bag = recorder
         self._view: View | None = None
@@ -171,12 +171,11 @@ class Session:
         """
         if kind != 'none':
             # Here, because only a page needs it.
-            from wasd_bringup.anew import Anew
             from wasd_bringup.cockpit.bridge import CockpitBridge
 
-            cockpit = CockpitBridge(self, Anew(self._options))
+            cockpit = CockpitBridge(self)
             self._view, self._where = start_view(
-                kind, self.world, self.stack.camera, cockpit.content, self._options.port
+                kind, self.world, self.stack.camera, cockpit.content, self.options.port
             )
             if kind == 'web':
                 self._cockpit = cockpit
@@ -198,7 +197,7 @@ class Session:
                 stop=lambda: stop.requested or self._keys_ended() or bool(self.next_words),
                 poll=self._poll,
                 each_second=self._each_second,
-                duration=self._options.duration,
+                duration=self.options.duration,
             )
         finally:
             self._wall_time += time.monotonic() - started
@@ -249,8 +248,8 @@ class Session:
             self._writer.close()
 
     def _write_report(self) -> None:
-        if self._options.report is not None:
-            write_report(self.report(), self._options.report)
+        if self.options.report is not None:
+            write_report(self.report(), self.options.report)
 
     def _release(self) -> None:
         if self._cockpit is not None:
@@ -387,7 +386,7 @@ class Session:
 
     def _keys_ended(self) -> bool:
         """Whether the pipe that gave the keys has ended and the robot has had time to stop."""
-        is_endless = self._options.has_guests or self._options.duration != math.inf
+        is_endless = self.options.has_guests or self.options.duration != math.inf
         if self._reader is None or is_endless:
             return False
         if self._reader.closed and self._ended_at == math.inf:

@@ -82,9 +82,9 @@ class CockpitBridge:
     All that it changes goes through the session's keys and velocities, which recordings have.
     """
 
-    def __init__(self, session: 'Session', anew: Anew) -> None:
+    def __init__(self, session: 'Session') -> None:
         self._session = session
-        self.anew = anew
+        self.anew = Anew(session.options)
         self._link = Link()
         self.content = Cockpit(self._link, usual_path())
         self.content.page.sight.open(session.world)
