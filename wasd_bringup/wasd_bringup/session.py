@@ -265,7 +265,7 @@ class Session:
     def _schedule(self) -> None:
         """Fix the order of one instant: time, scripts, controllers, publishers, report."""
         schedule = self.simulation.schedule
-        self._boxes = BoxPlayer(self._options.boxes, self.world.boxes.put)
+        self._boxes = BoxPlayer(self.options.boxes, self.world.boxes.put)
         schedule.every(min(robot.stack.period for robot in self.robots), self._begin_instant)
         for guest in self._guests:
             schedule.every(1.0 / TWIST_RATE, guest.repeat)
