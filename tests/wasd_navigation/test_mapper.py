@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mapping: scans are matched, loops closed, a grid drawn; in a room of four walls and a box."""
+
+import math
+
+import numpy as np
+import pytest
+from wasd_navigation.mapping.mapper import Mapper
+from wasd_navigation.scan import Scan
+from wasd_navigation.se2 import compose
+from wasd_navigation.se2 import inverse
+
+# Least x, y, greatest x, y [m]: the room seen from inside, a box from outside.
+ROOM, BOX = (-2.5, -2.0, 3.0, 2.5), (1.2, 0.9, 1.9, 1.7)
+RAYS = np.linspace(-3.0, 3.0, 360)
+
+
+def look(pose: np.ndarray, random: np.random.Generator) -> Scan:
+    """Return what a lidar with a noise of 1 cm sees from a pose."""
+    directions = np.stack((np.cos(RAYS + pose[2]), np.sin(RAYS + pose[2])))
+    low = (np.array(ROOM[:2]) - pose[:2])[:, None] / directions
+    high = (np.array(ROOM[2:]) - pose[:2])[:, None] / directions
+    ranges = np.maximum(low, high).min(axis=0)
+    low = (np.array(BOX[:2]) - pose[:2])[:, None] / directions
+    high = (np.array(BOX[2:]) - pose[:2])[:, None] / directions
+    near, far = np.minimum(low, high).max(axis=0), np.maximum(low, high).min(axis=0)
+    ranges = np.where((near < far) & (near > 0.0), np.minimum(near, ranges), ranges)
+    ranges = ranges + 0.01 * random.normal(size=len(RAYS))
+    ends = np.stack((ranges * np.cos(RAYS), ranges * np.sin(RAYS)), axis=1)
+    return Scan(np.zeros(2), ends, np.ones(len(RAYS), dtype=np.bool_))
+
+
+def circle(count: int) -> np.ndarray:
+    """Return poses on a circle that begins at the origin along x, shape (count, 3)."""
+    turns = np.linspace(0.0, 4.0 * math.pi, count)
+    return np.stack((np.sin(turns), 1.0 - np.cos(turns), turns), axis=1) * (0.6, 0.6, 1.0)
+
+
+def drive(mapper: Mapper, poses: np.ndarray, scale: float) -> np.ndarray:
+    """Have a mapper see what is seen from true poses, with an odometry that is off by a scale."""
+    random = np.random.default_rng(0)
+    odometry, covariance, seen = poses[0], np.zeros((3, 3)), []
+    for index, pose in enumerate(poses):
+        if index:
+            move = compose(inverse(poses[index - 1]), pose)
+            odometry = compose(odometry, move * scale)
+            covariance = covariance + np.diag((1e-5, 1e-5, 1e-5))
+        mapper.step(look(pose, random), odometry, covariance)
+        seen.append(mapper.pose.copy())
+    return np.array(seen)
+
+
+@pytest.fixture(scope='module')
+def mapper() -> Mapper:
+    mapper = Mapper()
+    drive(mapper, circle(120), 1.05)
+    return mapper
+
+
+def test_a_pose_is_known_however_odometry_drifts(mapper: Mapper) -> None:
+    expected = circle(120)
+    away = np.hypot(*(mapper.trajectory - expected)[:, :2].T)
+    assert away.max() < 0.02
+    assert mapper.closures > 0
+
+
+def test_the_grid_is_occupied_where_walls_are(mapper: Mapper) -> None:
+    grid = mapper.grid
+    occupied = grid.to_points(np.argwhere(grid.cells == 100))
+    walls = [np.abs(occupied[:, axis] - ROOM[axis + side]) for axis in (0, 1) for side in (0, 2)]
+    low, high = np.array(BOX[:2]) - occupied, occupied - np.array(BOX[2:])
+    outside = np.maximum(low, high)
+    box = np.abs(outside.max(axis=1))
+    assert np.min([*walls, box], axis=0).max() < 0.08
+    free = grid.to_points(np.argwhere(grid.cells == 0))
+    inside = np.maximum(np.array(BOX[:2]) - free, free - np.array(BOX[2:])).max(axis=1)
+    assert (inside > -0.03).all()
+    assert len(free) * grid.resolution**2 == pytest.approx(5.5 * 4.5 - 0.7 * 0.8, rel=0.1)
+
+
+def test_the_same_scans_give_the_same_bytes() -> None:
+    grids = []
+    mapper = Mapper()
+    for _ in range(2):
+        drive(mapper, circle(40), 1.02)
+        grids.append((mapper.grid.cells.tobytes(), mapper.pose.tobytes()))
+        mapper.reset()
+    assert grids[0] == grids[1]
+
+
+def test_correction_takes_odometry_to_the_map() -> None:
+    mapper = Mapper()
+    poses = circle(30)
+    drive(mapper, poses, 1.0)
+    assert compose(mapper.correction, poses[-1]) == pytest.approx(mapper.pose, abs=1e-9)
+    assert mapper.correction == pytest.approx(np.zeros(3), abs=0.01)
+
+
+def test_a_map_begins_where_odometry_is() -> None:
+    mapper = Mapper()
+    begin = np.array((3.0, -1.0, 2.0))
+    mapper.step(look(np.zeros(3), np.random.default_rng(0)), begin, np.zeros((3, 3)))
+    assert mapper.pose == pytest.approx(begin)
+    assert mapper.correction == pytest.approx(np.zeros(3), abs=1e-12)

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A map of surfaces around a place, and the pose from which a scan fits it best."""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+import numpy as np
+
+CELL = 0.10  # [m]
+# Surfaces within this distance of a point tell where it should be [m].
+REACH = 0.15
+# Surfaces that face apart by more than this are not the same: cosine of the angle.
+LEAST_COSINE = 0.7
+# Most surfaces that are kept.
+CAPACITY = 40_000
+
+
+class LocalMap(NamedTuple):
+    """
+    Surfaces by cells: up to two in each, which face different ways, as the two sides of a door.
+
+    `slots`, shape (rows, columns, 2), has their row in `sums`, shape (n, 5), or -1: number of
+    points, sums of x, y [m] and of the normals nx, ny. `origin`, shape (2,), is the corner of
+    the first cell, `used`, shape (1,), the number of rows in use.
+    """
+
+    slots: np.ndarray
+    sums: np.ndarray
+    origin: np.ndarray
+    used: np.ndarray
+
+    def clear(self, middle: np.ndarray) -> None:
+        """Forget all, and lie around a place [m], shape (2,)."""
+        self.slots.fill(-1)
+        self.used[0] = 0
+        half = 0.5 * CELL * self.slots.shape[0]
+        self.origin[:] = np.floor((middle - half) / CELL) * CELL
+
+
+def make_local_map(half_side: float) -> LocalMap:
+    """Return an empty map that reaches so far from its middle [m]."""
+    cells = 2 * math.ceil(half_side / CELL)
+    return LocalMap(
+        np.full((cells, cells, 2), -1, dtype=np.int32),
+        np.zeros((CAPACITY, 5)),
+        np.zeros(2),
+        np.zeros(1, dtype=np.int64),
+    )
+
+
+@njit(cache=True)
+def add_surface(local: LocalMap, pose: np.ndarray, surface: np.ndarray) -> None:
+    """Add what was seen from a pose: x, y, nx, ny, shape (m, 4), in its frame."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    rows, columns = local.slots.shape[:2]
+    for point in range(surface.shape[0]):
+        px, py, ax, ay = surface[point]
+        x, y = pose[0] + cos * px - sin * py, pose[1] + sin * px + cos * py
+        nx, ny = cos * ax - sin * ay, sin * ax + cos * ay
+        row = int(math.floor((y - local.origin[1]) / CELL))
+        column = int(math.floor((x - local.origin[0]) / CELL))
+        if row < 0 or column < 0 or row >= rows or column >= columns:
+            continue
+        for slot in range(2):
+            at = local.slots[row, column, slot]
+            if at < 0:
+                if local.used[0] >= local.sums.shape[0]:
+                    break
+                at = local.used[0]
+                local.used[0] += 1
+                local.slots[row, column, slot] = at
+                local.sums[at] = (1.0, x, y, nx, ny)
+                break
+            sums = local.sums[at]
+            if nx * sums[3] + ny * sums[4] > 0.5 * math.hypot(sums[3], sums[4]):
+                sums[0] += 1.0
+                sums[1] += x
+                sums[2] += y
+                sums[3] += nx
+                sums[4] += ny
+                break
+
+
+class Fit(NamedTuple):
+    """
+    How a scan fits: its pose, and how well it is known.
+
+    `information`, shape (3, 3), of x, y [1/m^2] and yaw [1/rad^2], is what the scan alone tells;
+    `share` is that of the points which lie on a surface of the map; `met` that of those which
+    have one near, [0, 1]; `deviation` is how far the points are off it [m].
+    """
+
+    pose: np.ndarray
+    information: np.ndarray
+    share: float
+    met: float
+    deviation: float
+
+
+@njit(cache=True)
+def _nearest(local: LocalMap, at: np.ndarray, facing: np.ndarray, out: np.ndarray) -> bool:
+    """
+    Write (distance, nx, ny) of a point off the surface that faces as it does; False if none is.
+
+    The surface is the implicit moving least squares of [Deschaud2018], eq. 5: a mean of the
+    planes around, near ones more.
+    """
+    row = int(math.floor((at[1] - local.origin[1]) / CELL))
+    column = int(math.floor((at[0] - local.origin[0]) / CELL))
+    rows, columns = local.slots.shape[:2]
+    if row < 1 or column < 1 or row >= rows - 1 or column >= columns - 1:
+        return False
+    total, distance, nx, ny = 0.0, 0.0, 0.0, 0.0
+    for r in range(row - 1, row + 2):
+        for c in range(column - 1, column + 2):
+            for slot in range(2):
+                index = local.slots[r, c, slot]
+                if index < 0:
+                    break
+                n, sx, sy, snx, sny = local.sums[index]
+                length = math.hypot(snx, sny)
+                if snx * facing[0] + sny * facing[1] < LEAST_COSINE * length:
+                    continue
+                dx, dy = at[0] - sx / n, at[1] - sy / n
+                share = 1.0 - (dx * dx + dy * dy) / (REACH * REACH)
+                if share <= 0.0:
+                    continue
+                weight = n * share * share
+                total += weight
+                distance += weight * (snx * dx + sny * dy) / length
+                nx += weight * snx / length
+                ny += weight * sny / length
+    if total <= 0.0:
+        return False
+    length = math.hypot(nx, ny)
+    out[0], out[1], out[2] = distance / total, nx / length, ny / length
+    return True
+
+
+@njit(cache=True)
+def solve_3(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return A^-1 b of a symmetric A, shape (3, 3), by its adjugate."""
+    c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
+    c01 = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
+    c02 = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
+    c11 = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
+    c12 = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
+    c22 = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+    scale = 1.0 / (A[0, 0] * c00 + A[0, 1] * c01 + A[0, 2] * c02)
+    return np.array(
+        (
+            scale * (c00 * b[0] + c01 * b[1] + c02 * b[2]),
+            scale * (c01 * b[0] + c11 * b[1] + c12 * b[2]),
+            scale * (c02 * b[0] + c12 * b[1] + c22 * b[2]),
+        )
+    )
+
+
+@njit(cache=True)
+def fit_scan(
+    local: LocalMap,
+    surface: np.ndarray,
+    start: np.ndarray,
+    prior: np.ndarray,
+    noise: float,
+    rounds: int,
+) -> Fit:
+    """
+    Return where a scan's surface, shape (m, 4), fits the map, near `start`.
+
+    Gauss-Newton on distances from point to surface, of standard deviation `noise` [m] and with
+    Cauchy's weights, and on the distance from `start`, of information `prior`, shape (3, 3).
+    """
+    pose = start.copy()
+    information, gradient, counts = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
+    for _ in range(rounds):
+        _weigh_points(local, surface, pose, noise, (information, gradient, counts))
+        away = pose - start
+        away[2] = (away[2] + math.pi) % (2.0 * math.pi) - math.pi
+        for i in range(3):
+            for j in range(3):
+                gradient[i] += prior[i, j] * away[j]
+        step = solve_3(information + prior, gradient)
+        pose = pose - step
+        if abs(step[0]) + abs(step[1]) < 2e-4 and abs(step[2]) < 1e-4:
+            break
+    pose[2] = (pose[2] + math.pi) % (2.0 * math.pi) - math.pi
+    met, inside, squares = counts
+    count = max(1, surface.shape[0])
+    return Fit(pose, information, inside / count, met / count, math.sqrt(squares / max(1, inside)))
+
+
+@njit(cache=True)
+def _weigh_points(
+    local: LocalMap,
+    surface: np.ndarray,
+    pose: np.ndarray,
+    noise: float,
+    out: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> None:
+    """
+    Write information and gradient of all points at a pose, and counts.
+
+    The counts: points with a surface near, those of them within three `noise`, and the sum of
+    the squares of how far these are off.
+    """
+    information, gradient, counts = out
+    information[:], gradient[:], counts[:] = 0.0, 0.0, 0.0
+    found, at, facing, jacobian = np.empty(3), np.empty(2), np.empty(2), np.empty(3)
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for point in range(surface.shape[0]):
+        px, py, ax, ay = surface[point]
+        rx, ry = cos * px - sin * py, sin * px + cos * py
+        at[0], at[1] = pose[0] + rx, pose[1] + ry
+        facing[0], facing[1] = cos * ax - sin * ay, sin * ax + cos * ay
+        if not _nearest(local, at, facing, found):
+            continue
+        error = found[0] / noise
+        counts[0] += 1
+        if abs(error) < 3.0:
+            counts[1] += 1
+            counts[2] += found[0] * found[0]
+        weight = 1.0 / (1.0 + error * error / 4.0) / (noise * noise)
+        jacobian[0], jacobian[1] = found[1], found[2]
+        jacobian[2] = found[2] * rx - found[1] * ry
+        for i in range(3):
+            gradient[i] += weight * jacobian[i] * found[0]
+            for j in range(3):
+                information[i, j] += weight * jacobian[i] * jacobian[j]

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Maps while it drives: where the robot is in a map that grows from what it sees."""
+
+import math
+
+import numpy as np
+
+from wasd_navigation.grid import Grid
+from wasd_navigation.mapping.growth import add_covariance
+from wasd_navigation.mapping.growth import OdometryGrowth
+from wasd_navigation.mapping.growth import turn_axes
+from wasd_navigation.mapping.local_map import Fit
+from wasd_navigation.mapping.local_map import fit_scan
+from wasd_navigation.mapping.local_map import make_local_map
+from wasd_navigation.mapping.occupancy import Canvas
+from wasd_navigation.mapping.parameters import MappingParameters
+from wasd_navigation.mapping.places import Places
+from wasd_navigation.mapping.solver import Solver
+from wasd_navigation.mapping.surface import find_surface
+from wasd_navigation.scan import Scan
+from wasd_navigation.se2 import compose
+from wasd_navigation.se2 import inverse
+from wasd_navigation.se2 import wrap
+
+# A local map reaches as far as a scan that fits, and as far as places are from each other [m].
+LOCAL_REACH = 14.0
+ROUNDS = 12
+# A scan fits when this share of what it sees lies on what is known; less is not believed.
+LEAST_SHARE = 0.35
+LEAST_LOOP_SHARE = 0.55
+# What a fit tells is believed by this share: its errors are not independent.
+TRUST = 0.1
+# How well a place is known before a loop is closed: standard deviations [m], [rad].
+LOOP_PRIOR = np.diag((1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.1**2))
+
+
+class Mapper:
+    """
+    Keeps places with their scans, how they lie to each other, and the grid that they draw.
+
+    The first scan is taken where odometry says; the map's frame is that of odometry then. One
+    `step` takes in one scan and works on loops and on the grid in small portions.
+    """
+
+    def __init__(self, parameters: MappingParameters | None = None) -> None:
+        self._parameters = parameters or MappingParameters()
+        self._local = make_local_map(LOCAL_REACH)
+        self._old = make_local_map(LOCAL_REACH)
+        self.revision = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all places; the next scan is the first."""
+        self._places = Places()
+        self._solver = Solver()
+        self._growth = OdometryGrowth()
+        self._canvas = Canvas(self._parameters.resolution)
+        self._drawn = 0
+        self._grid: tuple[int, Grid] | None = None
+        self.pose = np.zeros(3)
+        self.covariance: np.ndarray = np.zeros((3, 3))
+        self.correction = np.zeros(3)
+        self.closures = 0
+        self.revision += 1
+        self._since = np.zeros((3, 3))  # covariance of the pose since the last place
+        self._history: list[tuple[int, np.ndarray]] = []
+        self._wants_loop = False
+
+    @property
+    def grid(self) -> Grid:
+        """What is known of the surroundings."""
+        if self._grid is None or self._grid[0] != self.revision:
+            self._grid = self.revision, self._canvas.grid()
+        return self._grid[1]
+
+    @property
+    def trajectory(self) -> np.ndarray:
+        """Poses of all scans since the start as they are believed now, shape (n, 3)."""
+        poses = self._places.poses
+        return np.array([compose(poses[number], pose) for number, pose in self._history])
+
+    def step(self, scan: Scan, odometry: np.ndarray, covariance: np.ndarray) -> None:
+        """
+        Take in a scan, and the pose and covariance of the base in the odom frame at its stamp.
+
+        By how much the covariance has grown since the last scan is how sure the move is.
+        """
+        surface = find_surface(scan)
+        first = not len(self._places)
+        move, growth = self._growth.step(odometry, covariance)
+        if first:
+            self.pose = odometry.copy()
+            self._keep(scan, surface)
+        else:
+            self._follow(surface, move, growth)
+            if self._is_new():
+                self._keep(scan, surface)
+            elif self._wants_loop:
+                self._wants_loop = False
+                self._close_loop()
+            else:
+                self._work()
+        self.correction = compose(self.pose, inverse(odometry))
+        last = len(self._places) - 1
+        self._history.append((last, compose(inverse(self._places.poses[last]), self.pose)))
+
+    def _follow(self, surface: np.ndarray, move: np.ndarray, growth: np.ndarray) -> None:
+        """Move by odometry, then to where the scan fits best, as far as odometry lets it."""
+        expected = compose(self.pose, move)
+        self.covariance = add_covariance(self.covariance, self.pose, move, growth)
+        self._since = add_covariance(self._since, self.pose, move, growth)
+        prior = np.linalg.inv(self.covariance)
+        fit = self._fit(surface, expected, prior)
+        if fit.share >= LEAST_SHARE * fit.met and fit.met > 0.2:
+            self.pose = fit.pose
+            self.covariance = np.linalg.inv(prior + TRUST * fit.information)
+            self._told = TRUST * fit.information
+        else:
+            self.pose = expected
+            self._told = np.zeros((3, 3))
+
+    def _fit(self, surface: np.ndarray, start: np.ndarray, prior: np.ndarray) -> Fit:
+        return Fit(
+            *fit_scan(self._local, surface, start, prior, self._parameters.range_noise, ROUNDS)
+        )
+
+    def _is_new(self) -> bool:
+        last = self._places.poses[-1]
+        away = math.hypot(self.pose[0] - last[0], self.pose[1] - last[1])
+        return (
+            away > self._parameters.minimum_travel_distance
+            or abs(wrap(self.pose[2] - last[2])) > self._parameters.minimum_travel_heading
+        )
+
+    def _keep(self, scan: Scan, surface: np.ndarray) -> None:
+        """Add the place where the robot is."""
+        places = self._places
+        places.add(scan, surface, self.pose)
+        number = len(places) - 1
+        if number:
+            known = self._told + np.linalg.inv(self._since)
+            before = places.poses[number - 1]
+            pose = compose(inverse(before), self.pose)
+            places.link((number - 1, number), pose, turn_axes(known, -before[2]), sure=True)
+        self._since = np.zeros((3, 3))
+        self._show()
+        self._canvas.draw(scan, self.pose)
+        self.revision += 1
+        self._wants_loop = True
+
+    def _show(self) -> None:
+        """Have the local map hold the last places."""
+        count = len(self._places)
+        size = self._parameters.scan_buffer_size
+        self._places.show(self._local, self.pose[:2], np.arange(max(0, count - size), count))
+
+    def _close_loop(self) -> None:
+        """See whether the last place lies where the robot was long ago, and link the two."""
+        places, number = self._places, len(self._places) - 1
+        pose = places.poses[number]
+        count = number + 1 - self._parameters.scan_buffer_size
+        if count < 1:
+            return
+        away = np.hypot(*(places.poses[:count, :2] - pose[:2]).T)
+        nearest = int(np.argmin(away))
+        if away[nearest] > self._parameters.loop_search_maximum_distance:
+            return
+        size = self._parameters.loop_match_minimum_chain_size
+        around = np.sort(np.argsort(away, kind='stable')[:size])
+        places.show(self._old, pose[:2], around)
+        fit = Fit(
+            *fit_scan(
+                self._old,
+                places.surfaces[number],
+                pose,
+                LOOP_PRIOR,
+                self._parameters.range_noise,
+                2 * ROUNDS,
+            )
+        )
+        if fit.share < LEAST_LOOP_SHARE:
+            return
+        old = places.poses[nearest]
+        known = turn_axes(TRUST * fit.information, -old[2])
+        places.link((nearest, number), compose(inverse(old), fit.pose), known, sure=False)
+        self.closures += 1
+        self._solver.ask()
+
+    def _work(self) -> None:
+        """Go on with what takes longer than a step may."""
+        places = self._places
+        poses = self._solver.work(places.poses, places.edges)
+        if poses is None:
+            return
+        count = len(poses)
+        change = compose(poses[-1], inverse(places.poses[count - 1]))
+        for number in range(count, len(places)):
+            places.poses[number] = compose(change, places.poses[number])
+        places.poses[:count] = poses
+        self.pose = compose(change, self.pose)
+        self.covariance = turn_axes(self.covariance, float(change[2]))
+        self._since = turn_axes(self._since, float(change[2]))
+        self._show()
