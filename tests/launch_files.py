@@ -119,6 +119,7 @@ class PythonLaunchDescriptionSource:
 class IncludeLaunchDescription:
     source: PythonLaunchDescriptionSource
     launch_arguments: Any = ()
+    condition: 'IfCondition | None' = None
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,7 @@ class GroupAction:
 class Node:
     package: str
     executable: str
+    name: str = ''
     namespace: Any = ''
     output: str = 'log'
     parameters: list[Any] = field(default_factory=list)
@@ -215,7 +217,11 @@ class LaunchFile:
         self._included = [e for e in entities if isinstance(e, IncludeLaunchDescription)]
 
     def start(self, **given: str) -> list[Started]:
-        """Return the nodes with `name:=value` given on the command line."""
+        """
+        Return the nodes with `name:=value` given on the command line.
+
+        A launch file of another project is one, too: its package, its file and its arguments.
+        """
         assert set(given) <= set(self.arguments)
         values: dict[str, str] = {}
         for name, entry in self.arguments.items():
@@ -226,9 +232,15 @@ class LaunchFile:
             if node.condition is None or node.condition.holds(values)
         ]
         for include in self._included:
+            if include.condition is not None and not include.condition.holds(values):
+                continue
             inner = {name: _text(value, values) for name, value in include.launch_arguments}
             path = Path(_text(include.source.path, values))
-            started += LaunchFile(path).start(**inner)
+            package = path.relative_to(ROOT).parts[0]
+            if (ROOT / package).is_dir():
+                started += LaunchFile(path).start(**inner)
+            else:
+                started.append(Started(path.name, '', inner, {}, package, [], []))
         return started
 
 

@@ -120,8 +120,12 @@ def robot_nodes(
     ]
 
 
-def keyboard(use_sim_time: Any = True) -> list[Node]:
-    """Return what reads this terminal; launch gives a node no input, both open /dev/tty."""
+def keyboard(use_sim_time: Any = True, cmd_vel: str = 'cmd_vel') -> list[Node]:
+    """
+    Return what reads this terminal; launch gives a node no input, both open /dev/tty.
+
+    Keys that become velocities are sent to `cmd_vel`.
+    """
     keys = LaunchConfiguration('keys')
     is_keymap = AndSubstitution(
         NotEqualsSubstitution(keys, KEYS_OF_THE_ROBOT), NotEqualsSubstitution(keys, NO_KEYS)
@@ -132,6 +136,7 @@ def keyboard(use_sim_time: Any = True) -> list[Node]:
         'output': 'screen',
         'remappings': list(NAMESPACED),
     }
+    renamed = [('cmd_vel', cmd_vel)] if cmd_vel != 'cmd_vel' else []
     preset = {'preset': ParameterValue(keys, value_type=str), 'use_sim_time': use_sim_time}
     return [
         Node(
@@ -140,7 +145,12 @@ def keyboard(use_sim_time: Any = True) -> list[Node]:
             condition=IfCondition(EqualsSubstitution(keys, KEYS_OF_THE_ROBOT)),
             **common,
         ),
-        Node(executable='teleop', parameters=[preset], condition=IfCondition(is_keymap), **common),
+        Node(
+            executable='teleop',
+            parameters=[preset],
+            condition=IfCondition(is_keymap),
+            **common | {'remappings': [*NAMESPACED, *renamed]},
+        ),
     ]
 
 

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Simulates mbot in a flat, maps it, and drives to where RViz or a client of Nav2 says.
+
+    ros2 launch wasd_bringup mbot_nav.launch.py world:=flat:3 rviz:=true
+    ros2 launch wasd_bringup mbot_nav.launch.py world:=flat:3 map:=my_flat.yaml
+"""
+
+from launch import LaunchDescription
+from wasd_bringup.launch_navigation import navigation
+from wasd_bringup.robots import MBOT
+
+
+def generate_launch_description():
+    """Return the arguments and the nodes: robot, mux, keyboard, navigation."""
+    return LaunchDescription(navigation(MBOT))
