@@ -12,6 +12,8 @@ from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.parameters import DriveLimits
 from wasd_navigation.planning.parameters import PlanningParameters
+from wasd_navigation.planning.pose_filter import PoseFilter
+from wasd_navigation.planning.route import is_shut_off
 from wasd_navigation.planning.route import refusal
 from wasd_navigation.planning.route import Route
 from wasd_navigation.planning.sampling import is_safe
@@ -19,7 +21,6 @@ from wasd_navigation.planning.sampling import Sampler
 from wasd_navigation.planning.sampling import Scene
 from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.scan import Scan
-from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import wrap
 
 # Values are worked out anew when something changed, but no more often than this [s] ...
@@ -27,18 +28,17 @@ _REDRAW = 1.0
 # ... except when the way is blocked: then at most this often.
 _REDRAW_BLOCKED = 0.25
 # From so much left on it is looked whether the goal is there straight away [m].
-_DOCKING = 1.0
+_DOCKING = 1.5
 # Coming nearer by less than this is none [m].
 _NEARER = 0.1
 # A goal is reached when its error is small over this time at rest [s].
 _SETTLE = 0.5
 # No way at all: so long it is waited for one, before that counts as one recovery [s].
 _WAIT = 2.0
-# Time constant in which a pose that odometry does not know of is believed [s]; and a difference
-# that is no noise, but another place [m].
-_POSE_TIME, _JUMP = 0.3, 0.15
 # A command holds so long, with all that delays it, before the next one can stop the robot [s].
 _HOLD = 0.15
+# So much of the first drawing is done in one step.
+_FIRST_SLICE = 30000
 _SHARES = (1.0, 0.5, 0.25)
 
 
@@ -68,7 +68,7 @@ class Driver:
     def reset(self) -> None:
         """Know of nothing: no goal, no map, no obstacle."""
         self._around = Surroundings(self._footprint, self._parameters)
-        self._pose: np.ndarray | None = None
+        self._filter = PoseFilter()
         self._silence = 0.0
         self.cancel()
 
@@ -85,7 +85,7 @@ class Driver:
         moving = self._velocity
         self.cancel()
         self._velocity = moving
-        self._route = Route(np.array(goal, float), self._footprint, self._parameters)
+        self._route = self._make_route(goal)
         self.state = 'driving'
         self._is_new = True
         self._sampler.reset()
@@ -103,6 +103,10 @@ class Driver:
         self._manoeuvred = 0.0
 
     @property
+    def _pose(self) -> np.ndarray | None:
+        return self._filter.pose
+
+    @property
     def goal(self) -> np.ndarray | None:
         """Where it drives to, shape (3,)."""
         return None if self._route is None else self._route.goal
@@ -110,7 +114,7 @@ class Driver:
     @property
     def path(self) -> np.ndarray:
         """The way from the robot to the goal, shape (n, 2) [m]."""
-        return np.empty((0, 2)) if self._route is None else self._route.way
+        return np.empty((0, 2)) if self._route is None else self._route.way[:, :2]
 
     @property
     def costmap(self) -> Grid | None:
@@ -142,9 +146,14 @@ class Driver:
         reason = refusal(goal, around, self._footprint, self._parameters)
         if reason is not None or self._pose is None:
             return reason
-        route = Route(np.array(goal, float), self._footprint, self._parameters)
+        if is_shut_off(goal, self._pose, around, self._footprint):
+            return self._no_way(goal)
+        route = self._make_route(goal)
         route.draw(around)
-        return None if route.left(self._pose) < math.inf else self._no_way(route.goal)
+        return None if route.is_reached_from(self._pose) else self._no_way(goal)
+
+    def _make_route(self, goal: np.ndarray) -> Route:
+        return Route(np.array(goal, float), self._footprint, self._base, self._parameters)
 
     def _no_way(self, goal: np.ndarray) -> str:
         width = 2.0 * (self._footprint.inscribed + self._parameters.margin)
@@ -168,8 +177,7 @@ class Driver:
         self._silence += dt
         known = bool(np.isfinite(pose).all() and np.isfinite(velocity).all())
         if known:
-            self._believe(pose, velocity, dt)
-            assert self._pose is not None
+            self._filter.step(pose, velocity, dt)
             self._around.take_map(grid, revision)
             if scan is not None:
                 self._silence = 0.0
@@ -192,23 +200,12 @@ class Driver:
         self._velocity = np.zeros(3)
         return self._velocity.copy()
 
-    def _believe(self, pose: np.ndarray, velocity: np.ndarray, dt: float) -> None:
-        """Follow the pose by velocity, and by what it is: noise of it would shake the robot."""
-        if self._pose is None:
-            self._pose = np.array(pose, float)
-            return
-        foreseen = compose(self._pose, velocity * dt)
-        error = pose - foreseen
-        error[2] = wrap(error[2])
-        share = min(dt / _POSE_TIME, 1.0)
-        if math.hypot(error[0], error[1]) > _JUMP or abs(error[2]) > _JUMP:
-            share = 1.0
-        self._pose = foreseen + share * error
-
     def _held(self, asked: np.ndarray, state: np.ndarray) -> np.ndarray:
         """Return the largest share of a velocity after which the robot can still stop."""
         if not np.isfinite(asked).all():
             return np.zeros(3)
+        if not asked.any():
+            return asked
         scene = self._scene()
         for share in _SHARES:
             if is_safe(state, share * asked, scene, self._base, _HOLD):
@@ -226,7 +223,6 @@ class Driver:
             route.values,
             self._footprint.circles,
             route.way,
-            route.goal,
             keep,
         )
 
@@ -234,12 +230,8 @@ class Driver:
         """Return the velocity that leads on, by the state of things."""
         route = self._route
         assert route is not None
-        if self._is_new:
-            self._is_new = False
-            reason = self.check_goal(route.goal)
-            if reason is not None:
-                route.draw(self._around)
-                return self._end('refused', reason)
+        if self._is_new and not self._begin(state[:3]):
+            return np.zeros(3)
         left = self._redraw(state[:3], dt)
         if self._manoeuvre is not None:
             return self._recover(dt)
@@ -257,18 +249,40 @@ class Driver:
         self.local_path = self._sampler.foresee(state)
         return velocity
 
+    def _begin(self, pose: np.ndarray) -> bool:
+        """Return whether there is a way to a new goal, as soon as that is known."""
+        route = self._route
+        assert route is not None
+        if route.values is None and not route.is_drawing:
+            reason = refusal(route.goal, self._around, self._footprint, self._parameters)
+            if reason is None and is_shut_off(route.goal, pose, self._around, self._footprint):
+                reason = self._no_way(route.goal)
+            if reason is not None:
+                self._end('refused', reason)
+                return False
+            route.draw(self._around)
+            self._drawn = self._around.revision
+        route.work(pose, _FIRST_SLICE)
+        if route.is_drawing:
+            return False
+        self._is_new, self._since_drawn = False, 0.0
+        if route.left(pose) == math.inf:
+            self._end('refused', self._no_way(route.goal))
+            return False
+        return True
+
     def _redraw(self, pose: np.ndarray, dt: float) -> float:
         """Bring route and way up to date, and return what is left [m]."""
         route, around = self._route, self._around
         assert route is not None
         self._since_drawn += dt
         is_stale = around.distances is not None and around.revision != self._drawn
-        due = route.values is None or (is_stale and self._since_drawn >= _REDRAW)
-        if not due and is_stale and self._since_drawn >= _REDRAW_BLOCKED:
-            due = route.is_blocked(around) or route.left(pose) == math.inf
-        if due:
-            route.draw(around)
-            self._drawn, self._since_drawn = around.revision, 0.0
+        if is_stale and not route.is_drawing and self._since_drawn >= _REDRAW_BLOCKED:
+            is_bad = route.is_blocked(around) or route.left(pose) == math.inf
+            if is_bad or self._since_drawn >= _REDRAW:
+                route.draw(around)
+                self._drawn, self._since_drawn = around.revision, 0.0
+        route.work(pose)
         left = route.left(pose)
         if left < math.inf:
             route.lead_from(pose)
@@ -281,8 +295,9 @@ class Driver:
         route, scene = self._route, self._scene()
         assert route is not None
         around = (scene.distances, scene.circles)
-        margin = 0.5 * self._parameters.margin
-        time = docking.rehearse(state, route.goal, self._base, self._tolerances(), around, margin)
+        time = docking.rehearse(
+            state, route.goal, self._base, self._tolerances(), around, self._parameters.margin
+        )
         return bool(time < math.inf)
 
     def _dock(self, state: np.ndarray, dt: float) -> np.ndarray:

@@ -18,6 +18,7 @@ from wasd_navigation.planning.heap import Heap
 from wasd_navigation.planning.heap import make_heap
 from wasd_navigation.planning.heap import pop
 from wasd_navigation.planning.heap import push
+from wasd_navigation.planning.surroundings import Surroundings
 
 # Around the goal, so many cells each way get their straight distance: first order errs most there.
 _DISC = 3
@@ -25,8 +26,44 @@ _DISC = 3
 _ESCAPE_PRICE = 20.0
 # Beyond all that is reached [m].
 _BEYOND = 10.0
+# A way has no more points than this.
+_MOST_POINTS = 8000
 # A way is followed in steps of half a cell, in the best of so many directions.
 _DIRECTIONS = 32
+
+
+class DiscField:
+    """
+    What is left to a goal (x, y, yaw) for a robot that is as wide whichever way it looks.
+
+    `reach` [m] is the least distance of its middle from obstacles.
+    """
+
+    is_done = True
+
+    def __init__(self, goal: np.ndarray, around: Surroundings, reach: float) -> None:
+        self._goal = goal
+        distances = around.distances.values[0]
+        row, column = map(int, around.map_.to_cells(goal[None, :2])[0])
+        # Nearer than this, it is the obstacle that is wrong where the robot is.
+        escape = (distances < reach) & (distances > 0.5 * reach)
+        price = around.price_of(distances - reach)
+        values, self.beyond = march_from((row, column), price, escape, around.map_.resolution)
+        self.values = around.field_of(values[None])
+
+    def work(self, _: np.ndarray, __: int) -> bool:
+        """Return whether there is a way to lead from: all was done at once."""
+        return True
+
+    def way_from(self, pose: np.ndarray) -> np.ndarray:
+        """Return places and headings (x, y, yaw) on the way from a pose, shape (n, 3)."""
+        room = np.empty((_MOST_POINTS, 2))
+        count = follow(self.values, 0, pose[:2], room)
+        places = np.concatenate((room[:count], self._goal[None, :2]))
+        way = np.column_stack((places, np.full(len(places), self._goal[2])))
+        ahead = np.diff(places, axis=0)
+        way[:-1, 2] = np.arctan2(ahead[:, 1], ahead[:, 0])
+        return way
 
 
 def march_from(

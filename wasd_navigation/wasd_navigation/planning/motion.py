@@ -52,6 +52,17 @@ def move(state: np.ndarray, asked: np.ndarray, base: Base, dt: float) -> None:
 
 
 @fast
+def least_clearance(
+    distances: Field, circles: np.ndarray, way: np.ndarray, enough: float
+) -> float:
+    """Return the least clearance [m] on a way (x, y, yaw), shape (n, 3)."""
+    least: float = enough
+    for index in range(way.shape[0]):
+        least = min(least, clearance(distances, circles, way[index], enough))
+    return least
+
+
+@fast
 def clearance(distances: Field, circles: np.ndarray, state: np.ndarray, enough: float) -> float:
     """
     Return the distance [m] from the footprint at (x, y, yaw, ...) to what is nearest.

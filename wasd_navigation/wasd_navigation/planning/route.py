@@ -2,82 +2,120 @@
 """Whether a goal can be reached, and the way there from wherever the robot is."""
 
 import math
+from typing import Protocol
 
 import numpy as np
 
 from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.footprint import Footprint
-from wasd_navigation.planning.goal_field import follow
-from wasd_navigation.planning.goal_field import march_from
+from wasd_navigation.planning.goal_field import DiscField
+from wasd_navigation.planning.heading_field import HeadingField
+from wasd_navigation.planning.motion import Base
 from wasd_navigation.planning.motion import clearance
+from wasd_navigation.planning.motion import least_clearance
 from wasd_navigation.planning.parameters import PlanningParameters
 from wasd_navigation.planning.sampling import value_at
 from wasd_navigation.planning.surroundings import Surroundings
 
-# A way has no more points than this.
-_MOST_POINTS = 8000
 # The robot is on its way up to so far from it [m], and passes no more points of it at once.
-_OFF_WAY, _PASSED = 0.1, 20
-# The robot's middle may be nearer to an obstacle than it should be, down to this share of its
-# half width: there it is the obstacle that is wrong.
-_DEEPEST = 0.5
+_OFF_WAY, _PASSED = 0.15, 20
+# So much of a field is drawn in one step: some milliseconds.
+_SLICE = 8000
+# All of it.
+_WHOLE = 1 << 40
+
+
+class Drawing(Protocol):
+    """What is left to a goal from everywhere, on its way to be drawn."""
+
+    values: Field
+    beyond: float  # what is not reached has at least this value [m]
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all is drawn."""
+
+    def work(self, pose: np.ndarray, budget: int) -> bool:
+        """Draw some more; return whether `values` are good around a pose."""
+
+    def way_from(self, pose: np.ndarray) -> np.ndarray:
+        """Return (x, y, yaw) on the way from a pose, shape (n, 3)."""
 
 
 class Route:
-    """What is left from each place to one goal (x, y, yaw), and the way from one of them."""
+    """
+    What is left from each place to one goal (x, y, yaw), and the way from one of them.
+
+    `draw` begins to work it out for what is around now, each `work` goes on with it; until that is
+    good enough the last drawing holds. `way`, shape (n, 3), are places and headings.
+    """
 
     def __init__(
-        self, goal: np.ndarray, footprint: Footprint, parameters: PlanningParameters
+        self, goal: np.ndarray, footprint: Footprint, base: Base, parameters: PlanningParameters
     ) -> None:
         self.goal = goal
-        self._footprint, self._parameters = footprint, parameters
-        self._room = np.empty((_MOST_POINTS, 2))
-        self._beyond = 0.0
-        self.values: Field | None = None
-        self.way = np.empty((0, 2))
+        self._footprint, self._base, self._parameters = footprint, base, parameters
+        self._now: Drawing | None = None
+        self._next: Drawing | None = None
+        self.way = np.empty((0, 3))
 
     def draw(self, around: Surroundings) -> None:
-        """Work the values out for what is around now."""
-        assert around.grid is not None
-        parameters = self._parameters
-        distances = around.distances.values[0]
-        room = distances - self._footprint.inscribed - parameters.margin
-        lack = np.clip(1.0 - room / parameters.comfort, 0.0, 1.0)
-        price = 1.0 + parameters.comfort_price * lack * lack
-        price += np.where(around.is_unknown, parameters.unknown_price, 0.0)
-        price = np.where(room >= 0.0, price, np.inf).astype(np.float32)
-        escape = (room < 0.0) & (distances > _DEEPEST * self._footprint.inscribed)
-        row, column = map(int, around.grid.to_cells(self.goal[None, :2])[0])
-        values, self._beyond = march_from((row, column), price, escape, around.grid.resolution)
-        self.values = around.field_of(values[None])
-        self.way = self.way[:0]
+        """Begin to work the values out for what is around now."""
+        footprint, parameters = self._footprint, self._parameters
+        if footprint.is_circle:
+            reach = footprint.inscribed + parameters.margin
+            self._next = DiscField(self.goal, around, reach)
+        else:
+            self._next = HeadingField(
+                self.goal, around, footprint.circles, self._base, parameters.margin
+            )
+
+    def work(self, pose: np.ndarray, budget: int = _SLICE) -> None:
+        """Go on with it, for a robot at a pose."""
+        if self._next is not None:
+            if self._next.work(pose, budget):
+                self._now, self._next = self._next, None
+                self.way = self.way[:0]
+        elif self._now is not None and not self._now.is_done:
+            self._now.work(pose, budget)
+
+    @property
+    def is_drawing(self) -> bool:
+        """Whether there will be better values soon."""
+        return self._next is not None
+
+    @property
+    def values(self) -> Field | None:
+        """The values; None until there are any."""
+        return None if self._now is None else self._now.values
 
     def left(self, pose: np.ndarray) -> float:
         """Return what is left from a pose [m of free way]; infinite when no way leads there."""
-        assert self.values is not None
-        value: float = value_at(self.values, np.append(pose, np.zeros(3)))
-        return value if value < self._beyond - 1e-3 else math.inf
+        assert self._now is not None
+        value: float = value_at(self._now.values, np.append(pose, np.zeros(3)))
+        return value if value < self._now.beyond - 1e-3 else math.inf
+
+    def is_reached_from(self, pose: np.ndarray) -> bool:
+        """Draw all at once, and return whether a way leads to the goal from a pose."""
+        self.work(pose, _WHOLE)
+        return self.left(pose) < math.inf
 
     def lead_from(self, pose: np.ndarray) -> None:
-        """Set `way`, shape (n, 2) [m], from a pose, or what is left of it."""
-        assert self.values is not None
+        """Set `way` from a pose: what is left of it, or another one."""
+        assert self._now is not None
         if len(self.way):
-            apart = np.hypot(*(self.way[:_PASSED] - pose[:2]).T)
+            apart = np.hypot(*(self.way[:_PASSED, :2] - pose[:2]).T)
             nearest = int(apart.argmin())
             if apart[nearest] < _OFF_WAY:
                 self.way = self.way[nearest:]
                 return
-        count = follow(self.values, 0, pose[:2], self._room)
-        self.way = np.concatenate((self._room[:count], self.goal[None, :2]))
+        self.way = self._now.way_from(pose)
 
     def is_blocked(self, around: Surroundings) -> bool:
         """Whether something is in the way that was not there when the way was drawn."""
-        grid = around.grid
-        assert grid is not None
-        cells = grid.to_cells(self.way)
-        cells = cells[grid.covers(cells)]
-        near = around.distances.values[0][cells[:, 0], cells[:, 1]]
-        return bool((near < self._footprint.inscribed + 0.5 * self._parameters.margin).any())
+        least = 0.25 * self._parameters.margin
+        room = least_clearance(around.distances, self._footprint.circles, self.way, least)
+        return bool(room < least)
 
 
 def refusal(
@@ -107,3 +145,12 @@ def refusal(
     if around.is_unknown[tuple(cell[0])]:
         return f'nobody has looked at {place} yet: choose a place that the map shows as free'
     return None
+
+
+def is_shut_off(
+    goal: np.ndarray, pose: np.ndarray, around: Surroundings, footprint: Footprint
+) -> bool:
+    """Whether not even the middle of the robot could come to a goal, whichever way it looks."""
+    field = DiscField(goal, around, footprint.inscribed)
+    value = value_at(field.values, np.append(pose, np.zeros(3)))
+    return bool(value >= field.beyond - 1e-3)

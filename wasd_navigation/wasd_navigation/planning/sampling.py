@@ -40,13 +40,12 @@ DRIVERS = _FOLLOWERS + 4
 
 
 class Scene(NamedTuple):
-    """All that a motion is judged by; the way, shape (n, 2) [m], leads to the goal."""
+    """All that a motion is judged by; the way (x, y, yaw), shape (n, 3), leads to the goal."""
 
     distances: Field
     values: Field
     circles: np.ndarray
     way: np.ndarray
-    goal: np.ndarray  # (x, y, yaw)
     keep: tuple[float, float]  # margin and comfort [m]
 
 
@@ -189,8 +188,8 @@ def _drive(
     full = 1.0 if driver < 3 else 0.5
     distance = math.hypot(x, y)
     speed = min(full * base.most[0], math.sqrt(base.change[0] * distance))
-    if target + 1 == way.shape[0] and base.is_omni:
-        turn = wrap(scene.goal[2] - state[2])
+    if base.is_omni:
+        turn = wrap(way[target, 2] - state[2])
     asked[2] = 2.0 * turn
     if base.is_omni:
         bearing = math.atan2(y, x) - state[2]

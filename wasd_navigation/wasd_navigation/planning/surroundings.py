@@ -70,12 +70,35 @@ class Surroundings:
             self.revision += 1
         return self._distances
 
-    def field_of(self, values: np.ndarray) -> Field:
-        """Return values, shape (headings, rows, columns), as a field over the grid's cells."""
+    @property
+    def comfort(self) -> float:
+        """Room beyond which there is no more than enough [m]."""
+        return self._parameters.comfort
+
+    @property
+    def map_(self) -> Grid:
+        """The map, where there is one."""
+        assert self.grid is not None
+        return self.grid
+
+    def price_of(self, room: np.ndarray, step: int = 1) -> np.ndarray:
+        """
+        Return what a metre costs where there is so much `room` [m], float32; infinite below 0.
+
+        `room`, shape (..., rows, columns), is of every `step`th cell each way.
+        """
+        parameters = self._parameters
+        lack = np.clip(1.0 - room / parameters.comfort, 0.0, 1.0)
+        price = 1.0 + parameters.comfort_price * lack * lack
+        price += parameters.unknown_price * self.is_unknown[::step, ::step]
+        return np.where(room >= 0.0, price, np.inf).astype(np.float32)
+
+    def field_of(self, values: np.ndarray, step: int = 1) -> Field:
+        """Return values, shape (headings, rows, columns), of every `step`th cell as a field."""
         assert self.grid is not None
         resolution = self.grid.resolution
         x, y = (corner + 0.5 * resolution for corner in self.grid.origin)
-        return Field(values, x, y, resolution)
+        return Field(values, x, y, resolution * step)
 
     @property
     def costmap(self) -> Grid:
