@@ -6,9 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import solve_in_place
+from quadruped_sim.algebra import view_of
 from quadruped_sim.dynamics import Dynamics
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import ContactParameters
@@ -112,11 +115,19 @@ def _touch(
 
 
 class Plane(NamedTuple):
-    """Where the feet stood last, (4, 3), and the plane's centre (2,) and gradient (2,) there."""
+    """
+    Where the feet stood last, (4, 3), and the plane's centre (2,), gradient (2,) and height there.
+
+    Its unit `normal` (3,) points up, world axes; `frame` (3, 3) turns axes on the ground
+    (z = normal, x nearly world x) into the world.
+    """
 
     points: np.ndarray
     centre: np.ndarray
     gradient: np.ndarray
+    normal: np.ndarray
+    frame: np.ndarray
+    height: float = 0.0
 
 
 class PlaneFilter(NamedTuple):
@@ -132,17 +143,28 @@ class Ground:
     Plane z = height + gradient . (xy - centre), low-passed.
 
     Remembers where each foot stood last; a foot in the air does not move the plane. The slope
-    follows slowly, so that boxes average out and a ramp is felt within a few steps.
+    follows slowly, so that boxes average out and a ramp is felt within a few steps. `flat` is the
+    `Plane` in one block of memory.
     """
 
     def __init__(self, params: GroundParameters) -> None:
         self.params = params
+        blank = Plane(np.zeros((4, 3)), np.zeros(2), np.zeros(2), np.zeros(3), np.zeros((3, 3)))
+        self.flat = flatten(blank)
+        self._plane: Plane = view_of(self.flat, blank)
         self.reset(np.zeros((4, 3)))
 
     def reset(self, feet: np.ndarray) -> None:
         """Take level ground at the mean height of the contact points `feet` (4, 3), world [m]."""
-        self._plane = Plane(feet.copy(), feet[:, :2].mean(axis=0), np.zeros(2))
-        self.height = float(feet[:, 2].mean())
+        plane = self._plane
+        plane.points[:], plane.centre[:], plane.gradient[:] = feet, feet[:, :2].mean(axis=0), 0.0
+        plane.normal[:], plane.frame[:] = (0.0, 0.0, 1.0), np.eye(3)
+        self.flat['height'] = feet[:, 2].mean()
+
+    @property
+    def height(self) -> float:
+        """Height of the plane at its centre [m]."""
+        return float(self.flat['height'][0])
 
     @property
     def gradient(self) -> np.ndarray:
@@ -157,44 +179,35 @@ class Ground:
             min(1.0, dt / params.slope_time),
             min(1.0, dt / params.height_time),
         )
-        self.height = _follow_plane(
-            plain(self._plane), self.height, contacts, is_contact, plain(low_pass)
-        )
+        _follow_plane(self.flat, contacts, is_contact, plain(low_pass))
 
     def heights(self, points: np.ndarray) -> np.ndarray:
         """Ground height below `points` (n, 2 or 3) [m], shape (n,)."""
         return np.asarray(self.height + (points[:, :2] - self._plane.centre) @ self.gradient)
 
-    def height_at(self, point: np.ndarray) -> float:
-        """Ground height below one point [m]."""
-        return self.height + float((point[:2] - self._plane.centre) @ self.gradient)
-
     def normal(self) -> np.ndarray:
         """Unit normal in world axes, pointing up, shape (3,)."""
-        normal = np.array((-self.gradient[0], -self.gradient[1], 1.0))
-        return normal / math.sqrt(float(normal @ normal))
+        return self._plane.normal
 
     def frame(self) -> np.ndarray:
         """Rotation (3, 3) from axes on the ground (z = normal, x nearly world x) to the world."""
-        normal = self.normal()
-        along = np.array((float(normal[2]), 0.0, -float(normal[0])))
-        along /= math.sqrt(float(along @ along))
-        nx, ny, nz = normal.tolist()
-        ax, ay, az = along.tolist()
-        across = (ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax)
-        return np.column_stack((along, across, normal))
+        return self._plane.frame
+
+
+@jit
+def height_at(plane: Plane, x: float, y: float) -> float:
+    """Ground height below one point [m]."""
+    ahead, left = x - plane.centre[0], y - plane.centre[1]
+    return float(plane.height + plane.gradient[0] * ahead + plane.gradient[1] * left)
 
 
 @jit
 def _follow_plane(
-    plane: Plane,
-    height: float,
-    contacts: np.ndarray,
-    is_contact: np.ndarray,
-    low_pass: PlaneFilter,
-) -> float:
-    """Update the plane in place; returns the new height at its centre."""
-    points, centre, gradient = plane
+    ground: np.ndarray, contacts: np.ndarray, is_contact: np.ndarray, low_pass: PlaneFilter
+) -> None:
+    """Update a flat `Plane`."""
+    plane = ground[0]
+    points, centre, gradient = plane.points, plane.centre, plane.gradient
     steepest, slope_share, height_share = low_pass
     for i in range(4):
         for k in range(3):
@@ -224,6 +237,21 @@ def _follow_plane(
     gradient[0] += slope_share * (gx - gradient[0])
     gradient[1] += slope_share * (gy - gradient[1])
     # The centre jumps with each touchdown; the height is carried along the slope to it.
-    moved = height + gradient[0] * (mean[0] - centre[0]) + gradient[1] * (mean[1] - centre[1])
+    moved = height_at(plane, mean[0], mean[1])
     centre[0], centre[1] = mean[0], mean[1]
-    return float(moved + height_share * (mean[2] - moved))
+    plane.height = moved + height_share * (mean[2] - moved)
+    _raise_frame(plane)
+
+
+@jit
+def _raise_frame(plane: Plane) -> None:
+    """Write normal and frame."""
+    gradient, normal, frame = plane.gradient, plane.normal, plane.frame
+    length = math.sqrt(gradient[0] ** 2 + gradient[1] ** 2 + 1.0)
+    normal[0], normal[1], normal[2] = -gradient[0] / length, -gradient[1] / length, 1.0 / length
+    along = np.zeros(3)
+    size = math.sqrt(normal[2] ** 2 + normal[0] ** 2)
+    along[0], along[2] = normal[2] / size, -normal[0] / size
+    across = cross3(normal, along)
+    for k in range(3):
+        frame[k, 0], frame[k, 1], frame[k, 2] = along[k], across[k], normal[k]

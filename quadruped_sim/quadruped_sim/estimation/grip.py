@@ -2,30 +2,18 @@
 """How much friction the feet find: by the forces felt, and by which of the feet slip."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import jit
-from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
-from quadruped_sim.leg_kinematics import ContactPoints
 from quadruped_sim.parameters import GripParameters
-from quadruped_sim.robot_state import BaseMotion
 from quadruped_sim.robot_state import RobotState
 
 # Cosine between motion and force of a foot below which it slips: -1, but for what is not known.
 _OPPOSED = -0.9
-
-
-class Felt(NamedTuple):
-    """Joint rates (4, 3) [rad/s]; forces on the feet (4, 3), base axes [N]; which feet stand."""
-
-    rates: np.ndarray
-    forces: np.ndarray
-    stands: np.ndarray
 
 
 class Grip:
@@ -64,10 +52,7 @@ class Grip:
         `frame` (3, 3) turns ground axes, whose z is the normal, into the world.
         """
         params = self._params
-        felt = Felt(state.joint_velocity.reshape(4, 3), state.forces, stands)
-        slips, used = _feel(
-            plain(state.base), plain(state.contact), plain(felt), frame, params.slip_speed
-        )
+        slips, used = _feel(state.flat, stands, frame, params.slip_speed)
         if slips < math.inf:
             lower = min(params.share * slips - self.friction, 0.0)
             self.friction += min(1.0, dt / params.fall_time) * lower
@@ -78,29 +63,24 @@ class Grip:
 
 @jit
 def _feel(
-    base: BaseMotion,
-    contact: ContactPoints,
-    felt: Felt,
-    frame: np.ndarray,
-    slip_speed: float,
+    robot: np.ndarray, stands: np.ndarray, frame: np.ndarray, slip_speed: float
 ) -> tuple[float, float]:
     """Least ratio of tangential to normal force on feet that slip, and the largest on any."""
-    base = BaseMotion(*base)
-    contact = ContactPoints(*contact)
-    felt = Felt(*felt)
+    state = robot[0]
+    base, contact = state.base, state.contact
     slips, used = math.inf, 0.0
     for i in range(4):
-        if not felt.stands[i]:
+        if not stands[i]:
             continue
         relative = cross3(base.omega, contact.position[i])
-        swept = rotate(contact.jacobian[i], felt.rates[i])
+        swept = rotate(contact.jacobian[i], state.joint_velocity[3 * i : 3 * i + 3])
         for k in range(3):
             relative[k] += swept[k]
         moves = rotate(base.R, relative)
         for k in range(3):
             moves[k] += base.velocity[k]
         moves = rotate_back(frame, moves)
-        force = rotate_back(frame, rotate(base.R, felt.forces[i]))
+        force = rotate_back(frame, rotate(base.R, state.forces[i]))
         ratio = math.hypot(force[0], force[1]) / max(force[2], 1e-6)
         speed = math.hypot(moves[0], moves[1])
         power = force[0] * moves[0] + force[1] * moves[1]

@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Feedback around the plan: what the base shall accelerate at, what the joints shall hold."""
 
-from typing import NamedTuple
+import math
 
 import numpy as np
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
-from wasd_core.rotations import rotation_vector
-from wasd_core.rotations import rpy_matrix
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import invert3
@@ -16,7 +14,6 @@ from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.leg_kinematics import LegGeometry
-from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.leg_kinematics import solve_leg
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
@@ -50,9 +47,31 @@ def pd_law(
     return result
 
 
+@jit
 def rotation_error(rpy: np.ndarray, R: np.ndarray) -> np.ndarray:
     """Axis times angle (3,) [rad], world axes, by which `R` is to turn to have `rpy` (3,)."""
-    return rotation_vector(rpy_matrix(*rpy.tolist()) @ R.T)
+    cr, sr, cp, sp = math.cos(rpy[0]), math.sin(rpy[0]), math.cos(rpy[1]), math.sin(rpy[1])
+    cy, sy = math.cos(rpy[2]), math.sin(rpy[2])
+    wanted = np.empty((3, 3))
+    a, b = sp * sr, sp * cr
+    wanted[0, 0], wanted[0, 1], wanted[0, 2] = cy * cp, cy * a - sy * cr, cy * b + sy * sr
+    wanted[1, 0], wanted[1, 1], wanted[1, 2] = sy * cp, sy * a + cy * cr, sy * b - cy * sr
+    wanted[2, 0], wanted[2, 1], wanted[2, 2] = -sp, cp * sr, cp * cr
+    turn = np.zeros((3, 3))  # wanted R'
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                turn[i, j] += wanted[i, k] * R[j, k]
+    error = np.empty(3)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        error[k] = 0.5 * (turn[j, i] - turn[i, j])
+    sine = math.sqrt(error[0] ** 2 + error[1] ** 2 + error[2] ** 2)
+    cosine = 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0)
+    if sine >= 1e-9:
+        for k in range(3):
+            error[k] *= math.atan2(sine, cosine) / sine
+    return error
 
 
 def base_acceleration(
@@ -81,18 +100,6 @@ def standing_forces(weight: float, is_stance: np.ndarray) -> np.ndarray:
     return forces
 
 
-class Push(NamedTuple):
-    """
-    Forces on the feet (4, 3) [N], world axes, and their arms about the CoM, base axes [m].
-
-    `mass` [kg] is what they move.
-    """
-
-    forces: np.ndarray
-    arms: np.ndarray
-    mass: float
-
-
 class BaseTracking:
     """Rigid-body acceleration by the planned forces, plus the proportional-derivative law."""
 
@@ -108,38 +115,32 @@ class BaseTracking:
         self, state: RobotState, reference: BaseReference, forces: np.ndarray
     ) -> np.ndarray:
         """Linear then angular acceleration (6,), world axes; `forces` (4, 3) [N] by the feet."""
-        base = state.base
-        push = Push(forces, state.contact.position - state.com, state.mass)
-        error = rotation_error(reference.rpy, base.R)
-        return _acceleration(
-            self._inverse_inertia,
-            self._gains,
-            plain(base),
-            plain(reference),
-            error,
-            plain(push),
-        )
+        result = np.zeros(6)
+        law = self._inverse_inertia, self._gains
+        _accelerate(state.flat, plain(reference), forces, law, result)
+        return result
 
 
 @jit
-def _acceleration(
-    inverse_inertia: np.ndarray,
-    gains: np.ndarray,
-    base: BaseMotion,
+def _accelerate(
+    robot: np.ndarray,
     reference: BaseReference,
-    rotation_error: np.ndarray,
-    push: Push,
-) -> np.ndarray:
-    base = BaseMotion(*base)
+    forces: np.ndarray,
+    law: tuple[np.ndarray, np.ndarray],
+    result: np.ndarray,
+) -> None:
+    """Write `BaseTracking.acceleration`; `law` are the inverse of the inertia, and the gains."""
+    base, contact, dynamics = robot[0].base, robot[0].contact, robot[0].dynamics
     reference = BaseReference(*reference)
-    push = Push(*push)
+    inverse_inertia, gains = law
     R = base.R
-    result = np.zeros(6)
-    moment = np.zeros(3)
+    moment, arm = np.zeros(3), np.empty(3)
     for i in range(4):
-        turn = cross3(push.arms[i], rotate_back(R, push.forces[i]))
         for k in range(3):
-            result[k] += push.forces[i, k] / push.mass
+            arm[k] = contact.position[i, k] - dynamics.com[k]
+        turn = cross3(arm, rotate_back(R, forces[i]))
+        for k in range(3):
+            result[k] += forces[i, k] / dynamics.mass[0, 0]
             moment[k] += turn[k]
     result[2] -= GRAVITY
     angular = rotate(R, rotate(inverse_inertia, moment))
@@ -150,10 +151,10 @@ def _acceleration(
         position_error[k] = reference.position[k] - base.position[k]
         velocity_error[k] = reference.velocity[k] - base.velocity[k]
         rate_error[k] = (reference.yaw_rate if k == 2 else 0.0) - spin[k]
-    correction = pd_law(gains, position_error, velocity_error, rotation_error, rate_error)
+    turn = rotation_error(reference.rpy, R)
+    correction = pd_law(gains, position_error, velocity_error, turn, rate_error)
     for k in range(6):
         result[k] += correction[k]
-    return result
 
 
 def joint_command(
@@ -170,36 +171,28 @@ def joint_command(
     A standing leg is only damped, about the joint speeds at which the base moves as wanted; a leg
     in the air also has stiffness about its target.
     """
-    position, rates = _joint_targets(
-        plain(model.geometry),
-        state.joint_position,
-        plain(state.motion),
-        plain(state.base),
-        plain(reference),
-        plain(swing),
-    )
-    stands = swing.is_stance.repeat(3)
-    kp = np.where(stands, 0.0, params.swing_kp)
-    kd = np.where(stands, params.stance_kd, params.swing_kd)
-    return JointCommand(position, rates, effort, kp, kd)
+    parts = np.empty((4, 12))
+    gains = params.swing_kp, params.swing_kd, params.stance_kd
+    targets = plain(reference), plain(swing)
+    _find_joint_targets(plain(model.geometry), state.flat, targets, gains, parts)
+    return JointCommand(parts[0], parts[1], effort, parts[2], parts[3])
 
 
 @jit
-def _joint_targets(
+def _find_joint_targets(
     leg: LegGeometry,
-    angles: np.ndarray,
-    motion: LegMotion,
-    base: BaseMotion,
-    reference: BaseReference,
-    swing: SwingTargets,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Joint angles and rates, both (12,)."""
-    motion = LegMotion(*motion)
-    base = BaseMotion(*base)
-    reference = BaseReference(*reference)
-    swing = SwingTargets(*swing)
+    robot: np.ndarray,
+    targets: tuple[BaseReference, SwingTargets],
+    gains: tuple[float, float, float],
+    parts: np.ndarray,
+) -> None:
+    """Write joint angles and rates, and both gains, (4, 12)."""
+    base, motion = robot[0].base, robot[0].motion
+    reference, swing = BaseReference(*targets[0]), SwingTargets(*targets[1])
+    swing_kp, swing_kd, stance_kd = gains
     R = base.R
-    position, rates = angles.copy(), np.empty(12)
+    position, rates = parts[0], parts[1]
+    position[:] = robot[0].joint_position
     turn, relative = np.empty(3), np.empty(3)
     for i in range(4):
         if swing.is_stance[i]:
@@ -221,4 +214,5 @@ def _joint_targets(
         joint_rates = rotate(invert3(motion.jacobian[i]), relative)
         for k in range(3):
             rates[3 * i + k] = joint_rates[k]
-    return position, rates
+            parts[2, 3 * i + k] = 0.0 if swing.is_stance[i] else swing_kp
+            parts[3, 3 * i + k] = stance_kd if swing.is_stance[i] else swing_kd

@@ -9,6 +9,7 @@ from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import cross
 from wasd_core.rotations import yaw_matrix
 
+from quadruped_sim.algebra import jit
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.grip import Grip
 from quadruped_sim.locomotion.convex_mpc import ConvexMpc
@@ -40,6 +41,8 @@ _TURNING_RADIUS = 0.15
 _REST = (0.08, 0.05)
 # and beyond which it begins to step.
 _UNREST = (0.25, 0.10)
+# Share of a stance after which a foot has come to rest.
+_SETTLED = 0.15
 
 
 class Locomotion:
@@ -72,6 +75,9 @@ class Locomotion:
         self.schedule = self.gait.state()
         self.is_stance = np.ones(4, dtype=bool)
         self._forces = np.zeros((4, 3))
+        self._early = np.zeros(4, dtype=bool)  # what touched before its time
+        self._is_loaded = np.zeros(4, dtype=bool)  # what tells of the ground
+        self._points = np.zeros((4, 3))  # where feet touch or would touch, world axes [m]
         self._frame = np.eye(3)  # from the axes in which feet have friction to the world
         self._since_solution = math.inf
         self._height = self._nominal_height
@@ -82,7 +88,7 @@ class Locomotion:
         self._nominal_height = self._height_of(params)
         self.gait.params = params.gait
         self.ground.params = params.ground
-        self.reference.params = params.reference
+        self.reference.tune(params.reference)
         self.swing_legs.tune(params)
         self.grip.tune(params.grip, params.mpc.friction)
         self.step_height.tune(params.gait, params.contact)
@@ -98,14 +104,14 @@ class Locomotion:
         """Stand where the robot is, on level ground under its feet."""
         self.gait.reset()
         self.reference.reset(state)
-        self.ground.reset(self._contact_points(state))
+        self.ground.reset(state.feet - (0.0, 0.0, self._model.geometry.foot_radius))
         self._height = float(state.base.position[2]) - self.ground.height
         self.schedule = self.gait.state()
         self.is_stance = np.ones(4, dtype=bool)
         self.swing_legs.reset(state.feet)
         self.step_height.reset()
         self.forget_grip()
-        self._early = np.zeros(4, dtype=bool)
+        self._early[:] = False
         self._forces = standing_forces(GRAVITY * state.mass, self.is_stance)
         self._since_solution = math.inf
 
@@ -121,16 +127,16 @@ class Locomotion:
             float(command[2])
         )
         in_place = self._params.gait.step_in_place and not is_halting
-        is_driven = in_place or float(np.abs(command).max()) > 1e-3
+        is_driven = in_place or max(map(abs, command.tolist())) > 1e-3
         wants_steps = is_driven or self._is_unsteady(state)
         error = self._velocity_error(state, command)
         self.schedule = self.gait.step(dt, speed, wants_steps, error, is_ending=not is_driven)
         self._update_stance(state)
-        points = self._contact_points(state)
-        self.ground.step(points, self._is_loaded(state), dt)
+        points, loaded = self._points, self._is_loaded
+        self.ground.step(points, loaded, dt)
         height_of_step = self.step_height.step(state, self.schedule, points, self.ground, dt)
         self._frame = self.ground.frame()
-        self.grip.step(state, self._is_loaded(state), self._frame, dt)
+        self.grip.step(state, loaded, self._frame, dt)
         self._use_grip()
         tread = Tread(height_of_step, max(self.schedule.pace, self.step_height.roughness))
         height = self._settle_height(dt)
@@ -193,35 +199,22 @@ class Locomotion:
     def trust(self, state: RobotState) -> np.ndarray:
         """How surely each foot stands (4,) in [0, 1]: by schedule, phase and felt force."""
         contact = self._params.contact
-        felt = (state.normal_forces - contact.force_off) / (contact.force_on - contact.force_off)
-        trust = np.where(self.is_stance, np.clip(felt, 0.0, 1.0), 0.0)
-        if not self.gait.is_stepping:
-            return trust
-        window = max(self._params.kalman.phase_window, 1e-6)
-        phase = self.schedule.phase
-        edge = np.minimum(phase, 1.0 - phase) / window
-        return np.asarray(trust * np.where(self._early, 0.5, np.minimum(edge, 1.0)))
-
-    def _contact_points(self, state: RobotState) -> np.ndarray:
-        points = state.feet.copy()
-        points[:, 2] -= self._model.geometry.foot_radius
-        return points
-
-    def _is_loaded(self, state: RobotState) -> np.ndarray:
-        """Feet that stand and are felt to: only these say where the ground is."""
-        settled = self.schedule.phase > 0.15
-        return np.asarray(self.is_stance & state.is_contact & (settled | self._early))
+        trust = np.empty(4)
+        window = max(self._params.kalman.phase_window, 1e-6) if self.gait.is_stepping else 0.0
+        legs = self.is_stance, self._early, self.schedule.phase
+        _find_trust(state.flat, legs, (contact.force_off, contact.force_on), window, trust)
+        return trust
 
     def _update_stance(self, state: RobotState) -> None:
         """Stance by schedule, or from a touch late in the swing on; remembers lift-off points."""
-        scheduled, phase = self.schedule.is_stance, self.schedule.phase
-        late = phase > self._params.gait.early_contact_phase
-        self._early = ~scheduled & (self._early | (late & state.is_contact))
-        stance = scheduled | self._early
-        lifted = self.is_stance & ~stance
-        if lifted.any():
+        stance, lifted = np.empty(4, dtype=bool), np.empty(4, dtype=bool)
+        legs = self.schedule.is_stance, self.schedule.phase, self.is_stance
+        late = self._params.gait.early_contact_phase
+        feel = stance, lifted, self._early, self._is_loaded, self._points
+        _feel_stance(state.flat, legs, late, self._model.geometry.foot_radius, feel)
+        if any(lifted.tolist()):
             self.swing_legs.lift(lifted, state.feet)
-        if (stance != self.is_stance).any():
+        if stance.tolist() != self.is_stance.tolist():
             self._since_solution = math.inf
         self.is_stance = stance
 
@@ -294,3 +287,49 @@ class Locomotion:
         future[..., :2] -= (com @ Rz)[:2]
         future[..., 2] = here[:, 2].mean()
         return stance, np.where(lands[..., None], future, arms)
+
+
+@jit
+def _feel_stance(
+    robot: np.ndarray,
+    legs: tuple[np.ndarray, np.ndarray, np.ndarray],
+    late: float,
+    radius: float,
+    feel: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+) -> None:
+    """
+    Write which feet stand, have just lifted, touched early, bear load, and where all may touch.
+
+    `legs` are the schedule's stance and phases, and which stood before. A foot bears load that
+    stands and is felt to, once it has settled: only these say where the ground is.
+    """
+    state = robot[0]
+    scheduled, phase, before = legs
+    stance, lifted, early, loaded, points = feel
+    for i in range(4):
+        touches = state.is_contact[i] != 0
+        early[i] = not scheduled[i] and (early[i] or (phase[i] > late and touches))
+        stance[i] = scheduled[i] or early[i]
+        lifted[i] = before[i] and not stance[i]
+        loaded[i] = stance[i] and touches and (phase[i] > _SETTLED or early[i])
+        for k in range(3):
+            points[i, k] = state.feet[i, k] - (radius if k == 2 else 0.0)
+
+
+@jit
+def _find_trust(
+    robot: np.ndarray,
+    legs: tuple[np.ndarray, np.ndarray, np.ndarray],
+    thresholds: tuple[float, float],
+    window: float,
+    trust: np.ndarray,
+) -> None:
+    """Write `Locomotion.trust`; near the ends of a stance, by share `window`, it is less."""
+    is_stance, early, phase = legs
+    off, on = thresholds
+    for i in range(4):
+        felt = (robot[0].normal_forces[i] - off) / (on - off)
+        trust[i] = min(max(felt, 0.0), 1.0) if is_stance[i] else 0.0
+        if window > 0.0:
+            edge = min(phase[i], 1.0 - phase[i]) / window
+            trust[i] *= 0.5 if early[i] else min(edge, 1.0)

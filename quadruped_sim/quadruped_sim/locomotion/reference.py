@@ -8,7 +8,11 @@ import numpy as np
 from robot_description.morphology.quadruped import Scale
 from wasd_core.rotations import wrap_angle
 
+from quadruped_sim.algebra import flatten
+from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
 from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation.contacts import height_at
 from quadruped_sim.parameters import ReferenceParameters
 from quadruped_sim.robot_state import RobotState
 
@@ -33,6 +37,27 @@ class BaseReference(NamedTuple):
     yaw_rate: float
 
 
+class ReferenceState(NamedTuple):
+    """What `Reference` keeps: see there. Its `height` is NaN before the first step."""
+
+    xy: np.ndarray
+    velocity_integral: np.ndarray
+    yaw: float = 0.0
+    height_integral: float = 0.0
+    height: float = math.nan
+
+
+class ReferenceRule(NamedTuple):
+    """Parameters of `Reference`, and what is scaled to the robot."""
+
+    position_leash: float
+    velocity_integral: float
+    velocity_integral_limit: float
+    steady_error: float
+    height_integral: float
+    height_limit: float
+
+
 class Reference:
     """
     Integrates the velocity command into a position and heading that stay near the real ones.
@@ -42,21 +67,20 @@ class Reference:
     """
 
     def __init__(self, params: ReferenceParameters, scale: Scale) -> None:
-        self.params = params
-        self._height_limit = _HEIGHT_INTEGRAL_LIMIT * scale.of('m')
-        self._steady_error = _STEADY_ERROR * scale.of('m/s')
-        self._xy = np.zeros(2)
-        self._yaw = 0.0
-        self._velocity_integral = np.zeros(2)
-        self._height_integral = 0.0
+        self._limits = _STEADY_ERROR * scale.of('m/s'), _HEIGHT_INTEGRAL_LIMIT * scale.of('m')
+        self._state = flatten(ReferenceState(np.zeros(2), np.zeros(2)))
+        self.tune(params)
+
+    def tune(self, params: ReferenceParameters) -> None:
+        """Take other gains and limits."""
+        velocity = params.velocity_integral, params.velocity_integral_limit, self._limits[0]
+        height = params.height_integral, self._limits[1]
+        self._rule = flatten(ReferenceRule(params.position_leash, *velocity, *height))
 
     def reset(self, state: RobotState) -> None:
         """Desire the present place and heading, without integrals."""
-        self._height: float | None = None
-        self._xy = state.base.position[:2].copy()
-        self._yaw = float(state.base.rpy[2])
-        self._velocity_integral = np.zeros(2)
-        self._height_integral = 0.0
+        here, yaw = state.base.position[:2], float(state.base.rpy[2])
+        self._state = flatten(ReferenceState(here, np.zeros(2), yaw))
 
     def step(
         self, state: RobotState, command: np.ndarray, ground: Ground, height: float, dt: float
@@ -67,48 +91,65 @@ class Reference:
         The base is kept `height` [m] above the ground plane, moves with it as it changes, and is
         parallel to the plane.
         """
-        params = self.params
-        yaw = float(state.base.rpy[2])
-        c, s = math.cos(yaw), math.sin(yaw)
-        to_world = np.array(((c, -s), (s, c)))
-        self._integrate(state, command, to_world, dt)
-        velocity = to_world @ (command[:2] + self._velocity_integral)
+        wanted = BaseReference(np.empty(3), np.empty(3), np.empty(3), float(command[2]))
+        asked = command, height, dt
+        _advance(self._state, self._rule, state.flat, ground.flat, asked, plain(wanted))
+        return wanted
 
-        self._xy = self._xy + dt * (to_world @ command[:2])
-        ahead = self._xy - state.base.position[:2]
-        distance = math.hypot(float(ahead[0]), float(ahead[1]))
-        if distance > params.position_leash:
-            self._xy = state.base.position[:2] + ahead * (params.position_leash / distance)
-        yaw_rate = float(command[2])
-        error = wrap_angle(self._yaw + dt * yaw_rate - yaw)
-        self._yaw = yaw + min(max(error, -_YAW_LEASH), _YAW_LEASH)
 
-        gradient = to_world.T @ ground.gradient
-        level = ground.height_at(state.base.position) + height
-        self._height_integral += (
-            dt * params.height_integral * (level - float(state.base.position[2]))
-        )
-        self._height_integral = min(
-            max(self._height_integral, -self._height_limit), self._height_limit
-        )
-        rpy = np.array((math.atan(float(gradient[1])), -math.atan(float(gradient[0])), self._yaw))
-        position = np.array((*self._xy, level + self._height_integral))
-        rise = 0.0 if self._height is None else (height - self._height) / dt
-        self._height = height
-        climb = float(ground.gradient @ velocity) + rise
-        return BaseReference(position, rpy, np.array((*velocity, climb)), yaw_rate)
+@jit
+def _advance(
+    flat_own: np.ndarray,
+    flat_rule: np.ndarray,
+    robot: np.ndarray,
+    ground: np.ndarray,
+    asked: tuple[np.ndarray, float, float],
+    wanted: BaseReference,
+) -> None:
+    own, rule, base, plane = flat_own[0], flat_rule[0], robot[0].base, ground[0]
+    command, height, dt = asked
+    wanted = BaseReference(*wanted)
+    position, velocity = wanted.position, wanted.velocity
+    yaw = base.rpy[2]
+    c, s = math.cos(yaw), math.sin(yaw)
+    vx, vy = base.velocity[0], base.velocity[1]
+    _integrate(own.velocity_integral, rule, command[0] - c * vx - s * vy, 0, dt)
+    _integrate(own.velocity_integral, rule, command[1] + s * vx - c * vy, 1, dt)
+    vx, vy = command[0] + own.velocity_integral[0], command[1] + own.velocity_integral[1]
+    velocity[0], velocity[1] = c * vx - s * vy, s * vx + c * vy
 
-    def _integrate(
-        self, state: RobotState, command: np.ndarray, to_world: np.ndarray, dt: float
-    ) -> None:
-        """Add the velocity error to its integral."""
-        params = self.params
-        error = command[:2] - to_world.T @ state.base.velocity[:2]
-        limit, steady = params.velocity_integral_limit, self._steady_error
-        for axis in (0, 1):
-            part = min(max(float(error[axis]), -steady), steady)
-            total = float(self._velocity_integral[axis]) + dt * params.velocity_integral * part
-            self._velocity_integral[axis] = min(max(total, -limit), limit)
+    own.xy[0] += dt * (c * command[0] - s * command[1])
+    own.xy[1] += dt * (s * command[0] + c * command[1])
+    x, y = own.xy[0] - base.position[0], own.xy[1] - base.position[1]
+    distance = math.hypot(x, y)
+    if distance > rule.position_leash:
+        own.xy[0] = base.position[0] + x * (rule.position_leash / distance)
+        own.xy[1] = base.position[1] + y * (rule.position_leash / distance)
+    error = own.yaw + dt * command[2] - yaw
+    error = math.pi - (math.pi - error) % (2.0 * math.pi)
+    own.yaw = yaw + min(max(error, -_YAW_LEASH), _YAW_LEASH)
+
+    level = height_at(plane, base.position[0], base.position[1]) + height
+    total = own.height_integral + dt * rule.height_integral * (level - base.position[2])
+    own.height_integral = min(max(total, -rule.height_limit), rule.height_limit)
+    gx, gy = plane.gradient[0], plane.gradient[1]
+    wanted.rpy[0], wanted.rpy[1] = math.atan(c * gy - s * gx), -math.atan(c * gx + s * gy)
+    wanted.rpy[2] = own.yaw
+    position[0], position[1], position[2] = own.xy[0], own.xy[1], level + own.height_integral
+    rise = 0.0 if math.isnan(own.height) else (height - own.height) / dt
+    own.height = height
+    velocity[2] = gx * velocity[0] + gy * velocity[1] + rise
+
+
+@jit
+def _integrate(
+    integral: np.ndarray, rule: ReferenceRule, error: float, axis: int, dt: float
+) -> None:
+    """Add an error of velocity [m/s] to its integral."""
+    part = min(max(error, -rule.steady_error), rule.steady_error)
+    total = integral[axis] + dt * rule.velocity_integral * part
+    limit = rule.velocity_integral_limit
+    integral[axis] = min(max(total, -limit), limit)
 
 
 def horizon(

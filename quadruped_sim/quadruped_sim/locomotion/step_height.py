@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 
+from quadruped_sim.algebra import jit
 from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation.contacts import height_at
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.parameters import ContactParameters
 from quadruped_sim.parameters import GaitParameters
@@ -47,27 +49,39 @@ class StepHeight:
 
         `points` (4, 3) are where the feet touch or would touch, world axes [m].
         """
-        params = self._params
-        felt = 1.0 if self._stumbles(state, schedule) else self._unevenness(state, points, ground)
+        params, scale = self._params, self._scale
+        limits = self._force, _FLAT * scale, _ROUGH * scale
+        legs = schedule.is_stance, schedule.phase
+        felt = _feel_steps(state.flat, ground.flat, legs, points, limits)
         self.roughness = max(self.roughness * math.exp(-dt / params.terrain_time), felt)
         return params.step_height + self.roughness * (
             params.rough_step_height - params.step_height
         )
 
-    def _stumbles(self, state: RobotState, schedule: GaitState) -> bool:
-        """Whether a foot meets something on its way. Plain numbers: numpy takes far longer."""
-        begin, end = _MID_SWING
-        legs = zip(schedule.is_stance.tolist(), schedule.phase.tolist(), strict=True)
-        swings = [
-            leg for leg, (stands, phase) in enumerate(legs) if not stands and begin < phase < end
-        ]
-        return any(max(map(abs, state.forces[leg].tolist())) > self._force for leg in swings)
 
-    def _unevenness(self, state: RobotState, points: np.ndarray, ground: Ground) -> float:
-        heights = zip(points[:, 2].tolist(), ground.heights(points).tolist(), strict=True)
-        touching = zip(state.is_contact.tolist(), heights, strict=True)
-        off = max(
-            (abs(foot - plane) for touches, (foot, plane) in touching if touches), default=0.0
-        )
-        flat, rough = _FLAT * self._scale, _ROUGH * self._scale
-        return min(max((off - flat) / (rough - flat), 0.0), 1.0)
+@jit
+def _feel_steps(
+    robot: np.ndarray,
+    ground: np.ndarray,
+    legs: tuple[np.ndarray, np.ndarray],
+    points: np.ndarray,
+    limits: tuple[float, float, float],
+) -> float:
+    """
+    Return how rough the ground is felt to be now: in full by a foot that meets something.
+
+    `legs` are which stand by schedule, and their phases; `limits` a force [N], flat and rough [m].
+    """
+    state, plane = robot[0], ground[0]
+    is_stance, phase = legs
+    force, flat, rough = limits
+    off = 0.0
+    for i in range(4):
+        if not is_stance[i] and _MID_SWING[0] < phase[i] < _MID_SWING[1]:
+            for k in range(3):
+                if abs(state.forces[i, k]) > force:
+                    return 1.0
+        if state.is_contact[i]:
+            level = height_at(plane, points[i, 0], points[i, 1])
+            off = max(off, abs(points[i, 2] - level))
+    return min(max((off - flat) / (rough - flat), 0.0), 1.0)

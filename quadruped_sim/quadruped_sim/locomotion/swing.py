@@ -7,9 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.robot_io import GRAVITY
 
+from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import rotate
 from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation.contacts import height_at
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.parameters import LegControllerParameters
@@ -92,13 +96,19 @@ class FootholdRule(NamedTuple):
     """
     Feet below their hips in the base's yaw frame, (4, 3) [m]; gain [s] and reach [m].
 
-    `fall_time` [s] is sqrt(h / g), by which a body of height h topples.
+    `fall_time` [s] is sqrt(h / g), by which a body of height h topples. A `soft` landing and a
+    `firm` one aim so far above the ground's plane [m]; feet are balls of `radius` [m], and land at
+    least `apart` [m] on their own side of the one across.
     """
 
     nominal: np.ndarray
     velocity_gain: float
     reach: float
     fall_time: float
+    soft: float
+    firm: float
+    radius: float
+    apart: float
 
 
 @jit
@@ -113,10 +123,6 @@ def find_footholds(
     place and velocity with it. In a curve feet stand h/g v x yaw rate farther out, so that the
     force that bends the way does not topple the body.
     """
-    rule = FootholdRule(*rule)
-    base = BaseMotion(*base)
-    reference = BaseReference(*reference)
-    schedule = GaitState(*schedule)
     position, velocity, command = base.position, base.velocity, reference.velocity
     stance_time, gain, reach = schedule.stance_time, rule.velocity_gain, rule.reach
     length, width = schedule.footprint
@@ -197,13 +203,6 @@ class SwingTargets(NamedTuple):
     is_stance: np.ndarray
 
 
-class FootMotion(NamedTuple):
-    """Position [m] and velocity [m/s] of the foot centres, each (4, 3), world axes."""
-
-    position: np.ndarray
-    velocity: np.ndarray
-
-
 class SwingGains(NamedTuple):
     """Acceleration of a foot per error of position [1/s^2] and of velocity [1/s]."""
 
@@ -229,7 +228,10 @@ class SwingLegs:
         """Take other gains and another height of steps."""
         gains, rule = params.whole_body, params.foothold
         fall_time = math.sqrt(params.reference.height / GRAVITY)
-        self._rule = FootholdRule(self.nominal, rule.velocity_gain, rule.reach, fall_time)
+        reach = rule.velocity_gain, rule.reach, fall_time
+        self._rule = flatten(
+            FootholdRule(self.nominal, *reach, *self._landing, self._foot_radius, self._apart)
+        )
         self._gains = SwingGains(gains.swing_position_gain, gains.swing_velocity_gain)
 
     def reset(self, feet: np.ndarray) -> None:
@@ -249,10 +251,10 @@ class SwingLegs:
         firmness: float = 0.0,
     ) -> np.ndarray:
         """Where the foot centres land on the ground's plane, (4, 3), world axes [m]."""
-        feet = find_footholds(plain(self._rule), plain(base), plain(reference), plain(schedule))
-        soft, firm = self._landing
-        above = soft + firmness * (firm - soft)
-        feet[:, 2] = ground.heights(feet) + self._foot_radius + above
+        feet, schedule = np.empty((4, 3)), schedule._replace(is_stance=np.zeros(4, dtype=bool))
+        robot = flatten({'base': base, 'feet': feet})
+        asked = plain(schedule), plain(reference), firmness
+        find_landing(self._rule, robot, ground.flat, asked, feet)
         return feet
 
     def step(
@@ -265,26 +267,58 @@ class SwingLegs:
         tread: Tread,
     ) -> SwingTargets:
         """Targets of this tick."""
-        landing = self.landing(state.base, schedule, reference, ground, tread.firmness)
-        keep_apart(landing, state.feet, is_stance, float(state.base.rpy[2]), self._apart)
+        landing = np.empty((4, 3))
+        asked = plain(schedule._replace(is_stance=is_stance)), plain(reference), tread.firmness
+        find_landing(self._rule, state.flat, ground.flat, asked, landing)
         self.aims = landing
-        feet = FootMotion(state.feet, foot_velocities(state))
-        targets = _swing_targets(
-            plain(FootPaths(self._lift_off, landing, *tread)),
-            plain(schedule),
-            is_stance,
-            plain(feet),
-            plain(self._gains),
-        )
-        return SwingTargets(*targets, is_stance)
+        targets = SwingTargets(state.feet.copy(), np.zeros((4, 3)), np.zeros((4, 3)), is_stance)
+        paths = plain(FootPaths(self._lift_off, landing, *tread))
+        _lead(state.flat, paths, asked[0], plain(self._gains), plain(targets))
+        return targets
+
+
+@jit
+def find_landing(
+    rule: np.ndarray,
+    robot: np.ndarray,
+    ground: np.ndarray,
+    asked: tuple[GaitState, BaseReference, float],
+    landing: np.ndarray,
+) -> None:
+    """
+    Write where the foot centres land on the ground's plane, (4, 3), world axes [m].
+
+    `asked` are the schedule, with the feet that do stand, the base's reference, and how firmly
+    the feet are set.
+    """
+    own, state, plane = rule[0], robot[0], ground[0]
+    schedule, reference, firmness = GaitState(*asked[0]), BaseReference(*asked[1]), asked[2]
+    feet = find_footholds(own, state.base, reference, schedule)
+    above = own.radius + own.soft + firmness * (own.firm - own.soft)
+    for leg in range(4):
+        for k in range(2):
+            landing[leg, k] = feet[leg, k]
+        landing[leg, 2] = height_at(plane, feet[leg, 0], feet[leg, 1]) + above
+    keep_apart(landing, state.feet, schedule.is_stance, state.base.rpy[2], own.apart)
 
 
 def foot_velocities(state: RobotState) -> np.ndarray:
     """Velocity of the foot centres in world axes (4, 3) [m/s]."""
-    x, y, z = state.base.omega.tolist()
-    spin = np.array(((0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)))
-    relative = state.motion.velocity + state.motion.position @ spin
-    return np.asarray(state.base.velocity + relative @ state.base.R.T)
+    return _foot_velocities(state.flat)
+
+
+@jit
+def _foot_velocities(robot: np.ndarray) -> np.ndarray:
+    base, motion = robot[0].base, robot[0].motion
+    velocity = np.empty((4, 3))
+    for i in range(4):
+        relative = cross3(base.omega, motion.position[i])
+        for k in range(3):
+            relative[k] += motion.velocity[i, k]
+        relative = rotate(base.R, relative)
+        for k in range(3):
+            velocity[i, k] = base.velocity[k] + relative[k]
+    return velocity
 
 
 class FootPaths(NamedTuple):
@@ -297,23 +331,21 @@ class FootPaths(NamedTuple):
 
 
 @jit
-def _swing_targets(
+def _lead(
+    robot: np.ndarray,
     paths: FootPaths,
     schedule: GaitState,
-    is_stance: np.ndarray,
-    feet: FootMotion,
     gains: SwingGains,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    targets: SwingTargets,
+) -> None:
+    """Write the targets of the feet in the air; those that stand keep theirs."""
     lift_off, landing, height, firmness = paths
-    schedule = GaitState(*schedule)
-    feet = FootMotion(*feet)
-    gains = SwingGains(*gains)
-    position = feet.position.copy()
-    velocity = np.zeros((4, 3))
-    acceleration = np.zeros((4, 3))
+    schedule, gains, targets = GaitState(*schedule), SwingGains(*gains), SwingTargets(*targets)
+    position, velocity, acceleration = targets.position, targets.velocity, targets.acceleration
+    moves, feet = _foot_velocities(robot), robot[0].feet
     arrival = _ARRIVAL + firmness * (1.0 - _ARRIVAL)
     for leg in range(4):
-        if is_stance[leg]:
+        if targets.is_stance[leg]:
             continue
         phase = schedule.phase[leg]
         p, v, a = swing_point(
@@ -323,7 +355,6 @@ def _swing_targets(
             position[leg, k], velocity[leg, k] = p[k], v[k]
             acceleration[leg, k] = (
                 a[k]
-                + gains.position * (p[k] - feet.position[leg, k])
-                + gains.velocity * (v[k] - feet.velocity[leg, k])
+                + gains.position * (p[k] - feet[leg, k])
+                + gains.velocity * (v[k] - moves[leg, k])
             )
-    return position, velocity, acceleration
