@@ -83,6 +83,6 @@ def test_a_script_at_full_speed_has_company_when_it_is_asked_for(
 def distance_beside_another(new_runner: Any, domain: int, *words: str) -> float:
     """Return how far a robot that is told to stand goes beside one that is told to drive [m]."""
     # Seconds of wall time beside another run: enough for two processes to meet.
-    report = new_runner(domain).report('mbot', '--duration', '40', *words, twist=STANDS)
+    report = new_runner(domain).report('mbot', '--duration', '25', *words, twist=STANDS)
     x, y, _ = report['samples']['position'][-1]
     return float(x**2 + y**2) ** 0.5

@@ -84,7 +84,9 @@ def test_a_second_run_takes_the_next_port(run_with_page: Callable[..., Any]) -> 
 def test_keys_on_the_page_drive_it(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
-    run = run_with_page('mbot', '--duration', '300', '--report', 'report.json')
+    saved = tmp_path / 'keys.txt'
+    words = '--report', 'report.json', '--save-keys', str(saved)
+    run = run_with_page('mbot', '--duration', '300', *words)
     browser.set_window_size(500, 400)
     open_page(browser, run.url)
     skip_unless_alive(browser)
@@ -93,6 +95,9 @@ def test_keys_on_the_page_drive_it(
         ActionChains(browser).move_to_element(canvas).click().perform()
         ActionChains(browser).key_down('i').pause(1.5).key_up('i').perform()
         time.sleep(0.5)
+        times = [float(line.split()[0]) for line in saved.read_text().splitlines()]
+        if times and times[-1] - times[0] > 1.0:
+            break
     run.end()
     report = json.loads((tmp_path / 'report.json').read_text())
     assert report['samples']['position'][-1][0] > 0.1
