@@ -242,7 +242,7 @@ def spread(lattice: Lattice, budget: int) -> bool:
                 continue
             # Both ends count: a step from a dear place into a cheap one is not cheap.
             mean = 0.5 * (abs(price[at, at_row, at_column]) + abs(price[heading, row, column]))
-            new = np.float32(value + moves[heading, move, 3] * mean)
+            new = float(np.float32(value + moves[heading, move, 3] * mean))
             if new < values[at, at_row, at_column]:
                 values[at, at_row, at_column] = new
                 push(lattice.heap, new, (at * rows + at_row) * columns + at_column)

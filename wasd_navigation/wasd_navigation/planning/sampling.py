@@ -31,8 +31,9 @@ _SPREAD = 0.4
 # Costs differ by this much [m of way] where weights differ by e.
 _TEMPERATURE = 0.04
 # What costs how much [m of way]: a step nearer than the margin, one that touches; a second at
-# no comfort; a radian turned; a metre backward, where the base goes ahead by nature.
-_TOO_NEAR, _TOUCHES, _DISCOMFORT, _TURNING, _BACKWARD = 3.0, 30.0, 0.1, 0.01, 0.5
+# no comfort; a radian turned; a metre of any way, and one backward.
+_TOO_NEAR, _TOUCHES, _DISCOMFORT = 3.0, 30.0, 0.1
+_TURNING, _LENGTH, _BACKWARD = 0.01, 0.3, 0.5
 # Simple drivers: looks ahead [m] and shares of full speed of those that follow the way; and four
 # that turn left, turn right, back up and stand.
 _FOLLOWERS = 6
@@ -152,6 +153,7 @@ def _price(state: np.ndarray, scene: Scene, base: Base) -> float:
     margin, comfort = scene.keep
     room = clearance(scene.distances, scene.circles, state, comfort)
     cost: float = _TURNING * abs(state[5]) * STEP
+    cost += _LENGTH * math.hypot(state[3], state[4]) * STEP
     if room < 0.0:
         cost += _TOUCHES * (1.0 - 10.0 * room)
     if room < margin:
@@ -194,7 +196,7 @@ def _drive(
     if base.is_omni:
         bearing = math.atan2(y, x) - state[2]
         asked[0], asked[1] = speed * math.cos(bearing), speed * math.sin(bearing)
-    elif abs(turn) < 1.2:
+    elif abs(turn) < 0.8:
         asked[0] = speed * math.cos(turn) ** 2
     return near
 
