@@ -160,18 +160,23 @@ class PagePuppet:
         self.draw()
 
     def scribble(self, count: int, rect: Any, chance: random.Random) -> None:
-        """Do so many things at random in a rectangle: move, press, drag, type, hold keys."""
+        """
+        Do so many things at random in a rectangle: move, press, drag, type, hold keys.
+
+        Moves are the most: a frame of panels takes any number, but one press, of which Studio
+        makes sixty a second.
+        """
         keys = sorted(PAGE_KEYS)
         for _ in range(count):
-            what = chance.random()
-            if what < 0.6:
-                x, y = chance.uniform(rect.left, rect.right), chance.uniform(rect.top, rect.bottom)
-                self.mouse = round(x), round(y)
-            if what < 0.8:
+            x, y = chance.uniform(rect.left, rect.right), chance.uniform(rect.top, rect.bottom)
+            self.mouse = round(x), round(y)
+            what, text = chance.random(), ''
+            if what < 0.10:
                 self.buttons = chance.choice((0, 0, 1, 1, 2))
-            else:
+            elif what < 0.13:
                 self.keys = set(chance.sample(keys, chance.choice((0, 1, 2))))
-            text = chance.choice(('', '', 'x', '7'))
+            elif what < 0.15:
+                text = chance.choice('x7')
             with self._sending:
                 self.socket.send(
                     input_packet(self.keys, self.mouse, self.buttons, self.size, text)

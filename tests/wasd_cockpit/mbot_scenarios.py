@@ -8,9 +8,11 @@ from pathlib import Path
 import random
 import urllib.request
 
+from mujoco.studio.dear_imgui import dear_imgui as imgui
 import numpy as np
 from page_puppet import code
 from page_puppet import PagePuppet
+from page_puppet import SCENE
 import pytest
 from run_scenarios import Page
 from wasd_cockpit.history import Columns
@@ -28,6 +30,12 @@ def resident() -> int:
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
     return int(Path('/proc/self/statm').read_text().split()[1]) * 4096
+
+
+def pointer() -> tuple[float, float]:
+    """Return where the page's pointer is for the panels [pixels]."""
+    place = imgui.GetMousePos()
+    return place.x, place.y
 
 
 def top_of(page: Page, name: str, share: float = 0.9) -> tuple[int, int]:
@@ -300,6 +308,9 @@ def scenario_whatever_a_hand_does_no_panel_fails_and_nothing_grows(page: Page) -
         page.puppet.draw()
         page.puppet.scribble(1000, layout.place_of(panel).rect, chance)
         page.rest()
+        # All of it has been done, and what was asked for last, before that is undone.
+        page.wait_until(lambda: pointer() == SCENE, 'the last of it')
+        page.wait_until(lambda: not page.cockpit.page.link._orders, 'orders')
         page.session.simulation.pacer.speed = 1.0
         if page.snapshot.is_paused:
             page.click('pause')
