@@ -14,6 +14,8 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
+import wasd
+from wasd_core.rotations import matrix_from_quaternion
 
 # From its joint in the course's URDF: on the axis of the robot, above its lid.
 
@@ -195,3 +197,21 @@ def test_a_go2_that_stoops_sees_the_floor_where_its_rays_meet_it(go2, make):
     ahead = lidar.true_ranges()[ray_at(lidar, 0.0)]
     height = 0.30 + 0.11 * math.cos(pitch)
     assert ahead == pytest.approx(height / math.sin(pitch), abs=1e-3)
+
+
+def test_on_a_trotting_go2_it_sees_the_walls_as_a_level_one_would(make):
+    robot = wasd.Go2(world='flat:3')
+    lidar = make(robot._world, robot._loaded)
+    robot.press('2')
+    robot.run(3.0)
+    robot.press('5')
+    robot.drive(0.3, 0.0, 0.4)
+    for _ in range(8):
+        robot.run(0.25)
+        rotation = matrix_from_quaternion(robot.truth.orientation)
+        assert math.acos(rotation[2, 2]) < math.radians(1.5)
+        ranges = lidar.true_ranges()
+        # Nothing ends on the floor, and no wall is looked over.
+        heights = robot.truth.position[2] + (lidar._directions.T * ranges[:, None] @ rotation.T)
+        assert (heights[:, 2] > 0.1).all()
+        assert np.isfinite(ranges).all()
