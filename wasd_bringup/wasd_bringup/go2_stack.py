@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
+import numpy as np
 from quadruped_sim.keys import KeyWords
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateName
 from quadruped_sim.keys import STICK_KEYS
 from quadruped_sim.keys import ZERO_KEYS
 from quadruped_sim.leg_controller_node import LegControllerNode
+from quadruped_sim.leg_kinematics import LegGeometry
+from quadruped_sim.presets import LIMITS
 from rclpy.logging import LoggingSeverity
 from rclpy.parameter import Parameter
 from robot_description.description import Description
@@ -63,6 +66,7 @@ class Go2Stack(ControlStack):
         quadruped = self._legs.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)
         size = self._legs.controller.model.scale.of('m')
+        self.feet = _feet(self._legs.controller.model.geometry)
         self.camera = CameraView(distance=1.8 * size, azimuth=130.0, elevation=-20.0)
         self._legs.controller.words = self._key_words()
         self._hints = None if self._teleop is None else KeyHints(self._teleop.logic, HELP_KEY)
@@ -88,6 +92,25 @@ class Go2Stack(ControlStack):
         from wasd_bringup.cockpit.legs import Legs
 
         return Legs(self)
+
+    @property
+    def refusal(self) -> str:
+        """Why it follows no velocity now, with what is to be done; '' where it does."""
+        if self.state == StateName.MOVE_BASE:
+            return ''
+        return f'press 2 to stand, then 5 to move: it is {self.state}'
+
+    @property
+    def drive_limits(self) -> dict[str, float]:
+        """How fast a navigator may drive it: unitree_guide's speeds, where its legs can."""
+        able, guide = self._legs.controller.command_filter.limits, LIMITS['guide']
+        return {
+            'forward': min(guide.forward, able.forward),
+            'backward': min(0.3, able.backward),
+            'lateral': min(guide.lateral, able.lateral),
+            'yaw': min(guide.yaw, able.yaw),
+            'lag': 0.3,
+        }
 
     @property
     def period(self) -> float:
@@ -216,6 +239,13 @@ class Go2Stack(ControlStack):
         names = world.joint_names, world.motor_names
         command = self._legs.control(world.read(), *names, self.period, truth)
         world.apply(command)
+
+
+def _feet(legs: LegGeometry) -> np.ndarray:
+    """Return the corners of squares around the feet below their hips, shape (16, 2) [m]."""
+    places = legs.hip[:, :2] + np.column_stack((np.zeros(4), legs.offset))
+    corners = legs.foot_radius * np.array([(x, y) for x in (-1, 1) for y in (-1, 1)])
+    return np.asarray((places[:, None] + corners).reshape(-1, 2))
 
 
 def _make_legs(loaded: Description, world: World, options: RunOptions) -> LegControllerNode:

@@ -61,6 +61,10 @@ class Command(NamedTuple):
     velocity: tuple[float, float, float] | None = None
 
 
+# Where to drive in the map: x, y [m] and yaw [rad], NaN for that of the way there.
+Goal = tuple[float, float, float]
+
+
 class Timed(Protocol):
     """What a player needs of an event: when it is due [s]."""
 
@@ -155,6 +159,23 @@ def box_text(box: ScriptedBox) -> str:
 def push_text(push: ScriptedPush) -> str:
     """Return a push as `parse_push` reads it, every digit kept."""
     return ' '.join(map(repr, (push.time, *push.force, push.duration, *(push.point or ()))))
+
+
+def parse_goal(text: str) -> Goal:
+    """
+    Return the goal of a `--goal "X Y [YAW]"` [m], [rad]; without a yaw it is NaN.
+
+    Raises:
+        UserError: it is not two or three finite numbers.
+    """
+    try:
+        numbers = [float(word) for word in text.split()]
+        if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+            raise ValueError
+    except ValueError:
+        raise UserError(f"--goal: got {text!r}, wanted 'X Y' or 'X Y YAW' [m, rad]") from None
+    x, y, yaw = numbers if len(numbers) == 3 else (*numbers, math.nan)
+    return x, y, yaw
 
 
 def _triple(numbers: Sequence[float]) -> tuple[float, float, float]:

@@ -97,6 +97,21 @@ class MbotStack(ControlStack):
         return 1.0 / self._driver.update_rate
 
     @property
+    def drive_limits(self) -> dict[str, float]:
+        """How fast a navigator may drive it: no faster than the controller will."""
+        settings = self._driver.settings
+        linear = settings.linear_limits()
+        angular = settings.angular_limits(self.geometry.wheel_separation)
+        most = {
+            'forward': (0.5, linear.forward),
+            'backward': (0.2, linear.backward),
+            'yaw': (1.5, angular.forward, angular.backward),
+            'forward_acceleration': (0.8, linear.speed_up, linear.slow_down),
+            'yaw_acceleration': (3.0, angular.speed_up, angular.slow_down),
+        }
+        return {name: min(limits) for name, limits in most.items()}
+
+    @property
     def geometry(self) -> DiffDriveGeometry:
         """The wheels as the controller believes them to be."""
         return self._driver.controller.geometry

@@ -24,7 +24,9 @@ from wasd_core.output_file import check_apart
 from wasd_core.output_file import OutputFile
 
 from wasd_bringup.inputs import Command
+from wasd_bringup.inputs import Goal
 from wasd_bringup.inputs import parse_box
+from wasd_bringup.inputs import parse_goal
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import ScriptedBox
@@ -89,6 +91,10 @@ class RunOptions:
     controller: Path | None = None
     gamepad: str | None = None  # None: no pad; '': the first that comes
     foxglove: int | None = None  # the port
+    # The map to localise in; '' makes one, None does neither.
+    map: str | None = None
+    save_map: str | None = None  # without .yaml
+    goals: tuple[Goal, ...] = ()
     interactive: bool = False
     words: tuple[str, ...] = ()  # of the command line, where there is one
     # Of a recording: the descriptions by namespace, and the commands in place of all others.
@@ -104,6 +110,11 @@ class RunOptions:
     def scripted(self) -> bool:
         """Whether keys or velocities come from a file."""
         return self.keys is not None or self.twists is not None
+
+    @property
+    def navigates(self) -> bool:
+        """Whether the robot maps, or finds its way in a map."""
+        return self.map is not None
 
     @property
     def has_guests(self) -> bool:
@@ -182,6 +193,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         times = [press.time for press in keys or ()] + [twist.time for twist in twists or ()]
         duration = AFTERGLOW + max(times, default=0.0)
     outputs = _outputs(arguments)
+    _check_navigation(arguments)
     return RunOptions(
         **{name: getattr(arguments, name) for name in AS_GIVEN},
         package_path=_folders(arguments.package_path),
@@ -197,6 +209,9 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         record=outputs['record'],
         report=outputs['report'],
         save_keys=outputs['save_keys'],
+        map=_map(arguments),
+        save_map=None if arguments.save_map is None else arguments.save_map.removesuffix('.yaml'),
+        goals=tuple(parse_goal(text) for text in arguments.goal),
         estimator=getattr(arguments, 'estimator', 'kalman'),
         limits=getattr(arguments, 'limits', None),
         gait=getattr(arguments, 'gait', None),
@@ -212,6 +227,19 @@ def _check_whole_numbers(arguments: argparse.Namespace) -> None:
         port = getattr(arguments, name)
         if port is not None and not 0 <= port <= 65535:
             raise UserError(f'--{name}: got {port}, wanted 0 to 65535')
+
+
+def _map(arguments: argparse.Namespace) -> str | None:
+    """Return the map to localise in, '' to make one, None for neither."""
+    if arguments.map:
+        _file(arguments.map, '--map')
+    asks = arguments.save_map is not None or arguments.goal
+    return '' if arguments.map is None and asks else arguments.map
+
+
+def _check_navigation(arguments: argparse.Namespace) -> None:
+    if arguments.robot == BOTH and _map(arguments) is not None:
+        raise UserError('--map, --save-map and --goal are for one robot: wasd go2, or wasd mbot')
 
 
 def _read(path: str, option: str) -> str:
@@ -284,7 +312,7 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, OutputFile | None]:
         option = f'--{name.replace("_", "-")}'
         outputs[name] = None if path is None else OutputFile(path, option)
     inputs = []
-    for name in ('play', 'twist', 'controller', 'description', 'preset', 'world'):
+    for name in ('play', 'twist', 'controller', 'description', 'preset', 'world', 'map'):
         path = getattr(arguments, name, None)
         if path is not None and Path(path).exists():
             inputs.append((f'--{name}', path))

@@ -171,6 +171,7 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
         '--layout', choices=LAYOUTS, default='qwerty', help='your keyboard (default: qwerty)'
     )
     _add_guests(parser)
+    _add_navigation(parser)
     parser.add_argument('--play', metavar='FILE', help='scripted keys: lines "t key [key ...]"')
     parser.add_argument('--duration', metavar='S', help='stop after S simulated seconds')
     parser.add_argument(
@@ -194,6 +195,28 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--save-keys', metavar='FILE', help='write the keys, as --play reads them')
     parser.add_argument('--record', metavar='FILE.mcap', help='record every topic')
     parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
+
+
+def _add_navigation(parser: argparse.ArgumentParser) -> None:
+    """Declare what is for mapping and driving to points."""
+    parser.add_argument(
+        '--map',
+        nargs='?',
+        const='',
+        metavar='FILE.yaml',
+        help='map while driving, or find the way in a map that was saved; a click on the floor '
+        'of the panel Map is a goal',
+    )
+    parser.add_argument(
+        '--save-map', metavar='NAME', help='write the map in the end: NAME.yaml and NAME.pgm'
+    )
+    parser.add_argument(
+        '--goal',
+        action='append',
+        default=[],
+        metavar='"X Y [YAW]"',
+        help='drive there in the map [m, rad], as soon as it can (repeatable: one after another)',
+    )
 
 
 # Where Foxglove looks first.

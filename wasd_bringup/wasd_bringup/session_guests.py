@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who else may drive in a run, on wall time: a gamepad, and Foxglove's clients."""
+"""Who else may drive in a run: the navigator, a gamepad, and Foxglove's clients."""
 
 from collections.abc import Callable, Sequence
 from typing import Protocol, TYPE_CHECKING
@@ -52,6 +52,10 @@ def make_guests(
         UserError: one cannot come.
     """
     guests: list[Guest] = []
+    if options.navigates:
+        from wasd_bringup.session_navigation import SessionNavigation
+
+        guests.append(SessionNavigation(options, robots[0]))
     # Each is loaded here, because who does not ask for it does without.
     if options.gamepad is not None:
         from wasd_bringup.session_pad import SessionPad

@@ -2,7 +2,7 @@
 """One robot of a session: its part of the world, its nodes, its scripts, its report."""
 
 import dataclasses
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from builtin_interfaces.msg import Time
 from mujoco_sim.randomise import randomise
@@ -24,6 +24,8 @@ from robot_description.description import load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.state_publisher_node import StatePublisherNode
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from wasd_core.key_events import RELEASE
+from wasd_core.key_events import split_event
 from wasd_core.messages import to_transform
 from wasd_core.rotations import Pose
 from wasd_core.topics import TfBroadcaster
@@ -38,6 +40,9 @@ from wasd_bringup.report import SAMPLE_PERIOD
 from wasd_bringup.robots import LEGGED
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.stack import make_stack
+
+if TYPE_CHECKING:
+    from wasd_bringup.session_navigation import SessionNavigation
 
 
 class SessionRobot:
@@ -56,7 +61,8 @@ class SessionRobot:
     ) -> None:
         self.options = options
         self.world = world
-        self._loaded = loaded
+        self.description = loaded
+        self.navigation: SessionNavigation | None = None
         self.simulator = SimulatorNode(
             loaded,
             world,
@@ -86,6 +92,8 @@ class SessionRobot:
 
     def press(self, key: str) -> None:
         """Press a key, in this instant, and tell whoever listens."""
+        if split_event(key)[0] != RELEASE:
+            self.stack.take_over('a key')
         self.stack.press(key)
         self.keys.publish_key(key)
 
@@ -119,13 +127,15 @@ class SessionRobot:
         options = self.options
         asked = {
             'robot': options.robot,
-            'description': self._loaded.record(),
+            'description': self.description.record(),
             'world': options.world,
             'seed': options.seed,
             'estimator': self.stack.estimator,
         }
         if options.untold.randomise:
             asked['drawn'] = dataclasses.asdict(self.world.setup.drawn)
+        if self.navigation is not None:
+            asked['navigation'] = self.navigation.report()
         ticks = self.stack.ticks.summary()
         return build_report(self._recorder, asked, self.world.time, wall_time, ticks)
 

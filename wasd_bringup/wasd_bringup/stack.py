@@ -3,6 +3,7 @@
 
 from abc import ABC
 from abc import abstractmethod
+from collections.abc import Callable
 import importlib
 import time
 from typing import Any, TYPE_CHECKING
@@ -13,6 +14,7 @@ from mujoco_sim.simulation import TickStatistics
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
+import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description
@@ -41,6 +43,8 @@ class ControlStack(ABC):
     """
 
     has_states = False  # whether keys are more than velocities
+    # Where its feet reach as it stands, in the base frame (n, 2) [m]; none for who has none.
+    feet = np.empty((0, 2))
     camera: CameraView
     notice: Notice  # what is said to the driver; the session lets its time pass
 
@@ -60,6 +64,9 @@ class ControlStack(ABC):
             self._teleop.receivers.append(controller.cmd_vel.put)
             self.nodes.append(self._teleop)
             self.own_keys = frozenset(self._teleop.logic.keymap.keys)
+        # Told of what a driver does, in words, before it is done.
+        self.takeovers: list[Callable[[str], None]] = []
+        self._is_released = False
         self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
         self.ticks = TickStatistics(self.period)
 
@@ -81,6 +88,16 @@ class ControlStack(ABC):
     @abstractmethod
     def first_keys(self) -> str:
         """The keys to press first."""
+
+    @property
+    def refusal(self) -> str:
+        """Why it follows no velocity now, with what is to be done; '' where it does."""
+        return ''
+
+    @property
+    @abstractmethod
+    def drive_limits(self) -> dict[str, float]:
+        """How fast a navigator may drive it, by the names of its parameters `limits.*`."""
 
     @property
     def state(self) -> str:
@@ -111,8 +128,18 @@ class ControlStack(ABC):
         """Whether what a press of this key sets moving goes on when the key is let go."""
         return self._teleop is not None and self._teleop.logic.latches(key)
 
+    def take_over(self, by: str) -> None:
+        """Tell what drives by itself that a driver does something."""
+        for tell in self.takeovers:
+            tell(by)
+
     def drive(self, velocity: Velocity) -> None:
-        """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel."""
+        """Command a driver's velocity [m/s], [m/s], [rad/s]."""
+        self.take_over('a velocity')
+        self.command_velocity(velocity)
+
+    def command_velocity(self, velocity: Velocity) -> None:
+        """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel, whoever drives."""
         message = self._to_twist(velocity)
         self._controller.cmd_vel.put(message)
         self._twists.publish(message)
@@ -125,7 +152,7 @@ class ControlStack(ABC):
         """Have the nodes stepped on simulated time."""
         if self._teleop is not None:
             teleop, period = self._teleop, 1.0 / self._teleop.logic.rate
-            schedule.every(period, lambda: teleop.step(period))
+            schedule.every(period, lambda: self._step_keys(teleop, period))
         schedule.every(self.period, self._timed_control)
         self._schedule_publishing(schedule)
 
@@ -146,6 +173,12 @@ class ControlStack(ABC):
         if self._teleop is not None:
             self._teleop.logic.reset()
 
+    def release(self, is_free: bool) -> None:
+        """Have keys say nothing, not even that it is to stand: something else drives; or again."""
+        if is_free and not self._is_released and self._teleop is not None:
+            self._teleop.stop()
+        self._is_released = is_free
+
     def halt(self) -> None:
         """Command standstill, now and in the last word on cmd_vel, until the next key."""
         if self._teleop is not None:
@@ -156,6 +189,10 @@ class ControlStack(ABC):
         if self._teleop is not None:
             self._teleop.close()
         self._controller.close()
+
+    def _step_keys(self, teleop: KeysToTwistNode, dt: float) -> None:
+        if not self._is_released:
+            teleop.step(dt)
 
     def _keys_are_velocities(self, options: RunOptions) -> bool:
         return True

@@ -189,7 +189,8 @@ class Navigator:
 
         A yaw of NaN is that of the line from the robot to the goal.
         """
-        self.cancel('another goal has come')
+        if self.goal is not None:
+            self._end(Outcome('cancelled', 'another goal has come'))
         if math.isnan(goal[2]):
             pose = np.zeros(3) if self.pose is None else self.pose
             goal = np.array([*goal[:2], math.atan2(goal[1] - pose[1], goal[0] - pose[0])])

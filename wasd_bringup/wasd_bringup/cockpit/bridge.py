@@ -2,6 +2,7 @@
 """Between a session and the page: makes snapshots of the run, does what the page orders."""
 
 from collections import deque
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -13,10 +14,12 @@ from wasd_cockpit.history import RATE
 from wasd_cockpit.history import SPAN
 from wasd_cockpit.link import Link
 from wasd_cockpit.settings import usual_path
+from wasd_cockpit.snapshot import moved
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import PlanarPose
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.snapshot import Stick
+from wasd_core.errors import UserError
 from wasd_core.key_events import HELD
 from wasd_core.key_events import RELEASE
 from wasd_core.key_events import split_event
@@ -153,10 +156,27 @@ class CockpitBridge:
             simulation.pacer.restart()
         elif order.what == 'start':
             self.anew.want(*order.name.split(maxsplit=1))
+        elif order.what in ('goal', 'cancel goal', 'save map'):
+            self._navigate(order)
         elif order.what == 'choose':
             setting, _, option = order.name.partition('=')
             for key in self._active.described.keys_to_choose(setting, option):
                 session.press(key, from_view=True)
+
+    def _navigate(self, order: Order) -> None:
+        """Do what is asked of the navigator, if there is one."""
+        robot = self._active.robot
+        if robot.navigation is None:
+            return
+        if order.what == 'goal':
+            robot.navigation.go([float(word) for word in order.name.split()])
+        elif order.what == 'cancel goal':
+            robot.navigation.halt()
+        else:
+            try:
+                robot.navigation.save()
+            except UserError as error:
+                robot.stack.say(str(error))
 
     @property
     def _active(self) -> Watched:
@@ -211,6 +231,12 @@ class CockpitBridge:
         base = world.base()
         x, y, _ = base.position.tolist()
         self._pressed = {key: until for key, until in self._pressed.items() if until > now}
+        pose = PlanarPose(x, y, float(base.rpy[2]))
+        robot = watched.robot
+        navigation = None if robot.navigation is None else robot.navigation.view()
+        marks = described.marks(base.position, matrix_from_quaternion(base.orientation))
+        if navigation is not None and navigation.goal is not None:
+            marks = dataclasses.replace(marks, path=moved(navigation.path, navigation.pose, pose))
         return Snapshot(
             time=world.time,
             is_paused=simulation.paused,
@@ -229,11 +255,12 @@ class CockpitBridge:
             columns=watched.columns,
             history=watched.history.last(),
             trail=np.array(watched.trail).reshape(-1, 2),
-            pose=PlanarPose(x, y, float(base.rpy[2])),
+            pose=pose,
             body=world.root,
             mass=watched.mass,
-            marks=described.marks(base.position, matrix_from_quaternion(base.orientation)),
+            marks=marks,
             qpos=world.data.qpos.copy(),
             start=self.anew.start,
             mocap=np.hstack((world.data.mocap_pos, world.data.mocap_quat)),
+            navigation=navigation,
         )

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--map` in a run: it drives to goals, and gives way at once to whatever a driver does."""
+
+import argparse
+import math
+
+from geometry_msgs.msg import Twist
+from navigation_stand_ins import StandInLocator
+from navigation_stand_ins import StandInPilot
+import numpy as np
+import pytest
+from std_msgs.msg import String
+from wasd_bringup.cockpit.bridge import CockpitBridge
+from wasd_bringup.options import read_options
+from wasd_bringup.options import RunOptions
+from wasd_bringup.parsers import add_both_options
+from wasd_bringup.parsers import add_run_options
+from wasd_bringup.robots import MBOT
+from wasd_bringup.session import Session
+from wasd_cockpit.snapshot import Order
+from wasd_cockpit.snapshot import Stick
+from wasd_core.errors import UserError
+
+from wasd_navigation import navigator_node
+
+# A goal that the stand-in never reaches.
+GOAL = (3.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def session_of(ros, monkeypatch):
+    """Return a function that makes a run which maps, with a stand-in that goes straight on."""
+    sessions = []
+
+    def make(robot='mbot', **more):
+        pilot = StandInPilot()
+        pilot.end = ('driving', '')
+        monkeypatch.setattr(navigator_node, 'make_parts', lambda _: (StandInLocator(), pilot))
+        more = {'description': robot, 'preset': 'mbot', 'map': '', **more}
+        sessions.append(Session(RunOptions(robot=robot, speed=0.0, **more)))
+        return sessions[-1]
+
+    yield make
+    for session in sessions:
+        session.close()
+
+
+@pytest.fixture
+def driving(session_of):
+    """Return a run that is on the way to a goal."""
+    session = session_of(goals=(GOAL,))
+    session.simulation.advance(1000)
+    assert wanted(session) == pytest.approx(0.3)
+    return session
+
+
+def navigation(session):
+    return session.robots[0].navigation
+
+
+def wanted(session):
+    """Return the speed [m/s] that the wheels are asked for."""
+    return session.stack.driver.controller.target.linear
+
+
+def ended(session):
+    """Return how the last goal ended, and why."""
+    last = navigation(session).report()['goals'][-1]
+    return last['state'], last['reason']
+
+
+def test_a_goal_of_the_command_line_is_driven_to(driving):
+    assert driving.world.base().position[0] > 0.05
+    assert navigation(driving).navigator.scans == 6  # 5.5 times a second, from time 0 on
+
+
+def test_nobody_has_to_listen_for_a_scan_and_its_pose_is_of_its_instant(driving):
+    scan, pose, _ = navigation(driving).navigator.locator.steps[-1]
+    assert len(scan.ends) == 360
+    assert scan.origin == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert 0.0 < pose[0] < driving.world.base().position[0]
+
+
+@pytest.mark.parametrize('key', ['i', 'k', 'z', 'HELD+i'])
+def test_a_key_takes_over_in_its_instant(driving, key):
+    driving.press(key)
+    assert navigation(driving).navigator.goal is None
+    assert ended(driving) == ('cancelled', 'a key takes over')
+    driving.simulation.advance(25)
+    assert wanted(driving) != pytest.approx(0.3)
+    driving.press('k')
+    driving.simulation.advance(1000)
+    assert wanted(driving) == 0.0
+
+
+def test_a_key_that_is_let_go_takes_nothing_over(driving):
+    driving.press('RELEASE+i')
+    assert navigation(driving).navigator.goal is not None
+
+
+def test_the_stick_of_the_page_takes_over(driving, monkeypatch, tmp_path):
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
+    bridge = CockpitBridge(driving)
+    bridge._link.hold(Stick(forward=-1.0))
+    bridge.step(0.0)
+    driving.simulation.advance(25)
+    assert ended(driving) == ('cancelled', 'a velocity takes over')
+    assert wanted(driving) < 0.0
+    bridge.close()
+
+
+def test_a_velocity_of_another_process_takes_over(driving):
+    cmd_vel = driving.stack.driver.cmd_vel._subscription
+    message = Twist()
+    message.linear.x = -0.1
+    cmd_vel._on_message(message, {'source_timestamp': 0})
+    driving.simulation.advance(25)
+    assert ended(driving) == ('cancelled', 'somebody on /cmd_vel takes over')
+    assert wanted(driving) == pytest.approx(-0.1)
+
+
+def test_a_key_of_another_process_takes_over(driving):
+    keys = driving.stack._teleop.keys
+    keys._on_message(String(data='k'), {'source_timestamp': 0})
+    assert ended(driving) == ('cancelled', 'somebody on /keys takes over')
+
+
+def test_pause_reset_and_suspension_end_the_goal(session_of):
+    session = session_of(goals=(GOAL, GOAL, GOAL))
+    session.simulation.advance(200)
+    session.simulation.paused = True
+    session._poll(0.0)
+    assert ended(session) == ('cancelled', 'paused')
+    session.simulation.paused = False
+    session.simulation.advance(200)
+    assert navigation(session).navigator.goal is not None
+    session.halt()
+    assert ended(session) == ('cancelled', 'stopped by hand')
+    assert wanted(session) == 0.0
+    navigation(session).go(GOAL)
+    session.simulation.reset()
+    assert ended(session) == ('cancelled', 'the robot was put back to its start')
+    assert navigation(session).navigator.scans == 0
+    session.simulation.advance(500)
+    assert navigation(session).navigator.scans > 0
+    assert navigation(session).navigator.goal is None
+
+
+def test_keys_that_latch_give_way_to_a_goal(session_of):
+    session = session_of(preset='ramps')
+    session.simulation.advance(100)
+    session.press('w')
+    session.simulation.advance(500)
+    navigation(session).go(GOAL)
+    session.simulation.advance(1000)
+    assert wanted(session) == pytest.approx(0.3)
+
+
+def test_the_page_orders_goals_and_shows_the_map(session_of, monkeypatch, tmp_path):
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
+    session = session_of()
+    bridge = CockpitBridge(session)
+    bridge.step(0.0)
+    assert bridge._link.snapshot.navigation is None  # no map yet
+    session.simulation.advance(100)
+    bridge._link.order(Order('goal', f'1.0 2.0 {math.nan}'))
+    bridge.step(1.0)
+    shown = bridge._link.snapshot
+    assert shown.navigation.state == 'driving'
+    assert shown.navigation.goal == pytest.approx((1.0, 2.0, math.pi / 4.0))
+    # The stand-in's map is one metre to the left of the world.
+    assert shown.marks.path[1] == pytest.approx([1.0, 1.0], abs=0.01)
+    bridge._link.order(Order('cancel goal'))
+    bridge.step(2.0)
+    assert bridge._link.snapshot.navigation.goal is None
+    assert ended(session) == ('cancelled', 'stopped by hand')
+    bridge.close()
+
+
+def test_a_go2_that_does_not_follow_velocities_says_what_to_press(session_of):
+    session = session_of('go2', preset='unitree')
+    session.simulation.advance(100)
+    navigation(session).go(GOAL)
+    assert ended(session) == ('refused', 'press 2 to stand, then 5 to move: it is passive')
+    assert 'press 2' in session.stack.status().message
+
+
+def test_a_report_tells_where_it_ended(session_of):
+    session = session_of(goals=(GOAL,))
+    navigation(session).navigator.pilot.end = ('arrived', '')
+    session.simulation.advance(1000)
+    told = session.report()['navigation']
+    (goal,) = told['goals']
+    assert goal['goal'] == list(GOAL)
+    assert goal['state'] == told['state'] == 'arrived'
+    assert goal['truth'][0] == pytest.approx(goal['pose'][0], abs=0.01)
+    assert goal['t'] == pytest.approx(goal['took'], abs=0.051)
+
+
+@pytest.fixture
+def read():
+    """Return a function that reads the options of `wasd mbot`, or of `wasd both`."""
+
+    def read(*words, both=False):
+        parser = argparse.ArgumentParser()
+        add_both_options(parser) if both else add_run_options(parser, MBOT)
+        return read_options(parser.parse_args(words))
+
+    return read
+
+
+def test_goals_and_a_name_to_save_ask_for_a_map(read):
+    assert read().map is None
+    assert not read().navigates
+    for words in (('--map',), ('--goal', '1 2'), ('--save-map', 'house')):
+        assert read(*words).map == ''
+    (goal,) = read('--goal', '1 -2.5').goals
+    assert goal[:2] == (1.0, -2.5)
+    assert math.isnan(goal[2])
+    assert read('--goal', '1 2 3', '--goal', '4 5').goals[0] == (1.0, 2.0, 3.0)
+    assert read('--save-map', 'house.yaml').save_map == 'house'
+
+
+@pytest.mark.parametrize('words', ['1', '1 2 3 4', 'a b', '1 nan', ''])
+def test_a_goal_that_is_none_is_refused_in_one_line(read, words):
+    with pytest.raises(UserError, match=r"--goal: got .*, wanted 'X Y' or 'X Y YAW'"):
+        read('--goal', words)
+
+
+def test_a_map_that_is_not_there_and_two_robots_are_refused(read):
+    with pytest.raises(UserError, match='--map nowhere.yaml: no such file'):
+        read('--map', 'nowhere.yaml')
+    with pytest.raises(UserError, match='for one robot'):
+        read('--map', both=True)
+
+
+def test_a_robot_without_a_lidar_is_refused(session_of):
+    with pytest.raises(UserError, match='no planar lidar'):
+        session_of(description='mbot_bare')
+
+
+def test_the_footprint_is_what_collides(session_of):
+    footprint = navigation(session_of()).node.settings.footprint
+    assert footprint.radius == pytest.approx(0.2112, abs=1e-3)
+    dog = navigation(session_of('go2', preset='unitree')).node.settings
+    assert dog.footprint.half_length == pytest.approx(0.34, abs=0.02)
+    assert dog.footprint.half_width == pytest.approx(0.16, abs=0.02)
+    assert dog.limits.lateral == 0.3
+    assert np.isfinite([dog.limits.forward, dog.limits.yaw]).all()

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The action of Nav2's clients: feedback, an end of each goal, cancel, preemption."""
+
+from action_msgs.msg import GoalStatus
+from navigation_stand_ins import odometry
+from navigation_stand_ins import scan
+from navigation_stand_ins import StandInLocator
+from navigation_stand_ins import StandInPilot
+import numpy as np
+import pytest
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from wasd_navigation.goal_action import action_type
+from wasd_navigation.messages import to_pose_stamped
+from wasd_navigation.navigator_node import NavigatorNode
+
+NavigateToPose = action_type()
+pytestmark = pytest.mark.skipif(NavigateToPose is None, reason='nav2_msgs is not built')
+
+
+class Client:
+    """Nav2's client, and the navigator in the same process."""
+
+    def __init__(self, spawn, spin_until):
+        parts = StandInLocator(), StandInPilot()
+        self.navigator = spawn(NavigatorNode(lock_step=True, parts=parts))
+        self.navigator.say = lambda words: None
+        self.sent, self.feedback = [], []
+        self.navigator.send = lambda velocity: self.sent.append(velocity.tolist())
+        self.logic = self.navigator.navigator
+        self.logic.pilot.end = ('driving', '')
+        self.logic.move(odometry())
+        self.logic.see(scan(), odometry())
+        self._pump, self._spin_until = spawn.pump, spin_until
+        self._client = ActionClient(spawn(Node('client')), NavigateToPose, 'navigate_to_pose')
+        self.wait(self._client.server_is_ready)
+
+    def wait(self, condition):
+        self._spin_until(self._pump, condition)
+
+    def send(self, x, frame='map'):
+        """Return the handle of a goal that was accepted."""
+        pose = to_pose_stamped(np.array([x, 0.0, 0.0]), self._stamp, frame)
+        goal = NavigateToPose.Goal(pose=pose)
+        future = self._client.send_goal_async(goal, lambda sent: self.feedback.append(sent))
+        self.wait(future.done)
+        assert future.result().accepted
+        return future.result()
+
+    def result(self, handle):
+        """Return status and result of a goal."""
+        future = handle.get_result_async()
+        self.wait(future.done)
+        return future.result().status, future.result().result
+
+    def close(self):
+        self._client.destroy()
+
+    @property
+    def _stamp(self):
+        return self.navigator.get_clock().now().to_msg()
+
+
+@pytest.fixture
+def client(spawn, spin_until):
+    made = Client(spawn, spin_until)
+    yield made
+    made.close()
+
+
+def test_a_goal_is_driven_to_with_feedback_and_succeeds(client):
+    handle = client.send(2.0)
+    assert client.logic.goal == pytest.approx([2.0, 0.0, 0.0])
+    client.navigator.step()
+    client.wait(lambda: client.feedback)
+    feedback = client.feedback[0].feedback
+    assert feedback.current_pose.header.frame_id == 'map'
+    assert feedback.current_pose.pose.position.y == 1.0
+    assert feedback.distance_remaining == 1.5
+    assert feedback.estimated_time_remaining.sec == 3
+    client.logic.pilot.end = ('arrived', '')
+    for _ in range(4):
+        client.navigator.step()
+    status, result = client.result(handle)
+    assert (status, result.error_code) == (GoalStatus.STATUS_SUCCEEDED, 0)
+
+
+def test_feedback_comes_ten_times_a_second_of_its_clock(client):
+    client.send(2.0)
+    action = client.navigator._action
+    sent = []
+    action._handle.publish_feedback = sent.append
+    for tick in range(40):
+        action.step(0.05 * tick, 'map')
+    assert len(sent) == 20
+
+
+def test_cancelling_stands_at_once(client):
+    handle = client.send(2.0)
+    client.navigator.step()
+    future = handle.cancel_goal_async()
+    client.wait(future.done)
+    assert len(future.result().goals_canceling) == 1
+    assert client.sent[-1] == [0.0, 0.0, 0.0]
+    assert client.result(handle)[0] == GoalStatus.STATUS_CANCELED
+    assert client.logic.goal is None
+
+
+def test_the_next_goal_takes_the_place_of_the_first(client):
+    first = client.send(2.0)
+    second = client.send(3.0)
+    status, result = client.result(first)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.error_msg == 'cancelled: another goal has come'
+    assert client.logic.goal == pytest.approx([3.0, 0.0, 0.0])
+    client.logic.pilot.end = ('arrived', '')
+    for _ in range(4):
+        client.navigator.step()
+    assert client.result(second)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+@pytest.mark.parametrize(
+    ('frame', 'refusal', 'words'),
+    [
+        ('map', 'press 2, then 5', 'refused: press 2, then 5'),
+        ('moon', '', "refused: wanted a pose in 'map', got 'moon'"),
+    ],
+)
+def test_what_cannot_be_driven_to_is_aborted_with_the_reason(client, frame, refusal, words):
+    client.navigator.refusal = lambda: refusal
+    status, result = client.result(client.send(2.0, frame))
+    assert status == GoalStatus.STATUS_ABORTED
+    assert (result.error_msg, result.error_code) == (words, 1)
+
+
+def test_a_driver_who_takes_over_ends_the_goal(client):
+    handle = client.send(2.0)
+    client.navigator.stop('a key takes over')
+    status, result = client.result(handle)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.error_msg == 'cancelled: a key takes over'

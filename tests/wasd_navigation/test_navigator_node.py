@@ -1,0 +1,275 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The navigator over topics: what it publishes, what it drives to, to whom it gives way."""
+
+import math
+
+from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import OccupancyGrid
+from nav_msgs.msg import Odometry
+from navigation_stand_ins import StandInLocator
+from navigation_stand_ins import StandInPilot
+import numpy as np
+import pytest
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Bool
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from wasd_core.rotations import Pose
+from wasd_core.topics import LATCHED
+from wasd_core.topics import tf_message_type
+from wasd_core.topics import TF_STATIC
+from wasd_navigation.messages import from_pose
+from wasd_navigation.messages import to_occupancy
+from wasd_navigation.messages import to_path
+from wasd_navigation.messages import to_planar
+from wasd_navigation.messages import to_pose_stamped
+from wasd_navigation.navigator_node import NavigatorNode
+
+LEVEL = Pose(np.array([0.1, 0.0, 0.2]), np.eye(3))
+
+
+def odometry_at(stamp, x=0.0, yaw=0.0):
+    message = Odometry(child_frame_id='base')
+    message.header.frame_id = 'odom'
+    message.header.stamp = stamp
+    message.pose.pose.position.x = x
+    message.pose.pose.orientation.z = math.sin(0.5 * yaw)
+    message.pose.pose.orientation.w = math.cos(0.5 * yaw)
+    return message
+
+
+def scan_at(stamp):
+    message = LaserScan(angle_min=-1.0, angle_max=1.0, angle_increment=1.0, ranges=[1.0, 2.0, 3.0])
+    message.range_min, message.range_max = 0.1, 6.0
+    message.header.frame_id, message.header.stamp = 'laser', stamp
+    return message
+
+
+class Rig:
+    """A navigator in lock-step that has seen a scan, and what it commands and says."""
+
+    def __init__(self, node):
+        self.node, self.sent, self.said = node, [], []
+        node.send = lambda velocity: self.sent.append(velocity.tolist())
+        node.say = self.said.append
+        node.place_frame('laser', 'base', LEVEL)
+        self.look()
+
+    def look(self):
+        stamp = self.node.get_clock().now().to_msg()
+        self.node.take_odometry(odometry_at(stamp))
+        self.node.take_scan(scan_at(stamp))
+
+
+@pytest.fixture
+def make(spawn):
+    """Return a function that makes a navigator of stand-ins with parameters."""
+
+    def make(lock_step=True, **values):
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
+        parts = StandInLocator(), StandInPilot()
+        node = NavigatorNode(lock_step=lock_step, parameter_overrides=overrides, parts=parts)
+        return spawn(node)
+
+    return make
+
+
+@pytest.fixture
+def rig(make):
+    return Rig(make())
+
+
+@pytest.fixture
+def peer(spawn, spin_until):
+    """Return a node of somebody else's."""
+    return spawn(Node('peer'))
+
+
+@pytest.fixture
+def publish(peer, spawn, spin_until):
+    """Return a function that publishes a message to whoever has the topic."""
+    publishers = {}
+
+    def publish(topic, message):
+        if topic not in publishers:
+            publishers[topic] = peer.create_publisher(type(message), topic, LATCHED)
+            spin_until(spawn.pump, lambda: publishers[topic].get_subscription_count() > 0)
+        publishers[topic].publish(message)
+
+    return publish
+
+
+def goal_at(x, y, yaw, frame='map'):
+    return to_pose_stamped(np.array([x, y, yaw]), Odometry().header.stamp, frame)
+
+
+def test_alone_it_maps_from_topics_and_drives_by_cmd_vel(make, publish, peer, spawn, spin_until):
+    node = make(lock_step=False)
+    maps, transforms, twists = [], [], []
+    peer.create_subscription(OccupancyGrid, 'map', maps.append, LATCHED)
+    peer.create_subscription(tf_message_type(), '/tf', transforms.append, 10)
+    peer.create_subscription(Twist, 'cmd_vel', twists.append, 10)
+    place = TransformStamped(child_frame_id='laser')
+    place.header.frame_id = 'base'
+    place.transform.translation.x = 0.1
+    static = peer.create_publisher(tf_message_type(), '/tf_static', TF_STATIC)
+    static.publish(tf_message_type()(transforms=[place]))
+    spin_until(spawn.pump, lambda: node._fixed)
+
+    def look():
+        stamp = peer.get_clock().now().to_msg()
+        publish('scan', scan_at(stamp))
+        publish('odom', odometry_at(stamp))
+
+    look()
+    spin_until(spawn.pump, lambda: maps and transforms, step=look)
+    (sent,) = transforms[-1].transforms
+    assert (sent.header.frame_id, sent.child_frame_id) == ('map', 'odom')
+    assert to_planar(from_pose(sent.transform)) == pytest.approx([0.0, 1.0, 0.0])
+    scan, pose, _ = node.navigator.locator.steps[0]
+    assert scan.origin == pytest.approx([0.1, 0.0])
+    publish('goal_pose', goal_at(2.0, 1.0, 0.0))
+    spin_until(spawn.pump, lambda: len(twists) >= 4, step=look)
+    assert [twist.linear.x for twist in twists] == pytest.approx([0.3, 0.3, 0.3, 0.0])
+    for _ in range(20):
+        spawn.pump.handle(0.01)
+    assert len(twists) == 4  # who has arrived leaves cmd_vel to others
+
+
+def test_a_scan_waits_for_its_odometry_and_for_the_place_of_the_lidar(make):
+    node = make()
+    stamp = node.get_clock().now().to_msg()
+    node.take_scan(scan_at(stamp))
+    node.place_frame('laser', 'base', LEVEL)
+    assert node.navigator.scans == 0
+    node.take_odometry(odometry_at(stamp, x=0.7))
+    assert node.navigator.scans == 1
+    _, pose, _ = node.navigator.locator.steps[0]
+    assert pose == pytest.approx([0.7, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ('frame', 'expected'),
+    [('map', [1.0, 2.0]), ('', [1.0, 2.0]), ('odom', [1.0, 3.0]), ('base', [1.0, 3.0])],
+)
+def test_a_goal_may_be_given_in_any_frame_that_is_known(rig, frame, expected):
+    rig.node._go_to(goal_at(1.0, 2.0, 0.0, frame))
+    assert rig.node.navigator.goal[:2] == pytest.approx(expected)
+
+
+def test_a_goal_in_another_frame_is_ignored_and_said(rig):
+    rig.node._on_goal(goal_at(1.0, 2.0, 0.0, 'moon'))
+    assert rig.node.navigator.goal is None
+    assert rig.said == ["goal_pose: wanted a pose in 'map', got 'moon': ignored"]
+
+
+def test_a_goal_that_is_no_pose_is_ignored_and_said(rig):
+    for broken in (PoseStamped(), goal_at(math.nan, 0.0, 0.0)):
+        broken.pose.orientation.w = 0.0
+        rig.node._on_goal(broken)
+    assert rig.node.navigator.goal is None
+    assert len(rig.said) == 2
+
+
+@pytest.mark.parametrize('lock', ['e_stop', 'pause_navigation'])
+def test_a_lock_of_the_mux_stops_it_and_refuses_goals_until_it_is_open(
+    rig, publish, lock, spawn, spin_until
+):
+    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    publish(lock, Bool(data=True))
+    spin_until(spawn.pump, lambda: rig.node.navigator.goal is None)
+    assert rig.sent[-1] == [0.0, 0.0, 0.0]
+    assert rig.said[-1] == f'goal cancelled: {lock} is on'
+    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    assert rig.said[-1] == f'goal refused: {lock} is on'
+    publish(lock, Bool(data=False))
+    spin_until(spawn.pump, lambda: not rig.node._locked)
+    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    assert rig.node.navigator.goal is not None
+
+
+def test_it_gives_way_to_whom_the_mux_lets_drive(make, publish, spawn, spin_until):
+    rig = Rig(make(lock_step=False))
+    publish('selected', String(data=''))
+    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    publish('selected', String(data='navigation'))
+    spin_until(spawn.pump, lambda: rig.node._was_selected)
+    assert rig.node.navigator.goal is not None
+    publish('selected', String(data='keyboard'))
+    spin_until(spawn.pump, lambda: rig.node.navigator.goal is None)
+    assert rig.said[-1] == 'goal cancelled: keyboard takes over'
+
+
+def test_why_nothing_can_be_driven_to_is_asked_before_and_on_the_way(rig):
+    rig.node.refusal = lambda: 'press 2, then 5'
+    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    assert rig.said == ['goal refused: press 2, then 5']
+    rig.node.refusal = lambda: ''
+    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    rig.node.refusal = lambda: 'it has fallen'
+    rig.node.step()
+    assert rig.said[-1] == 'goal cancelled: it has fallen'
+    assert rig.sent[-1] == [0.0, 0.0, 0.0]
+
+
+def call(node, name):
+    """Return the answer of one of its services."""
+    (service,) = (one for one in node.services if one.srv_name.endswith(f'/{name}'))
+    return service.callback(Trigger.Request(), Trigger.Response())
+
+
+def test_its_services_cancel_and_begin_anew(rig):
+    assert not call(rig.node, 'cancel').success
+    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    assert call(rig.node, 'cancel').success
+    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    assert call(rig.node, 'reset').success
+    assert rig.node.navigator.goal is None
+    assert rig.node.navigator.scans == 0
+
+
+def test_initialpose_is_for_who_has_a_map(rig):
+    rig.node._on_initial_pose(located(1.0, 2.0))
+    assert 'ignored' in rig.said[-1]
+    started = []
+    rig.node.navigator.locator.start = lambda *given: started.append(given)
+    rig.node._on_initial_pose(located(1.0, 2.0))
+    ((pose, covariance),) = started
+    assert pose == pytest.approx([1.0, 2.0, 0.0])
+    assert covariance[0, 0] == 0.25
+
+
+def located(x, y):
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = 'map'
+    message.pose.pose.position.x, message.pose.pose.position.y = x, y
+    message.pose.covariance[0] = 0.25
+    return message
+
+
+def test_time_that_jumps_back_begins_anew(rig):
+    rig.node.step()
+    rig.node._stepped_at = math.inf
+    rig.node.step()
+    assert rig.node.navigator.scans == 0
+
+
+def test_a_grid_is_a_message_row_by_row_from_its_lowest_corner():
+    grid = StandInLocator().grid
+    grid.cells[0, 1], grid.cells[1, 0] = 100, -1
+    message = to_occupancy(grid, Odometry().header.stamp, 'map')
+    assert (message.info.height, message.info.width) == (40, 60)
+    assert (message.data[1], message.data[60], message.data[2]) == (100, -1, 0)
+    assert message.info.origin.position.x == -1.0
+
+
+def test_each_place_of_a_path_looks_to_the_next():
+    places = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
+    path = to_path(places, Odometry().header.stamp, 'map')
+    yaws = [to_planar(from_pose(place.pose))[2] for place in path.poses]
+    assert yaws == pytest.approx([math.pi / 2.0, 0.0, 0.0])

@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--map`: the navigator of a run, which drives the robot until a driver does."""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+from mujoco_sim.outline import outline_of
+from mujoco_sim.sensors.lidar import LidarTag
+from mujoco_sim.sensors.table import read_sensor_tags
+import numpy as np
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from robot_description.robot import Robot
+from wasd_cockpit.snapshot import Navigation
+from wasd_cockpit.snapshot import PlanarPose
+from wasd_core.errors import UserError
+from wasd_core.topics import LoopbackSubscription
+from wasd_navigation.grid import Grid
+from wasd_navigation.navigator import Outcome
+from wasd_navigation.navigator_node import NavigatorNode
+
+from wasd_bringup.inputs import TWIST_RATE
+from wasd_bringup.options import RunOptions
+from wasd_bringup.session_robot import SessionRobot
+
+# The topic of the lidar that is used where there are several.
+SCAN = 'scan'
+# A robot whose corners stand out no farther than this is called round.
+ROUND = 1.1
+# The page gets a new map so often at most [s].
+PICTURE_PERIOD = 1.0
+SENSOR_NEEDED = (
+    '--map: {robot} has no planar lidar: give its description a <gazebo reference="LINK">'
+    '<sensor type="ray">'
+)
+
+
+class SessionNavigation:
+    """
+    Maps with the robot's lidar and odometry, and drives it to goals, in lock-step.
+
+    Whatever a driver does, a key, a stick, a velocity on cmd_vel, a pause, ends the goal.
+    """
+
+    def __init__(self, options: RunOptions, robot: SessionRobot) -> None:
+        """
+        Take the robot.
+
+        Raises:
+            UserError: the robot has no lidar, or the map cannot be read.
+        """
+        self._options = options
+        self._robot = robot
+        self._stack = robot.stack
+        self._simulation = robot.simulator.simulation
+        self._goals = deque(options.goals)
+        self._ended: list[dict[str, Any]] = []
+        self._pictured: tuple[int, float, Grid] | None = None  # revision, time, map
+        tag = lidar_of(robot.description.robot)
+        self.node = NavigatorNode(
+            lock_step=True,
+            namespace=options.namespace,
+            parameter_overrides=_overrides(options, robot),
+        )
+        self.navigator = self.node.navigator
+        self.nodes: Sequence[Node] = [self.node]
+        self.node.send = self._send
+        self.node.say = self._stack.say
+        self.node.refusal = lambda: self._stack.refusal
+        self.navigator.on_end.append(self._on_end)
+        self._simulation.on_reset.append(self.node.reset)
+        robot.navigation = self
+        self._stack.takeovers.append(self._give_way)
+        LoopbackSubscription.observers.append(self._on_message_of_others)
+        prefix = robot.world.prefix
+        for joint in robot.description.robot.joints.values():
+            if joint.kind == 'fixed':
+                self.node.place_frame(prefix + joint.child, prefix + joint.parent, joint.pose)
+        self._frame = f'{prefix}{tag.link} of the lidar'
+        self.node.place_frame(self._frame, prefix + tag.link, tag.pose)
+        robot.simulator.hand_over(tag.topic, self._take_scan)
+
+    @property
+    def first_line(self) -> str:
+        """What a driver must know to begin."""
+        what = 'in a map' if self._options.map else 'maps'
+        return f'{what}: a click on the floor of the panel Map is a goal, any key takes over'
+
+    def go(self, goal: Sequence[float]) -> None:
+        """Drive to x, y [m] and yaw [rad] of the map; a yaw of NaN is that of the way."""
+        self.node.go(np.array(goal))
+
+    def look(self) -> None:
+        """End a goal when time is made to stand still."""
+        if self._simulation.paused:
+            self.node.stop('paused')
+
+    def repeat(self) -> None:
+        """Navigate for one period; called at TWIST_RATE of simulated time."""
+        self._tell_odometry()
+        is_free = self.navigator.goal is None and not self._stack.refusal
+        if self._goals and is_free and self.navigator.is_placed:
+            self.go(self._goals.popleft())
+        self._stack.release(self.navigator.goal is not None)
+        self.node.step()
+
+    def halt(self) -> None:
+        """Drive no more."""
+        self._goals.clear()
+        self.node.stop('stopped by hand')
+
+    def save(self) -> None:
+        """
+        Write the map, by the name of --save-map or else `map`.
+
+        Raises:
+            UserError: there is none yet, or it cannot be written.
+        """
+        self._stack.say(self.node.save_map(self.node.settings.save_map))
+
+    def view(self) -> Navigation | None:
+        """Return what the page shows; None before there is a map."""
+        navigator, now = self.navigator, self._robot.world.time
+        pose = navigator.pose
+        if not navigator.scans or pose is None:
+            self._pictured = None
+            return None
+        revision = navigator.locator.revision
+        if self._pictured is None or (
+            self._pictured[0] != revision and now >= self._pictured[1] + PICTURE_PERIOD
+        ):
+            self._pictured = revision, now, navigator.locator.grid
+        number, _, grid = self._pictured
+        goal = navigator.goal
+        return Navigation(
+            number=number,
+            cells=grid.cells,
+            resolution=grid.resolution,
+            origin=grid.origin,
+            pose=PlanarPose(*pose.tolist()),
+            path=navigator.pilot.path[:, :2],
+            goal=None if goal is None else PlanarPose(*goal.tolist()),
+            state=navigator.state,
+            reason=navigator.reason or navigator.notice,
+        )
+
+    def report(self) -> dict[str, Any]:
+        """Return what a report tells of it."""
+        locator = self.navigator.locator
+        rows, columns = locator.grid.cells.shape if self.navigator.scans else (0, 0)
+        pose = self.navigator.pose
+        return {
+            'scans': self.navigator.scans,
+            'closures': int(getattr(locator, 'closures', 0)),
+            'size': [rows, columns],
+            'pose': None if pose is None else pose.tolist(),
+            'state': self.navigator.state,
+            'goals': self._ended,
+        }
+
+    def close(self) -> None:
+        """
+        End, and write the map where that was asked for.
+
+        Raises:
+            UserError: it cannot be written.
+        """
+        LoopbackSubscription.observers.remove(self._on_message_of_others)
+        self.node.close()
+        if self._options.save_map:
+            self.save()
+
+    def _send(self, velocity: np.ndarray) -> None:
+        vx, vy, wz = velocity.tolist()
+        self._stack.command_velocity((vx, vy, wz))
+
+    def _give_way(self, by: str) -> None:
+        """End the goal, and forget those that were to follow."""
+        if self.node.stop(f'{by} takes over'):
+            self._goals.clear()
+
+    def _on_message_of_others(self, subscription: LoopbackSubscription[Any], _: Any) -> None:
+        if subscription.topic in (self._stack.command_topic, self._robot.key_topic):
+            self._give_way(f'somebody on {subscription.topic}')
+
+    def _tell_odometry(self) -> None:
+        message = self._stack.odometry()
+        if message is not None:
+            self.node.take_odometry(message)
+
+    def _take_scan(self, message: Any) -> None:
+        self._tell_odometry()
+        self.node.take_scan(message, self._frame)
+
+    def _on_end(self, outcome: Outcome) -> None:
+        self._stack.release(False)
+        goal, pose = self.navigator.last_goal, self.navigator.pose
+        truth = self._robot.world.base_since_start()
+        x, y, _ = truth.position.tolist()
+        self._ended.append(
+            {
+                't': round(self._robot.world.time, 9),
+                'goal': goal.tolist(),
+                **outcome._asdict(),
+                'took': round(self.navigator.elapsed, 9),
+                'pose': None if pose is None else pose.tolist(),
+                'truth': [x, y, float(truth.rpy[2])],
+                'recoveries': self.navigator.pilot.recoveries,
+            }
+        )
+
+
+def lidar_of(robot: Robot) -> LidarTag:
+    """
+    Return the lidar to map with: the one that publishes `scan`, or else the first.
+
+    Raises:
+        UserError: there is none.
+    """
+    tags = [tag for kind in read_sensor_tags(robot).kinds for tag in kind]
+    lidars = [tag for tag in tags if isinstance(tag, LidarTag)]
+    if not lidars:
+        raise UserError(SENSOR_NEEDED.format(robot=robot.name))
+    return next((tag for tag in lidars if tag.topic == SCAN), lidars[0])
+
+
+def _footprint(robot: SessionRobot) -> dict[str, float]:
+    """Return the navigator's parameters of a robot's size [m]; of legs only the feet count."""
+    feet = robot.stack.feet
+    points = np.concatenate((outline_of(robot.world, is_whole=not len(feet)), feet))
+    half_length, half_width = np.abs(points).max(axis=0).tolist()
+    radius = float(np.hypot(points[:, 0], points[:, 1]).max())
+    if radius <= ROUND * min(half_length, half_width):
+        return {'robot_radius': radius}
+    return {'footprint_length': 2.0 * half_length, 'footprint_width': 2.0 * half_width}
+
+
+def _overrides(options: RunOptions, robot: SessionRobot) -> list[Parameter]:
+    values: dict[str, Any] = {
+        'map': options.map or '',
+        'control_frequency': TWIST_RATE,
+        **_footprint(robot),
+        **{f'limits.{name}': most for name, most in robot.stack.drive_limits.items()},
+    }
+    if options.save_map:
+        values['save_map'] = options.save_map
+    return [Parameter(name, value=value) for name, value in values.items()]

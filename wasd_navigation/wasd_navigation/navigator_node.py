@@ -1,0 +1,342 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The navigator on ROS: scan, odom and goal_pose in; map, map -> odom, plan and cmd_vel out."""
+
+from collections.abc import Callable
+import functools
+import importlib
+import pathlib
+import sys
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
+from nav_msgs.msg import Odometry as OdometryMessage
+import numpy as np
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Bool
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+from wasd_core.errors import InvalidMessage
+from wasd_core.errors import UserError
+from wasd_core.messages import to_seconds
+from wasd_core.node import run_node
+from wasd_core.ros_parameters import declare_parameters
+from wasd_core.rotations import Pose
+from wasd_core.streams import visible
+from wasd_core.topics import AbsenceWatch
+from wasd_core.topics import LATCHED
+from wasd_core.topics import RELIABLE
+from wasd_core.topics import SENSOR_DATA
+from wasd_core.topics import tf_message_type
+from wasd_core.topics import TF_STATIC
+
+from wasd_navigation.executables import NAVIGATOR
+from wasd_navigation.goal_action import GoalAction
+from wasd_navigation.messages import from_odometry
+from wasd_navigation.messages import from_pose
+from wasd_navigation.messages import from_scan
+from wasd_navigation.messages import to_planar
+from wasd_navigation.navigation_publisher import NavigationPublisher
+from wasd_navigation.navigator import Navigator
+from wasd_navigation.navigator import Outcome
+from wasd_navigation.odometry_memory import OdometryMemory
+from wasd_navigation.parameters import NavigatorParameters
+from wasd_navigation.parts import make_parts
+from wasd_navigation.parts import Parts
+from wasd_navigation.se2 import compose
+
+# Locks of the mux that stop navigation, and the name of its source.
+LOCKS = ('pause_navigation', 'e_stop')
+SOURCE = 'navigation'
+
+
+class NavigatorNode(Node):
+    """
+    Maps or localises, and drives to one goal at a time.
+
+    Alone it steps on a timer of its clock. In lock-step the simulation loop hands odometry over
+    by `take_odometry`, scans by `take_scan`, and calls `step`; `send` takes what is commanded,
+    `say` what is said to a driver. `parts` are what maps and what drives, where parameters are
+    not to make them.
+
+    Raises:
+        UserError: a parameter is not valid, or the map cannot be read.
+    """
+
+    def __init__(
+        self,
+        *,
+        lock_step: bool = False,
+        namespace: str = '',
+        parameter_overrides: list[Parameter] | None = None,
+        parts: Parts | None = None,
+    ) -> None:
+        super().__init__(
+            'navigator', namespace=namespace, parameter_overrides=parameter_overrides or []
+        )
+        self.settings = declare_parameters(self, NavigatorParameters, self._on_change)
+        self.navigator = Navigator(*(parts or make_parts(self.settings)))
+        self.navigator.on_end.append(self._on_end)
+        self._odom_frame, self._base_frame = 'odom', ''
+        self._memory = OdometryMemory()
+        self._waiting: LaserScan | None = None
+        self._fixed: dict[str, tuple[str, Pose]] = {}  # child: parent and the pose in it
+        self._locked: set[str] = set()
+        self._was_selected = False
+        self._publisher = NavigationPublisher(self, self.navigator, self.settings.map_frame)
+        self._listen()
+        self.create_service(Trigger, '~/save_map', self._on_save_map)
+        self.create_service(Trigger, '~/reset', self._on_reset)
+        self.create_service(Trigger, '~/cancel', self._on_cancel)
+        self.send: Callable[[np.ndarray], None] = self._publish_velocity
+        self.say: Callable[[str], Any] = self._log
+        self.refusal: Callable[[], str] = lambda: ''  # why nothing can be driven to now
+        self._action = GoalAction(self, self.navigator, self._go_to, self.stop)
+        self._stepped_at: float | None = None
+        if not lock_step:
+            self._stand_alone()
+
+    def _listen(self) -> None:
+        """Take what people say."""
+        self.create_subscription(PoseStamped, 'goal_pose', self._on_goal, RELIABLE)
+        self.create_subscription(
+            PoseWithCovarianceStamped, 'initialpose', self._on_initial_pose, RELIABLE
+        )
+        for lock in LOCKS:
+            on_lock = functools.partial(self._on_lock, lock)
+            self.create_subscription(Bool, lock, on_lock, RELIABLE)
+
+    def _stand_alone(self) -> None:
+        """Take sensors from topics, give velocities to one, and step on a timer."""
+        kind = TwistStamped if self.settings.stamped else Twist
+        self._velocity = self.create_publisher(kind, 'cmd_vel', RELIABLE)
+        self._absence = AbsenceWatch(self, self._on_return)
+        self.create_subscription(OdometryMessage, 'odom', self.take_odometry, SENSOR_DATA)
+        self.create_subscription(LaserScan, 'scan', self.take_scan, SENSOR_DATA)
+        self.create_subscription(String, 'selected', self._on_selected, LATCHED)
+        tf = tf_message_type()
+        if tf is not None:
+            self.create_subscription(tf, '/tf_static', self._on_fixed_frames, TF_STATIC)
+        self.create_timer(1.0 / self.settings.control_frequency, self.step)
+
+    def place_frame(self, child: str, parent: str, pose: Pose) -> None:
+        """Take where a frame is that never moves in its parent: the lidar's is such a one."""
+        self._fixed[child.lstrip('/')] = parent.lstrip('/'), pose
+
+    def take_odometry(self, message: OdometryMessage) -> None:
+        """Take where the base is in the odom frame."""
+        try:
+            odometry = from_odometry(message)
+        except InvalidMessage as error:
+            self._warn(f'odom: {error}: ignored')
+            return
+        self._odom_frame = message.header.frame_id or self._odom_frame
+        self._base_frame = message.child_frame_id
+        self._memory.add(to_seconds(message.header.stamp), odometry)
+        self.navigator.move(odometry)
+        if self._waiting is not None:
+            late, self._waiting = self._waiting, None
+            self.take_scan(late)
+
+    def take_scan(self, message: LaserScan, frame: str = '') -> None:
+        """Take a scan, of the frame that it names or another; it waits for odometry."""
+        mount = self._mount_of(frame or message.header.frame_id)
+        odometry = self._memory.at(to_seconds(message.header.stamp))
+        if odometry is None:
+            self._waiting = message
+        elif mount is not None:
+            self.navigator.see(from_scan(message, odometry.level @ mount), odometry)
+            self._publisher.publish_pose(odometry, message.header.stamp)
+
+    def step(self) -> None:
+        """Command a velocity where there is a goal, and publish what has changed."""
+        now = 1e-9 * self.get_clock().now().nanoseconds
+        before, self._stepped_at = self._stepped_at, now
+        dt = 0.0 if before is None else now - before
+        if dt < 0.0:
+            self.reset()
+            return
+        if self.navigator.goal is not None and (why := self.refusal()):
+            self.stop(why)
+        velocity = self.navigator.step(dt)
+        if velocity is not None:
+            self.send(velocity)
+        dated = now + self.settings.transform_tolerance
+        self._publisher.publish(now, dated, self._odom_frame)
+        self._action.step(now, self.settings.map_frame)
+
+    def go(self, goal: np.ndarray) -> None:
+        """Drive to T_map_goal, shape (3,), whose yaw may be NaN: see `Navigator.set_goal`."""
+        self._was_selected = False
+        refusal = ' and '.join(f'{lock} is on' for lock in sorted(self._locked)) or self.refusal()
+        if refusal:
+            self.navigator.refuse(refusal)
+        else:
+            self.navigator.set_goal(goal)
+
+    def stop(self, why: str) -> bool:
+        """Cancel the goal and command standstill; return whether there was a goal."""
+        was_driving = self.navigator.cancel(why)
+        if was_driving:
+            self.send(np.zeros(3))
+        return was_driving
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.navigator.reset()
+        self._memory.clear()
+        self._publisher.forget()
+        self._waiting = self._stepped_at = None
+
+    def close(self) -> None:
+        """Leave the robot standing."""
+        self.stop('the navigator ends')
+
+    def destroy_node(self) -> None:
+        """Release the node, and the action's server."""
+        self._action.close()
+        super().destroy_node()
+
+    def _mount_of(self, frame: str) -> Pose | None:
+        """Return the pose of the lidar's frame in the base, None where it is not known yet."""
+        frame, pose = frame.lstrip('/'), Pose(np.zeros(3), np.eye(3))
+        base = self._base_frame.lstrip('/')
+        while frame != base:
+            if frame not in self._fixed:
+                self._warn(f'scan waits: no way from {frame!r} to the base {base!r} on /tf_static')
+                return None
+            frame, step = self._fixed[frame]
+            pose = step @ pose
+        return pose
+
+    def _publish_velocity(self, velocity: np.ndarray) -> None:
+        twist = Twist()
+        twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
+        if self.settings.stamped:
+            message = TwistStamped(twist=twist)
+            message.header.stamp = self.get_clock().now().to_msg()
+            message.header.frame_id = self._base_frame
+            self._velocity.publish(message)
+        else:
+            self._velocity.publish(twist)
+
+    def _on_fixed_frames(self, message: Any) -> None:
+        for one in message.transforms:
+            self.place_frame(one.child_frame_id, one.header.frame_id, from_pose(one.transform))
+
+    def _go_to(self, message: PoseStamped) -> None:
+        self.go(self.in_map(message))
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        try:
+            self._go_to(message)
+        except InvalidMessage as error:
+            self.say(f'goal_pose: {error}: ignored')
+
+    def in_map(self, message: PoseStamped) -> np.ndarray:
+        """
+        Return a pose in the map, shape (3,).
+
+        Raises:
+            InvalidMessage: it is no pose, or in a frame from which no way leads to the map.
+        """
+        goal, frame = to_planar(from_pose(message.pose)), message.header.frame_id.lstrip('/')
+        pose = self.navigator.pose
+        known = {
+            '': np.zeros(3),
+            self.settings.map_frame: np.zeros(3),
+            self._odom_frame: self.navigator.locator.correction,
+        }
+        if pose is not None:
+            known[self._base_frame] = pose
+        if frame not in known:
+            raise InvalidMessage(f'wanted a pose in {self.settings.map_frame!r}, got {frame!r}')
+        return np.asarray(compose(known[frame], goal))
+
+    def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
+        start = getattr(self.navigator.locator, 'start', None)
+        if start is None:
+            self.say('initialpose is for a robot with a map: ignored while one is made')
+            return
+        try:
+            stamped = PoseStamped(header=message.header, pose=message.pose.pose)
+            pose = self.in_map(stamped)
+        except InvalidMessage as error:
+            self.say(f'initialpose: {error}: ignored')
+            return
+        covariance = np.array(message.pose.covariance).reshape(6, 6)
+        start(pose, covariance[np.ix_((0, 1, 5), (0, 1, 5))])
+
+    def _on_lock(self, lock: str, message: Bool) -> None:
+        (self._locked.add if message.data else self._locked.discard)(lock)
+        if message.data:
+            self.stop(f'{lock} is on')
+
+    def _on_selected(self, message: String) -> None:
+        """Give way to whom the mux lets drive instead."""
+        is_ours = message.data == SOURCE
+        if not is_ours and (message.data or self._was_selected):
+            self.stop(f'{message.data or "a lock"} takes over')
+        self._was_selected = is_ours and self.navigator.goal is not None
+
+    def _on_return(self, gap: float) -> None:
+        """Begin without a goal after this process stood still: nobody knows who wants it."""
+        self.stop(f'stood still for {gap:.1f} s')
+
+    def _on_end(self, outcome: Outcome) -> None:
+        self.say(': '.join(filter(None, (f'goal {outcome.state}', outcome.reason))))
+
+    def _on_save_map(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            response.message = self.save_map(self.settings.save_map)
+            response.success = True
+        except UserError as error:
+            response.message = str(error)
+        return response
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.stop('the map begins anew')
+        self.navigator.reset()
+        self._publisher.forget()
+        response.success, response.message = True, 'the map begins anew'
+        return response
+
+    def _on_cancel(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self.stop('asked to')
+        response.message = 'the robot stands' if response.success else 'there was no goal'
+        return response
+
+    def save_map(self, name: str) -> str:
+        """
+        Write the map to NAME.yaml and NAME.pgm; return words that say so.
+
+        Raises:
+            UserError: there is none yet, or it cannot be written.
+        """
+        if not self.navigator.scans:
+            raise UserError('no map yet: no scan has come')
+        file = importlib.import_module('wasd_navigation.mapping.map_file')
+        text, picture = file.save_map(self.navigator.locator.grid, pathlib.Path(name))
+        return f'map in {text} and {picture.name}'
+
+    def _on_change(self, changed: NavigatorParameters) -> None:
+        self.settings = changed
+
+    def _log(self, words: str) -> None:
+        self.get_logger().info(visible(words))
+
+    def _warn(self, words: str) -> None:
+        self.get_logger().warning(visible(words), throttle_duration_sec=5.0)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the navigator as a process of its own."""
+    return run_node(NavigatorNode, args, joins=True, program=NAVIGATOR)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
