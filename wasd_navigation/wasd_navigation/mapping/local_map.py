@@ -7,6 +7,8 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 
+from wasd_navigation.mapping.matrices import invert
+
 CELL = 0.10  # [m]
 # Surfaces within this distance of a point tell where it should be [m].
 REACH = 0.15
@@ -21,7 +23,8 @@ class LocalMap(NamedTuple):
     Surfaces by cells: up to two in each, which face different ways, as the two sides of a door.
 
     `slots`, shape (rows, columns, 2), has their row in `sums`, shape (n, 5), or -1: number of
-    points, sums of x, y [m] and of the normals nx, ny. `origin`, shape (2,), is the corner of
+    points, their mean x, y [m] and the direction of their normals nx, ny (while points are added:
+    the sums of these). `origin`, shape (2,), is the corner of
     the first cell, `used`, shape (1,), the number of rows in use.
     """
 
@@ -50,8 +53,33 @@ def make_local_map(half_side: float) -> LocalMap:
 
 
 @njit(cache=True)
-def add_surface(local: LocalMap, pose: np.ndarray, surface: np.ndarray) -> None:
-    """Add what was seen from a pose: x, y, nx, ny, shape (m, 4), in its frame."""
+def add_surfaces(
+    local: LocalMap,
+    poses: np.ndarray,
+    surfaces: np.ndarray,
+    begins: np.ndarray,
+    numbers: np.ndarray,
+) -> None:
+    """
+    Put into an empty map what was seen from some places, of which `numbers` are in `poses`.
+
+    `surfaces`, shape (m, 4), has x, y, nx, ny in the frame of their place, those of place i from
+    begins[i] to begins[i + 1].
+    """
+    for number in numbers:
+        _add_surface(local, poses[number], surfaces[begins[number] : begins[number + 1]])
+    for row in range(local.used[0]):
+        sums = local.sums[row]
+        length = math.hypot(sums[3], sums[4])
+        sums[1] /= sums[0]
+        sums[2] /= sums[0]
+        sums[3] /= length
+        sums[4] /= length
+
+
+@njit(cache=True)
+def _add_surface(local: LocalMap, pose: np.ndarray, surface: np.ndarray) -> None:
+    """Add the sums of what was seen from a pose."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     rows, columns = local.slots.shape[:2]
     for point in range(surface.shape[0]):
@@ -103,7 +131,7 @@ def _nearest(local: LocalMap, at: np.ndarray, facing: np.ndarray, out: np.ndarra
     """
     Write (distance, nx, ny) of a point off the surface that faces as it does; False if none is.
 
-    The surface is the implicit moving least squares of [Deschaud2018], eq. 5: a mean of the
+    The surface is the implicit moving least squares of [Deschaud2018]: a mean of the
     planes around, near ones more.
     """
     row = int(math.floor((at[1] - local.origin[1]) / CELL))
@@ -118,43 +146,23 @@ def _nearest(local: LocalMap, at: np.ndarray, facing: np.ndarray, out: np.ndarra
                 index = local.slots[r, c, slot]
                 if index < 0:
                     break
-                n, sx, sy, snx, sny = local.sums[index]
-                length = math.hypot(snx, sny)
-                if snx * facing[0] + sny * facing[1] < LEAST_COSINE * length:
+                n, x, y, ax, ay = local.sums[index]
+                if ax * facing[0] + ay * facing[1] < LEAST_COSINE:
                     continue
-                dx, dy = at[0] - sx / n, at[1] - sy / n
+                dx, dy = at[0] - x, at[1] - y
                 share = 1.0 - (dx * dx + dy * dy) / (REACH * REACH)
                 if share <= 0.0:
                     continue
                 weight = n * share * share
                 total += weight
-                distance += weight * (snx * dx + sny * dy) / length
-                nx += weight * snx / length
-                ny += weight * sny / length
+                distance += weight * (ax * dx + ay * dy)
+                nx += weight * ax
+                ny += weight * ay
     if total <= 0.0:
         return False
     length = math.hypot(nx, ny)
     out[0], out[1], out[2] = distance / total, nx / length, ny / length
     return True
-
-
-@njit(cache=True)
-def solve_3(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return A^-1 b of a symmetric A, shape (3, 3), by its adjugate."""
-    c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
-    c01 = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
-    c02 = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
-    c11 = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
-    c12 = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
-    c22 = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
-    scale = 1.0 / (A[0, 0] * c00 + A[0, 1] * c01 + A[0, 2] * c02)
-    return np.array(
-        (
-            scale * (c00 * b[0] + c01 * b[1] + c02 * b[2]),
-            scale * (c01 * b[0] + c11 * b[1] + c12 * b[2]),
-            scale * (c02 * b[0] + c12 * b[1] + c22 * b[2]),
-        )
-    )
 
 
 @njit(cache=True)
@@ -181,7 +189,10 @@ def fit_scan(
         for i in range(3):
             for j in range(3):
                 gradient[i] += prior[i, j] * away[j]
-        step = solve_3(information + prior, gradient)
+        inverted, step = invert(information + prior), np.zeros(3)
+        for i in range(3):
+            for j in range(3):
+                step[i] += inverted[i, j] * gradient[j]
         pose = pose - step
         if abs(step[0]) + abs(step[1]) < 2e-4 and abs(step[2]) < 1e-4:
             break

@@ -6,17 +6,19 @@ import math
 import numpy as np
 
 from wasd_navigation.grid import Grid
+from wasd_navigation.mapping.drawing import Drawing
 from wasd_navigation.mapping.growth import add_covariance
 from wasd_navigation.mapping.growth import OdometryGrowth
-from wasd_navigation.mapping.growth import turn_axes
 from wasd_navigation.mapping.local_map import Fit
 from wasd_navigation.mapping.local_map import fit_scan
 from wasd_navigation.mapping.local_map import make_local_map
-from wasd_navigation.mapping.occupancy import Canvas
+from wasd_navigation.mapping.matrices import invert
+from wasd_navigation.mapping.matrices import turn_axes
 from wasd_navigation.mapping.parameters import MappingParameters
 from wasd_navigation.mapping.places import Places
 from wasd_navigation.mapping.solver import Solver
 from wasd_navigation.mapping.surface import find_surface
+from wasd_navigation.mapping.surface import Surface
 from wasd_navigation.scan import Scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
@@ -30,6 +32,8 @@ LEAST_SHARE = 0.35
 LEAST_LOOP_SHARE = 0.55
 # What a fit tells is believed by this share: its errors are not independent.
 TRUST = 0.1
+# Loops that are off by less wait for others [m], [rad]; at most so many.
+LOOP_ERROR, MOST_UNSOLVED = np.array((0.004, 0.004, 0.002)), 10
 # How well a place is known before a loop is closed: standard deviations [m], [rad].
 LOOP_PRIOR = np.diag((1.0 / 0.3**2, 1.0 / 0.3**2, 1.0 / 0.1**2))
 
@@ -46,7 +50,7 @@ class Mapper:
         self._parameters = parameters or MappingParameters()
         self._local = make_local_map(LOCAL_REACH)
         self._old = make_local_map(LOCAL_REACH)
-        self.revision = 0
+        self._drawing = Drawing(self._parameters.resolution)
         self.reset()
 
     def reset(self) -> None:
@@ -54,24 +58,25 @@ class Mapper:
         self._places = Places()
         self._solver = Solver()
         self._growth = OdometryGrowth()
-        self._canvas = Canvas(self._parameters.resolution)
-        self._drawn = 0
-        self._grid: tuple[int, Grid] | None = None
+        self._drawing.clear()
         self.pose = np.zeros(3)
         self.covariance: np.ndarray = np.zeros((3, 3))
         self.correction = np.zeros(3)
         self.closures = 0
-        self.revision += 1
         self._since = np.zeros((3, 3))  # covariance of the pose since the last place
         self._history: list[tuple[int, np.ndarray]] = []
         self._wants_loop = False
+        self._unsolved = 0
 
     @property
     def grid(self) -> Grid:
         """What is known of the surroundings."""
-        if self._grid is None or self._grid[0] != self.revision:
-            self._grid = self.revision, self._canvas.grid()
-        return self._grid[1]
+        return self._drawing.grid
+
+    @property
+    def revision(self) -> int:
+        """Count of changes of the grid."""
+        return self._drawing.revision
 
     @property
     def trajectory(self) -> np.ndarray:
@@ -83,8 +88,11 @@ class Mapper:
         """
         Take in a scan, and the pose and covariance of the base in the odom frame at its stamp.
 
-        By how much the covariance has grown since the last scan is how sure the move is.
+        By how much the covariance has grown since the last scan is how sure the move is. What is
+        not finite is not taken in.
         """
+        if not (np.isfinite(odometry).all() and np.isfinite(covariance).all()):
+            return
         surface = find_surface(scan)
         first = not len(self._places)
         move, growth = self._growth.step(odometry, covariance)
@@ -104,16 +112,16 @@ class Mapper:
         last = len(self._places) - 1
         self._history.append((last, compose(inverse(self._places.poses[last]), self.pose)))
 
-    def _follow(self, surface: np.ndarray, move: np.ndarray, growth: np.ndarray) -> None:
+    def _follow(self, surface: Surface, move: np.ndarray, growth: np.ndarray) -> None:
         """Move by odometry, then to where the scan fits best, as far as odometry lets it."""
         expected = compose(self.pose, move)
         self.covariance = add_covariance(self.covariance, self.pose, move, growth)
         self._since = add_covariance(self._since, self.pose, move, growth)
-        prior = np.linalg.inv(self.covariance)
-        fit = self._fit(surface, expected, prior)
+        prior = invert(self.covariance)
+        fit = self._fit(surface.points, expected, prior)
         if fit.share >= LEAST_SHARE * fit.met and fit.met > 0.2:
             self.pose = fit.pose
-            self.covariance = np.linalg.inv(prior + TRUST * fit.information)
+            self.covariance = invert(prior + TRUST * fit.information)
             self._told = TRUST * fit.information
         else:
             self.pose = expected
@@ -132,21 +140,21 @@ class Mapper:
             or abs(wrap(self.pose[2] - last[2])) > self._parameters.minimum_travel_heading
         )
 
-    def _keep(self, scan: Scan, surface: np.ndarray) -> None:
+    def _keep(self, scan: Scan, surface: Surface) -> None:
         """Add the place where the robot is."""
         places = self._places
+        self._take_solved()
         places.add(scan, surface, self.pose)
         number = len(places) - 1
         if number:
-            known = self._told + np.linalg.inv(self._since)
+            known = self._told + invert(self._since)
             before = places.poses[number - 1]
             pose = compose(inverse(before), self.pose)
             places.link((number - 1, number), pose, turn_axes(known, -before[2]), sure=True)
         self._since = np.zeros((3, 3))
         self._show()
-        self._canvas.draw(scan, self.pose)
-        self.revision += 1
-        self._wants_loop = True
+        self._drawing.add_last(places)
+        self._wants_loop = number % self._parameters.loop_every == 0
 
     def _show(self) -> None:
         """Have the local map hold the last places."""
@@ -171,7 +179,7 @@ class Mapper:
         fit = Fit(
             *fit_scan(
                 self._old,
-                places.surfaces[number],
+                places.surface(number),
                 pose,
                 LOOP_PRIOR,
                 self._parameters.range_noise,
@@ -184,12 +192,20 @@ class Mapper:
         known = turn_axes(TRUST * fit.information, -old[2])
         places.link((nearest, number), compose(inverse(old), fit.pose), known, sure=False)
         self.closures += 1
-        self._solver.ask()
+        self._unsolved += 1
+        off = np.abs(compose(inverse(pose), fit.pose))
+        if (off > LOOP_ERROR).any() or self._unsolved >= MOST_UNSOLVED:
+            self._unsolved = 0
+            self._solver.ask()
 
     def _work(self) -> None:
         """Go on with what takes longer than a step may."""
-        places = self._places
-        poses = self._solver.work(places.poses, places.edges)
+        if not self._solver.work(self._places.poses, self._places.edges):
+            self._drawing.work(self._places)
+
+    def _take_solved(self) -> None:
+        """Move places, and the robot with the last of them, to where the solver has them."""
+        poses, places = self._solver.take(), self._places
         if poses is None:
             return
         count = len(poses)
@@ -200,4 +216,4 @@ class Mapper:
         self.pose = compose(change, self.pose)
         self.covariance = turn_axes(self.covariance, float(change[2]))
         self._since = turn_axes(self._since, float(change[2]))
-        self._show()
+        self._drawing.see_moves(places)

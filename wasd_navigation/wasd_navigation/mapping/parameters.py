@@ -29,6 +29,9 @@ class MappingParameters(Parameters):
     loop_search_maximum_distance: float = parameter(
         2.5, doc='A loop is closed with a place within this distance', unit='m', above=0.0
     )
+    loop_every: int = parameter(
+        2, doc='Of so many places one is tried to close a loop with', minimum=1
+    )
     loop_match_minimum_chain_size: int = parameter(
         13, doc='Old places around one, with which a loop is closed', minimum=1
     )

@@ -6,9 +6,10 @@ from dataclasses import field
 
 import numpy as np
 
-from wasd_navigation.mapping.local_map import add_surface
+from wasd_navigation.mapping.local_map import add_surfaces
 from wasd_navigation.mapping.local_map import LocalMap
 from wasd_navigation.mapping.pose_graph import Edges
+from wasd_navigation.mapping.surface import Surface
 from wasd_navigation.scan import Scan
 
 
@@ -17,10 +18,19 @@ class Places:
     """Nodes of the pose graph with their scans, and its edges."""
 
     scans: list[Scan] = field(default_factory=list)
-    surfaces: list[np.ndarray] = field(default_factory=list)
+    slants: list[np.ndarray] = field(default_factory=list)
+    _points: np.ndarray = field(default_factory=lambda: np.zeros((16_384, 4)))
+    _begins: np.ndarray = field(default_factory=lambda: np.zeros(65, dtype=np.int64))
     _poses: np.ndarray = field(default_factory=lambda: np.zeros((64, 3)))
-    _pairs: list[tuple[int, int]] = field(default_factory=list)
-    _edges: list[tuple[np.ndarray, np.ndarray, bool]] = field(default_factory=list)
+    _linked: int = 0
+    _edges: Edges = field(
+        default_factory=lambda: Edges(
+            np.zeros((64, 2), dtype=np.int64),
+            np.zeros((64, 3)),
+            np.zeros((64, 3, 3)),
+            np.zeros(64, dtype=np.bool_),
+        )
+    )
 
     def __len__(self) -> int:
         """Return how many there are."""
@@ -32,26 +42,45 @@ class Places:
         poses: np.ndarray = self._poses[: len(self)]
         return poses
 
-    def add(self, scan: Scan, surface: np.ndarray, pose: np.ndarray) -> None:
+    def surface(self, number: int) -> np.ndarray:
+        """Return what of a place's scan lies on surfaces: x, y, nx, ny, shape (m, 4)."""
+        points: np.ndarray = self._points[self._begins[number] : self._begins[number + 1]]
+        return points
+
+    def add(self, scan: Scan, surface: Surface, pose: np.ndarray) -> None:
         """Add a place."""
-        if len(self) == len(self._poses):
-            self._poses = np.concatenate((self._poses, np.zeros_like(self._poses)))
-        self._poses[len(self)] = pose
+        number = len(self)
+        begin = int(self._begins[number])
+        end = begin + len(surface.points)
+        if number == len(self._poses):
+            self._poses, self._begins = _doubled(self._poses), _doubled(self._begins)
+        if end > len(self._points):
+            self._points = _doubled(self._points, end)
+        self._poses[number] = pose
+        self._points[begin:end] = surface.points
+        self._begins[number + 1] = end
         self.scans.append(scan)
-        self.surfaces.append(surface)
+        self.slants.append(surface.slants)
 
     def link(self, pair: tuple[int, int], pose: np.ndarray, known: np.ndarray, sure: bool) -> None:
         """Add that the second has a pose in the first's frame, with an information (3, 3)."""
-        self._pairs.append(pair)
-        self._edges.append((pose, known, not sure))
+        if self._linked == len(self._edges.pairs):
+            self._edges = Edges(*map(_doubled, self._edges))
+        for kept, value in zip(self._edges, (pair, pose, known, not sure), strict=True):
+            kept[self._linked] = value
+        self._linked += 1
 
     def edges(self) -> Edges:
         """Return all that is known of pairs."""
-        poses, known, robust = zip(*self._edges, strict=True)
-        return Edges(np.array(self._pairs), np.array(poses), np.array(known), np.array(robust))
+        return Edges(*(kept[: self._linked].copy() for kept in self._edges))
 
     def show(self, local: LocalMap, middle: np.ndarray, numbers: np.ndarray) -> None:
         """Have a local map hold what was seen from some of them, around a place [m]."""
         local.clear(middle)
-        for number in numbers:
-            add_surface(local, self._poses[number], self.surfaces[number])
+        add_surfaces(local, self._poses, self._points, self._begins, numbers)
+
+
+def _doubled(kept: np.ndarray, least: int = 0) -> np.ndarray:
+    """Return an array with twice as many rows, or more for `least`; new ones are 0."""
+    more = max(len(kept), least - len(kept))
+    return np.concatenate((kept, np.zeros((more, *kept.shape[1:]), dtype=kept.dtype)))

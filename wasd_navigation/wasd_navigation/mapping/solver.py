@@ -18,27 +18,33 @@ SMALLEST, MOST_STEPS = 5e-4, 6
 
 
 class Solver:
-    """Works on the poses that it was given first, until they have settled."""
+    """Works on the poses that it was given first, until they have settled and are taken."""
 
     def __init__(self) -> None:
         self._is_asked = False
         self._running: Iterator[np.ndarray | None] | None = None
+        self._solved: np.ndarray | None = None
 
     def ask(self) -> None:
         """Want the poses solved for, now or after what is being solved."""
         self._is_asked = True
 
-    def work(self, poses: np.ndarray, edges: Callable[[], Edges]) -> np.ndarray | None:
-        """Do one portion; return the poses when they have settled, of nodes there were then."""
+    def take(self) -> np.ndarray | None:
+        """Return the poses if they have settled, of the nodes that there were then."""
+        solved, self._solved = self._solved, None
+        return solved
+
+    def work(self, poses: np.ndarray, edges: Callable[[], Edges]) -> bool:
+        """Do one portion, and return whether there was one to do."""
         if self._running is None:
-            if not self._is_asked:
-                return None
+            if not self._is_asked or self._solved is not None:
+                return False
             self._is_asked = False
             self._running = _solve(poses.copy(), edges())
-        solved = next(self._running)
-        if solved is not None:
+        self._solved = next(self._running)
+        if self._solved is not None:
             self._running = None
-        return solved
+        return True
 
 
 def _solve(poses: np.ndarray, edges: Edges) -> Iterator[np.ndarray | None]:

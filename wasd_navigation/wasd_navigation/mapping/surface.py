@@ -2,6 +2,7 @@
 """Surfaces that a planar scan sees: points with the direction that they face."""
 
 import math
+from typing import NamedTuple
 
 from numba import njit
 import numpy as np
@@ -16,23 +17,34 @@ MOST_NEIGHBOURS = 8
 ROUNDEST = 0.12
 # Points this far off their line are no surface: three times the noise of a usual lidar [m].
 ROUGHEST = 0.03
+# Cosine of the angle between normal and ray where neighbours are too far to know the normal.
+GRAZING = 0.15
 
 
-def find_surface(scan: Scan) -> np.ndarray:
+class Surface(NamedTuple):
     """
-    Return the points of a scan that lie on a surface, and its normals: x, y, nx, ny, shape (m, 4).
+    What of a scan lies on a surface.
 
-    In the base frame; normals have length 1 and point to where the lidar is. The line through a
-    point and its neighbours is that of least squares.
+    `points`, shape (m, 4): x, y [m] of each and the normal nx, ny there, of length 1 and to where
+    the lidar is, in the base frame. `slants`, shape (n,), is the cosine of the angle between each
+    of the scan's rays and the normal where it ends, `GRAZING` where that is not known.
     """
-    surface: np.ndarray = _find_surface(scan.ends, scan.hits, scan.origin)
-    return surface
+
+    points: np.ndarray
+    slants: np.ndarray
+
+
+def find_surface(scan: Scan) -> Surface:
+    """Return what lies on a surface: on the least squares' line through its neighbours."""
+    return Surface(*_find_surface(scan.ends, scan.hits, scan.origin))
 
 
 @njit(cache=True)
-def _find_surface(ends: np.ndarray, hits: np.ndarray, origin: np.ndarray) -> np.ndarray:
+def _find_surface(
+    ends: np.ndarray, hits: np.ndarray, origin: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     count = ends.shape[0]
-    surface = np.empty((count, 4))
+    surface, slants = np.empty((count, 4)), np.full(count, GRAZING)
     found = 0
     for index in range(count):
         if not hits[index]:
@@ -64,8 +76,10 @@ def _find_surface(ends: np.ndarray, hits: np.ndarray, origin: np.ndarray) -> np.
         # The line has the angle of the largest variance; its normal is a quarter turn on.
         angle = 0.5 * math.atan2(2.0 * cxy, cxx - cyy)
         nx, ny = -math.sin(angle), math.cos(angle)
-        if nx * (origin[0] - x) + ny * (origin[1] - y) < 0.0:
+        toward = nx * (origin[0] - x) + ny * (origin[1] - y)
+        if toward < 0.0:
             nx, ny = -nx, -ny
+        slants[index] = abs(toward) / max(1e-9, math.hypot(origin[0] - x, origin[1] - y))
         surface[found] = (x, y, nx, ny)
         found += 1
-    return surface[:found].copy()
+    return surface[:found].copy(), slants

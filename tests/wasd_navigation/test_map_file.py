@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Maps as files: what Nav2's map_server would read of them, and refusals."""
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+import pytest
+from wasd_core.errors import UserError
+from wasd_navigation.grid import Grid
+from wasd_navigation.mapping.map_file import load_map
+from wasd_navigation.mapping.map_file import save_map
+import yaml
+
+
+@pytest.fixture
+def grid() -> Grid:
+    cells = np.random.default_rng(0).choice((-1, 0, 100), size=(7, 5)).astype(np.int8)
+    return Grid(cells, 0.05, (-1.25, 3.1000000000000001))
+
+
+def read_as_map_server(path: Path) -> tuple[np.ndarray, float, list[float]]:
+    """Return cells, resolution and origin by the rules of nav2_map_server's map_io, trinary."""
+    said = yaml.safe_load(path.read_text())
+    assert said['mode'] == 'trinary' and said['negate'] == 0
+    pixels = np.array(Image.open(path.parent / said['image']))
+    assert pixels.ndim == 2 and pixels.dtype == np.uint8
+    rows, columns = pixels.shape
+    cells = np.empty((rows, columns), dtype=np.int8)
+    for y in range(rows):
+        for x in range(columns):
+            occupied = (255 - int(pixels[y, x])) / 255.0
+            if occupied > said['occupied_thresh']:
+                value = 100
+            elif occupied < said['free_thresh']:
+                value = 0
+            else:
+                value = -1
+            cells[rows - y - 1, x] = value
+    return cells, said['resolution'], said['origin']
+
+
+def test_what_is_saved_is_what_map_server_reads(grid: Grid, tmp_path: Path) -> None:
+    text, picture = save_map(grid, tmp_path / 'house')
+    assert (text.name, picture.name) == ('house.yaml', 'house.pgm')
+    cells, resolution, origin = read_as_map_server(text)
+    assert np.array_equal(cells, grid.cells)
+    assert (resolution, tuple(origin[:2])) == (grid.resolution, grid.origin)
+    assert origin[2] == 0
+
+
+def test_what_is_saved_is_loaded(grid: Grid, tmp_path: Path) -> None:
+    loaded = load_map(save_map(grid, tmp_path / 'my.house.yaml')[0])
+    assert (tmp_path / 'my.house.pgm').exists()
+    assert np.array_equal(loaded.cells, grid.cells)
+    assert (loaded.resolution, loaded.origin) == (grid.resolution, grid.origin)
+
+
+def test_maps_of_others_are_loaded(tmp_path: Path) -> None:
+    Image.fromarray(np.array([[0, 127, 255]], dtype=np.uint8)).save(tmp_path / 'm.png')
+    said = 'image: m.png\nresolution: 0.1\norigin: [1, 2, 0]\nnegate: 0\n'
+    said += 'occupied_thresh: 0.7\nfree_thresh: 0.2\n'
+    for more, wanted in (
+        ('', [100, -1, 0]),
+        ('mode: scale\n', [100, 60, 0]),
+    ):
+        (tmp_path / 'm.yaml').write_text(said + more)
+        grid = load_map(tmp_path / 'm.yaml')
+        assert grid.cells.tolist() == [wanted]
+        assert grid.origin == (1.0, 2.0)
+    (tmp_path / 'm.yaml').write_text(said.replace('negate: 0', 'negate: 1'))
+    assert load_map(tmp_path / 'm.yaml').cells.tolist() == [[0, -1, 100]]
+
+
+GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
+
+
+@pytest.mark.parametrize(
+    'text, said',
+    [
+        ('[1, 2', 'no YAML'),
+        ('hello', 'wanted image, resolution and origin'),
+        (GOOD.replace('0.05', '-1'), 'resolution: wanted more than 0 m, got -1'),
+        (GOOD.replace('0.05', '.nan'), 'resolution: wanted a number, got nan'),
+        (GOOD.replace('image: m.pgm', 'x: y'), 'image: wanted the name of a picture'),
+        (GOOD.replace('[0, 0, 0]', '[0, 0]'), 'origin: wanted [x, y, yaw]'),
+        (GOOD.replace('[0, 0, 0]', '[0, 0, 1]'), 'a map that is turned cannot be used'),
+        (GOOD + 'mode: odd\n', "mode: wanted trinary or scale, got 'odd'"),
+        (GOOD.replace('m.pgm', 'none.pgm'), 'none.pgm: no such file'),
+        (GOOD.replace('m.pgm', 'map.yaml'), 'map.yaml: no picture'),
+    ],
+)
+def test_what_is_no_map_is_refused_in_one_line(text: str, said: str, tmp_path: Path) -> None:
+    Image.fromarray(np.zeros((1, 1), dtype=np.uint8)).save(tmp_path / 'm.pgm')
+    (tmp_path / 'map.yaml').write_text(text)
+    with pytest.raises(UserError) as refused:
+        load_map(tmp_path / 'map.yaml')
+    assert said in str(refused.value)
+    assert '\n' not in str(refused.value)
+
+
+def test_a_map_that_cannot_be_written_or_is_empty_is_refused(grid: Grid, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match='No such file'):
+        save_map(grid, tmp_path / 'nowhere' / 'house')
+    with pytest.raises(UserError, match='the map is empty'):
+        save_map(Grid(np.zeros((0, 0), dtype=np.int8), 0.05, (0.0, 0.0)), tmp_path / 'house')

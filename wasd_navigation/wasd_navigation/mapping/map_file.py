@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Maps as Nav2's map_server reads and writes them: a YAML file and a PGM picture.
+
+The picture's first row is the grid's last. Trinary: black is occupied, nearly white free, grey
+unknown.
+"""
+
+from io import BytesIO
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from wasd_core.errors import one_line
+from wasd_core.errors import UserError
+from wasd_core.safe_files import read_file
+import yaml
+
+from wasd_navigation.grid import FREE
+from wasd_navigation.grid import Grid
+from wasd_navigation.grid import OCCUPIED
+from wasd_navigation.grid import UNKNOWN
+
+# What map_saver writes, but for its threshold of 0.25: grey is 50/255 occupied, so that reads it
+# as free.
+BLACK, GREY, WHITE = 0, 205, 254
+OCCUPIED_THRESHOLD, FREE_THRESHOLD = 0.65, 0.196
+LARGEST_PICTURE = 100_000_000  # [bytes]
+
+
+class MapFileError(UserError):
+    """A map cannot be read or written; says the file and why."""
+
+
+def save_map(grid: Grid, path: Path) -> tuple[Path, Path]:
+    """
+    Write a grid as `path`.yaml and `path`.pgm and return both paths; an ending .yaml may be there.
+
+    Raises:
+        MapFileError: there is nothing in the grid, or a file cannot be written.
+    """
+    base = path.with_suffix('') if path.suffix in ('.yaml', '.yml', '.pgm') else path
+    picture, text = base.with_name(f'{base.name}.pgm'), base.with_name(f'{base.name}.yaml')
+    if not grid.cells.size:
+        raise MapFileError(f'{text}: the map is empty: let the robot see something first')
+    pixels = np.full(grid.cells.shape, GREY, dtype=np.uint8)
+    pixels[grid.cells == FREE] = WHITE
+    pixels[grid.cells > 100 * OCCUPIED_THRESHOLD] = BLACK
+    rows, columns = len(pixels), len(pixels[0])
+    # Numbers as map_saver writes them; the third of the origin is a yaw.
+    lines = (
+        f'image: {picture.name}',
+        'mode: trinary',
+        f'resolution: {grid.resolution!r}',
+        f'origin: [{grid.origin[0]!r}, {grid.origin[1]!r}, 0]',
+        'negate: 0',
+        f'occupied_thresh: {OCCUPIED_THRESHOLD}',
+        f'free_thresh: {FREE_THRESHOLD}',
+    )
+    try:
+        picture.write_bytes(f'P5\n{columns} {rows}\n255\n'.encode() + pixels[::-1].tobytes())
+        text.write_text('\n'.join(lines) + '\n')
+    except OSError as error:
+        raise MapFileError(f'{text}: {error.strerror}') from error
+    return text, picture
+
+
+def load_map(path: Path) -> Grid:
+    """
+    Return the grid of a map's YAML file.
+
+    Raises:
+        UserError: a file cannot be read, or does not say what it must.
+    """
+    try:
+        said = yaml.safe_load(read_file(path))
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise MapFileError(f'{path}: no YAML: {one_line(error)}') from error
+    if not isinstance(said, dict):
+        raise MapFileError(f'{path}: wanted image, resolution and origin of a map')
+    resolution = _number(path, said, 'resolution')
+    if not resolution > 0.0:
+        raise MapFileError(f'{path}: resolution: wanted more than 0 m, got {resolution:g}')
+    image = said.get('image')
+    if not isinstance(image, str) or not image:
+        raise MapFileError(f'{path}: image: wanted the name of a picture, got {image!r}')
+    mode = said.get('mode', 'trinary')
+    if mode not in ('trinary', 'scale'):
+        raise MapFileError(f'{path}: mode: wanted trinary or scale, got {mode!r}')
+    occupied = _number(path, said, 'occupied_thresh', OCCUPIED_THRESHOLD)
+    free = _number(path, said, 'free_thresh', FREE_THRESHOLD)
+    origin = _origin(path, said)
+    shares = _read_shares(path.parent / image, bool(said.get('negate', 0)))
+    cells = np.full(shares.shape, UNKNOWN, dtype=np.int8)
+    if mode == 'scale':
+        between = np.round(99.0 * (shares - free) / max(1e-9, occupied - free))
+        cells = np.clip(between, 0, 99).astype(np.int8)
+    cells[shares > occupied] = OCCUPIED
+    cells[shares < free] = FREE
+    return Grid(np.ascontiguousarray(cells[::-1]), resolution, origin)
+
+
+def _read_shares(path: Path, negate: bool) -> np.ndarray:
+    """Return how occupied the pixels of a picture are, 0 to 1, shape (rows, columns)."""
+    data = read_file(path, LARGEST_PICTURE)
+    try:
+        with Image.open(BytesIO(data)) as picture:
+            pixels = np.asarray(picture.convert('L'), dtype=float) / 255.0
+    except (OSError, ValueError, Image.DecompressionBombError) as error:
+        raise MapFileError(f'{path}: no picture: {one_line(error)}') from error
+    return pixels if negate else 1.0 - pixels
+
+
+def _origin(path: Path, said: dict[Any, Any]) -> tuple[float, float]:
+    """Return the corner of the map [m]."""
+    origin = said.get('origin')
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise MapFileError(f'{path}: origin: wanted [x, y, yaw], got {origin!r}')
+    x, y, yaw = (_number(path, {'origin': value}, 'origin') for value in origin)
+    if yaw != 0.0:
+        raise MapFileError(f'{path}: origin: a map that is turned cannot be used, yaw {yaw:g}')
+    return x, y
+
+
+def _number(path: Path, said: dict[Any, Any], name: str, default: float | None = None) -> float:
+    value = said.get(name, default)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise MapFileError(f'{path}: {name}: wanted a number, got {value!r}')
+    return float(value)

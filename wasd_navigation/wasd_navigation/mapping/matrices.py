@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Matrices of 3 x 3, of x, y and yaw: too small for a library to be fast."""
+
+import math
+
+from numba import njit
+import numpy as np
+
+
+@njit(cache=True)
+def sandwich(F: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """Return F P F^T."""
+    half, result = np.zeros((3, 3)), np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                half[i, j] += F[i, k] * P[k, j]
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                result[i, j] += half[i, k] * F[j, k]
+    return result
+
+
+@njit(cache=True)
+def turn_axes(P: np.ndarray, yaw: float) -> np.ndarray:
+    """
+    Return R P R^T with R the rotation of x and y by `yaw` [rad].
+
+    A covariance or an information in the axes of a frame at `yaw` becomes one in its parent's.
+    """
+    R = np.eye(3)
+    R[0, 0] = R[1, 1] = math.cos(yaw)
+    R[1, 0] = math.sin(yaw)
+    R[0, 1] = -R[1, 0]
+    return sandwich(R, P)
+
+
+@njit(cache=True)
+def invert(A: np.ndarray) -> np.ndarray:
+    """Return the inverse of a symmetric matrix, by its adjugate; of one that has none, NaN."""
+    c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
+    c01 = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
+    c02 = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
+    c11 = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
+    c12 = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
+    c22 = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+    determinant = A[0, 0] * c00 + A[0, 1] * c01 + A[0, 2] * c02
+    scale = 1.0 / determinant if determinant != 0.0 else np.nan
+    return scale * np.array(((c00, c01, c02), (c01, c11, c12), (c02, c12, c22)))
+
+
+@njit(cache=True)
+def is_definite(A: np.ndarray) -> bool:
+    """Whether a symmetric matrix is positive definite, by its leading minors (Sylvester)."""
+    second = A[0, 0] * A[1, 1] - A[0, 1] * A[0, 1]
+    third = (
+        second * A[2, 2]
+        - A[0, 0] * A[1, 2] * A[1, 2]
+        - A[1, 1] * A[0, 2] * A[0, 2]
+        + 2.0 * A[0, 1] * A[0, 2] * A[1, 2]
+    )
+    return bool(A[0, 0] > 0.0 and second > 0.0 and third > 0.0)
