@@ -14,6 +14,7 @@ from robot_description.executables import StatePublisherParameters
 from teleop_keyboard.parameters import KeyParameters
 from teleop_keyboard.parameters import TeleopParameters
 from wasd_bringup.robots import unitree_help
+from wasd_navigation.parameters import NavigatorParameters
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,6 +24,7 @@ DEFINITIONS = {
     'diff_drive_controller': DiffDriveParameters,
     'key_publisher': KeyParameters,
     'leg_controller': LegNodeParameters,
+    'navigator': NavigatorParameters,
     'simulator': SimulatorParameters,
     'state_publisher': StatePublisherParameters,
     'teleop': TeleopParameters,
@@ -35,7 +37,11 @@ CASES = [
     (name, asked)
     for name in FILES
     for asked in (ASKED if name in ('go2.launch.py', 'mbot.launch.py') else ASKED[:1])
-] + [('both.launch.py', {'rviz': 'true', 'go2_keys': 'none', 'mbot_keys': 'mbot'})]
+] + [
+    ('both.launch.py', {'rviz': 'true', 'go2_keys': 'none', 'mbot_keys': 'mbot'}),
+    ('mbot_nav.launch.py', {'nav': 'nav2', 'map': 'mine.yaml'}),
+    ('go2_nav.launch.py', {'nav': 'nav2'}),
+]
 
 
 @pytest.fixture(

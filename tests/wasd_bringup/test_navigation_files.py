@@ -7,6 +7,11 @@ from pathlib import Path
 from descriptions import robot_named
 from mujoco_sim.sensors.table import read_sensor_tags
 import pytest
+from wasd_bringup.options import RunOptions
+from wasd_bringup.robots import ROBOTS as ROWS
+from wasd_bringup.session import Session
+from wasd_bringup.session_navigation import _overrides
+from wasd_navigation.parameters import NavigatorParameters
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -121,6 +126,31 @@ def test_the_keys_of_a_keymap_go_to_the_mux(launch_file):
     started = launch_file(LAUNCH / 'mbot_nav.launch.py').start()
     (teleop,) = (node for node in started if node.executable == 'teleop')
     assert teleop.remappings['cmd_vel'] == mux()['topics.keyboard.topic']
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_our_navigator_is_alone_and_a_source_of_the_mux(launch_file, robot):
+    started = launch_file(LAUNCH / f'{robot}_nav.launch.py').start(map='mine.yaml')
+    nodes = {node.executable: node for node in started}
+    assert not [node for node in started if node.package.startswith(('nav2_', 'slam'))]
+    navigator = nodes['navigator']
+    assert navigator.remappings == {'cmd_vel': mux()['topics.navigation.topic']}
+    assert navigator.parameters == {'use_sim_time': True, 'map': 'mine.yaml'}
+    assert [path.name for path in navigator.files] == [f'navigator_{robot}.yaml']
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+@pytest.mark.usefixtures('ros')
+def test_our_navigator_knows_a_robot_as_wasd_does(robot):
+    row = ROWS[robot]
+    options = RunOptions(robot=robot, description=row.description, preset=row.preset, speed=0.0)
+    session = Session(options)
+    asked = {one.name: one.value for one in _overrides(options, session.robot)}
+    session.close()
+    ((_, given),) = yaml.safe_load((CONFIG / f'navigator_{robot}.yaml').read_text()).items()
+    settings = NavigatorParameters.from_mapping(given['ros__parameters'])
+    for name, value in asked.items():
+        assert settings.value(name) == pytest.approx(value, abs=1e-3), name
 
 
 def test_with_a_map_nav2_localises_in_it_and_makes_none(launch_file):

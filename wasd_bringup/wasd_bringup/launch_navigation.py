@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A robot that maps and drives to a point by slam_toolbox and Nav2, in a sourced ROS.
+A robot that maps and drives to a point, in a sourced ROS: by our navigator, or others' nodes.
 
 Keys drive, too, and come first: they and the navigation are sources of twist_mux.
 """
@@ -26,7 +26,7 @@ from wasd_bringup.launch_parts import NO_KEYS
 from wasd_bringup.launch_parts import robot_arguments
 from wasd_bringup.robots import RobotRow
 
-NAV2 = 'nav2'
+BUILTIN, NAV2 = 'builtin', 'nav2'
 # Nav2's nodes, package and executable, as its own launch files start them, but for the docking.
 NAVIGATION = {
     'controller_server': 'nav2_controller',
@@ -61,9 +61,10 @@ def navigation(robot: RobotRow, *others: str) -> list[Any]:
         ),
         DeclareLaunchArgument(
             'nav',
-            default_value=NAV2,
-            description='Who maps and drives: slam_toolbox and Nav2.',
-            choices=[NAV2],
+            default_value=BUILTIN,
+            description='Who maps and drives: the navigator of this project, or slam_toolbox and '
+            'Nav2, which are to be installed.',
+            choices=[BUILTIN, NAV2],
         ),
         DeclareLaunchArgument(
             'map', default_value='', description="A saved map, FILE.yaml; '': it maps."
@@ -76,6 +77,17 @@ def navigation(robot: RobotRow, *others: str) -> list[Any]:
             parameters=[{'use_sim_time': True}],
         ),
         *keyboard(cmd_vel='key_vel'),
+        Node(
+            package='wasd_navigation',
+            executable='navigator',
+            output='screen',
+            parameters=[
+                _file(f'navigator_{robot.name}.yaml'),
+                {'use_sim_time': True, 'map': _text('map')},
+            ],
+            remappings=[('cmd_vel', 'nav_vel')],
+            condition=IfCondition(EqualsSubstitution(LaunchConfiguration('nav'), BUILTIN)),
+        ),
         *_managed('navigation', NAVIGATION, files, IfCondition(is_nav2)),
         *_managed(
             'localization', LOCALISATION, files, IfCondition(AndSubstitution(is_nav2, has_map))
