@@ -35,7 +35,7 @@ def session_of(ros, monkeypatch):
     def make(robot='mbot', **more):
         pilot = StandInPilot()
         pilot.end = ('driving', '')
-        monkeypatch.setattr(navigator_node, 'make_parts', lambda _: (StandInLocator(), pilot))
+        monkeypatch.setattr(navigator_node, 'make_parts', lambda *_: (StandInLocator(), pilot))
         more = {'description': robot, 'preset': 'mbot', 'map': '', **more}
         sessions.append(Session(RunOptions(robot=robot, speed=0.0, **more)))
         return sessions[-1]

@@ -223,6 +223,15 @@ def call(node, name):
     return service.callback(Trigger.Request(), Trigger.Response())
 
 
+def test_how_to_drive_can_be_changed_while_it_runs(rig):
+    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    answer = rig.node.set_parameters([Parameter('limits.forward', value=0.2)])[0]
+    assert answer.successful
+    assert rig.said == ['goal cancelled: how to drive has changed']
+    assert rig.node.navigator.pilot._limits.forward == 0.2
+    assert not rig.node.set_parameters([Parameter('limits.forward', value=-0.2)])[0].successful
+
+
 def test_its_services_cancel_and_begin_anew(rig):
     assert not call(rig.node, 'cancel').success
     rig.node.go(np.array([2.0, 1.0, 0.0]))

@@ -46,6 +46,7 @@ from wasd_navigation.navigator import Outcome
 from wasd_navigation.odometry_memory import OdometryMemory
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_parts
+from wasd_navigation.parts import make_pilot
 from wasd_navigation.parts import Parts
 from wasd_navigation.se2 import compose
 
@@ -79,7 +80,7 @@ class NavigatorNode(Node):
             'navigator', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
         self.settings = declare_parameters(self, NavigatorParameters, self._on_change)
-        self.navigator = Navigator(*(parts or make_parts(self.settings)))
+        self.navigator = Navigator(*(parts or make_parts(self.settings, self._log)))
         self.navigator.on_end.append(self._on_end)
         self._odom_frame, self._base_frame = 'odom', ''
         self._memory = OdometryMemory()
@@ -324,7 +325,11 @@ class NavigatorNode(Node):
         return f'map in {text} and {picture.name}'
 
     def _on_change(self, changed: NavigatorParameters) -> None:
-        self.settings = changed
+        """Take other parameters; what drives is made anew, and stands before."""
+        before, self.settings = self.settings, changed
+        if (before.limits, before.planning) != (changed.limits, changed.planning):
+            self.stop('how to drive has changed')
+            self.navigator.pilot = make_pilot(changed)
 
     def _log(self, words: str) -> None:
         self.get_logger().info(visible(words))
