@@ -3,7 +3,6 @@
 
 from collections.abc import Callable
 import functools
-import importlib
 import pathlib
 import sys
 from typing import Any
@@ -36,6 +35,7 @@ from wasd_core.topics import TF_STATIC
 
 from wasd_navigation.executables import NAVIGATOR
 from wasd_navigation.goal_action import GoalAction
+from wasd_navigation.mapping.map_file import save_map
 from wasd_navigation.messages import from_odometry
 from wasd_navigation.messages import from_pose
 from wasd_navigation.messages import from_scan
@@ -320,8 +320,7 @@ class NavigatorNode(Node):
         """
         if not self.navigator.scans:
             raise UserError('no map yet: no scan has come')
-        file = importlib.import_module('wasd_navigation.mapping.map_file')
-        text, picture = file.save_map(self.navigator.locator.grid, pathlib.Path(name))
+        text, picture = save_map(self.navigator.locator.grid, pathlib.Path(name))
         return f'map in {text} and {picture.name}'
 
     def _on_change(self, changed: NavigatorParameters) -> None:
