@@ -41,12 +41,12 @@ class LocalMap(NamedTuple):
         self.origin[:] = np.floor((middle - half) / CELL) * CELL
 
 
-def make_local_map(half_side: float) -> LocalMap:
-    """Return an empty map that reaches so far from its middle [m]."""
+def make_local_map(half_side: float, capacity: int = CAPACITY) -> LocalMap:
+    """Return an empty map that reaches so far from its middle [m], of so many surfaces at most."""
     cells = 2 * math.ceil(half_side / CELL)
     return LocalMap(
         np.full((cells, cells, 2), -1, dtype=np.int32),
-        np.zeros((CAPACITY, 5)),
+        np.zeros((capacity, 5)),
         np.zeros(2),
         np.zeros(1, dtype=np.int64),
     )

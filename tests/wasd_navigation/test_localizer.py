@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Localising in a map: from near, from nowhere, after a hand has moved the robot."""
+
+import math
+
+from lidar_room import circle
+from lidar_room import look
+import numpy as np
+import pytest
+from wasd_navigation.grid import Grid
+from wasd_navigation.mapping.localizer import Localizer
+from wasd_navigation.mapping.mapper import Mapper
+from wasd_navigation.se2 import compose
+from wasd_navigation.se2 import inverse
+from wasd_navigation.se2 import wrap
+
+# Odometry begins somewhere else than the map.
+ODOM = np.array((4.0, 1.0, -2.0))
+SCANS_OF_2_S = 11
+
+
+def map_room(with_box: bool) -> Grid:
+    """Return the grid of the room as it is mapped."""
+    mapper, random = Mapper(), np.random.default_rng(1)
+    for pose in circle(60):
+        mapper.step(look(pose, random, with_box), pose, np.zeros((3, 3)))
+    return mapper.grid
+
+
+def is_near(pose: np.ndarray, true: np.ndarray, distance: float = 0.02) -> bool:
+    """Whether a pose is within a distance [m], and a degree, of the true one."""
+    away = math.hypot(pose[0] - true[0], pose[1] - true[1])
+    return away <= distance and abs(wrap(pose[2] - true[2])) < math.radians(1.0)
+
+
+class Robot:
+    """A robot at a pose in the room, with a localizer that its lidar and odometry tell."""
+
+    def __init__(self, grid: Grid, pose: np.ndarray, with_box: bool = True) -> None:
+        self.localizer = Localizer(grid)
+        self.pose, self._odometry = pose, ODOM
+        self._random = np.random.default_rng(3)
+        self._covariance = np.zeros((3, 3))
+        self._with_box = with_box
+
+    def go(self, pose: np.ndarray) -> None:
+        """Drive to a pose and look."""
+        self._odometry = compose(self._odometry, compose(inverse(self.pose), pose))
+        self.pose = pose
+        self._covariance = self._covariance + np.diag((1e-5, 1e-5, 1e-5))
+        scan = look(pose, self._random, self._with_box)
+        self.localizer.step(scan, self._odometry, self._covariance)
+
+
+@pytest.fixture(scope='module')
+def grid() -> Grid:
+    return map_room(with_box=True)
+
+
+@pytest.mark.parametrize('angle', np.linspace(0.0, 2.0 * math.pi, 4, endpoint=False))
+def test_half_a_metre_and_30_degrees_off_is_put_right_in_3_s(grid: Grid, angle: float) -> None:
+    poses = circle(240)[30:47]
+    robot = Robot(grid, poses[0])
+    off = (0.5 * math.cos(angle), 0.5 * math.sin(angle), math.radians(30.0))
+    robot.localizer.start(poses[0] + off, np.diag((0.25, 0.25, 0.07)))
+    assert not robot.localizer.is_found
+    for pose in poses:
+        robot.go(pose)
+    assert robot.localizer.is_found
+    assert is_near(robot.localizer.pose, poses[-1])
+    taken_back = compose(robot.localizer.correction, robot._odometry)
+    assert taken_back == pytest.approx(robot.localizer.pose, abs=1e-9)
+
+
+def test_without_a_word_the_whole_map_is_searched(grid: Grid) -> None:
+    poses = circle(240)[100:160]
+    robot = Robot(grid, poses[0])
+    for pose in poses:
+        robot.go(pose)
+    assert robot.localizer.is_found
+    assert is_near(robot.localizer.pose, poses[-1])
+    assert robot.localizer.covariance[0, 0] < 0.02**2
+
+
+def test_a_robot_that_was_moved_says_so_and_is_found_again(grid: Grid) -> None:
+    poses = circle(240)
+    robot = Robot(grid, poses[0])
+    robot.localizer.start(poses[0], np.diag((0.01, 0.01, 0.01)))
+    for pose in poses[:20]:
+        robot.go(pose)
+    assert robot.localizer.is_found and robot.localizer.notice is None
+    robot.pose = np.array((-1.2, -0.9, 2.5))  # by hand: odometry does not know
+    said = None
+    for _ in range(SCANS_OF_2_S):
+        robot.go(robot.pose)
+        said = said or robot.localizer.notice
+    assert said is not None and said.startswith('was moved by hand')
+    for _ in range(60):
+        robot.go(compose(robot.pose, np.array((0.01, 0.0, 0.01))))
+    assert robot.localizer.is_found and robot.localizer.notice is None
+    assert is_near(robot.localizer.pose, robot.pose)
+
+
+def test_what_is_ambiguous_is_said_to_be_and_not_decided() -> None:
+    robot = Robot(map_room(with_box=False), np.array((1.0, 0.5, 0.3)), with_box=False)
+    for _ in range(60):
+        robot.go(compose(robot.pose, np.array((0.005, 0.0, 0.01))))
+    assert not robot.localizer.is_found
+    assert robot.localizer.notice == 'may be at 2 places: drive on to tell them apart'
+
+
+def test_odometry_that_is_no_number_changes_nothing(grid: Grid) -> None:
+    localizer = Localizer(grid)
+    scan = look(np.zeros(3), np.random.default_rng(0))
+    localizer.step(scan, np.array((math.nan, 0.0, 0.0)), np.zeros((3, 3)))
+    assert localizer.pose == pytest.approx(np.zeros(3))

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the robot is in a map that is there already."""
+
+import math
+
+import numpy as np
+
+from wasd_navigation.grid import Grid
+from wasd_navigation.mapping.grid_surface import make_grid_map
+from wasd_navigation.mapping.growth import add_covariance
+from wasd_navigation.mapping.growth import OdometryGrowth
+from wasd_navigation.mapping.hypotheses import Hypotheses
+from wasd_navigation.mapping.local_map import Fit
+from wasd_navigation.mapping.local_map import fit_scan
+from wasd_navigation.mapping.matrices import invert
+from wasd_navigation.mapping.parameters import MappingParameters
+from wasd_navigation.mapping.search import Pyramid
+from wasd_navigation.mapping.search import Search
+from wasd_navigation.mapping.search import STEP
+from wasd_navigation.mapping.search import Window
+from wasd_navigation.mapping.surface import find_surface
+from wasd_navigation.scan import Scan
+from wasd_navigation.se2 import compose
+from wasd_navigation.se2 import inverse
+
+ROUNDS = 12
+# What a fit tells is believed by this share: its errors are not independent.
+TRUST = 0.1
+# A scan of which a smaller share fits speaks against the pose; so many in a row are enough.
+LEAST_SHARE, MOST_MISFITS = 0.55, 4
+# A pose that was said is searched around so far at least [m], [rad], and so many deviations.
+LEAST_REACH, LEAST_TURN, DEVIATIONS = 0.75, 0.8, 2.0
+
+
+class Localizer:
+    """
+    Keeps a grid, the robot's pose in it, and while that is not known, where it may be.
+
+    It searches the whole map at first, when it is told a pose only around that, and again when
+    scans have ceased to fit: then the robot was moved by hand.
+    """
+
+    def __init__(self, grid: Grid, parameters: MappingParameters | None = None) -> None:
+        self.grid = grid
+        self._parameters = parameters or MappingParameters()
+        self._surfaces = make_grid_map(grid)
+        self._pyramid = Pyramid(grid)
+        # Cells are coarser than ranges.
+        self._noise = math.hypot(self._parameters.range_noise, 0.3 * grid.resolution)
+        self.revision = 0
+        self.closures = 0
+        self._misfits = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget where the robot is, and search for it everywhere."""
+        self._growth = OdometryGrowth()
+        self.pose = np.zeros(3)
+        self.covariance: np.ndarray = np.diag((1e2, 1e2, 10.0))
+        self.correction = np.zeros(3)
+        self.notice: str | None = None
+        self._lose(None)
+
+    def start(self, pose: np.ndarray, covariance: np.ndarray) -> None:
+        """Believe that the robot is near a pose in the map, shape (3,), by a covariance (3, 3)."""
+        self.pose = np.array(pose, dtype=float)
+        spread = DEVIATIONS * np.sqrt(np.clip(np.diag(covariance), 0.0, 1e4))
+        reach = np.maximum(spread[:2], LEAST_REACH)
+        turn = min(max(float(spread[2]), LEAST_TURN), math.pi - 0.5 * STEP)
+        steps = math.ceil(turn / STEP)
+        self._lose(
+            Window(
+                self.pose[:2] - reach,
+                self.pose[:2] + reach,
+                float(self.pose[2]) - steps * STEP,
+                2 * steps + 1,
+            )
+        )
+        self.notice = None
+
+    @property
+    def is_found(self) -> bool:
+        """Whether it is known where the robot is."""
+        return self._hypotheses is None
+
+    def step(self, scan: Scan, odometry: np.ndarray, covariance: np.ndarray) -> None:
+        """
+        Take in a scan, and the pose and covariance of the base in the odom frame at its stamp.
+
+        What is not finite is not taken in.
+        """
+        if not (np.isfinite(odometry).all() and np.isfinite(covariance).all()):
+            return
+        surface = find_surface(scan).points
+        move, growth = self._growth.step(odometry, covariance)
+        self.covariance = add_covariance(self.covariance, self.pose, move, growth)
+        self.pose = compose(self.pose, move)
+        if self._hypotheses is None:
+            self._follow(surface)
+        else:
+            self._search_on(scan, surface, move)
+        self.correction = compose(self.pose, inverse(odometry))
+
+    def _fit(self, surface: np.ndarray, start: np.ndarray, prior: np.ndarray) -> Fit:
+        return Fit(*fit_scan(self._surfaces, surface, start, prior, self._noise, ROUNDS))
+
+    def _follow(self, surface: np.ndarray) -> None:
+        """Correct the pose by a scan, or doubt it."""
+        prior = invert(self.covariance)
+        fit = self._fit(surface, self.pose, prior)
+        if fit.share < LEAST_SHARE:
+            self._misfits += 1
+            if self._misfits >= MOST_MISFITS:
+                self._lose(None)
+                self.notice = (
+                    f'was moved by hand: {100 * fit.share:.0f} % of what the lidar sees fits '
+                    'the map; searching all of it'
+                )
+            return
+        self._misfits = 0
+        self.pose = fit.pose
+        self.covariance = invert(prior + TRUST * fit.information)
+
+    def _lose(self, window: Window | None) -> None:
+        """Search a window, or everywhere."""
+        self._misfits = 0
+        self._is_near = window is not None
+        self._window = window or Window(
+            self._pyramid.low, self._pyramid.high, -math.pi, round(2.0 * math.pi / STEP)
+        )
+        self._search: Search | None = None
+        self._hypotheses: Hypotheses | None = Hypotheses()
+
+    def _search_on(self, scan: Scan, surface: np.ndarray, move: np.ndarray) -> None:
+        """Search a little, or see which of the poses found goes on to fit."""
+        assert self._hypotheses is not None
+        if self._search is None:
+            self._search = Search(self._pyramid, scan.points, self._window)
+            self._moved = np.zeros(3)
+        else:
+            self._moved = compose(self._moved, move)
+        if not len(self._hypotheses):
+            if not self._search.work() or self._search.found is None:
+                return
+            self._hypotheses.take(self._search.found, self._moved)
+        else:
+            self._hypotheses.move(move)
+        self._hypotheses.judge(self._fit, surface)
+        best = self._hypotheses.best()
+        if best is None:
+            # Nothing fits: what was seen may not be in the map, or the window was wrong.
+            self._lose(None)
+            return
+        self.pose = best.pose
+        if self._hypotheses.is_decided(self._is_near):
+            self.covariance = invert(TRUST * best.information + 1e-3 * np.eye(3))
+            self._hypotheses, self._search = None, None
+            self.notice = None
+        elif len(self._hypotheses) > 1:
+            self.notice = f'may be at {len(self._hypotheses)} places: drive on to tell them apart'
