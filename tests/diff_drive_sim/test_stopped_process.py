@@ -78,7 +78,8 @@ class Drive:
 
 
 @pytest.mark.parametrize('still_sent', [0.0, 0.5])
-@pytest.mark.parametrize('stopped', [1.0, 4.0, 10.0])
+# Longer than a command counts [s], and longer than anything here has patience with it.
+@pytest.mark.parametrize('stopped', [1.0, 6.0])
 def test_a_drive_that_was_stopped_stands_when_it_goes_on(
     spawn, spin_until, controller, stopped, still_sent
 ):

@@ -9,6 +9,7 @@ import sys
 
 from executables import SCRIPTS
 import pytest
+import starting
 from wasd_core.command_line import Executable
 from wasd_core.command_line import split_ros_words
 from wasd_core.parameters import known_parameters
@@ -94,11 +95,9 @@ def test_an_unknown_word_is_refused_in_one_line(name, word):
 def test_a_node_started_by_its_module_answers_the_same(name):
     command = [sys.executable, '-m', PROGRAMS[name].module]
     environment = {**os.environ, 'COLUMNS': '80'}
-    asked = subprocess.run(
-        [*command, '--help'], capture_output=True, text=True, check=True, env=environment
-    )
-    assert asked.stdout == start(name, '--help')[1]
-    refused = subprocess.run([*command, 'nonsense'], capture_output=True, text=True, check=False)
+    asked = starting.run([*command, '--help'], 60.0, text=True, env=environment)
+    assert (asked.returncode, asked.stdout) == (0, start(name, '--help')[1])
+    refused = starting.run([*command, 'nonsense'], 60.0, text=True)
     assert (refused.returncode, refused.stderr) == (2, start(name, 'nonsense')[2])
 
 

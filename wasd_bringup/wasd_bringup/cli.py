@@ -39,7 +39,7 @@ from wasd_bringup.robots import UNITREE_PRESET
 # What a quick test does without; tests/marking.py sets the first four by what a test uses.
 SLOW_MARKS = ('process', 'ros', 'run', 'browser', 'slow')
 # Tests wait more than they compute; a module's runs are shared by its tests.
-WORKERS = ('-n', 'auto', '--maxprocesses', '4', '--dist', 'loadfile', '--no-loadscope-reorder')
+WORKERS = ('-n', 'auto', '--maxprocesses', '6', '--dist', 'loadfile', '--no-loadscope-reorder')
 LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',))
 
 
