@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every program answers --help at once, and refuses what it does not know in one line."""
 
+import functools
 from importlib import import_module
 import os
 from pathlib import Path
@@ -34,6 +35,7 @@ finally:
 """
 
 
+@functools.cache
 def start(name: str, *words: str) -> tuple[int, str, str, float]:
     """Run a program; return status, output, standard error, and the processor time it took."""
     before = os.times()
