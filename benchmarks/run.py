@@ -18,6 +18,7 @@ import time
 import traceback
 
 import both
+import cockpit
 import cores
 import cycles
 import describe
@@ -43,6 +44,7 @@ PARTS = {
     'go2': go2.measure,
     'legs': legs.measure,
     'both': both.measure,
+    'page': cockpit.measure,
     'teleop': teleop.measure,
     'describe': describe.measure,
     'quadrupeds': quadrupeds.measure,

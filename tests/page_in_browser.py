@@ -3,14 +3,28 @@
 
 from collections.abc import Iterator
 import contextlib
+import shutil
 import time
 from typing import Any
 
 from mujoco_sim.viewer.input import LOSS
 import pytest
+from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 
+FLAGS = (
+    '--headless=new',
+    '--no-sandbox',
+    '--use-angle=swiftshader',
+    '--enable-unsafe-swiftshader',
+    '--ignore-gpu-blocklist',
+    '--disable-background-networking',
+    '--disable-component-update',
+    '--disable-quic',
+    '--disable-sync',
+    '--no-first-run',
+)
 # A page that draws fewer pictures a second than this cannot be told from one that is lost.
 LEAST_RATE = 1.5
 # Counts the pictures that the page tells of, and the panels that it is sent, on their connection.
@@ -38,6 +52,29 @@ window.WebSocket = class extends Plain {
   }
 };
 """
+
+
+def chromium(width: int, height: int, is_phone: bool = False) -> Any:
+    """
+    Return a headless Chromium that renders in software, with a page of so many pixels.
+
+    Raises:
+        LookupError: none is installed, with what drives it.
+    """
+    binary, driver = shutil.which('chromium'), shutil.which('chromedriver')
+    if binary is None or driver is None:
+        raise LookupError('no chromium with chromedriver (Debian: apt install chromium-driver)')
+    options = webdriver.ChromeOptions()
+    options.binary_location = binary
+    for flag in (*FLAGS, f'--window-size={width},{height}'):
+        options.add_argument(flag)
+    options.set_capability('goog:loggingPrefs', {'browser': 'ALL'})
+    browser = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    if is_phone:
+        size = {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': True}
+        browser.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', size)
+        browser.execute_cdp_cmd('Emulation.setTouchEmulationEnabled', {'enabled': True})
+    return browser
 
 
 def open_page(browser: Any, url: str) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import pty
 import re
 import select
-import shutil
 import subprocess
 import sys
 import termios
@@ -27,20 +26,6 @@ from terminals import fill
 
 REPEAT_PERIOD = 1.0 / 30.0
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
-CHROMIUM, CHROMEDRIVER = shutil.which('chromium'), shutil.which('chromedriver')
-FLAGS = (
-    '--headless=new',
-    '--no-sandbox',
-    '--use-angle=swiftshader',
-    '--enable-unsafe-swiftshader',
-    '--ignore-gpu-blocklist',
-    '--disable-background-networking',
-    '--disable-component-update',
-    '--disable-quic',
-    '--disable-sync',
-    '--no-first-run',
-    '--window-size=900,650',
-)
 
 
 def private_environment(folder: Path, domain: int) -> dict[str, str]:
@@ -195,16 +180,14 @@ def run_with_page(environment: dict[str, str], tmp_path: Path) -> Iterator[Calla
 @pytest.fixture
 def browser() -> Iterator[Any]:
     """Yield a headless Chromium that renders in software."""
-    if CHROMIUM is None or CHROMEDRIVER is None:
-        pytest.skip('no chromium with chromedriver (Debian: apt install chromium chromium-driver)')
-    webdriver = pytest.importorskip('selenium.webdriver', reason='selenium is not installed')
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for flag in FLAGS:
-        options.add_argument(flag)
-    options.set_capability('goog:loggingPrefs', {'browser': 'ALL'})
-    service = webdriver.ChromeService(CHROMEDRIVER)
-    driver = webdriver.Chrome(options=options, service=service)
+    pytest.importorskip('selenium.webdriver', reason='selenium is not installed')
+    # Here, because it loads selenium.
+    from page_in_browser import chromium
+
+    try:
+        driver = chromium(900, 650)
+    except LookupError as error:
+        pytest.skip(str(error))
     yield driver
     driver.quit()
 

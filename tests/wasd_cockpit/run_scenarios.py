@@ -94,6 +94,7 @@ class Page:
         """Close the browser."""
         if self.puppet is not None:
             self.puppet.__exit__()
+            self.puppet = None
 
     def tap(self, *keys: str) -> None:
         """Press keys by their names in ImGui, with the pointer on the scene."""
@@ -111,13 +112,9 @@ def run(module: str, words: list[str]) -> dict[str, str]:
         for name, function in vars(importlib.import_module(module)).items()
         if name.startswith('scenario_')
     }
-    arguments = make_parser().parse_args(words)
-    init_ros([])
-    session = Session(read_options(arguments))
-    page = Page(session, session.open_view('web'))
     results: dict[str, str] = {}
 
-    def play() -> None:
+    def play(page: Page) -> None:
         page.open()
         for name, scenario in scenarios.items():
             try:
@@ -126,15 +123,29 @@ def run(module: str, words: list[str]) -> dict[str, str]:
             except BaseException:
                 results[name] = traceback.format_exc()
             page.rest()
-        page.close()
 
-    hand = threading.Thread(target=play)
+    run_with_hand(words, play)
+    return results
+
+
+def run_with_hand(words: list[str], play: Callable[[Page], None]) -> None:
+    """Run `wasd` with words until a hand has done something on its page, in another thread."""
+    init_ros([])
+    session = Session(read_options(make_parser().parse_args(words)))
+    page = Page(session, session.open_view('web'))
+
+    def play_and_leave() -> None:
+        try:
+            play(page)
+        finally:
+            page.close()
+
+    hand = threading.Thread(target=play_and_leave)
     hand.start()
     stop = argparse.Namespace()
     type(stop).requested = property(lambda _: not hand.is_alive())
     session.run(stop)
     session.close()
-    return results
 
 
 if __name__ == '__main__':
