@@ -23,6 +23,9 @@ from websockets.sync.client import connect
 
 # A stick that is let go means zero so soon [s], and one of a page that is gone, too.
 STOP_TIME = 0.3
+PHONE = (390, 844)
+# What a finger presses is so high at least [pixels].
+FINGER = 30.0
 
 
 def resident() -> int:
@@ -280,6 +283,23 @@ def scenario_a_spectator_has_no_panels_and_moves_nothing(page: Page) -> None:
         assert f'mbot   {page.snapshot.state}'.encode() in answer.read()
     page.wait(0.2)
     assert last_command(page, since) == 0.0
+
+
+def scenario_on_a_phone_all_is_within_the_page_and_high_enough_for_a_finger(page: Page) -> None:
+    page.open('phone', PHONE)
+    page.wait_until(lambda: page.cockpit.page.layout.is_tall, 'a page that is higher than wide')
+    for panel in PANELS:
+        page.click(f'tab {panel}')
+        page.puppet.draw(4)
+        rects = page.rects
+        assert {f'tab {name}' for name in PANELS} < set(rects)
+        outside = {name for name, at in rects.items() if at.left < 0 or at.right > PHONE[0]}
+        assert outside == set(), panel
+        small = {name: at.height for name, at in rects.items() if at.height < FINGER}
+        assert small == {}, panel
+    page.click('tab drive')
+    page.open()
+    page.show('pad')
 
 
 def scenario_who_drives_is_asked_for_control_and_gives_it(page: Page) -> None:

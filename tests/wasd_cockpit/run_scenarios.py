@@ -84,10 +84,10 @@ class Page:
         self.puppet.press_at(self.show(name))
         self.puppet.let_go()
 
-    def open(self, session: str = 'puppet') -> None:
-        """Go on as a browser of another session, or begin."""
+    def open(self, session: str = 'puppet', size: tuple[int, int] = DESK) -> None:
+        """Go on as a browser of another session, or begin, with a page of a size [pixels]."""
         self.close()
-        self.puppet = PagePuppet(self.url, session=session, size=DESK)
+        self.puppet = PagePuppet(self.url, session=session, size=size)
         self.puppet.__enter__()
 
     def close(self) -> None:

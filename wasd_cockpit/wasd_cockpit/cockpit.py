@@ -16,6 +16,7 @@ from mujoco_sim.viewer.input import PageInput
 from wasd_cockpit import style
 from wasd_cockpit.layout import Layout
 from wasd_cockpit.layout import Place
+from wasd_cockpit.layout import TOUCH_SCALE
 from wasd_cockpit.link import Force
 from wasd_cockpit.link import Link
 from wasd_cockpit.panels.drive import Drive
@@ -39,6 +40,7 @@ from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.snapshot import Stick
 from wasd_cockpit.snapshot import words_of
+from wasd_cockpit.widgets import columns
 from wasd_cockpit.widgets import Widgets
 
 _FIXED = functools.reduce(
@@ -82,6 +84,11 @@ class PageState:
     held: Stick | None = None
     push: Force | None = None
     is_live: bool = False
+
+    def beside_tabs(self, gap: float) -> None:
+        """Put what comes next beside the tabs, so far [pixels], where they leave room."""
+        if self.layout.is_desk:
+            imgui.SameLine(0.0, gap)
 
 
 class PagePanel(Protocol):
@@ -191,7 +198,8 @@ class Cockpit:
         self._watch_buttons(page_input.may_hold)
         page.is_live = not self._is_ghost
         page.widgets.begin()
-        style.push_theme()
+        page.widgets.scale = 1.0 if page.layout.is_desk else TOUCH_SCALE
+        style.push_theme(page.widgets.scale)
 
     def end(self) -> None:
         """End a frame of panels in which none failed."""
@@ -228,14 +236,18 @@ class Cockpit:
     def _draw_tabs(self, place: Place) -> None:
         page = self.page
         shown = page.layout.shown(place)
+        # On a desk as wide as the words, else they share the page.
+        width = 0.0 if page.layout.is_desk else columns(len(place.panels), 2.0)
+        style.push_padding(1.0 if width else style.PADDING[0], style.PADDING[1])
         for index, name in enumerate(place.panels):
             if index:
                 imgui.SameLine(0.0, 2.0)
             fill = style.FRAME if name == shown else style.PANEL
             if page.widgets.button(
-                f'tab {name}', name.capitalize(), (0.0, _TAB_HEIGHT), fill=fill
+                f'tab {name}', name.capitalize(), (width, _TAB_HEIGHT), fill=fill
             ):
                 page.layout.choose(name)
+        imgui.PopStyleVar(1)
 
     def _draw_panel(self, name: str) -> None:
         page = self.page
@@ -248,6 +260,7 @@ class Cockpit:
                 imgui.BeginChild(name)
             self._panels[name].draw(page, page.snapshot)
             if name in _SCROLLED:
+                _scroll_by_hand()
                 imgui.EndChild()
         imgui.End()
 
@@ -264,7 +277,7 @@ class Cockpit:
         imgui.SetNextWindowPos(imgui.Vec2(scene.left + 10.0, scene.top + 10.0))
         imgui.SetNextWindowBgAlpha(0.8)
         imgui.Begin('state', flags=_CHIP)
-        if page.widgets.button('panels', '\uf0c9', (26.0, 0.0)):
+        if page.widgets.button('panels', '\uf0c9', (26.0 * page.widgets.scale, 0.0)):
             page.layout.hides = not page.layout.is_hidden
         imgui.SameLine()
         imgui.AlignTextToFramePadding()
@@ -278,7 +291,7 @@ class Cockpit:
             'stop at once', STOP_LABEL, (110.0, 0.0), fill=style.ALARM
         ):
             page.link.order(Order('e-stop'))
-        for text in filter(None, (snapshot.message, SLOW_PAGE if self._is_slow else '')):
+        for text in filter(None, (snapshot.message, self._slow_words)):
             page.widgets.words(text, style.ODOMETRY)
         self._draw_turns()
         imgui.End()
@@ -297,5 +310,14 @@ class Cockpit:
             turns.give()
 
     @property
-    def _is_slow(self) -> bool:
-        return self.page.input is not None and self.page.input.is_slow
+    def _slow_words(self) -> str:
+        if self.page.input is None or not self.page.input.is_slow:
+            return ''
+        # A phone's window is as large as it is.
+        return SLOW_PAGE if self.page.layout.is_desk else SLOW_PAGE.partition(':')[0]
+
+
+def _scroll_by_hand() -> None:
+    """Move what is longer than its window with a finger that drags beside what it presses."""
+    if imgui.IsWindowHovered() and imgui.IsMouseDragging(0) and not imgui.IsAnyItemActive():
+        imgui.SetScrollY(imgui.GetScrollY() - imgui.GetIO().MouseDelta.y)

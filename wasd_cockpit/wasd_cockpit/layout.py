@@ -11,6 +11,8 @@ from wasd_cockpit.widgets import Rect
 LEAST_WIDTH = 1000.0
 # Lower ones, and low ones that are not wide, show the scene alone until panels are asked for.
 LEAST_HEIGHT = 450.0
+# What is pressed is so much higher where there is no desk, and so a finger.
+TOUCH_SCALE = 1.4
 LEFT_WIDTH, RIGHT_WIDTH = 268.0, 330.0
 # Shares of the page's height.
 BOTTOM_SHARE, PHONE_SCENE_SHARE, EYES_SHARE = 0.30, 0.42, 0.5

@@ -35,6 +35,10 @@ def rgba(rgb: Rgb, alpha: float = 1.0) -> tuple[float, float, float, float]:
     return r / 255.0, g / 255.0, b / 255.0, alpha
 
 
+# Space around the words of buttons and fields, and half of a field's height [pixels].
+PADDING = (8.0, 4.0)
+_HALF_FIELD = 11.0
+
 _COLOURS: dict[str, tuple[Rgb, float]] = {
     'Text': (TEXT, 1.0),
     'TextDisabled': (DIM, 1.0),
@@ -68,7 +72,6 @@ _SIZES: dict[str, float | tuple[float, float]] = {
     'WindowBorderSize': 1.0,
     'FrameBorderSize': 0.0,
     'WindowPadding': (10.0, 8.0),
-    'FramePadding': (8.0, 4.0),
     'ItemSpacing': (6.0, 4.0),
     'DisabledAlpha': 0.45,
 }
@@ -78,15 +81,21 @@ _VALUES = tuple(
 )
 
 
-def push_theme() -> None:
-    """Let all that follows look like the cockpit, until `pop_theme`."""
+def push_theme(scale: float = 1.0) -> None:
+    """Let all that follows look like the cockpit, fields `scale` as high, until `pop_theme`."""
     for index, value in _PUSHED:
         imgui.PushStyleColor(index, value)
     for index, size in _VALUES:
         imgui.PushStyleVar(index, size if isinstance(size, float) else imgui.Vec2(*size))
+    push_padding(PADDING[0], PADDING[1] + _HALF_FIELD * (scale - 1.0))
+
+
+def push_padding(x: float, y: float) -> None:
+    """Have so much space around the words of buttons and fields [pixels]; a value to pop."""
+    imgui.PushStyleVar(int(imgui.StyleVar.FramePadding.value), imgui.Vec2(x, y))
 
 
 def pop_theme() -> None:
     """Let things look as before."""
-    imgui.PopStyleVar(len(_VALUES))
+    imgui.PopStyleVar(len(_VALUES) + 1)
     imgui.PopStyleColor(len(_PUSHED))

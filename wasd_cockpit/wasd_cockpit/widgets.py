@@ -44,6 +44,8 @@ class Widgets:
         self.rects: dict[str, Rect] = {}
         self._next: dict[str, Rect] = {}
         self.is_typing = False
+        # How much higher what is pressed is, for fingers.
+        self.scale = 1.0
 
     def begin(self) -> None:
         """Begin a frame; one that failed has told nothing."""
@@ -77,6 +79,8 @@ class Widgets:
         """
         Draw a button of a size [pixels], 0 as large as it needs; return whether it was pressed.
 
+        For fingers it is higher than that.
+
         One with a refusal is grey, and says it to the pointer.
         """
         if fill is not None:
@@ -85,7 +89,7 @@ class Widgets:
         if text is not None:
             imgui.PushStyleColor(_TEXT, style.colour(text))
         imgui.BeginDisabled(bool(refusal))
-        pressed = bool(imgui.Button(f'{label}##{name}', imgui.Vec2(*size)))
+        pressed = bool(imgui.Button(f'{label}##{name}', imgui.Vec2(size[0], self.scale * size[1])))
         imgui.EndDisabled()
         imgui.PopStyleColor(2 * (fill is not None) + (text is not None))
         self.note(name)

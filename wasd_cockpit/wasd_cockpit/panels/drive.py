@@ -57,7 +57,7 @@ class Drive:
         text = '{:+.2f} {:+.2f} m/s  {:+.2f} rad/s'.format(*(value + 0.0 for value in values))
         page.widgets.words(text if any(use.full) else use.words, style.DIM, wrapped=True)
         imgui.SetNextItemWidth(columns(1))
-        label = 'full stick is %.2f of full'
+        label = 'full stick: %.2f of full speed'
         _, self.share = imgui.SliderFloat('##share', self.share, LEAST_SHARE, 1.0, label)
         page.widgets.note_field('share')
         if use.sideways:
@@ -73,7 +73,7 @@ class Drive:
     def _draw_pad(self, page: 'PageState') -> tuple[float, float]:
         """Return where the knob is: to the right and up, in [-1, 1]."""
         room = imgui.GetContentRegionAvail()
-        size = max(min(room.x, room.y - _BELOW, _LARGEST_PAD), _SMALLEST_PAD)
+        size = max(min(room.x, room.y - page.widgets.scale * _BELOW, _LARGEST_PAD), _SMALLEST_PAD)
         imgui.SetCursorPosX(imgui.GetCursorPosX() + 0.5 * max(0.0, room.x - size))
         imgui.InvisibleButton('pad', imgui.Vec2(size, size))
         page.widgets.note('pad')
@@ -105,7 +105,7 @@ class Drive:
     def _draw_turn(self, page: 'PageState') -> float:
         """Return how much the bar below the pad turns, counter-clockwise, in [-1, 1]."""
         width = columns(1)
-        imgui.InvisibleButton('turning', imgui.Vec2(width, _BAR))
+        imgui.InvisibleButton('turning', imgui.Vec2(width, page.widgets.scale * _BAR))
         page.widgets.note('turning')
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
         half, cx, cy = 0.5 * width - _KNOB, 0.5 * (low.x + high.x), 0.5 * (low.y + high.y)

@@ -23,7 +23,7 @@ class Eyes:
 
     def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
-        imgui.SameLine(0.0, 16.0)
+        page.beside_tabs(16.0)
         label = 'pictures on' if self.is_on else 'pictures off'
         if page.widgets.toggle('pictures', label, self.is_on, (0.0, 26.0)):
             self.is_on = not self.is_on

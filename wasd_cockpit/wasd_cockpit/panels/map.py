@@ -82,9 +82,11 @@ class Map:
     def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         navigation = snapshot.navigation
+        page.beside_tabs(8.0)
         for name, label, step in (('closer', '+', -1), ('farther', '-', 1)):
-            imgui.SameLine(0.0, 8.0)
-            if page.widgets.button(f'map {name}', label, (28.0, 26.0)):
+            if step > 0:
+                imgui.SameLine(0.0, 8.0)
+            if page.widgets.button(f'map {name}', label, (28.0 * page.widgets.scale, 26.0)):
                 self.zoom = min(max(self.zoom + step, 0), len(REACHES) - 1)
         pose = snapshot.pose if navigation is None else navigation.pose
         if navigation is not None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The panel Plots: the last seconds of velocities, torques, feet, and pace."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
@@ -36,6 +36,8 @@ _PADDING = int(implot.StyleVar.PlotPadding.value)
 # How far up a plot goes at least, for each part of the velocity [m/s], [m/s], [rad/s].
 _LEAST_RANGE = (0.5, 0.5, 1.0)
 _BAR_HEIGHT = 16.0
+# Plots side by side are at least so wide, and so far apart [pixels].
+_LEAST_PLOT, _GAP = 140.0, 4.0
 
 
 def thin(history: np.ndarray) -> np.ndarray:
@@ -62,7 +64,10 @@ class Plots:
     def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         for index, name in enumerate(PAGES):
-            imgui.SameLine(0.0, 16.0 if index == 0 else 4.0)
+            if index:
+                imgui.SameLine(0.0, 4.0)
+            else:
+                page.beside_tabs(16.0)
             if page.widgets.toggle(f'plot {name}', name, name == self.page, (0.0, 26.0)):
                 self.page = name
         self._draw_legend(page, snapshot)
@@ -94,7 +99,10 @@ class Plots:
         elif not words:
             words = snapshot.columns.motors
         for index, (word, rgb) in enumerate(zip(words, style.LINES, strict=False)):
-            imgui.SameLine(0.0, 24.0 if index == 0 else 10.0)
+            if index:
+                imgui.SameLine(0.0, 10.0)
+            else:
+                page.beside_tabs(24.0)
             imgui.AlignTextToFramePadding()
             page.widgets.words(word.removesuffix('_joint'), rgb)
 
@@ -103,9 +111,8 @@ class Plots:
     ) -> None:
         rows = thin(snapshot.history)
         names = ('forward m/s', 'left m/s', 'turn rad/s')
-        for part, name in enumerate(names):
-            if part:
-                imgui.SameLine(0.0, 4.0)
+        for part, size in enumerate(_cells(len(names), width, height)):
+            name = names[part]
             # In the order of ImPlot's colours, which are those of the map and the scene.
             lines = {
                 'command': rows[:, Columns.COMMAND + part],
@@ -114,7 +121,6 @@ class Plots:
             }
             most = 1.15 * max(float(np.abs(line).max()) for line in lines.values())
             most = max(most, _LEAST_RANGE[part])
-            size = ((width - 8.0) / 3.0, height)
             _plot(name, size, rows[:, 0], lines, (-most, most))
             page.widgets.note(f'plot of {name}')
 
@@ -125,12 +131,9 @@ class Plots:
         count = len(columns.motors)
         groups = max(1, count // 4) if columns.feet else 1
         # Of legs: all hips, all thighs, all calves; four lines each.
-        for group in range(groups):
-            if group:
-                imgui.SameLine(0.0, 4.0)
+        for group, size in enumerate(_cells(groups, width, height)):
             motors = range(group, count, groups)
             lines = {columns.motors[motor]: rows[:, columns.torques + motor] for motor in motors}
-            size = ((width - 4.0 * (groups - 1)) / groups, height)
             joint = columns.motors[group].removesuffix('_joint').rpartition('_')[2]
             words = f'{joint} torque / limit' if columns.feet else 'torque / limit'
             _plot(words, size, rows[:, 0], lines, (-1.05, 1.05))
@@ -146,11 +149,11 @@ class Plots:
         rows = thin(snapshot.history)
         lines = {foot: rows[:, columns.FORCES + index] for index, foot in enumerate(columns.feet)}
         most = max(60.0, 1.1 * max(float(line.max()) for line in lines.values()))
-        size = (0.5 * width - 4.0, height)
+        cells = _cells(2, width, height)
+        size = next(cells)
         _plot('force on the feet N', size, rows[:, 0], lines, (0.0, most))
         page.widgets.note('plot of forces')
-        imgui.SameLine(0.0, 8.0)
-        imgui.InvisibleButton('gait', imgui.Vec2(0.5 * width - 4.0, height))
+        imgui.InvisibleButton('gait', imgui.Vec2(*next(cells)))
         page.widgets.note('plot of gait')
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
         self._paint_stances(snapshot, Rect(low.x, low.y, high.x, high.y))
@@ -185,16 +188,23 @@ class Plots:
         self, page: 'PageState', snapshot: Snapshot, width: float, height: float
     ) -> None:
         rows = thin(snapshot.history)
-        size = (0.5 * width - 2.0, height)
-        for index, (name, first, least) in enumerate(
-            (('controller ms', Columns.TICK, 1.0), ('real-time factor', Columns.PACE, 1.2))
-        ):
-            if index:
-                imgui.SameLine(0.0, 4.0)
+        shown = (('controller ms', Columns.TICK, 1.0), ('real-time factor', Columns.PACE, 1.2))
+        for index, size in enumerate(_cells(len(shown), width, height)):
+            name, first, least = shown[index]
             line = rows[:, first]
             most = max(least, 1.1 * float(line.max()))
             _plot(name, size, rows[:, 0], {name: line}, (0.0, most))
             page.widgets.note(f'plot of {name}')
+
+
+def _cells(count: int, width: float, height: float) -> Iterator[tuple[float, float]]:
+    """Yield the size of each of some plots, put beside the one before where there is room."""
+    is_row = width >= count * _LEAST_PLOT
+    rest = 1.0 - _GAP * (count - 1) / (width if is_row else height)
+    for index in range(count):
+        if index and is_row:
+            imgui.SameLine(0.0, _GAP)
+        yield (rest * width / count, height) if is_row else (width, rest * height / count)
 
 
 def _plot(

@@ -68,9 +68,10 @@ class Robot:
                 page.link.order(Order('robot', name))
 
     def _draw_choices(self, page: 'PageState', choices: tuple[Choice, ...]) -> None:
-        width = columns(2)
+        across = 2 if page.layout.is_desk else 3
+        width = columns(across)
         for index, choice in enumerate(choices):
-            if index % 2:
+            if index % across:
                 imgui.SameLine()
             if page.widgets.button(
                 choice.name,

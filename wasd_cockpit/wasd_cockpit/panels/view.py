@@ -49,7 +49,15 @@ class View:
                 imgui.SameLine()
             # Lit in the colour that it has in the scene, on which dark words are read best.
             fill, text = (rgb, style.BACKGROUND) if name in scene.shown else (None, None)
-            if widgets.button(f'show {name}', name, (width, _HEIGHT), fill=fill, text=text):
+            needs_feet = name in ('forces', 'footholds') and not snapshot.columns.feet
+            if widgets.button(
+                f'show {name}',
+                name,
+                (width, _HEIGHT),
+                fill=None if needs_feet else fill,
+                text=None if needs_feet else text,
+                refusal='this robot has no feet' if needs_feet else '',
+            ):
                 scene.shown ^= {name}
         widgets.heading('PUSH')
         label = 'drag the robot in the scene' if scene.pushes else 'push by dragging'
