@@ -118,6 +118,8 @@ def _marks_of_module(name: str) -> frozenset[str]:
 
 def _names_in(thing: Any) -> list[Any]:
     """Return what a function or class of the tests names; others are not looked into."""
+    if isinstance(thing, functools._lru_cache_wrapper):
+        return [thing.__wrapped__]
     if isinstance(thing, FunctionType):
         function = inspect.unwrap(thing)
         if not function.__code__.co_filename.startswith(TESTS):

@@ -9,6 +9,7 @@ pytest_plugins = ['pytester']
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLE = """
+import functools
 import subprocess
 import sys
 
@@ -19,6 +20,11 @@ def start():
     subprocess.run([sys.executable, '-c', ''], check=True)
 
 
+@functools.cache
+def start_once():
+    start()
+
+
 @pytest.fixture
 def through_a_fixture():
     from wasd_core.node import init_ros
@@ -27,7 +33,7 @@ def through_a_fixture():
 
 
 def test_process():
-    start()
+    start_once()
 
 
 def test_ros(through_a_fixture):
