@@ -119,12 +119,14 @@ class CommandFilter:
         """Command (3,) after `dt` [s]: toward the request, or toward rest when it is too old."""
         self.pass_time(dt)
         self._is_new = False
-        target = np.zeros(3) if self.is_silent else self._request
-        params = self._params
-        most = self.grip * dt * self._acceleration
-        self.command = self.command + np.clip(target - self.command, -most, most)
+        target = (0.0, 0.0, 0.0) if self.is_silent else self._request.tolist()
+        most = [self.grip * dt * acceleration for acceleration in self._acceleration.tolist()]
+        # In plain numbers: numpy takes ten times as long for three of them.
+        vx, vy, turn = (
+            now + min(max(wanted - now, -step), step)
+            for now, wanted, step in zip(self.command.tolist(), target, most, strict=True)
+        )
         # On its way from one curve to another the yaw rate waits for the speed.
-        speed = math.hypot(self.command[0], self.command[1])
-        tightest = self.grip * params.curve_acceleration / max(speed, 1e-9)
-        self.command[2] = min(max(self.command[2], -tightest), tightest)
+        tightest = self.grip * self._params.curve_acceleration / max(math.hypot(vx, vy), 1e-9)
+        self.command = np.array((vx, vy, min(max(turn, -tightest), tightest)))
         return self.command

@@ -37,6 +37,7 @@ from wasd_core.timing import Beat
 from wasd_core.timing import Notice
 from wasd_core.topics import AbsenceWatch
 from wasd_core.topics import EVENTS
+from wasd_core.topics import has_listener
 from wasd_core.topics import LATCHED
 from wasd_core.topics import LoopbackSubscription
 from wasd_core.topics import PublisherWatch
@@ -143,10 +144,12 @@ class LegControllerNode(Node):
 
     def publish_odometry(self) -> None:
         """Publish odom and /tf with one stamp, the node's time; the state when it has changed."""
-        state = self.controller.odometry
+        message = self.odometry() if has_listener(self._odometry) else None
+        if message is not None:
+            self._odometry.publish(message)
+        state = self.controller.odometry if self._tf.available else None
         if state is not None:
             stamp = self.get_clock().now().to_msg()
-            self._odometry.publish(self.odometry())
             self._tf.send([to_transform(state, stamp, self._frames)])
         if self.controller.state != self._published_state:
             self._published_state = self.controller.state

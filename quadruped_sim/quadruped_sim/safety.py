@@ -8,6 +8,7 @@ from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
 
 from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
 from quadruped_sim.parameters import SafetyParameters
 from quadruped_sim.robot_model import JointLimits
 
@@ -73,11 +74,12 @@ class Safety:
 
     def filter_command(self, command: JointCommand) -> JointCommand | None:
         """Command with efforts inside the motors' limits; None instead of one with NaN."""
-        if not _are_finite(command):
+        position, velocity, wanted, kp, kd = command
+        effort = np.empty(len(wanted))
+        if not _limit(plain(command), self._limits.effort, effort):
             self.broken_commands += 1
             return None
-        limit = self._limits.effort
-        return command._replace(effort=np.minimum(np.maximum(command.effort, -limit), limit))
+        return JointCommand(position, velocity, effort, kp, kd)
 
 
 def _is_finite(reading: Reading) -> bool:
@@ -91,6 +93,18 @@ def _are_finite(parts: tuple[np.ndarray, ...]) -> bool:
     """Whether nothing in vectors is NaN, infinite or beyond 1e150: one product tells."""
     numbers = np.concatenate(parts)
     return math.isfinite(float(numbers @ numbers))
+
+
+@jit
+def _limit(command: JointCommand, limit: np.ndarray, effort: np.ndarray) -> bool:
+    """Write the efforts that motors have; return whether all is finite, and below 1e150."""
+    position, velocity, wanted, kp, kd = command
+    for i in range(len(effort)):
+        squares = position[i] ** 2 + velocity[i] ** 2 + wanted[i] ** 2 + kp[i] ** 2 + kd[i] ** 2
+        if not math.isfinite(squares):
+            return False
+        effort[i] = min(max(wanted[i], -limit[i]), limit[i])
+    return True
 
 
 @jit

@@ -9,10 +9,11 @@ from typing import Any, cast, TYPE_CHECKING
 
 from mujoco_sim.viewer.input import LOST
 from mujoco_sim.world import World
+from rclpy.clock import ClockType
 from rclpy.clock import ROSClock
 from rclpy.node import Node
+from rclpy.time import Time
 from rclpy.time_source import TimeSource
-from rosgraph_msgs.msg import Clock
 from teleop_keyboard.dashboard import board
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.dashboard import Line
@@ -101,11 +102,12 @@ class Session:
         self._guests = make_guests(options, self.robots, self._switch, self.press, foxglove)
         self._nodes += [node for guest in self._guests for node in guest.nodes]
         self._pump = MessagePump()
-        self._time_source = TimeSource()
-        self._time_source.ros_time_is_active = True
-        for node in self._nodes:
+        time_source = TimeSource()
+        time_source.ros_time_is_active = True
+        self._clocks = [cast(ROSClock, node.get_clock()) for node in self._nodes]
+        for node, clock in zip(self._nodes, self._clocks, strict=True):
             self._pump.add_node(node)
-            self._time_source.attach_clock(cast(ROSClock, node.get_clock()))
+            time_source.attach_clock(clock)
         self._key_player = Player(options.keys or ())
         self._commands = Player(options.commands or ())
         self._schedule()
@@ -275,7 +277,9 @@ class Session:
             robot.schedule_publishing(schedule)
 
     def _begin_instant(self) -> None:
-        self._time_source.clock_callback(Clock(clock=self.robots[0].simulator.stamp))
+        now = Time(nanoseconds=round(1e9 * self.world.time), clock_type=ClockType.ROS_TIME)
+        for clock in self._clocks:
+            clock.set_ros_time_override(now)
         for robot in self.robots:
             robot.begin_instant()
         for box in self._boxes.step(self.world.time):

@@ -87,9 +87,12 @@ class NoisySensors:
         """Let the heading integrate the gyro's error (3,) [rad/s], and biases walk, up to now."""
         elapsed = 0.0 if self._time is None else time - self._time
         self._time = time
-        w, x, y, z = orientation
-        up = np.array((2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)))
-        self._heading += elapsed * float(up @ rate)
+        w, x, y, z = orientation.tolist()
+        a, b, c = rate.tolist()
+        # Along the vertical, in the IMU's axes.
+        turn = 2.0 * (x * z - w * y) * a + 2.0 * (y * z + w * x) * b
+        turn += (1.0 - 2.0 * (x * x + y * y)) * c
+        self._heading += elapsed * turn
         steps = math.sqrt(elapsed) * self._walks.standard_normal(6)
         self._gyro_bias += self._noise.gyro_walk * steps[:3]
         self._bias += self._noise.acceleration_walk * steps[3:]
@@ -104,20 +107,18 @@ def _direction(random: np.random.Generator) -> np.ndarray:
 def _turned(orientation: np.ndarray, heading: float) -> np.ndarray:
     """Return a quaternion (w, x, y, z) turned about the vertical [rad]."""
     c, s = math.cos(0.5 * heading), math.sin(0.5 * heading)
-    w, x, y, z = orientation
+    w, x, y, z = orientation.tolist()
     return np.array((c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w))
 
 
 def turn_by(orientation: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Return a quaternion (w, x, y, z) turned by a small rotation vector [rad] in its own axes."""
-    w, x, y, z = orientation
-    a, b, c = 0.5 * rotation
-    turned = np.array(
-        [
-            w - x * a - y * b - z * c,
-            x + w * a + y * c - z * b,
-            y + w * b + z * a - x * c,
-            z + w * c + x * b - y * a,
-        ]
+    w, x, y, z = orientation.tolist()
+    a, b, c = (0.5 * rotation).tolist()
+    turned = (
+        w - x * a - y * b - z * c,
+        x + w * a + y * c - z * b,
+        y + w * b + z * a - x * c,
+        z + w * c + x * b - y * a,
     )
-    return np.asarray(turned / np.linalg.norm(turned))
+    return np.array(turned) / math.hypot(*turned)

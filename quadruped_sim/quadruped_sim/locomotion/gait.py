@@ -84,7 +84,7 @@ class Gait:
             self._phase = 0.0
         elif self.is_stepping:
             self._phase = (self._phase + dt / self._period) % 1.0
-            if not wants_steps and bool(self._stance_at(self._phase).all()):
+            if not wants_steps and max(self._leg_phases()) < self._duty:
                 self.is_stepping = False
         return self.state()
 
@@ -116,11 +116,9 @@ class Gait:
         least = 0.0 if wants_steps else duty_to_rest(self._offsets)
         self._duty = min(max(duty + longer, least), DUTY_MAX)
 
-    def _leg_phases(self, phase: float) -> np.ndarray:
-        return np.asarray((phase + self._offsets) % 1.0)
-
-    def _stance_at(self, phase: float) -> np.ndarray:
-        return np.asarray(self._leg_phases(phase) < self._duty)
+    def _leg_phases(self) -> list[float]:
+        # In plain numbers: numpy takes ten times as long for four of them.
+        return [(self._phase + offset) % 1.0 for offset in self._offsets.tolist()]
 
     def state(self) -> GaitState:
         """Schedule now."""
@@ -129,10 +127,9 @@ class Gait:
         rest = stance_time, self._period - stance_time, self._pace, (length, width)
         if not self.is_stepping:
             return GaitState(np.ones(4, dtype=bool), np.full(4, 0.5), *rest)
-        legs = self._leg_phases(self._phase)
-        is_stance = legs < self._duty
-        phase = np.where(is_stance, legs / self._duty, (legs - self._duty) / (1.0 - self._duty))
-        return GaitState(is_stance, phase, *rest)
+        legs, duty = self._leg_phases(), self._duty
+        phase = [leg / duty if leg < duty else (leg - duty) / (1.0 - duty) for leg in legs]
+        return GaitState(np.array([leg < duty for leg in legs]), np.array(phase), *rest)
 
     def forecast(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
