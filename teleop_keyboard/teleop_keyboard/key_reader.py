@@ -8,7 +8,6 @@ import select
 import stat
 import sys
 import time
-from types import TracebackType
 from typing import Protocol, Self
 
 from wasd_core.key_events import HELD
@@ -153,12 +152,7 @@ class KeyReader:
             self._stack.enter_context(self.terminal)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Give the terminal back."""
         self._stack.close()
 

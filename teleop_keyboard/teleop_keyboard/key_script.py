@@ -8,7 +8,6 @@ a key that is held, N presses at a keyboard's repeat rate. `#` starts a comment.
 
 import math
 import re
-from types import TracebackType
 from typing import NamedTuple, Self
 
 from wasd_core.errors import UserError
@@ -113,12 +112,7 @@ class KeyScriptWriter:
         """Return the writer."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the file."""
         self.close()
 

@@ -12,7 +12,6 @@ import sys
 import termios
 import threading
 from types import FrameType
-from types import TracebackType
 from typing import Any, Self, TextIO
 
 from wasd_core.errors import UserError
@@ -119,12 +118,7 @@ class Terminal:
         self._enter_raw_mode()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Put back the attributes and the signal handlers that were there."""
         self.restore()
         atexit.unregister(self.restore)

@@ -10,7 +10,6 @@ import signal
 import threading
 import time
 from types import FrameType
-from types import TracebackType
 from typing import Any, ClassVar, Self
 
 # Faults of the process itself: no handler of Python's would ever get to run.
@@ -84,12 +83,7 @@ class StopSignals:
         self.entered.append(self)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Put back the handlers that were there."""
         self.entered.remove(self)
         for number, previous in self._previous.items():

@@ -28,7 +28,6 @@ from wasd_bringup.cockpit.described import Motion
 from wasd_bringup.cockpit.described import Numbers
 from wasd_bringup.go2_stack import Go2Stack
 
-_STICK_WORDS = {('ly', 1): 'forward', ('lx', -1): 'left', ('rx', -1): 'turn left'}
 _PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)
 
 

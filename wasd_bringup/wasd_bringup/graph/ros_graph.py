@@ -8,7 +8,6 @@ import math
 import os
 import re
 import time
-from types import TracebackType
 from typing import Any, NamedTuple, Self, TypeVar
 
 import rclpy
@@ -64,17 +63,12 @@ class RosGraph:
         self._pump.add_node(self.node)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Leave nothing running."""
         self._pump.shutdown(timeout_sec=0.0)
         self.node.destroy_node()
         rclpy.try_shutdown()
-        self.stop.__exit__(kind, value, traceback)
+        self.stop.__exit__()
 
     def spin(self, timeout: float = POLL_PERIOD) -> None:
         """
