@@ -28,7 +28,7 @@ COMMAND = 'python docs/reference.py'
 
 TOPICS = {
     '/clock': 'simulated time; nodes follow it with `use_sim_time:=true`',
-    '/tf': 'odom to base from the controllers, joints from the state publisher',
+    '/tf': 'odom to base from the controllers, map to odom from the navigator, joints',
     '/tf_static': 'fixed joints, stamp 0',
     '~/cmd_vel_out': 'the velocity within the limits, with `publish_limited_velocity:=true`',
     '~/set_odometry': 'where odometry is to go on from',

@@ -5,7 +5,7 @@ from collections import deque
 import json
 import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 from mujoco_sim.pictures import take_film
 from mujoco_sim.pictures import take_picture
@@ -23,6 +23,7 @@ from wasd_core.node import init_ros
 from wasd_core.output_file import OutputFile
 from wasd_core.signals import StopSignals
 
+from wasd_bringup.inputs import Goal
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import parse_twist_script
 from wasd_bringup.inputs import ScriptedPush
@@ -32,6 +33,9 @@ from wasd_bringup.robots import GO2
 from wasd_bringup.robots import MBOT
 from wasd_bringup.robots import RobotRow
 from wasd_bringup.session import Session
+
+if TYPE_CHECKING:
+    from wasd_bringup.session_navigation import SessionNavigation
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 ORANGE = (1.0, 0.45, 0.0, 1.0)
@@ -56,6 +60,7 @@ class Stop(NamedTuple):
     strip: Viewpoint | None = None  # of the last gait period, seen along with the robot
     film: Viewpoint | None = None  # of the whole stop, seen along with the robot
     pushes: tuple[ScriptedPush, ...] = ()
+    goals: tuple[Goal, ...] = ()  # of a navigator, which maps
 
 
 TOUR = (
@@ -79,6 +84,14 @@ TOUR = (
         29.0,
         twist=SQUARE,
         viewpoint=Viewpoint((0.5, 0.5, 0.0), 2.4, 90.0, -70.0),
+    ),
+    Stop(
+        'mbot_flat',
+        'mbot, --map: maps a flat on the way to two goals',
+        24.0,
+        goals=((0.0, 0.8, 3.0), (-4.5, 0.1, math.pi)),
+        world='flat:3',
+        viewpoint=Viewpoint((-5.5, 0.0, 0.0), 15.0, 90.0, -89.0),
     ),
     Stop(
         'go2_tour',
@@ -183,6 +196,8 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         twists=tuple(parse_twist_script(stop.twist, stop.name)) if stop.twist else None,
         pushes=stop.pushes,
         duration=stop.duration,
+        map='' if stop.goals else None,
+        goals=stop.goals,
         speed=0.0,
         samples=True,
     )
@@ -198,6 +213,8 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         if pictures and stop.viewpoint is not None:
             path = folder / f'{stop.name}.png'
             take_picture(session.world, stop.viewpoint, path, _traces(report['samples']))
+        if session.robot.navigation is not None:
+            draw_navigation(session.robot.navigation, report, folder / f'{stop.name}_map.png')
         if pictures and stop.strip is not None:
             take_strip(session.world, frames, stop.strip, folder / f'{stop.name}_strip.png')
         if pictures and stop.film is not None:
@@ -206,6 +223,16 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         return summarise(stop.title, report)
     finally:
         session.close()
+
+
+def draw_navigation(navigation: 'SessionNavigation', report: dict[str, Any], path: Path) -> None:
+    """Write a picture of what a navigator has mapped, and where it has driven."""
+    # Here, because only who navigates needs it.
+    from wasd_bringup.map_picture import draw_map
+
+    way = np.array(report['samples']['position'])[::10, :2]
+    goals = [goal['goal'] for goal in report['navigation']['goals']]
+    draw_map(navigation.navigator.locator.grid, way, goals, path)
 
 
 def _traces(samples: dict[str, Any]) -> tuple[Trace, Trace]:

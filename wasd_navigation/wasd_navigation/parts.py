@@ -3,14 +3,16 @@
 
 from collections.abc import Callable
 import math
+from pathlib import Path
 from typing import Any
 
 from numba.core import event
 import numpy as np
 from wasd_core.errors import Stopped
-from wasd_core.errors import UserError
 from wasd_core.signals import stop_requested
 
+from wasd_navigation.mapping.localizer import Localizer
+from wasd_navigation.mapping.map_file import load_map
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.navigator import Locator
 from wasd_navigation.navigator import Pilot
@@ -32,11 +34,14 @@ def make_parts(settings: NavigatorParameters, say: Callable[[str], Any]) -> Part
         UserError: the map cannot be read.
         Stopped: a signal came while it was compiled.
     """
-    if settings.map:
-        raise UserError(f'map {settings.map}: a map can be made, not used yet: leave it out')
+    grid = load_map(Path(settings.map)) if settings.map else None
+
+    def make_locator() -> Locator:
+        return Mapper(settings.mapping) if grid is None else Localizer(grid, settings.mapping)
+
     with event.install_listener('numba:compile', _Notice(say)):
-        warm_up(Mapper(settings.mapping), make_pilot(settings))
-    return Mapper(settings.mapping), make_pilot(settings)
+        warm_up(make_locator(), make_pilot(settings))
+    return make_locator(), make_pilot(settings)
 
 
 def make_pilot(settings: NavigatorParameters) -> Driver:
