@@ -126,6 +126,8 @@ def test_the_keys_of_a_keymap_go_to_the_mux(launch_file):
     started = launch_file(LAUNCH / 'mbot_nav.launch.py').start()
     (teleop,) = (node for node in started if node.executable == 'teleop')
     assert teleop.remappings['cmd_vel'] == mux()['topics.keyboard.topic']
+    (chooser,) = (node for node in started if node.executable == 'twist_mux')
+    assert chooser.remappings == {'cmd_vel_out': 'cmd_vel'}
 
 
 @pytest.mark.parametrize('robot', ROBOTS)

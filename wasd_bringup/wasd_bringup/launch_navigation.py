@@ -75,6 +75,7 @@ def navigation(robot: RobotRow, *others: str) -> list[Any]:
             executable='twist_mux',
             output='screen',
             parameters=[{'use_sim_time': True}],
+            remappings=[('cmd_vel_out', 'cmd_vel')],
         ),
         *keyboard(cmd_vel='key_vel'),
         Node(
