@@ -31,6 +31,7 @@ from mbot_accuracy import SQUARE
 from mbot_picture import draw_square
 import page
 import quadrupeds
+import slam
 import soak
 from success import draw_success
 from table import describe_machine
@@ -48,6 +49,7 @@ PARTS = {
     'teleop': teleop.measure,
     'describe': describe.measure,
     'quadrupeds': quadrupeds.measure,
+    'slam': slam.measure,
     'soak': soak.measure,
     'cycles': cycles.measure,
 }

@@ -6,6 +6,7 @@ True poses along ways between random places, an odometry that errs as a kind of 
 rays against the flat's boxes. The same seed gives the same log.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
@@ -285,18 +286,21 @@ def look(pose: np.ndarray, boxes: np.ndarray, lidar: Lidar, random: np.random.Ge
     return read_scan(ranges, lidar.angles, (lidar.least, lidar.most), np.zeros(3))
 
 
-def make_log(
-    flat: Flat, odometry: str, seed: int, length: float, lidar: Lidar = MBOT_LIDAR
-) -> Log:
-    """Return the log of a drive of a length [m] at least through a flat, with an odometry."""
+def make_logs(
+    flat: Flat, odometries: Sequence[str], seed: int, length: float, lidar: Lidar = MBOT_LIDAR
+) -> dict[str, Log]:
+    """Return logs of a drive of a length [m] at least through a flat, by their odometries."""
     poses = drive(flat, length, seed)
-    said, covariances = err(poses, ODOMETRIES[odometry], seed)
     times = np.arange(len(poses)) * TICK
     count = int(times[-1] * lidar.rate)
     rows = np.round(np.arange(count) / lidar.rate / TICK).astype(int)
     random = np.random.default_rng((seed, 3))
     scans = [look(pose, flat.boxes, lidar, random) for pose in poses[rows]]
-    return Log(times[rows], poses[rows], said[rows], covariances[rows], scans)
+    logs = {}
+    for name in odometries:
+        said, covariances = err(poses, ODOMETRIES[name], seed)
+        logs[name] = Log(times[rows], poses[rows], said[rows], covariances[rows], scans)
+    return logs
 
 
 def error_of(poses: np.ndarray, truth: np.ndarray) -> float:
