@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whole runs with `--map`: a map is made, saved, found again, and goals in it are reached."""
+
+import math
+from pathlib import Path
+
+from nav_msgs.msg import OccupancyGrid
+import numpy as np
+import pytest
+from rclpy.node import Node
+from teleop_keyboard.key_script import parse_key_script
+from wasd_bringup.options import RunOptions
+from wasd_bringup.session import Session
+from wasd_core.errors import UserError
+from wasd_core.node import MessagePump
+from wasd_core.topics import LATCHED
+
+WORLD = 'flat:3'
+NEAR = (0.0, 0.5, 1.5)
+
+
+def run(seconds, robot='mbot', listens=False, **more):
+    """Run a robot that navigates; return its report."""
+    options = {'preset': robot, 'description': robot, 'map': '', **more}
+    session = Session(RunOptions(robot=robot, world=WORLD, speed=0.0, samples=True, **options))
+    pump, heard = MessagePump(), []
+    if listens:
+        node = Node('listener')
+        pump.add_node(node)
+        for topic in ('map', 'global_costmap/costmap'):
+            node.create_subscription(OccupancyGrid, topic, heard.append, LATCHED)
+    try:
+        for _ in range(round(10 * seconds)):
+            session.simulation.advance(100)
+            if listens:
+                pump.handle(0.02 if not heard else 0.0)
+        report = session.report()
+        return report | {'heard': len(heard), 'samples': dict(report['samples'])}
+    finally:
+        pump.shutdown(timeout_sec=0.0)
+        session.close()
+
+
+@pytest.fixture
+def map_of(ros, tmp_path):
+    """Return a function that drives to a goal and saves the map under a name."""
+    return lambda name, **more: run(7.0, goals=(NEAR,), save_map=str(tmp_path / name), **more)
+
+
+def error_of(goal, place):
+    """Return how far a goal [m] and its yaw [rad] are from a pose."""
+    turn = math.remainder(goal['goal'][2] - place[2], 2.0 * math.pi)
+    return math.dist(goal['goal'][:2], place[:2]), abs(turn)
+
+
+def test_the_same_seed_makes_the_same_map_and_path_to_the_last_byte_whoever_listens(
+    map_of, tmp_path
+):
+    first, second = map_of('first'), map_of('second', listens=True)
+    assert second['heard'] > 0
+    for ending in ('pgm', 'yaml'):
+        texts = [(tmp_path / f'{name}.{ending}').read_bytes() for name in ('first', 'second')]
+        assert texts[0] == texts[1].replace(b'second', b'first')
+    assert first['samples'] == second['samples']
+    assert first['navigation'] == second['navigation']
+    (goal,) = first['navigation']['goals']
+    assert goal['state'] == 'arrived'
+    distance, turn = error_of(goal, goal['truth'])
+    assert distance <= 0.05
+    assert turn <= math.radians(3.0)
+
+
+def test_a_robot_finds_its_place_in_a_saved_map_and_drives_there(map_of, tmp_path):
+    map_of('house')
+    report = run(9.0, map=str(tmp_path / 'house.yaml'), goals=(NEAR,))['navigation']
+    (goal,) = report['goals']
+    assert goal['state'] == 'arrived'
+    assert error_of(goal, goal['truth'])[0] <= 0.05
+    assert np.array(goal['pose']) == pytest.approx(np.array(goal['truth']), abs=0.03)
+
+
+def test_the_go2_maps_with_the_lidar_on_its_back_and_walks_to_a_goal(ros):
+    keys = tuple(parse_key_script('0.3 2\n2.8 5', 'keys'))
+    report = run(9.0, 'go2', preset='unitree', keys=keys, goals=((0.0, 0.5, 0.0),))
+    (goal,) = report['navigation']['goals']
+    assert goal['state'] == 'arrived', goal['reason']
+    distance, turn = error_of(goal, goal['truth'])
+    assert distance <= 0.10
+    assert turn <= math.radians(5.0)
+    assert report['falls'] == 0
+
+
+def test_a_map_without_a_scan_is_not_written_and_says_so(ros, tmp_path):
+    name = tmp_path / 'nothing'
+    session = Session(
+        RunOptions(
+            robot='mbot', description='mbot', preset='mbot', speed=0.0, map='', save_map=str(name)
+        )
+    )
+    with pytest.raises(UserError, match='no map yet: no scan has come'):
+        session.close()
+    assert list(Path(tmp_path).iterdir()) == []
