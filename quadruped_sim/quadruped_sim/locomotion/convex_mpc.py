@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Convex model-predictive control of one rigid body by foot forces [DiCarlo2018], condensed."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from wasd_core.robot_io import GRAVITY
 
+from quadruped_sim.algebra import cross3
+from quadruped_sim.algebra import flatten
+from quadruped_sim.algebra import jit
+from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import rotate
 from quadruped_sim.locomotion.friction_qp import FrictionPyramids
 from quadruped_sim.locomotion.friction_qp import QpSolver
 from quadruped_sim.parameters import MpcParameters
 
 
-@dataclass(frozen=True)
-class MpcProblem:
+class MpcProblem(NamedTuple):
     """
     Where the body is, where it shall be and which feet may push, in the base's yaw frame.
 
@@ -31,6 +35,22 @@ class MpcProblem:
     is_stance: np.ndarray
     arms: np.ndarray
     ground: np.ndarray
+
+
+class Horizon(NamedTuple):
+    """
+    How N steps of acceleration make N poses and rates, and what errors of these cost.
+
+    `pose_map` and `rate_map` are (N, N), `pose_weights` and `rate_weights` (6,). The body is known
+    by its inverse inertia (3, 3); `force_weight` is the price of a force.
+    """
+
+    pose_map: np.ndarray
+    rate_map: np.ndarray
+    pose_weights: np.ndarray
+    rate_weights: np.ndarray
+    inverse_inertia: np.ndarray
+    force_weight: float
 
 
 class ConvexMpc:
@@ -54,19 +74,16 @@ class ConvexMpc:
         self.times = dt * np.arange(n)
         end = np.arange(1, n + 1)[:, None]
         start = np.arange(n)[None, :]
-        rate_map = np.where(start < end, dt, 0.0)
-        pose_map = np.where(start < end, dt * dt * (end - start - 0.5), 0.0)
-        Qx, Qv = np.array(params.pose_weights), np.array(params.rate_weights)
-        self._K = np.kron(pose_map.T @ pose_map, np.diag(Qx)) + np.kron(
-            rate_map.T @ rate_map, np.diag(Qv)
+        self._horizon = flatten(
+            Horizon(
+                np.where(start < end, dt * dt * (end - start - 0.5), 0.0),
+                np.where(start < end, dt, 0.0),
+                np.array(params.pose_weights),
+                np.array(params.rate_weights),
+                self._inverse_inertia,
+                params.force_weight,
+            )
         )
-        self._pose_map, self._rate_map = pose_map, rate_map
-        self._Qx, self._Qv = Qx, Qv
-        gravity = np.zeros((n, 6))
-        gravity[:, 5] = -GRAVITY
-        self._pose_fall = pose_map @ gravity
-        self._rate_fall = rate_map @ gravity
-        self._ends = dt * end
 
     def solve(self, problem: MpcProblem) -> np.ndarray | None:
         """
@@ -74,41 +91,95 @@ class ConvexMpc:
 
         None when the QP fails: the caller keeps its last forces.
         """
-        steps, legs = np.nonzero(problem.is_stance)
-        count = len(steps)
+        count = int(problem.is_stance.sum())
         if count == 0:
             return np.zeros((4, 3))
-        B = self._input_map(problem, steps, legs)
-        g = B.T @ self._gradient(problem).ravel()
-        H = B.T @ (self._K @ B)
-        H.flat[:: 3 * count + 1] += self._params.force_weight
+        H, g = np.empty((3 * count, 3 * count)), np.empty(3 * count)
+        _condense(self._horizon, plain(problem), H, g)
         forces = self.solver.solve(H, g, self.pyramids.bounds(count))
         if forces is None:
             return None
         first = np.zeros((4, 3))
-        now = steps == 0
-        first[legs[now]] = forces.reshape(count, 3)[now] @ problem.ground.T
+        legs = np.flatnonzero(problem.is_stance[0])
+        first[legs] = forces[: 3 * len(legs)].reshape(-1, 3) @ problem.ground.T
         return first
 
-    def _input_map(self, problem: MpcProblem, steps: np.ndarray, legs: np.ndarray) -> np.ndarray:
-        """Matrix (6N, 3m) from stance forces in ground axes to body accelerations."""
-        count = len(steps)
-        arms = problem.arms[steps, legs]
-        moment = np.zeros((count, 3, 3))
-        moment[:, 0, 1], moment[:, 0, 2] = -arms[:, 2], arms[:, 1]
-        moment[:, 1, 0], moment[:, 1, 2] = arms[:, 2], -arms[:, 0]
-        moment[:, 2, 0], moment[:, 2, 1] = -arms[:, 1], arms[:, 0]
-        block = np.empty((count, 6, 3))
-        block[:, :3] = self._inverse_inertia @ moment @ problem.ground
-        block[:, 3:] = problem.ground / problem.mass
-        B = np.zeros((self._params.steps, 6, count, 3))
-        B[steps, :, np.arange(count), :] = block
-        return B.reshape(6 * self._params.steps, 3 * count)
 
-    def _gradient(self, problem: MpcProblem) -> np.ndarray:
-        """Cost gradient with respect to the body accelerations at zero force, shape (N, 6)."""
-        rates = problem.rates + self._rate_fall
-        pose = problem.pose + self._ends * problem.rates + self._pose_fall
-        pose_error = (pose - problem.pose_reference) * self._Qx
-        rate_error = (rates - problem.rate_reference) * self._Qv
-        return np.asarray(self._pose_map.T @ pose_error + self._rate_map.T @ rate_error)
+@jit
+def _condense(flat_horizon: np.ndarray, problem: MpcProblem, H: np.ndarray, g: np.ndarray) -> None:
+    """
+    Write Hessian and gradient of the cost of stance forces, in ground axes.
+
+    The force of a foot in step s accelerates the body by its block of B, in that step alone; the
+    accelerations of steps s and r together cost a matrix K_sr, which is diagonal.
+    """
+    horizon, problem = flat_horizon[0], MpcProblem(*problem)
+    pose_map, rate_map = horizon.pose_map, horizon.rate_map
+    N, count = len(problem.is_stance), len(g) // 3
+    B, steps = _input_map(problem, horizon.inverse_inertia, count)
+    slope = _slope(problem, horizon)
+    K = np.empty((N, N, 6))
+    for s in range(N):
+        for r in range(N):
+            pose = rate = 0.0
+            for n in range(N):
+                pose += pose_map[n, s] * pose_map[n, r]
+                rate += rate_map[n, s] * rate_map[n, r]
+            for k in range(6):
+                K[s, r, k] = pose * horizon.pose_weights[k] + rate * horizon.rate_weights[k]
+    for c in range(count):
+        for i in range(3):
+            g[3 * c + i] = 0.0
+            for k in range(6):
+                g[3 * c + i] += B[c, k, i] * slope[steps[c], k]
+        for d in range(count):
+            cost = K[steps[c], steps[d]]
+            for i in range(3):
+                for j in range(3):
+                    total = horizon.force_weight if c == d and i == j else 0.0
+                    for k in range(6):
+                        total += B[c, k, i] * cost[k] * B[d, k, j]
+                    H[3 * c + i, 3 * d + j] = total
+
+
+@jit
+def _input_map(
+    problem: MpcProblem, inverse_inertia: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the blocks (m, 6, 3) from stance forces to accelerations, and the steps (m,)."""
+    B, steps = np.empty((count, 6, 3)), np.empty(count, dtype=np.int64)
+    c = 0
+    for n in range(len(problem.is_stance)):
+        for leg in range(4):
+            if not problem.is_stance[n, leg]:
+                continue
+            for i in range(3):
+                axis = problem.ground[:, i]
+                turn = rotate(inverse_inertia, cross3(problem.arms[n, leg], axis))
+                for k in range(3):
+                    B[c, k, i], B[c, 3 + k, i] = turn[k], axis[k] / problem.mass
+            steps[c] = n
+            c += 1
+    return B, steps
+
+
+@jit
+def _slope(problem: MpcProblem, horizon: Horizon) -> np.ndarray:
+    """Cost gradient with respect to the body accelerations at zero force, shape (N, 6)."""
+    pose_map, rate_map = horizon.pose_map, horizon.rate_map
+    N = len(pose_map)
+    slope = np.zeros((N, 6))
+    for n in range(N):
+        past = pose_fall = 0.0
+        for s in range(N):
+            past += rate_map[n, s]
+            pose_fall += pose_map[n, s]
+        for k in range(6):
+            fall = -GRAVITY if k == 5 else 0.0
+            pose = problem.pose[k] + past * problem.rates[k] + fall * pose_fall
+            pose = (pose - problem.pose_reference[n, k]) * horizon.pose_weights[k]
+            rate = problem.rates[k] + fall * past - problem.rate_reference[n, k]
+            rate *= horizon.rate_weights[k]
+            for s in range(N):
+                slope[s, k] += pose_map[n, s] * pose + rate_map[n, s] * rate
+    return slope

@@ -272,21 +272,47 @@ class Locomotion:
         here = (state.feet - state.base.position - com) @ Rz
         here[:, 2] -= self._model.geometry.foot_radius
         velocity, rate = (reference.velocity @ Rz)[:2], reference.yaw_rate
-        # A foot that stands keeps its place, seen from a body that moves on.
-        arms = np.tile(here, (len(times), 1, 1))
-        arms[..., :2] -= travel(velocity, rate, times)[:, None]
-        # One that lands later stands around its nominal place, ahead of it first, behind it last.
-        lands = np.logical_or.accumulate(~stance, axis=0)
-        until_middle = (0.5 - phase) * self.schedule.stance_time
-        now = np.broadcast_to(times[:, None], phase.shape)
-        future = np.empty_like(arms)
-        future[..., :2] = turned(self._footprint()[:, :2], rate * (now + until_middle))
-        future[..., :2] += (
-            turned(velocity, rate * (now + 0.5 * until_middle)) * until_middle[..., None]
-        )
-        future[..., :2] -= (com @ Rz)[:2]
-        future[..., 2] = here[:, 2].mean()
-        return stance, np.where(lands[..., None], future, arms)
+        arms = np.empty((len(times), 4, 3))
+        moves = float(velocity[0]), float(velocity[1]), rate, self.schedule.stance_time
+        feet = here, self._footprint(), com @ Rz
+        _place_arms(feet, (stance, phase), times, moves, arms)
+        return stance, arms
+
+
+@jit
+def _place_arms(
+    feet: tuple[np.ndarray, np.ndarray, np.ndarray],
+    plan: tuple[np.ndarray, np.ndarray],
+    times: np.ndarray,
+    moves: tuple[float, float, float, float],
+    arms: np.ndarray,
+) -> None:
+    """
+    Write where feet touch at `times`, from a body that moves on, yaw frame (N, 4, 3) [m].
+
+    `feet` are where they are now and where they rest below the base (4, 3), and the centre of mass
+    (3,) of the body; `plan` is which stand, and their phases (N, 4); the body `moves`
+    at vx, vy and a yaw rate, with so long a stance [s].
+    """
+    here, footprint, com = feet
+    stance, phase = plan
+    vx, vy, rate, stance_time = moves
+    height = 0.25 * (here[0, 2] + here[1, 2] + here[2, 2] + here[3, 2])
+    for leg in range(4):
+        has_lifted = False
+        for n in range(len(times)):
+            has_lifted = has_lifted or not stance[n, leg]
+            if not has_lifted:  # keeps its place
+                x, y = travel(vx, vy, rate, times[n])
+                arms[n, leg, 0], arms[n, leg, 1] = here[leg, 0] - x, here[leg, 1] - y
+                arms[n, leg, 2] = here[leg, 2]
+                continue
+            # Lands around its nominal place, ahead of it first, behind it last.
+            left = (0.5 - phase[n, leg]) * stance_time
+            x, y = turned(footprint[leg, 0], footprint[leg, 1], rate * (times[n] + left))
+            dx, dy = turned(left * vx, left * vy, rate * (times[n] + 0.5 * left))
+            arms[n, leg, 0], arms[n, leg, 1] = x + dx - com[0], y + dy - com[1]
+            arms[n, leg, 2] = height
 
 
 @jit

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_description.morphology.quadruped import Scale
-from wasd_core.rotations import wrap_angle
 
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import jit
@@ -161,36 +160,47 @@ def horizon(
     The frame stands at `origin` (3,) in the world, turned by `yaw`. The commanded velocity turns
     with the commanded yaw rate.
     """
-    heading = wrap_angle(float(reference.rpy[2]) - yaw)
-    c, s = math.cos(yaw), math.sin(yaw)
-    x, y, z = (reference.position - origin).tolist()
-    vx, vy, vz = reference.velocity.tolist()
-    start = np.array((c * x + s * y, -s * x + c * y))
-
-    rate = reference.yaw_rate
-    velocity = np.array((c * vx + s * vy, -s * vx + c * vy))
-    rates = np.zeros((len(times), 6))
-    rates[:, 2] = rate
-    rates[:, 3:5] = turned(velocity, rate * times)
-    rates[:, 5] = vz
-    pose = np.empty((len(times), 6))
-    pose[:, 0], pose[:, 1] = float(reference.rpy[0]), float(reference.rpy[1])
-    pose[:, 2] = heading + rate * times
-    pose[:, 3:5] = start + travel(velocity, rate, times)
-    pose[:, 5] = z + times * vz
+    pose, rates = np.empty((len(times), 6)), np.empty((len(times), 6))
+    _look_ahead(plain(reference), yaw, origin, times, (pose, rates))
     return pose, rates
 
 
-def turned(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Vectors (..., 2) in the plane, turned left by `angles` (...) [rad]."""
-    cosine, sine = np.cos(angles), np.sin(angles)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack((cosine * x - sine * y, sine * x + cosine * y), axis=-1)
+@jit
+def _look_ahead(
+    reference: BaseReference,
+    yaw: float,
+    origin: np.ndarray,
+    times: np.ndarray,
+    out: tuple[np.ndarray, np.ndarray],
+) -> None:
+    reference = BaseReference(*reference)
+    pose, rates = out
+    rpy, rate, height = reference.rpy, reference.yaw_rate, reference.position[2] - origin[2]
+    ahead, left = reference.position[0] - origin[0], reference.position[1] - origin[1]
+    x, y = turned(ahead, left, -yaw)
+    vx, vy = turned(reference.velocity[0], reference.velocity[1], -yaw)
+    heading = math.pi - (math.pi - (rpy[2] - yaw)) % (2.0 * math.pi)
+    for n in range(len(times)):
+        t = times[n]
+        dx, dy = travel(vx, vy, rate, t)
+        pose[n, 0], pose[n, 1], pose[n, 2] = rpy[0], rpy[1], heading + rate * t
+        pose[n, 3], pose[n, 4], pose[n, 5] = x + dx, y + dy, height + t * reference.velocity[2]
+        rates[n, 0], rates[n, 1], rates[n, 2] = 0.0, 0.0, rate
+        rates[n, 3], rates[n, 4] = turned(vx, vy, rate * t)
+        rates[n, 5] = reference.velocity[2]
 
 
-def travel(velocity: np.ndarray, rate: float, times: np.ndarray) -> np.ndarray:
-    """Way (N, 2) [m] in `times` (N,) [s] at a velocity (2,) that turns by `rate` [rad/s]."""
-    half = 0.5 * rate * times
+@jit
+def turned(x: float, y: float, angle: float) -> tuple[float, float]:
+    """Return a vector in the plane turned left by an angle [rad]."""
+    c, s = math.cos(angle), math.sin(angle)
+    return c * x - s * y, s * x + c * y
+
+
+@jit
+def travel(vx: float, vy: float, rate: float, time: float) -> tuple[float, float]:
+    """Way [m] in a time [s] at a velocity that turns by `rate` [rad/s]."""
+    half = 0.5 * rate * time
     # sin(x)/x stays good as the rate goes to zero.
-    chord = times * np.sinc(half / math.pi)
-    return np.asarray(chord[:, None] * turned(velocity, half))
+    chord = time * (math.sin(half) / half if abs(half) > 1e-12 else 1.0)
+    return turned(chord * vx, chord * vy, half)
