@@ -14,6 +14,9 @@ from quadruped_sim.presets import GAITS
 # How fast a gait becomes another while the legs move: shares of a period, and of each of the
 # row's other numbers, per second.
 _GLIDE = 0.6
+# How far the share of the period that feet stand follows haste. A pushed robot steps quickly but
+# must be carried: with the flight phases of a fast trot, one that is loaded sinks to its knees.
+_LIGHTNESS = 0.5
 
 
 class GaitState(NamedTuple):
@@ -55,7 +58,7 @@ class Gait:
         self._offsets, self._shape = np.zeros(4), np.zeros(4)
         self._reached: GaitRow | None = None
         self._glide(GAITS[self.params.name], math.inf)
-        self._follow(0.0, wants_steps=False)
+        self._follow(0.0, 0.0, wants_steps=False)
 
     def step(
         self,
@@ -78,7 +81,7 @@ class Gait:
         self._haste = max(self._haste - params.haste_decay * dt, pushed, 0.0)
         row = GAITS['trot' if is_ending else params.name]
         self._glide(row, _GLIDE * dt if self.is_stepping else math.inf)
-        self._follow(max(speed, self._haste), wants_steps)
+        self._follow(speed, max(self._haste - speed, 0.0), wants_steps)
         if wants_steps and not self.is_stepping:
             self.is_stepping = True
             self._phase = 0.0
@@ -103,14 +106,20 @@ class Gait:
         self._offsets, self._shape = self._offsets + step[:4], self._shape + step[4:]
         self._reached = None
 
-    def _follow(self, speed: float, wants_steps: bool) -> None:
+    def _pace_of(self, speed: float) -> float:
+        span = max(self.params.fast_speed - self.params.slow_speed, 1e-6)
+        return min(max((speed - self.params.slow_speed) / span, 0.0), 1.0)
+
+    def _follow(self, speed: float, more: float, wants_steps: bool) -> None:
+        """Take period and duty of a speed, and of as much `more` as haste is beyond it [m/s]."""
         params = self.params
-        span = max(params.fast_speed - params.slow_speed, 1e-6)
-        self._pace = share = min(max((speed - params.slow_speed) / span, 0.0), 1.0)
+        self._pace = share = self._pace_of(speed + more)
         period, longer = self._shape[:2].tolist()
         self._period = period * (
             params.slow_period + share * (params.fast_period - params.slow_period)
         )
+        calm = self._pace_of(speed)
+        share = calm + _LIGHTNESS * (share - calm)
         duty = params.slow_duty + share * (params.fast_duty - params.slow_duty)
         # Who is to end on four feet needs a moment in which all stand.
         least = 0.0 if wants_steps else duty_to_rest(self._offsets)
