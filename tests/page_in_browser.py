@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page in a real browser, with a count of what it tells and of what it is sent."""
 
+import base64
 from collections.abc import Iterator
 import contextlib
+import io
 import shutil
 import time
 from typing import Any
 
 from mujoco_sim.viewer.input import LOSS
+import numpy as np
+from PIL import Image
 import pytest
 from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
@@ -75,6 +79,17 @@ def chromium(width: int, height: int, is_phone: bool = False) -> Any:
         browser.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', size)
         browser.execute_cdp_cmd('Emulation.setTouchEmulationEnabled', {'enabled': True})
     return browser
+
+
+def screenshot(browser: Any) -> np.ndarray:
+    """
+    Return what a browser shows, shape (height, width, 3).
+
+    By the protocol itself: a busy machine misses the ten seconds that its driver has for that.
+    """
+    shot = browser.execute_cdp_cmd('Page.captureScreenshot', {'format': 'png'})
+    png = io.BytesIO(base64.b64decode(shot['data']))
+    return np.asarray(Image.open(png).convert('RGB')).astype(int)
 
 
 def open_page(browser: Any, url: str) -> None:

@@ -2,7 +2,6 @@
 """Whole runs of the command, each in a process and a ROS domain of its own."""
 
 from collections.abc import Callable, Iterator
-import io
 import json
 import os
 from pathlib import Path
@@ -17,7 +16,6 @@ from typing import Any
 
 from geometry_msgs.msg import Twist
 import numpy as np
-from PIL import Image
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -195,12 +193,9 @@ def browser() -> Iterator[Any]:
 @pytest.fixture
 def picture(browser: Any) -> Callable[[], np.ndarray]:
     """Return a function that takes a screenshot, shape (height, width, 3)."""
+    from page_in_browser import screenshot
 
-    def take() -> np.ndarray:
-        png = browser.get_screenshot_as_png()
-        return np.asarray(Image.open(io.BytesIO(png)).convert('RGB')).astype(int)
-
-    return take
+    return lambda: screenshot(browser)
 
 
 class TerminalSession:
