@@ -157,7 +157,15 @@ def shown_in_chromium(folder: Path, size: tuple[int, int]) -> tuple[dict[str, fl
     from page_in_browser import open_page
 
     rects = folder / f'rects_{size[0]}.json'
-    words = [str(TESTS / 'page_watch.py'), str(rects), 'mbot', '--viewer', 'web', '--world', 'room']
+    words = [
+        str(TESTS / 'page_watch.py'),
+        str(rects),
+        'mbot',
+        '--viewer',
+        'web',
+        '--world',
+        'room',
+    ]
     run = subprocess.Popen(
         [sys.executable, *words],
         env={**alone(), 'XDG_CONFIG_HOME': str(folder)},
