@@ -14,6 +14,7 @@ HERE = Path(__file__).parent
 RUNS = {
     'mbot_scenarios': ('mbot', '--world', 'room'),
     'both_scenarios': ('both', '--estimator', 'truth'),
+    'map_scenarios': ('mbot', '--world', 'room', '--map'),
 }
 
 

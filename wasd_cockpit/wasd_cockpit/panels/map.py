@@ -96,13 +96,13 @@ class Map:
             imgui.AlignTextToFramePadding()
             page.widgets.words(f'x {pose.x:+.2f}  y {pose.y:+.2f} m', style.DIM)
         page.sight.want('ranges')
-        rect = self._draw_floor(page)
+        rect, is_held = self._draw_floor(page)
         low, high = imgui.Vec2(rect.left, rect.top), imgui.Vec2(rect.right, rect.bottom)
         imgui.PushClipRect(low, high, True)
         view = View(rect, pose, REACHES[self.zoom])
         if navigation is not None:
             self._paint_map(page, navigation, rect, view)
-            self._take_goal(page, view)
+            self._take_goal(page, view, is_held)
         self._paint_grid(rect, view)
         points, trail = page.sight.seen.points, snapshot.trail
         if navigation is not None:
@@ -129,19 +129,20 @@ class Map:
         is_bad = navigation.state in ('refused', 'failed')
         page.widgets.words(words, style.ODOMETRY if is_bad else style.DIM, wrapped=True)
 
-    def _draw_floor(self, page: 'PageState') -> Rect:
-        """Draw the empty floor, which can be clicked."""
+    def _draw_floor(self, page: 'PageState') -> tuple[Rect, bool]:
+        """Draw the empty floor; return where it is, and whether a pointer is down on it."""
         room = imgui.GetContentRegionAvail()
         imgui.InvisibleButton('floor', imgui.Vec2(max(room.x, 40.0), max(room.y, 40.0)))
         page.widgets.note('floor')
+        is_held = bool(imgui.IsItemActive()) and page.is_live
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
         imgui.GetWindowDrawList().AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
-        return Rect(low.x, low.y, high.x, high.y)
+        return Rect(low.x, low.y, high.x, high.y), is_held
 
-    def _take_goal(self, page: 'PageState', view: View) -> None:
+    def _take_goal(self, page: 'PageState', view: View, is_held: bool) -> None:
         """Order a goal where the floor is clicked; a drag from there is the way to look."""
         mouse = imgui.GetMousePos()
-        if imgui.IsItemActive() and page.is_live:
+        if is_held:
             self._pressed = self._pressed or (mouse.x, mouse.y)
             return
         pressed, self._pressed = self._pressed, None

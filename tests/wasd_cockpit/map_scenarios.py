@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a hand does on the map of a robot that navigates; see run_scenarios.py."""
+
+import math
+
+from run_scenarios import Page
+from wasd_cockpit.panels.map import REACHES
+
+
+def at_floor(page: Page, ahead: float) -> tuple[int, int]:
+    """Return the place of the page that is so far ahead [m] of the robot, which looks along x."""
+    x, y = page.show('floor')
+    rect = page.rects['floor']
+    scale = 0.5 * min(rect.width, rect.height) / REACHES[2]
+    return round(x + scale * ahead), y
+
+
+def goal(page: Page):
+    """Return the goal that the page was told of."""
+    shown = page.snapshot.navigation
+    return None if shown is None else shown.goal
+
+
+def scenario_the_map_grows(page: Page) -> None:
+    page.wait_until(lambda: page.snapshot.navigation is not None, 'no map')
+    assert (page.snapshot.navigation.cells == 100).sum() > 50
+    page.show('floor')
+    page.show('save map')
+    assert page.failed() == set()
+
+
+def scenario_a_click_is_a_goal_that_a_key_takes_away(page: Page) -> None:
+    page.puppet.press_at(at_floor(page, 0.8))
+    page.puppet.let_go()
+    page.wait_until(lambda: goal(page) is not None, 'no goal')
+    assert abs(goal(page).x - 0.8) < 0.1
+    assert abs(goal(page).y) < 0.1
+    before = page.session.world.base().position[0]
+    page.wait_until(lambda: page.session.world.base().position[0] > before + 0.05, 'stands')
+    assert page.snapshot.marks.path is not None
+    assert page.failed() == set()
+    page.tap('K')
+    page.wait_until(lambda: goal(page) is None, 'a key takes over')
+    assert page.snapshot.navigation.state == 'cancelled'
+
+
+def scenario_a_drag_says_which_way_to_look_and_a_button_cancels(page: Page) -> None:
+    x, y = at_floor(page, 0.5)
+    page.puppet.press_at((x, y))
+    page.puppet.drag_to((x, y - 40))
+    page.puppet.let_go()
+    page.wait_until(lambda: goal(page) is not None, 'no goal')
+    # Up on the map is along y.
+    assert abs(goal(page).yaw - math.pi / 2.0) < 0.2
+    page.click('cancel goal')
+    page.wait_until(lambda: goal(page) is None, 'the goal stays')
+
+
+def scenario_a_goal_in_a_wall_is_refused_with_the_reason(page: Page) -> None:
+    page.click('map farther')
+    page.puppet.press_at(at_floor(page, 3.6))
+    page.puppet.let_go()
+    page.wait_until(lambda: page.snapshot.navigation.state == 'refused', 'not refused')
+    assert page.snapshot.navigation.reason
+    page.click('map closer')
