@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page's server is for this page: other people's pages, big files and slow clients are not."""
 
+import asyncio
 from collections.abc import Iterator
 import contextlib
 import ctypes
@@ -21,6 +22,7 @@ from page_puppet import code
 from page_puppet import PagePuppet
 import pytest
 from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosedOK
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection
 from websockets.sync.client import connect
@@ -190,6 +192,26 @@ def test_nobody_takes_the_robot_from_a_driver_who_is_there(view, port):
         page.tap('I')
         assert page.frames > before
         assert 'i' in view.pressed_keys()
+
+
+async def leave_a_task_that_fails_with(error: Exception) -> None:
+    """Have a task fail that nobody asks how it ended."""
+
+    async def fail() -> None:
+        raise error
+
+    task = asyncio.create_task(fail())
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    del task
+    gc.collect()
+
+
+def test_a_browser_that_goes_while_it_is_sent_something_is_not_reported(view, caplog):
+    asyncio.run(leave_a_task_that_fails_with(ConnectionClosedOK(None, None)))
+    assert caplog.text == ''
+    asyncio.run(leave_a_task_that_fails_with(ValueError('a fault')))
+    assert 'a fault' in caplog.text
 
 
 def wait_for_grant(state: ClientConnection, seconds: float) -> bool:

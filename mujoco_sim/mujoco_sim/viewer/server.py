@@ -66,6 +66,22 @@ FIRST_KEY = 512
 LONGEST = 1 << 20
 
 
+class _WithoutGoneBrowsers(logging.Filter):
+    """
+    Leaves out what asyncio says of a browser that has gone while it was sent something.
+
+    Studio does not ask how such a sending ended, and a tab that is closed is nothing to report.
+    """
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether a record is of anything else."""
+        error = record.exc_info[1] if record.exc_info else None
+        return not isinstance(error, web_server.ConnectionClosed)
+
+
+_WITHOUT_GONE_BROWSERS = _WithoutGoneBrowsers()
+
+
 def use_page_server(page_input: PageInput, text: Callable[[], str]) -> None:
     """
     Have the web server that Studio starts next serve this machine only, and tell its input.
@@ -75,6 +91,7 @@ def use_page_server(page_input: PageInput, text: Callable[[], str]) -> None:
     # The module's own names are all that Studio leaves to set.
     web_server.serve = functools.partial(_serve, page_input, text)
     web_server._CONTROLLER_SILENT_KICK_SEC = SILENT_CONTROLLER
+    logging.getLogger('asyncio').addFilter(_WITHOUT_GONE_BROWSERS)
 
 
 def is_own(request: Request, port: int) -> bool:
