@@ -10,6 +10,7 @@ from wasd_navigation.planning import docking
 from wasd_navigation.planning import recovery
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.motion import base_of
+from wasd_navigation.planning.motion import clearance
 from wasd_navigation.planning.parameters import DriveLimits
 from wasd_navigation.planning.parameters import PlanningParameters
 from wasd_navigation.planning.pose_filter import PoseFilter
@@ -39,6 +40,8 @@ _WAIT = 2.0
 _HOLD = 0.15
 # So much of the first drawing is done in one step.
 _FIRST_SLICE = 30000
+# Recoveries in all are no more than so many times those in a row.
+_IN_ALL = 3
 _SHARES = (1.0, 0.5, 0.25)
 
 
@@ -341,8 +344,9 @@ class Driver:
             self._begin_recovery(f'came no nearer than {self._least_left:.2f} m')
 
     def _begin_recovery(self, why: str) -> None:
-        if self._in_a_row >= self._parameters.recoveries:
-            self._end('failed', f'{why} in {self._in_a_row} tries')
+        most = self._parameters.recoveries
+        if self._in_a_row >= most or self.recoveries >= _IN_ALL * most:
+            self._end('failed', f'{why}, after {self.recoveries} recoveries')
             return
         self._manoeuvre = recovery.choose(self._in_a_row, self._limits)
         self._manoeuvred = 0.0
@@ -359,7 +363,6 @@ class Driver:
         if self._manoeuvred < manoeuvre.duration:
             return manoeuvre.velocity
         self._manoeuvre = None
-        self._around.layer.clear()
         self._sampler.reset()
         self._no_nearer = 0.0
         self._least_left = math.inf
@@ -373,7 +376,17 @@ class Driver:
         self.local_path = np.empty((0, 2))
         self.state, self.reason = 'recovering', f'{self._no_way(route.goal)} any more: waiting'
         self._no_nearer += dt
-        if self._no_nearer > _WAIT:
-            self._no_nearer = 0.0
-            self._begin_recovery(f'{self._no_way(route.goal)} any more')
+        if self._no_nearer <= _WAIT:
+            return np.zeros(3)
+        self._no_nearer = 0.0
+        self._around.layer.forget()
+        self._begin_recovery(f'{self._no_way(route.goal)} any more')
+        if not self._is_hemmed_in():
+            self._manoeuvre = None
         return np.zeros(3)
+
+    def _is_hemmed_in(self) -> bool:
+        """Whether something is so near that the robot has to get off first."""
+        assert self._pose is not None
+        circles, margin = self._footprint.circles, self._parameters.margin
+        return bool(clearance(self._around.distances, circles, self._pose, margin) < margin)

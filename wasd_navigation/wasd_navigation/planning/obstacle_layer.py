@@ -29,12 +29,15 @@ class ObstacleLayer:
     def __init__(self) -> None:
         self.marks = np.zeros((0, 0), np.uint8)
         self._grid: Grid | None = None
+        self._last = np.zeros((0, 2))
         self.is_new = False
 
-    def clear(self) -> None:
-        """Forget all marks."""
-        self.is_new = self.is_new or bool(self.marks.any())
-        self.marks[:] = 0
+    def forget(self) -> None:
+        """Forget all marks but those of the last scan."""
+        before, self.marks = self.marks, np.zeros_like(self.marks)
+        _mark(self.marks, self._last, np.full(before.shape, np.float32(np.inf)))
+        self.marks[before == 0] = 0
+        self.is_new = self.is_new or bool(((self.marks > 0) != (before > 0)).any())
 
     def lie_on(self, grid: Grid) -> None:
         """Have the cells of a grid from now on."""
@@ -44,6 +47,7 @@ class ObstacleLayer:
         if same and marks.shape == grid.cells.shape:
             return
         self.marks = np.zeros(grid.cells.shape, np.uint8)
+        self._last = self._last[:0]
         self.is_new = True
         cells = np.argwhere(marks)
         if old is None or not len(cells):
@@ -68,7 +72,8 @@ class ObstacleLayer:
         marks_it = scan.hits & (lengths > clear_of) & (lengths < _REACH)
         before = self.marks > 0
         _trace(self.marks, begin, ends, scan.hits)
-        _mark(self.marks, ends[marks_it], distances)
+        self._last = ends[marks_it]
+        _mark(self.marks, self._last, distances)
         self.is_new = self.is_new or bool(((self.marks > 0) != before).any())
 
     def take(self) -> np.ndarray:
