@@ -24,6 +24,7 @@ import cycles
 import describe
 from experiment import FIRST_SEED
 import go2
+import goals
 import legs
 import mbot
 from mbot_accuracy import simulate
@@ -52,6 +53,7 @@ PARTS = {
     'slam': slam.measure,
     'soak': soak.measure,
     'cycles': cycles.measure,
+    'goals': goals.measure,
 }
 
 

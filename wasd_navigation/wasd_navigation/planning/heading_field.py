@@ -28,8 +28,8 @@ COARSE = 2
 _STEPS = tuple(
     (up, right) for up in range(-2, 3) for right in range(-2, 3) if math.gcd(up, right) == 1
 )
-# Going sideways or backward is dearer than its time: a robot is made to look where it goes.
-_SIDEWAYS, _BACKWARD = 1.2, 1.5
+# Going backward is dearer than its time: a robot is made to look where it goes.
+_SIDEWAYS, _BACKWARD = 1.0, 1.5
 # Where nobody may be: how deep, by the clearance there [m], and what a metre costs.
 _DEEPEST, _ESCAPE_PRICE = 0.1, 20.0
 # Beyond all that is reached [m].

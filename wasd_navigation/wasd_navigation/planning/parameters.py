@@ -45,10 +45,10 @@ class PlanningParameters(Parameters):
         0.04, minimum=0.0, unit='m', doc='Room that is always kept around the footprint'
     )
     comfort: float = parameter(
-        0.30, above=0.0, unit='m', doc='Room around the footprint that is kept where there is any'
+        0.20, above=0.0, unit='m', doc='Room around the footprint that is kept where there is any'
     )
     comfort_price: float = parameter(
-        2.0, minimum=0.0, doc='What a metre without any comfort costs more, in metres'
+        1.0, minimum=0.0, doc='What a metre without any comfort costs more, in metres'
     )
     unknown_price: float = parameter(
         2.0, minimum=0.0, doc='What a metre where nobody has looked costs more, in metres'

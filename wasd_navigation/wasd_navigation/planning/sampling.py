@@ -33,7 +33,7 @@ _TEMPERATURE = 0.04
 # What costs how much [m of way]: a step nearer than the margin, one that touches; a second at
 # no comfort; a radian turned; a metre of any way, and one backward.
 _TOO_NEAR, _TOUCHES, _DISCOMFORT = 3.0, 30.0, 0.1
-_TURNING, _LENGTH, _BACKWARD = 0.01, 0.3, 0.5
+_TURNING, _LENGTH, _BACKWARD = 0.01, 0.6, 0.5
 # Simple drivers: looks ahead [m] and shares of full speed of those that follow the way; and four
 # that turn left, turn right, back up and stand.
 _FOLLOWERS = 6

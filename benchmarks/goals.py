@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Benchmark of driving to points: random goals in flats that nobody tuned on, and trouble."""
+
+from collections.abc import Callable, Sequence
+import math
+import time
+
+from goals_physics import PhysicalRobot
+from goals_trials import Course
+from goals_trials import Drive
+from goals_trials import Trouble
+from kinematic import RATE
+from kinematic import ROBOTS
+import numpy as np
+from table import format_count
+from table import Row
+from wasd_navigation.planning.driver import Driver
+
+FIRST_SEED = 1000
+EACH = 5  # goals in a flat
+LONGEST = 1.15  # way, as a share of the shortest
+SOON = 1.0  # a way is another one so long after something was put into it [s]
+AT_ONCE = 0.2  # a goal is refused within this time [s]
+FAR = 4.0  # goals in trouble are no nearer [m]
+
+
+def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
+    """Measure both robots."""
+    flats, physical, tries = (2, 1, 6) if quick else (20, 4, 50)
+    rows = []
+    for name in ROBOTS:
+        note(f'goals: {name} without physics')
+        drives = [
+            (seed, drive)
+            for seed in range(FIRST_SEED, FIRST_SEED + flats)
+            for drive in _drives(Course(ROBOTS[name], seed), EACH)
+        ]
+        rows += [_arrivals(name, drives), _ways(name, drives), _cost(name, drives)]
+        note(f'goals: {name} with physics')
+        with_physics = [
+            (seed, drive)
+            for seed in range(FIRST_SEED, FIRST_SEED + physical)
+            for drive in _drives(_physical_course(name, seed), 2 if quick else EACH)
+        ]
+        rows.append(_arrivals(f'{name} with physics', with_physics))
+        note(f'goals: {name}, refused and in trouble')
+        rows += [_refusals(name, tries), _troubles(name, tries)]
+    return rows
+
+
+def _drives(course: Course, count: int) -> list[Drive]:
+    return [course.drive(course.choose_goal()) for _ in range(count)]
+
+
+def _physical_course(name: str, seed: int) -> Course:
+    course = Course(ROBOTS[name], seed)
+    course.moving = PhysicalRobot(name, ROBOTS[name], f'flat:{seed}', seed)
+    return course
+
+
+def _arrivals(name: str, drives: Sequence[tuple[int, Drive]]) -> Row:
+    kind = name.split()[0]
+    robot = ROBOTS[kind]
+    near = robot.parameters.xy_goal_tolerance
+    turned = math.degrees(robot.parameters.yaw_goal_tolerance)
+    there = [drive.is_there(robot) and drive.gap > 0.0 for _, drive in drives]
+    off = 100.0 * max(drive.off for _, drive in drives)
+    gap = 100.0 * min(drive.gap for _, drive in drives)
+    return Row(
+        what=f'goals, {name}: arrived without a touch',
+        measured=f'{format_count(sum(there), len(there))}; {off:.1f} cm off, '
+        f'{gap:.1f} cm from obstacles at worst',
+        must=f'all, <= {100 * near:.0f} cm, {turned:.0f} deg',
+        passed=all(there),
+        trials=[drive.record(seed=seed) for seed, drive in drives],
+    )
+
+
+def _ways(name: str, drives: Sequence[tuple[int, Drive]]) -> Row:
+    longer = [drive.way / drive.shortest for _, drive in drives]
+    return Row(
+        what=f'goals, {name}: way over the shortest for its width',
+        measured=f'{np.median(longer):.3f}, at worst {max(longer):.3f}',
+        must=f'<= {LONGEST}',
+        passed=max(longer) <= LONGEST,
+        trials=[{'seed': seed, 'longer': drive.way / drive.shortest} for seed, drive in drives],
+    )
+
+
+def _cost(name: str, drives: Sequence[tuple[int, Drive]]) -> Row:
+    steps = 1e3 * np.concatenate([drive.steps for _, drive in drives])[1:]
+    share = 0.1 * float(steps.mean()) * 20.0
+    return Row(
+        what=f'goals, {name}: CPU time of a step, 20 a second',
+        measured=f'{np.median(steps):.2f} ms, p99 {np.percentile(steps, 99):.1f} ms',
+        must='<= 20 % of a core',
+        passed=share <= 20.0,
+    )
+
+
+def _refusals(name: str, tries: int) -> Row:
+    """Send a robot to where it cannot come, and see how soon it says so."""
+    trials = []
+    for index in range(tries):
+        course = Course(ROBOTS[name], FIRST_SEED + index)
+        goal, grid, kind = course.choose_shut_off()
+        driver = Driver(course.robot.limits, course.robot.footprint, course.robot.parameters)
+        driver.set_goal(goal)
+        begin, steps = time.thread_time(), 0
+        while driver.is_under_way and steps < 100:
+            steps += 1
+            scan = course.moving.scan(course.flat.boxes)
+            driver.step(grid, 0, np.zeros(3), np.zeros(3), scan, 1.0 / RATE)
+        took = max(time.thread_time() - begin, (steps - 1) / RATE)
+        is_refused = driver.state == 'refused' and bool(driver.reason)
+        trials.append({'kind': kind, 'took': took, 'reason': driver.reason, 'ok': is_refused})
+    slowest = max(float(trial['took']) for trial in trials[1:])
+    refused = sum(bool(trial['ok']) for trial in trials)
+    return Row(
+        what=f'goals, {name}: refused where no way leads',
+        measured=f'{format_count(refused, tries)}, slowest {slowest:.2f} s',
+        must=f'all, <= {AT_ONCE} s, with the reason',
+        passed=refused == tries and slowest <= AT_ONCE,
+        trials=trials,
+    )
+
+
+def _troubles(name: str, tries: int) -> Row:
+    """Put boxes into the way and close doors; see that nothing is touched."""
+    trials = []
+    seed = FIRST_SEED + 500
+    while len(trials) < tries:
+        course = Course(ROBOTS[name], seed)
+        for index in range(4):
+            goal = course.choose_goal(FAR)
+            trouble = Trouble(float(course.random.uniform(0.2, 2.0)), is_door=index % 2 == 1)
+            drive = course.drive(goal, trouble)
+            if trouble.put is not None and len(trials) < tries:
+                kind = 'door' if index % 2 else 'box'
+                trials.append((drive, drive.record(seed=seed, kind=kind)))
+        seed += 1
+    touched = sum(drive.gap <= 0.0 for drive, _ in trials)
+    slowest = max(drive.replanned for drive, _ in trials)
+    ended = sum(drive.state == 'arrived' or bool(drive.reason) for drive, _ in trials)
+    return Row(
+        what=f'goals, {name}: boxes in the way, doors closed',
+        measured=f'{touched} of {tries} touched, slowest new way {slowest:.2f} s, '
+        f'{sum(drive.state == "arrived" for drive, _ in trials)} arrived',
+        must=f'0 touched, <= {SOON} s; the others say why',
+        passed=touched == 0 and slowest <= SOON and ended == tries,
+        trials=[record for _, record in trials],
+    )
