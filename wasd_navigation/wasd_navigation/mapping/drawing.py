@@ -8,7 +8,7 @@ from wasd_navigation.mapping.occupancy import Canvas
 from wasd_navigation.mapping.places import Places
 
 # So many places are drawn in one step.
-PORTION = 4
+PORTION = 2
 # Places that have moved less are not drawn anew [m], [rad].
 LEAST_MOVE, LEAST_TURN = 0.01, 0.004
 

@@ -14,6 +14,8 @@ CELL = 0.10  # [m]
 REACH = 0.15
 # Surfaces that face apart by more than this are not the same: cosine of the angle.
 LEAST_COSINE = 0.7
+# One in so many points counts until the pose has settled so far [m], [rad]; then all do.
+COARSE, SETTLED = 4, 1e-3
 # Most surfaces that are kept.
 CAPACITY = 40_000
 
@@ -182,8 +184,13 @@ def fit_scan(
     """
     pose = start.copy()
     information, gradient, counts = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-    for _ in range(rounds):
-        _weigh_points(local, surface, pose, noise, (information, gradient, counts))
+    stride = COARSE
+    for turn in range(rounds):
+        if turn == rounds - 1:
+            stride = 1
+        _weigh_points(local, surface[::stride], pose, noise, (information, gradient, counts))
+        information *= stride
+        gradient *= stride
         away = pose - start
         away[2] = (away[2] + math.pi) % (2.0 * math.pi) - math.pi
         for i in range(3):
@@ -194,8 +201,10 @@ def fit_scan(
             for j in range(3):
                 step[i] += inverted[i, j] * gradient[j]
         pose = pose - step
-        if abs(step[0]) + abs(step[1]) < 2e-4 and abs(step[2]) < 1e-4:
-            break
+        if abs(step[0]) + abs(step[1]) < SETTLED and abs(step[2]) < SETTLED:
+            if stride == 1:
+                break
+            stride = 1
     pose[2] = (pose[2] + math.pi) % (2.0 * math.pi) - math.pi
     met, inside, squares = counts
     count = max(1, surface.shape[0])

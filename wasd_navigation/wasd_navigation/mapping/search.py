@@ -22,8 +22,8 @@ STEP = math.radians(1.5)  # of headings [rad]
 # What a point scores at this distance from what is occupied is exp(-1/2) [m].
 BLUR = 0.10
 MOST_POINTS = 100
-# So many nodes are scored in one portion: about a millisecond.
-PORTION = 4000
+# So many nodes are scored in one portion: about half a millisecond.
+PORTION = 2000
 # Poses that score this share of the best are kept, too; at most so many.
 KEPT, MOST_KEPT = 0.8, 4000
 
