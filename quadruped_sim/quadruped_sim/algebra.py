@@ -130,6 +130,16 @@ def rotate_back(R: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 @jit
+def write_rotation(q: np.ndarray, R: np.ndarray) -> None:
+    """Write the rotation matrix (3, 3) of a quaternion (w, x, y, z) of any length."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    s = 2.0 / (w * w + x * x + y * y + z * z)
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)
+
+
+@jit
 def cross3(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return a x b, (3,)."""
     out = np.empty(3)

@@ -7,9 +7,9 @@ import numpy as np
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
-from wasd_core.rotations import matrix_from_quaternion
 
 from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import write_rotation
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.estimation.contacts import ContactDetector
@@ -311,11 +311,12 @@ class LegController:
         assert reading.imu is not None  # `filter_reading` lets none without one through
         measured, omega, acceleration = reading.imu
         state = self._states[self._machine.state]
-        R = matrix_from_quaternion(measured)
+        R = np.empty((3, 3))
+        write_rotation(measured, R)
         stands = np.zeros(4) if state.is_lying else state.trust
         self._heading.step(R, motion.position, stands, dt)
         orientation, omega = self._heading.orientation(measured), omega - self._heading.bias * R[2]
-        R = matrix_from_quaternion(orientation)
+        write_rotation(orientation, R)
         if not self._is_started:
             self._start(motion.position @ R.T)
         is_passive = self._machine.state is StateName.PASSIVE

@@ -13,6 +13,7 @@ from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import view_of
+from quadruped_sim.algebra import write_rotation
 from quadruped_sim.dynamics import blank_dynamics
 from quadruped_sim.dynamics import Dynamics
 from quadruped_sim.leg_kinematics import ContactPoints
@@ -101,13 +102,8 @@ class RobotState:
 def place_base(robot: np.ndarray) -> None:
     """Write into a flat `RobotState` what follows from its orientation and position."""
     state = robot[0]
-    base, q = state.base, state.orientation
-    R = base.R
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    s = 2.0 / (w * w + x * x + y * y + z * z)
-    R[0, 0], R[0, 1], R[0, 2] = 1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)
-    R[1, 0], R[1, 1], R[1, 2] = s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)
-    R[2, 0], R[2, 1], R[2, 2] = s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)
+    base, R = state.base, state.base.R
+    write_rotation(state.orientation, R)
     base.rpy[0] = math.atan2(R[2, 1], R[2, 2])
     base.rpy[1] = math.asin(max(-1.0, min(1.0, -R[2, 0])))
     base.rpy[2] = math.atan2(R[1, 0], R[0, 0])

@@ -5,6 +5,11 @@ from quadruped_sim.algebra import invert3
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import solve_in_place
+from quadruped_sim.algebra import write_rotation
+from quadruped_sim.locomotion.feedback import rotation_error
+from wasd_core.rotations import matrix_from_quaternion
+from wasd_core.rotations import rotation_vector
+from wasd_core.rotations import rpy_matrix
 
 
 def test_products_are_those_of_numpy(rng):
@@ -26,3 +31,12 @@ def test_systems_are_solved_as_by_numpy(rng):
 
 def test_a_singular_matrix_gives_no_finite_inverse():
     assert not np.isfinite(invert3(np.zeros((3, 3)))).all()
+
+
+def test_rotations_are_those_of_plain_numbers(rng):
+    for rpy in rng.uniform(-1.2, 1.2, size=(5, 3)):
+        quaternion, R = 2.0 * rng.normal(size=4), np.empty((3, 3))
+        write_rotation(quaternion, R)
+        np.testing.assert_allclose(R, matrix_from_quaternion(quaternion), atol=1e-12)
+        wanted = rotation_vector(rpy_matrix(*rpy) @ R.T)
+        np.testing.assert_allclose(rotation_error(rpy, R), wanted, atol=1e-9)
