@@ -108,8 +108,6 @@ class Session:
         for node, clock in zip(self._nodes, self._clocks, strict=True):
             self._pump.add_node(node)
             time_source.attach_clock(clock)
-        self._key_player = Player(options.keys or ())
-        self._commands = Player(options.commands or ())
         self._schedule()
         resets = [robot.stack.reset for robot in self.robots]
         self.simulation.on_reset += [*resets, self._page_drive.reset]
@@ -267,7 +265,10 @@ class Session:
     def _schedule(self) -> None:
         """Fix the order of one instant: time, scripts, controllers, publishers, report."""
         schedule = self.simulation.schedule
-        self._boxes = BoxPlayer(self.options.boxes, self.world.boxes.put)
+        options = self.options
+        self._key_player = Player(options.keys or ())
+        self._commands = Player(options.commands or ())
+        self._boxes = BoxPlayer(options.boxes, self.world.boxes.put)
         schedule.every(min(robot.stack.period for robot in self.robots), self._begin_instant)
         for guest in self._guests:
             schedule.every(1.0 / TWIST_RATE, guest.repeat)
