@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Driving to a goal: a base that does what it is told, in a room of cells, seen by rays."""
+
+from collections.abc import Callable
+import math
+
+import numpy as np
+import pytest
+from wasd_navigation.grid import Grid
+from wasd_navigation.planning.driver import Driver
+from wasd_navigation.planning.footprint import Footprint
+from wasd_navigation.planning.motion import base_of
+from wasd_navigation.planning.motion import move
+from wasd_navigation.planning.parameters import DriveLimits
+from wasd_navigation.planning.parameters import PlanningParameters
+from wasd_navigation.scan import Scan
+
+DT = 0.05
+ROUND = Footprint(radius=0.2)
+LONG = Footprint(half_length=0.35, half_width=0.155)
+WHEELS = DriveLimits()
+LEGS = DriveLimits(forward=0.4, backward=0.3, lateral=0.3, yaw=0.5, lag=0.3)
+LEG_PLANNING = PlanningParameters(xy_goal_tolerance=0.10, yaw_goal_tolerance=math.radians(5.0))
+NOTHING = Scan(np.zeros(2), np.zeros((0, 2)), np.zeros(0, bool))
+
+
+def room(*walls: tuple[float, float, float, float]) -> Grid:
+    """Return a room of 6 x 4 m, the origin in a corner, with walls (x, y, x, y) in it."""
+    cells = np.zeros((80, 120), np.int8)
+    cells[0] = cells[-1] = 100
+    cells[:, 0] = cells[:, -1] = 100
+    for x, y, to_x, to_y in walls:
+        rows, columns = (
+            slice(round(a / 0.05), round(b / 0.05)) for a, b in ((y, to_y), (x, to_x))
+        )
+        cells[rows, columns] = 100
+    return Grid(cells, 0.05, (0.0, 0.0))
+
+
+# A wall across the room, with a door of 0.8 m.
+PARTED = room((2.9, 0.0, 3.05, 2.4), (2.9, 3.2, 3.05, 4.0))
+
+
+class Drive:
+    """A robot with a driver in a room; `look` gives it a scan, by its pose."""
+
+    def __init__(
+        self, driver: Driver, limits: DriveLimits, grid: Grid, pose: tuple[float, float, float]
+    ) -> None:
+        self.driver, self.grid = driver, grid
+        self.base = base_of(limits)
+        self.state = np.array((*pose, 0.0, 0.0, 0.0))
+        self.asked = np.zeros(3)
+        self.places = [self.state.copy()]
+        self.look: Callable[[np.ndarray], Scan | None] = lambda pose: NOTHING
+
+    def run(self, seconds: float) -> str:
+        """Go on for a time, or until the driver is through; return its state."""
+        for _ in range(round(seconds / DT)):
+            pose, velocity = self.state[:3].copy(), self.state[3:].copy()
+            scan = self.look(pose)
+            self.asked = self.driver.step(self.grid, 0, pose, velocity, scan, DT)
+            move(self.state, self.asked, self.base, DT)
+            self.places.append(self.state.copy())
+            if not self.driver.is_under_way:
+                break
+        return self.driver.state
+
+    def off(self, goal: np.ndarray) -> tuple[float, float]:
+        """Return the distance from a goal [m], and the difference of heading [rad]."""
+        error = self.state[:3] - goal
+        return math.hypot(*error[:2]), abs(math.remainder(error[2], 2.0 * math.pi))
+
+    def gap(self, footprint: Footprint) -> float:
+        """Return how near the footprint ever came to a middle of an occupied cell [m]."""
+        walls = self.grid.to_points(np.argwhere(self.grid.cells == 100))
+        least = math.inf
+        for x, y, yaw, *_ in self.places:
+            cos, sin = math.cos(yaw), math.sin(yaw)
+            apart = (walls - (x, y)) @ np.array(((cos, -sin), (sin, cos)))
+            if footprint.is_circle:
+                least = min(least, np.hypot(*apart.T).min() - footprint.radius)
+                continue
+            half = np.array((footprint.half_length, footprint.half_width))
+            least = min(least, np.hypot(*np.maximum(np.abs(apart) - half, 0.0).T).min())
+        return least
+
+
+def wheels(grid: Grid = PARTED, pose: tuple[float, float, float] = (1.0, 1.0, 0.0)) -> Drive:
+    return Drive(Driver(WHEELS, ROUND), WHEELS, grid, pose)
+
+
+def legs(grid: Grid = PARTED, pose: tuple[float, float, float] = (1.0, 1.0, 0.0)) -> Drive:
+    return Drive(Driver(LEGS, LONG, LEG_PLANNING), LEGS, grid, pose)
+
+
+def box_seen(x: float, y: float, half: float) -> Callable[[np.ndarray], Scan]:
+    """Return what sees the near sides of a square box, wherever it looks from."""
+    share = np.linspace(-half, half, 9)
+    sides = [(share, np.full(9, s * half)) for s in (-1.0, 1.0)]
+    edge = np.concatenate([np.stack(side[::flip], axis=1) for side in sides for flip in (1, -1)])
+    points = edge + (x, y)
+
+    def look(pose: np.ndarray) -> Scan:
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        ends = (points - pose[:2]) @ np.array(((cos, -sin), (sin, cos)))
+        return Scan(np.zeros(2), ends, np.ones(len(ends), bool))
+
+    return look
+
+
+@pytest.mark.parametrize(
+    ('drive', 'footprint', 'near', 'turned'),
+    [(wheels, ROUND, 0.05, 0.05), (legs, LONG, 0.10, math.radians(5.0))],
+)
+def test_it_drives_through_a_door_to_a_pose(
+    drive: Callable[[], Drive], footprint: Footprint, near: float, turned: float
+) -> None:
+    robot, goal = drive(), np.array((5.0, 1.0, 2.0))
+    robot.driver.set_goal(goal)
+    assert robot.run(60.0) == 'arrived'
+    off, turned_off = robot.off(goal)
+    assert off <= near
+    assert turned_off <= turned
+    assert robot.gap(footprint) > 0.025  # half a cell
+    assert robot.driver.recoveries == 0
+    assert robot.run(1.0) == 'arrived'
+    assert not robot.asked.any()
+
+
+def test_a_long_robot_turns_before_a_gap_that_it_fits_through_one_way_only() -> None:
+    narrow = room((2.9, 0.0, 3.05, 2.5), (2.9, 3.05, 3.05, 4.0))
+    robot, goal = legs(narrow, (2.0, 1.0, math.pi / 2)), np.array((4.5, 2.0, math.pi / 2))
+    robot.driver.set_goal(goal)
+    assert robot.run(60.0) == 'arrived'
+    assert robot.gap(LONG) > 0.025
+
+
+def test_what_is_asked_is_within_the_limits() -> None:
+    robot = wheels()
+    robot.driver.set_goal(np.array((0.6, 3.0, -1.0)))
+    most = np.array((WHEELS.forward, 0.0, WHEELS.yaw)) + 1e-9
+    for _ in range(200):
+        robot.run(DT)
+        assert (np.abs(robot.asked) <= most).all()
+        assert robot.asked[0] >= -WHEELS.backward - 1e-9
+
+
+def test_the_same_drive_is_the_same_to_the_bit() -> None:
+    drives = [wheels(), wheels()]
+    for robot in drives:
+        robot.driver.set_goal(np.array((2.0, 3.0, 0.0)))
+        robot.run(4.0)
+    assert np.array_equal(*(np.array(robot.places) for robot in drives))
+
+
+@pytest.mark.parametrize(
+    ('goal', 'reason'),
+    [
+        ((2.97, 1.0, 0.0), 'is in an obstacle'),
+        ((2.75, 1.0, 0.0), 'is too near an obstacle: the robot needs 0.04 m around it'),
+        ((9.0, 1.0, 0.0), 'is outside the map, which goes from'),
+        ((math.nan, 1.0, 0.0), 'must be finite numbers'),
+        ((5.0, 1.0, 0.0), 'no way 0.48 m wide leads to'),
+    ],
+)
+def test_a_goal_that_cannot_be_reached_is_refused_at_once_with_the_reason(
+    goal: tuple[float, float, float], reason: str
+) -> None:
+    robot = wheels(room((2.9, 0.0, 3.05, 4.0)))
+    robot.driver.set_goal(np.array(goal))
+    assert robot.run(0.2) == 'refused'
+    assert reason in robot.driver.reason
+    assert not robot.asked.any()
+
+
+def test_a_goal_that_nobody_has_looked_at_is_refused() -> None:
+    grid = room()
+    grid.cells[30:50, 80:110] = -1
+    robot = wheels(grid)
+    robot.driver.set_goal(np.array((4.7, 2.0, 0.0)))
+    assert robot.run(0.2) == 'refused'
+    assert 'nobody has looked' in robot.driver.reason
+
+
+def test_a_box_that_appears_is_driven_around() -> None:
+    robot, goal = wheels(room(), (1.0, 2.0, 0.0)), np.array((5.0, 2.0, 0.0))
+    robot.driver.set_goal(goal)
+    robot.run(2.0)
+    robot.look = box_seen(3.0, 2.0, 0.2)
+    robot.run(1.0)
+    assert np.abs(robot.driver.path - (3.0, 2.0)).max(axis=1).min() > 0.3
+    assert robot.run(30.0) == 'arrived'
+    apart = np.abs(np.array(robot.places)[:, :2] - (3.0, 2.0)) - 0.2
+    assert np.hypot(*np.maximum(apart, 0.0).T).min() > ROUND.radius
+
+
+def test_a_door_that_stays_closed_makes_it_give_up_with_the_reason() -> None:
+    robot = wheels()
+    robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))
+    robot.run(1.0)
+    robot.look = box_seen(2.975, 2.8, 0.35)
+    assert robot.run(60.0) == 'failed'
+    assert 'no way 0.48 m wide leads to (5.00, 1.00) any more' in robot.driver.reason
+    assert robot.driver.recoveries == PlanningParameters().recoveries
+    assert robot.gap(ROUND) > 0.025
+
+
+def test_a_door_that_opens_again_lets_it_go_on() -> None:
+    robot, goal = wheels(), np.array((5.0, 1.0, 0.0))
+    robot.driver.set_goal(goal)
+    robot.run(1.0)
+    robot.look = box_seen(2.975, 2.8, 0.35)
+    assert robot.run(4.0) == 'recovering'
+    robot.look = lambda pose: NOTHING
+    assert robot.run(60.0) == 'arrived'
+
+
+def test_it_stands_while_the_lidar_is_silent_and_then_goes_on() -> None:
+    robot = wheels()
+    robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))
+    robot.run(2.0)
+    robot.look = lambda pose: None
+    robot.run(0.4)
+    assert robot.asked.any()
+    robot.run(0.2)
+    assert not robot.asked.any()
+    assert 'lidar is silent' in robot.driver.reason
+    robot.look = lambda pose: NOTHING
+    robot.run(0.5)
+    assert robot.asked.any()
+
+
+@pytest.mark.parametrize('axis', range(6))
+def test_it_stands_on_a_pose_or_velocity_that_is_no_number(axis: int) -> None:
+    robot = wheels(room())
+    robot.driver.set_goal(np.array((3.0, 1.0, 0.0)))
+    robot.run(1.0)
+    known = robot.state.copy()
+    known[axis] = math.nan
+    asked = robot.driver.step(robot.grid, 0, known[:3], known[3:], NOTHING, DT)
+    assert not asked.any()
+    assert 'not a number' in robot.driver.reason
+    robot.run(1.0)
+    assert robot.asked.any()
+
+
+def test_a_cancelled_goal_asks_for_no_velocity() -> None:
+    robot = wheels()
+    robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))
+    robot.run(2.0)
+    assert robot.driver.distance_left > 1.0
+    assert robot.driver.time_left > 2.0
+    robot.driver.cancel()
+    robot.run(DT)
+    assert robot.driver.state == 'idle'
+    assert not robot.asked.any()
+    assert robot.driver.distance_left == 0.0
+
+
+def test_the_costmap_tells_obstacles_from_what_is_near_and_what_is_free() -> None:
+    robot = wheels()
+    robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))
+    robot.run(DT)
+    costmap = robot.driver.costmap
+    assert costmap is not None
+    assert (costmap.cells[robot.grid.cells == 100] == 100).all()
+    assert costmap.cells[20, 57 - 3] == 99
+    assert costmap.cells[20, 20] == 0
