@@ -9,9 +9,14 @@ _HOMES = {
     'Driver': 'planning.driver',
     'Footprint': 'planning.footprint',
     'Grid': 'grid',
+    'Localizer': 'mapping.localizer',
+    'Mapper': 'mapping.mapper',
+    'MappingParameters': 'mapping.parameters',
     'PlanningParameters': 'planning.parameters',
     'Scan': 'scan',
+    'load_map': 'mapping.map_file',
     'read_scan': 'scan',
+    'save_map': 'mapping.map_file',
 }
 __all__ = list(_HOMES)  # noqa: PLE0605
 __getattr__ = load_lazily(__name__, _HOMES)

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What mapping is made of: growth of odometry's covariance, canvas, drawing anew, search."""
+
+import math
+
+from lidar_room import circle
+from lidar_room import look
+import numpy as np
+import pytest
+from wasd_navigation.grid import Grid
+from wasd_navigation.mapping.drawing import Drawing
+from wasd_navigation.mapping.growth import add_covariance
+from wasd_navigation.mapping.growth import OdometryGrowth
+from wasd_navigation.mapping.mapper import Mapper
+from wasd_navigation.mapping.occupancy import Canvas
+from wasd_navigation.mapping.places import Places
+from wasd_navigation.mapping.search import Pyramid
+from wasd_navigation.mapping.search import Search
+from wasd_navigation.mapping.search import Window
+from wasd_navigation.mapping.surface import find_surface
+from wasd_navigation.scan import Scan
+from wasd_navigation.se2 import compose
+from wasd_navigation.se2 import inverse
+
+NOTHING = Scan(np.zeros(2), np.zeros((0, 2)), np.zeros(0, dtype=np.bool_))
+
+
+def test_what_a_covariance_has_grown_by_is_found() -> None:
+    growth, pose = OdometryGrowth(), np.array((1.0, 2.0, 0.7))
+    before = np.array(((0.02, 0.003, 0.001), (0.003, 0.03, -0.002), (0.001, -0.002, 0.01)))
+    move, added = np.array((0.3, 0.05, 0.2)), np.diag((1e-3, 2e-3, 3e-3))
+    growth.step(pose, before)
+    after = add_covariance(before, pose, move, added)
+    found_move, found = growth.step(compose(pose, move), after)
+    assert found_move == pytest.approx(move)
+    assert found == pytest.approx(added, abs=1e-6)
+
+
+@pytest.mark.parametrize('scale', [1.0, 0.5])
+def test_a_covariance_that_does_not_grow_leaves_a_little(scale: float) -> None:
+    growth, known = OdometryGrowth(), np.diag((0.01, 0.01, 0.02))
+    growth.step(np.zeros(3), known)
+    _, found = growth.step(np.array((1.0, 0.0, 0.0)), scale * known)
+    assert (np.linalg.eigvalsh(found) > 0.0).all()
+    assert np.abs(found).max() < 1e-4
+
+
+def test_walls_face_the_lidar() -> None:
+    scan = look(np.zeros(3), np.random.default_rng(0))
+    points = find_surface(scan).points
+    assert len(points) > 0.9 * len(scan.ends)
+    assert np.hypot(*points[:, 2:].T) == pytest.approx(np.ones(len(points)))
+    assert (np.einsum('ij,ij->i', points[:, :2], points[:, 2:]) < 0.0).all()
+    ahead = points[(points[:, 0] > 2.9) & (np.abs(points[:, 1]) < 0.8)]
+    assert np.median(ahead[:, 2]) == pytest.approx(-1.0, abs=0.01)
+
+
+def test_a_canvas_grows_and_keeps_what_it_has() -> None:
+    canvas, scan = Canvas(0.05), look(np.zeros(3), np.random.default_rng(0))
+    slants = find_surface(scan).slants
+    canvas.draw(scan, slants, np.zeros(3))
+    before = canvas.grid()
+    canvas.draw(scan, slants, np.array((-30.0, 20.0, 1.0)))
+    after = canvas.grid()
+    row, column = after.to_cells(before.to_points(np.array(((0, 0),))))[0]
+    height, width = before.cells.shape
+    assert np.array_equal(after.cells[row : row + height, column : column + width], before.cells)
+
+
+def test_a_ray_that_hits_nothing_frees_its_way_and_fills_nothing() -> None:
+    scan = Scan(np.zeros(2), np.array(((1.02, 0.02),)), np.zeros(1, dtype=np.bool_))
+    canvas = Canvas(0.05)
+    for _ in range(3):
+        canvas.draw(scan, find_surface(scan).slants, np.zeros(3))
+    grid = canvas.grid()
+    assert (grid.cells == 100).sum() == 0
+    assert (grid.cells == 0).sum() == 20
+
+
+def test_places_that_move_are_drawn_anew() -> None:
+    random, places, drawing = np.random.default_rng(0), Places(), Drawing(0.05)
+    scans = [look(pose, random) for pose in circle(12)]
+    for scan, pose in zip(scans, circle(12), strict=True):
+        places.add(scan, find_surface(scan), pose)
+        drawing.add_last(places)
+    expected, revision = drawing.grid, drawing.revision
+    shift = np.array((0.5, -0.25, 0.0))  # whole cells: the same picture, moved
+    places.poses[:] += shift
+    drawing.see_moves(places)
+    for _ in range(12):
+        drawing.work(places)
+    assert drawing.revision == revision + 1
+    assert np.subtract(drawing.grid.origin, expected.origin) == pytest.approx(shift[:2])
+    assert (drawing.grid.cells != expected.cells).mean() < 0.01
+
+
+def test_a_robot_that_sees_nothing_is_where_odometry_says() -> None:
+    mapper = Mapper()
+    poses = circle(30)
+    for index, pose in enumerate(poses):
+        mapper.step(NOTHING, pose, index * 1e-5 * np.eye(3))
+    assert compose(inverse(poses[-1]), mapper.pose) == pytest.approx(np.zeros(3), abs=1e-9)
+    assert mapper.grid.cells.size == 0
+
+
+def test_good_odometry_is_not_made_worse() -> None:
+    mapper, random, poses = Mapper(), np.random.default_rng(2), circle(60)
+    for index, pose in enumerate(poses):
+        mapper.step(look(pose, random), pose, index * 1e-10 * np.eye(3))
+    assert np.hypot(*(mapper.trajectory - poses)[:, :2].T).max() < 0.005
+
+
+def test_a_search_finds_the_pose_within_a_cell_and_a_step() -> None:
+    mapper, random = Mapper(), np.random.default_rng(1)
+    for pose in circle(60):
+        mapper.step(look(pose, random), pose, np.zeros((3, 3)))
+    pyramid = Pyramid(mapper.grid)
+    for true in (np.array((0.7, -0.8, 2.0)), np.array((-1.4, 1.1, -0.5))):
+        window = Window(pyramid.low, pyramid.high, -math.pi, 240)
+        search = Search(pyramid, look(true, random).points, window)
+        portions = 0
+        while not search.work():
+            portions += 1
+        assert search.found is not None and portions > 2
+        away = search.found.poses[0] - true
+        assert np.hypot(away[0], away[1]) < 0.15
+        assert abs(math.remainder(away[2], 2.0 * math.pi)) < math.radians(3.0)
+        assert (np.diff(search.found.scores) <= 0.0).all()
+
+
+def test_a_search_without_points_or_map_finds_nothing() -> None:
+    pyramid = Pyramid(Grid(np.zeros((4, 4), dtype=np.int8), 0.05, (0.0, 0.0)))
+    for points in (np.zeros((0, 2)), np.ones((5, 2))):
+        window = Window(pyramid.low, pyramid.high, 0.0, 4)
+        search = Search(pyramid, points, window)
+        while not search.work():
+            pass
+        assert search.found is not None and len(search.found.poses) == 0
