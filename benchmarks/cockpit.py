@@ -17,18 +17,16 @@ import subprocess
 import sys
 import tempfile
 import time
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from environment import alone
+from quadruped_sim.keys import ZERO_KEYS
 from table import at_most
 from table import Row
-
-sys.path.insert(0, str(Path(__file__).parents[1] / 'tests'))
-sys.path.insert(0, str(Path(__file__).parents[1] / 'tests/wasd_cockpit'))
-from quadruped_sim.keys import ZERO_KEYS
-from run_scenarios import Page
-from run_scenarios import run_with_hand
 from wasd_cockpit.snapshot import Order
+
+if TYPE_CHECKING:
+    from run_scenarios import Page
 
 TESTS = Path(__file__).parents[1] / 'tests'
 CLIENT = Path(__file__).with_name('cockpit_client.py')
@@ -49,7 +47,7 @@ SHOWN = {
 
 
 @contextlib.contextmanager
-def client(page: Page) -> Iterator[list[float]]:
+def client(page: 'Page') -> Iterator[list[float]]:
     """Context of a browser in another process; afterwards the list has its bytes a second."""
     rates: list[float] = []
     process = subprocess.Popen(
@@ -65,7 +63,7 @@ def client(page: Page) -> Iterator[list[float]]:
     rates += map(float, said.split())
 
 
-def clicks(page: Page, count: int) -> list[float]:
+def clicks(page: 'Page', count: int) -> list[float]:
     """Return how long each of some clicks on a state took until the state was entered [ms]."""
     controller = page.session.stack.legs.controller
     took = []
@@ -81,7 +79,7 @@ def clicks(page: Page, count: int) -> list[float]:
     return took
 
 
-def cost_of_panels(page: Page, seconds: float) -> dict[str, float]:
+def cost_of_panels(page: 'Page', seconds: float) -> dict[str, float]:
     """Return the CPU time of a frame of panels [ms] with each page of plots."""
     costs = {}
     for plots in ('velocity', 'torque', 'feet', 'pace'):
@@ -94,7 +92,7 @@ def cost_of_panels(page: Page, seconds: float) -> dict[str, float]:
     return costs
 
 
-def factor(page: Page) -> float:
+def factor(page: 'Page') -> float:
     """Return how many simulated seconds pass in one, with the Go2 walking."""
     walk(page)
     before = page.session.world.time
@@ -102,7 +100,7 @@ def factor(page: Page) -> float:
     return (page.session.world.time - before) / WINDOW
 
 
-def factors(page: Page, pairs: int) -> list[dict[str, float]]:
+def factors(page: 'Page', pairs: int) -> list[dict[str, float]]:
     """Return the real-time factor without and with an open page, by turns."""
     page.close()
     page.session.simulation.pacer.speed = 0.0
@@ -117,7 +115,7 @@ def factors(page: Page, pairs: int) -> list[dict[str, float]]:
     return found
 
 
-def walk(page: Page) -> None:
+def walk(page: 'Page') -> None:
     """Have the Go2 trot ahead: a page that was closed has stopped it."""
     for key in (ZERO_KEYS[0], 'w', 'w', 'w'):
         page.cockpit.page.link.order(Order('key', key))
@@ -126,9 +124,14 @@ def walk(page: Page) -> None:
 
 def on_a_page(quick: bool, note: Callable[[str], None]) -> dict[str, Any]:
     """Return all that is measured on the page of one run."""
+    # Here, because it loads ROS and the simulator, which other parts of the benchmark do without.
+    sys.path.insert(0, str(TESTS))
+    sys.path.insert(0, str(TESTS / 'wasd_cockpit'))
+    from run_scenarios import run_with_hand
+
     found: dict[str, Any] = {}
 
-    def play(page: Page) -> None:
+    def play(page: 'Page') -> None:
         page.open()
         page.click('fixed stand')
         page.wait(3.0)
