@@ -17,6 +17,7 @@ from wasd_navigation.planning.pose_filter import PoseFilter
 from wasd_navigation.planning.route import is_shut_off
 from wasd_navigation.planning.route import refusal
 from wasd_navigation.planning.route import Route
+from wasd_navigation.planning.route import SLICE
 from wasd_navigation.planning.sampling import is_safe
 from wasd_navigation.planning.sampling import Sampler
 from wasd_navigation.planning.sampling import Scene
@@ -39,7 +40,7 @@ _WAIT = 2.0
 # A command holds so long, with all that delays it, before the next one can stop the robot [s].
 _HOLD = 0.15
 # So much of the first drawing is done in one step.
-_FIRST_SLICE = 30000
+_FIRST_SLICE = 40000
 # Recoveries in all are no more than so many times those in a row.
 _IN_ALL = 3
 _SHARES = (1.0, 0.5, 0.25)
@@ -265,7 +266,9 @@ class Driver:
                 return False
             route.draw(self._around)
             self._drawn = self._around.revision
-        route.work(pose, _FIRST_SLICE)
+            route.work(pose, 0)
+        else:
+            route.work(pose, _FIRST_SLICE)
         if route.is_drawing:
             return False
         self._is_new, self._since_drawn = False, 0.0
@@ -285,7 +288,8 @@ class Driver:
             if is_bad or self._since_drawn >= _REDRAW:
                 route.draw(around)
                 self._drawn, self._since_drawn = around.revision, 0.0
-        route.work(pose)
+        # A step that has measured all distances draws no more than it has to.
+        route.work(pose, SLICE if self._since_drawn > 0.0 else 0)
         left = route.left(pose)
         if left < math.inf:
             route.lead_from(pose)

@@ -20,7 +20,7 @@ from wasd_navigation.planning.surroundings import Surroundings
 # The robot is on its way up to so far from it [m], and passes no more points of it at once.
 _OFF_WAY, _PASSED = 0.15, 20
 # So much of a field is drawn in one step: some milliseconds.
-_SLICE = 15000
+SLICE = 15000
 # All of it.
 _WHOLE = 1 << 40
 
@@ -70,7 +70,7 @@ class Route:
                 self.goal, around, footprint.circles, self._base, parameters.margin
             )
 
-    def work(self, pose: np.ndarray, budget: int = _SLICE) -> None:
+    def work(self, pose: np.ndarray, budget: int = SLICE) -> None:
         """Go on with it, for a robot at a pose."""
         if self._next is not None:
             if self._next.work(pose, budget):
@@ -150,7 +150,9 @@ def refusal(
 def is_shut_off(
     goal: np.ndarray, pose: np.ndarray, around: Surroundings, footprint: Footprint
 ) -> bool:
-    """Whether not even the middle of the robot could come to a goal, whichever way it looks."""
+    """Whether not even the middle of a long robot could come to a goal, however it turns."""
+    if footprint.is_circle:
+        return False  # that is what its route is drawn for
     field = DiscField(goal, around, footprint.inscribed)
     value = value_at(field.values, np.append(pose, np.zeros(3)))
     return bool(value >= field.beyond - 1e-3)
