@@ -20,7 +20,7 @@ from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
 
-NOTICE = 'compiling, once: the leg controller, which takes some 15 s of a core'
+NOTICE = 'compiling, once: the leg controller, which takes up to a minute of a core'
 # How long a stop may go unnoticed while the other process compiles [s].
 PERIOD = 0.05
 COMPILE = (sys.executable, '-m', 'quadruped_sim')
