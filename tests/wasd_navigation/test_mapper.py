@@ -78,3 +78,15 @@ def test_a_map_begins_where_odometry_is() -> None:
     mapper.step(look(np.zeros(3), np.random.default_rng(0)), begin, np.zeros((3, 3)))
     assert mapper.pose == pytest.approx(begin)
     assert mapper.correction == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_a_robot_that_has_slipped_is_found_again() -> None:
+    mapper, random, poses = Mapper(), np.random.default_rng(5), circle(120)
+    slip = np.array((0.5, 0.3, 0.4))
+    for index, pose in enumerate(poses[:100]):
+        odometry = pose if index < 60 else compose(slip, pose)
+        mapper.step(look(pose, random), odometry, index * 1e-5 * np.eye(3))
+    assert np.hypot(*(mapper.pose - poses[99])[:2]) < 0.02
+    occupied = mapper.grid.to_points(np.argwhere(mapper.grid.cells == 100))
+    assert (occupied > np.array(ROOM[:2]) - 0.1).all()
+    assert (occupied < np.array(ROOM[2:]) + 0.1).all()

@@ -18,6 +18,7 @@ from wasd_navigation.mapping.search import Pyramid
 from wasd_navigation.mapping.search import Search
 from wasd_navigation.mapping.search import STEP
 from wasd_navigation.mapping.search import Window
+from wasd_navigation.mapping.search import window_around
 from wasd_navigation.mapping.surface import find_surface
 from wasd_navigation.scan import Scan
 from wasd_navigation.se2 import compose
@@ -66,16 +67,7 @@ class Localizer:
         self.pose = np.array(pose, dtype=float)
         spread = DEVIATIONS * np.sqrt(np.clip(np.diag(covariance), 0.0, 1e4))
         reach = np.maximum(spread[:2], LEAST_REACH)
-        turn = min(max(float(spread[2]), LEAST_TURN), math.pi - 0.5 * STEP)
-        steps = math.ceil(turn / STEP)
-        self._lose(
-            Window(
-                self.pose[:2] - reach,
-                self.pose[:2] + reach,
-                float(self.pose[2]) - steps * STEP,
-                2 * steps + 1,
-            )
-        )
+        self._lose(window_around(self.pose, reach, max(float(spread[2]), LEAST_TURN)))
         self.notice = None
 
     @property

@@ -37,6 +37,13 @@ class Window(NamedTuple):
     headings: int
 
 
+def window_around(pose: np.ndarray, reach: np.ndarray, turn: float) -> Window:
+    """Return poses within `reach` (x, y) [m] and `turn` [rad] of a pose."""
+    steps = math.ceil(min(turn, math.pi - 0.5 * STEP) / STEP)
+    begin = float(pose[2]) - steps * STEP
+    return Window(pose[:2] - reach, pose[:2] + reach, begin, 2 * steps + 1)
+
+
 class Found(NamedTuple):
     """Poses, shape (n, 3), that score best, and their scores, 0 to 1, in falling order."""
 
