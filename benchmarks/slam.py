@@ -169,10 +169,23 @@ def error_at(pose: np.ndarray, truth: np.ndarray) -> float:
     return math.hypot(pose[0] - truth[0], pose[1] - truth[1])
 
 
-def localise_near(grid: Grid, log: Log, seed: int) -> dict[str, Any]:
+def choose(random: np.random.Generator, mapped: np.ndarray, count: int) -> int:
+    """Return a row of a log from which on so many rows are all where the map was made."""
+    whole = np.convolve(mapped, np.ones(count), mode='valid') == count
+    return int(random.choice(np.flatnonzero(whole)))
+
+
+def is_mapped(log: Log, way: Log) -> np.ndarray:
+    """Return at which rows of a log the robot is within a metre of the way of another."""
+    steps = log.truth[:, None, :2] - way.truth[None, ::5, :2]
+    near: np.ndarray = np.hypot(steps[..., 0], steps[..., 1]).min(axis=1) < 1.0
+    return near
+
+
+def localise_near(grid: Grid, log: Log, mapped: np.ndarray, seed: int) -> dict[str, Any]:
     """Start half a metre and 30 degrees off; say the largest error from 3 s on, for 3 s."""
     random = np.random.default_rng((seed, 4))
-    begin = int(random.integers(0, len(log.scans) - 40))
+    begin = choose(random, mapped, 40)
     angle, side = random.uniform(0.0, 2.0 * math.pi), random.choice((-1.0, 1.0))
     off = (0.5 * math.cos(angle), 0.5 * math.sin(angle), side * math.radians(30.0))
     localizer = Localizer(grid)
@@ -187,10 +200,10 @@ def localise_near(grid: Grid, log: Log, seed: int) -> dict[str, Any]:
     return {'seed': seed, 'passed': passed, 'error': worst, 'yaw': math.degrees(yaw)}
 
 
-def localise_anywhere(grid: Grid, log: Log, seed: int) -> dict[str, Any]:
+def localise_anywhere(grid: Grid, log: Log, mapped: np.ndarray, seed: int) -> dict[str, Any]:
     """Start from nowhere, drive on until the place is found, and 3 s more."""
     random = np.random.default_rng((seed, 5))
-    begin = int(random.integers(0, len(log.scans) - 400))
+    begin = choose(random, mapped[:-400], 40)
     localizer = Localizer(grid)
     costs, row = [], begin
     while not localizer.is_found and row < begin + 380:
@@ -208,12 +221,12 @@ def localise_anywhere(grid: Grid, log: Log, seed: int) -> dict[str, Any]:
     }
 
 
-def move_by_hand(grid: Grid, log: Log, seed: int) -> dict[str, Any]:
+def move_by_hand(grid: Grid, log: Log, mapped: np.ndarray, seed: int) -> dict[str, Any]:
     """Put the robot to where it is later, which odometry does not know of."""
     random = np.random.default_rng((seed, 6))
-    begin, later = random.integers(0, len(log.scans) - 300, size=2).tolist()
+    begin, later = (choose(random, mapped[:-300], 40) for _ in range(2))
     while error_at(log.truth[begin + 30], log.truth[later]) < 0.5:
-        later = int(random.integers(0, len(log.scans) - 300))
+        later = choose(random, mapped[:-300], 40)
     localizer = Localizer(grid)
     localizer.start(log.truth[begin], np.diag((0.01, 0.01, 0.01)))
     follow(localizer, log, range(begin, begin + 30))
@@ -291,9 +304,10 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
             errors[name].append(trial)
         # Other ways and other noise than those of the map.
         other = make_logs(flat, ['mbot'], seed + 500, LENGTH)['mbot']
-        located['near'].append(localise_near(grid, other, seed))
-        located['anywhere'].append(localise_anywhere(grid, other, seed))
-        located['hand'].append(move_by_hand(grid, other, seed))
+        mapped = is_mapped(other, logs['mbot'])
+        located['near'].append(localise_near(grid, other, mapped, seed))
+        located['anywhere'].append(localise_anywhere(grid, other, mapped, seed))
+        located['hand'].append(move_by_hand(grid, other, mapped, seed))
         log = make_logs(flat, ['go2'], seed, LENGTH, GO2_LIDAR)['go2']
         errors['own'].append(map_once(log, flat, seed)[0])
     rows = [
