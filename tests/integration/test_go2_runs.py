@@ -101,6 +101,13 @@ def test_sticks_stay_where_they_are(tour: Series) -> None:
     np.testing.assert_allclose(commands, np.tile((0.6, 0.0, 0.0), (len(commands), 1)), atol=1e-12)
 
 
+def test_sticks_at_once_are_obeyed_when_it_has_stood_up(run: Callable[..., Series]) -> None:
+    """It used to fall: it stepped at the speed of its sticks while it still lay half."""
+    hasty = run('--duration', '4', play='0.5 2\n0.6 4\n0.7 w*9')
+    assert hasty.report['falls'] == 0
+    assert hasty.speed[-1] > 0.5
+
+
 def test_left_is_left(tour: Series) -> None:
     sideways = tour.during('velocity', 6.3, 7.5).mean(axis=0)
     assert sideways[1] == pytest.approx(10 * 0.05 * 0.8, rel=0.15)

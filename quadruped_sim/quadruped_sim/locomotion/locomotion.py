@@ -41,6 +41,8 @@ _TURNING_RADIUS = 0.15
 _REST = (0.08, 0.05)
 # and beyond which it begins to step.
 _UNREST = (0.25, 0.10)
+# Below this share of its height a robot is still standing up, and goes nowhere.
+_UP = 0.85
 # Share of a stance after which a foot has come to rest.
 _SETTLED = 0.15
 
@@ -99,6 +101,11 @@ class Locomotion:
     def _height_of(self, params: LegControllerParameters) -> float:
         """Return the height of the base that puts the hips where they are to be [m]."""
         return params.reference.height - float(self._model.geometry.hip[:, 2].mean())
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the base has risen far enough for the feet to reach where they step."""
+        return self._height > _UP * self._nominal_height
 
     def reset(self, state: RobotState) -> None:
         """Stand where the robot is, on level ground under its feet."""

@@ -171,6 +171,8 @@ class Trotting(State):
         """Trot one tick."""
         self._read_command()
         locomotion = self._parts.locomotion
+        if not locomotion.is_up:
+            self._parts.command_filter.request(0.0, 0.0, 0.0)
         self._parts.command_filter.grip = locomotion.grip.share
         command = self._parts.command_filter.step(dt)
         result = locomotion.step(robot, command, dt)
