@@ -196,7 +196,7 @@ def _summary(session: Session, options: RunOptions) -> str:
     places = []
     for robot in session.robots:
         x, y, _ = robot.world.base().position
-        places.append(f'{robot.name} at {x:.3f} {y:.3f} m')
+        places.append(f'{robot.name} at {x:z.3f} {y:z.3f} m')
     text = (
         f'{report["sim_time"]:.1f} s simulated in {report["wall_time"]:.1f} s '
         f'(x{report["real_time_factor"]:.1f}); {", ".join(places)}'
