@@ -134,9 +134,11 @@ class PagePuppet:
         time.sleep(0.3)
 
     def draw(self, pictures: int = 3) -> None:
-        """Wait until so many pictures more were drawn, and panels that know of them."""
+        """Wait until so many pictures more were drawn, and panels know of them, or the end."""
         until, frames = self.pictures + pictures, self.frames + 2
         while self.pictures < until or self.frames < frames:
+            if not all(thread.is_alive() for thread in self._threads):
+                return
             time.sleep(0.002)
 
     def press_at(self, place: tuple[int, int]) -> None:

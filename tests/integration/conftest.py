@@ -207,8 +207,13 @@ class TerminalSession:
         environment: dict[str, str],
         cwd: Path,
         last: tuple[str, ...] = ('--viewer', 'none'),
+        size: tuple[int, int] | None = None,
     ) -> None:
         self.master, self.slave = pty.openpty()
+        if size is not None:
+            termios.tcsetwinsize(self.slave, size)
+            # Workers of the tests have a size of their own in these.
+            environment = {**environment, 'LINES': str(size[0]), 'COLUMNS': str(size[1])}
         self.before = termios.tcgetattr(self.slave)
         self.shown = ''
         self.process = starting.Popen(
@@ -343,8 +348,13 @@ def run_on_terminal() -> Iterator[Callable[..., TerminalSession]]:
     """Return a function that starts any Python program on a pseudo-terminal of its own."""
     sessions: list[TerminalSession] = []
 
-    def begin(arguments: list[str], environment: dict[str, str], folder: Path) -> TerminalSession:
-        sessions.append(TerminalSession(arguments, environment, folder, ()))
+    def begin(
+        arguments: list[str],
+        environment: dict[str, str],
+        folder: Path,
+        size: tuple[int, int] | None = None,
+    ) -> TerminalSession:
+        sessions.append(TerminalSession(arguments, environment, folder, (), size))
         return sessions[-1]
 
     yield begin

@@ -3,17 +3,14 @@
 
 from collections.abc import Callable, Iterator
 import contextlib
-import fcntl
 import json
 import os
 from pathlib import Path
 import re
 import shlex
 import signal
-import struct
 import subprocess
 import sys
-import termios
 import time
 from typing import Any, NamedTuple
 
@@ -29,7 +26,7 @@ PAGE = TESTS.parent / 'docs/first_ten_minutes.md'
 PATIENCE = 60.0
 DESK = (1280, 720)
 # Lines and columns of the terminal: with room for the dashboard.
-WINDOW = struct.pack('HHHH', 30, 110, 0, 0)
+WINDOW = (30, 110)
 BYTES = {'SPACE': ' ', 'BACKSPACE': '\x7f', 'Ctrl-C': '\x03'}
 # Where a hand drags the middle of something to, in halves of its size.
 WAYS = {'up': (0.0, -0.9), 'left': (-0.8, 0.0)}
@@ -215,8 +212,7 @@ def test_the_first_ten_minutes_are_as_the_page_says(
     for number, run in enumerate(RUNS):
         rects = tmp_path / f'rects_{number}.json'
         words = [str(TESTS / 'page_watch.py'), str(rects), *run.words]
-        session = run_on_terminal(words, private, tmp_path)
-        fcntl.ioctl(session.slave, termios.TIOCSWINSZ, WINDOW)
+        session = run_on_terminal(words, private, tmp_path, WINDOW)
         stranger = Stranger(session, rects, second)
         if run.words[0] != 'replay':
             session.wait_for(' x', timeout=PATIENCE)

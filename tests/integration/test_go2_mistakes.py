@@ -18,7 +18,7 @@ MISTAKES = [
     ([*SHORT, '--world', 'slope:nan'], '--world slope:nan: wanted a number'),
     ([*SHORT, '--world', 'stairs:9'], '--world stairs:9: wanted a number from 0.001 to 0.5'),
     ([*SHORT, '--world', 'boxes:-1'], '--world boxes:-1: wanted a number'),
-    ([*SHORT, '--world', 'lava:1'], 'worlds: flat, room, slope:DEG'),
+    ([*SHORT, '--world', 'lava:1'], 'worlds: flat, room, office, slope:DEG'),
     (
         [*SHORT, '--description', 'mbot'],
         'found 4 limbs on base_footprint: left_wheel_joint (1 joint)',

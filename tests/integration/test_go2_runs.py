@@ -214,7 +214,7 @@ def test_a_robot_that_is_tipped_over_goes_passive_and_reports_it(
     run: Callable[..., Series],
 ) -> None:
     script = '0.1 2\n2.2 4\n4.0 4'
-    tipped = run('--duration', '4.4', '--push', '2.5 0 600 0 0.2', play=script)
+    tipped = run('--duration', '4.4', '--push', '2.5 0 1000 0 0.2', play=script)
     assert tipped.report['falls'] == 1
     assert 2.5 < tipped.report['fell_at'] < 3.5
     # The trunk touches the ground before it lies on its side, or as it does.

@@ -2,6 +2,9 @@
 """Map the surroundings with a planar lidar, localise in a map, drive to a point."""
 
 from wasd_core import load_lazily
+from wasd_core import quiet_start
+
+quiet_start(__name__, 'navigator')
 
 # Where each name is defined; loaded when it is asked for, as numba takes a while.
 _HOMES = {
