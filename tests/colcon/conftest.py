@@ -73,6 +73,17 @@ class Workspace:
             command, cwd=folder, env=self._environment, capture_output=True, text=True
         )
         assert done.returncode == 0, done.stdout + done.stderr
+        self._take_compiled()
+
+    def _take_compiled(self) -> None:
+        """Have what the checkout has compiled, which the navigator takes: half a minute less."""
+        for path in ROOT.glob('*_*/**/__pycache__/*.nb[ic]'):
+            within = path.relative_to(ROOT)
+            for site in (self.install / within.parts[0]).glob('lib/python*/site-packages'):
+                target = site.joinpath(*within.parts[1:])
+                if target.parent.parent.is_dir():
+                    target.parent.mkdir(exist_ok=True)
+                    shutil.copy2(path, target)
 
     def run(self, *command: str) -> 'subprocess.CompletedProcess[str]':
         """Run a command to its end."""

@@ -19,8 +19,8 @@ PACKAGES = sorted(set(EXECUTABLES.values()))
 NODES = {'teleop': 'keys_to_twist', 'wasd': 'simulator'}
 ARGUMENTS = {'wasd': ('mbot', '--viewer', 'none')}
 COMMANDS = {'describe': ('info', 'mbot')}  # no node: it ends by itself
-# Compiling the leg controller for a new place takes some 10 s of a core.
-PATIENCE = 90.0
+# Where the checkout has not compiled it, the leg controller takes a minute of a core.
+PATIENCE = 180.0
 
 WHERE = """
 import importlib, json, sys
