@@ -75,7 +75,7 @@ make_environment() {
     return
   fi
   find "$venv" -mindepth 1 -maxdepth 1 ! -name "$MARKER" -exec rm -rf {} +
-  say "making '$venv' with $("$python" -I --version), once: a minute or two, 1.7 GB"
+  say "making '$venv' with $("$python" -I --version), once: one to three minutes, 1.7 GB"
   inherit=
   # ROS' own Python packages (and those of Debian that they use) stay visible.
   [ "$home" = wheels ] || inherit=--system-site-packages

@@ -177,6 +177,17 @@ def test_the_page_orders_goals_and_shows_the_map(session_of, monkeypatch, tmp_pa
     bridge.close()
 
 
+def test_a_goal_of_the_page_ends_with_it_and_others_do_not(driving):
+    navigation(driving).lose_page()
+    driving.simulation.advance(100)
+    assert wanted(driving) == pytest.approx(0.3)
+    navigation(driving).go(GOAL, from_page=True)
+    navigation(driving).lose_page()
+    assert ended(driving) == ('cancelled', 'the page is gone')
+    driving.simulation.advance(100)
+    assert wanted(driving) == 0.0
+
+
 def test_a_go2_that_does_not_follow_velocities_says_what_to_press(session_of):
     session = session_of('go2', preset='unitree')
     session.simulation.advance(100)

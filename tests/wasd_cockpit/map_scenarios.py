@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a hand does on the map of a robot that navigates; see run_scenarios.py."""
 
+from collections.abc import Callable
 import math
 
 from run_scenarios import Page
@@ -63,3 +64,29 @@ def scenario_a_goal_in_a_wall_is_refused_with_the_reason(page: Page) -> None:
     page.wait_until(lambda: page.snapshot.navigation.state == 'refused', 'not refused')
     assert page.snapshot.navigation.reason
     page.click('map closer')
+
+
+def ends_without_its_page(page: Page, lose: Callable[[], None]) -> None:
+    """Click a goal, lose the page on the way, and see the robot stand."""
+    x, y = at_floor(page, 0.8)
+    page.puppet.press_at((x, y))
+    page.puppet.let_go()
+    page.wait_until(lambda: goal(page) is not None, 'no goal')
+    navigator = page.session.robots[0].navigation.navigator
+    lose()
+    page.wait_until(lambda: navigator.goal is None, 'it drives on for nobody')
+    assert navigator.outcome == ('cancelled', 'the page is gone')
+    page.wait(1.0)
+    assert abs(page.session.world.base().planar_velocity).max() < 0.01
+
+
+def scenario_a_goal_of_a_silent_page_is_cancelled(page: Page) -> None:
+    def fall_silent() -> None:
+        page.puppet.is_silent = True
+
+    ends_without_its_page(page, fall_silent)
+
+
+def scenario_a_goal_of_a_page_that_was_closed_is_cancelled(page: Page) -> None:
+    ends_without_its_page(page, page.close)
+    page.open()

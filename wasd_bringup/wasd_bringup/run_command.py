@@ -201,7 +201,8 @@ def _summary(session: Session, options: RunOptions) -> str:
         f'{report["sim_time"]:.1f} s simulated in {report["wall_time"]:.1f} s '
         f'(x{report["real_time_factor"]:.1f}); {", ".join(places)}'
     )
-    written = {'recorded to': options.record, 'report in': options.report}
+    saved = options.save_map and f'{options.save_map}.yaml'
+    written = {'recorded to': options.record, 'report in': options.report, 'map in': saved}
     return '; '.join([text, *(f'{what} {path}' for what, path in written.items() if path)])
 
 

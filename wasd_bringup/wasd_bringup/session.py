@@ -367,10 +367,13 @@ class Session:
         self._status.show(lambda width: status_line(*self._state(), width), now, self._board)
 
     def _stop_what_the_view_moved(self) -> None:
-        """Stop what moves by the keys of a viewer that is gone, by keys, as a driver would."""
+        """Stop what moves by keys and goals of a viewer that is gone: keys as a driver would."""
         for robot in self._page_drive.moved:
             self.press_for(robot, (self.robots[robot].stack.stop_key,))
             self._page_drive.forget(robot)
+        for each in self.robots:
+            if each.navigation is not None:
+                each.navigation.lose_page()
 
     def press_for(self, robot: int, keys: Iterable[str], from_view: bool = False) -> None:
         """Give keys to a robot, by its number, whichever is in turn: as a driver would."""

@@ -40,7 +40,8 @@ class SessionNavigation:
     """
     Maps with the robot's lidar and odometry, and drives it to goals, in lock-step.
 
-    Whatever a driver does, a key, a stick, a velocity on cmd_vel, a pause, ends the goal.
+    Whatever a driver does, a key, a stick, a velocity on cmd_vel, a pause, ends the goal. So does
+    the loss of the page that asked for it.
     """
 
     def __init__(self, options: RunOptions, robot: SessionRobot) -> None:
@@ -55,6 +56,7 @@ class SessionNavigation:
         self._stack = robot.stack
         self._simulation = robot.simulator.simulation
         self._goals = deque(options.goals)
+        self._is_of_page = False  # the goal that is driven to
         self._ended: list[dict[str, Any]] = []
         self._pictured: tuple[int, float, Grid] | None = None  # revision, time, map
         tag = lidar_of(robot.description.robot)
@@ -85,11 +87,21 @@ class SessionNavigation:
     def first_line(self) -> str:
         """What a driver must know to begin."""
         what = 'in a map' if self._options.map else 'maps'
-        return f'{what}: a click on the floor of the panel Map is a goal, any key takes over'
+        return f"{what}: click a goal on the page's Map, or send goal_pose; any key takes over"
 
-    def go(self, goal: Sequence[float]) -> None:
-        """Drive to x, y [m] and yaw [rad] of the map; a yaw of NaN is that of the way."""
+    def go(self, goal: Sequence[float], from_page: bool = False) -> None:
+        """
+        Drive to x, y [m] and yaw [rad] of the map; a yaw of NaN is that of the way.
+
+        A goal `from_page` counts while the page does: see `lose_page`.
+        """
         self.node.go(np.array(goal))
+        self._is_of_page = from_page and self.navigator.goal is not None
+
+    def lose_page(self) -> None:
+        """End a goal that the page has asked for: whoever saw where it leads is gone."""
+        if self._is_of_page:
+            self.node.stop('the page is gone')
 
     def look(self) -> None:
         """End a goal when time is made to stand still."""
@@ -194,6 +206,7 @@ class SessionNavigation:
         self.node.take_scan(message, self._frame)
 
     def _on_end(self, outcome: Outcome) -> None:
+        self._is_of_page = False
         self._stack.release(False)
         goal, pose = self.navigator.last_goal, self.navigator.pose
         truth = self._robot.world.base_since_start()

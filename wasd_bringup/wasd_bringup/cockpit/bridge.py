@@ -169,7 +169,7 @@ class CockpitBridge:
         if robot.navigation is None:
             return
         if order.what == 'goal':
-            robot.navigation.go([float(word) for word in order.name.split()])
+            robot.navigation.go([float(word) for word in order.name.split()], from_page=True)
         elif order.what == 'cancel goal':
             robot.navigation.halt()
         else:
