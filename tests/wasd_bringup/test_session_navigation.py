@@ -245,6 +245,15 @@ def test_a_map_that_is_not_there_and_two_robots_are_refused(read):
         read('--map', both=True)
 
 
+def test_a_place_that_cannot_take_the_map_is_refused_before_the_run(read, tmp_path):
+    with pytest.raises(UserError, match='--save-map .*no/dir/x.*wanted a file in a folder'):
+        read('--save-map', str(tmp_path / 'no' / 'dir' / 'x'))
+    house = tmp_path / 'house.yaml'
+    house.write_text('')
+    with pytest.raises(UserError, match=r'--map .*--save-map|--save-map .*--map'):
+        read('--map', str(house), '--save-map', str(tmp_path / 'house'))
+
+
 def test_a_robot_without_a_lidar_is_refused(session_of):
     with pytest.raises(UserError, match='no planar lidar'):
         session_of(description='mbot_bare')

@@ -158,7 +158,10 @@ def test_the_same_drive_is_the_same_to_the_bit() -> None:
     ('goal', 'reason'),
     [
         ((2.97, 1.0, 0.0), 'is in an obstacle'),
-        ((2.75, 1.0, 0.0), 'is too near an obstacle: the robot needs 0.04 m around it'),
+        (
+            (2.75, 1.0, 0.0),
+            'is too near an obstacle: the robot needs 0.04 m around it, and would overlap by',
+        ),
         ((9.0, 1.0, 0.0), 'is outside the map, which goes from'),
         ((math.nan, 1.0, 0.0), 'must be finite numbers'),
         ((5.0, 1.0, 0.0), 'no way 0.48 m wide leads to'),

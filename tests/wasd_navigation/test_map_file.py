@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Maps as files: what Nav2's map_server would read of them, and refusals."""
 
+import errno
+import os
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +102,23 @@ def test_what_is_no_map_is_refused_in_one_line(text: str, said: str, tmp_path: P
 
 
 def test_a_map_that_cannot_be_written_or_is_empty_is_refused(grid: Grid, tmp_path: Path) -> None:
-    with pytest.raises(UserError, match='No such file'):
+    with pytest.raises(UserError, match='wanted a file in a folder that exists'):
         save_map(grid, tmp_path / 'nowhere' / 'house')
     with pytest.raises(UserError, match='the map is empty'):
         save_map(Grid(np.zeros((0, 0), dtype=np.int8), 0.05, (0.0, 0.0)), tmp_path / 'house')
+
+
+def test_a_map_that_cannot_be_written_whole_leaves_the_old_one(
+    grid: Grid, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = [path.read_bytes() for path in save_map(grid, tmp_path / 'house')]
+
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    monkeypatch.setattr(os, 'write', full)
+    with pytest.raises(UserError, match=r'house.pgm: No space left on device'):
+        save_map(grid, tmp_path / 'house')
+    names = ('house.yaml', 'house.pgm')
+    assert [(tmp_path / name).read_bytes() for name in names] == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)

@@ -57,8 +57,10 @@ def refusal(options: RunOptions) -> str:
     """Return why a run is not to be started anew by a click."""
     if not options.words:
         return 'this run was not started by its command'
-    if any((options.record, options.report, options.save_keys)):
+    if any((options.record, options.report, options.save_keys, options.save_map)):
         return 'the files of this run would be written over: end it with Ctrl-C first'
+    if options.map or options.goals:
+        return 'its map and its goals are of this world: end it with Ctrl-C first'
     return 'a script drives this run' if options.scripted else ''
 
 

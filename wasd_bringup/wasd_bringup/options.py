@@ -311,12 +311,18 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, OutputFile | None]:
         path = getattr(arguments, name)
         option = f'--{name.replace("_", "-")}'
         outputs[name] = None if path is None else OutputFile(path, option)
+    maps: tuple[OutputFile, ...] = ()
+    if getattr(arguments, 'save_map', None) is not None:
+        # Here, because few runs save a map.
+        from wasd_navigation.mapping.map_file import map_outputs
+
+        maps = map_outputs(Path(arguments.save_map), '--save-map')
     inputs = []
     for name in ('play', 'twist', 'controller', 'description', 'preset', 'world', 'map'):
         path = getattr(arguments, name, None)
         if path is not None and Path(path).exists():
             inputs.append((f'--{name}', path))
-    check_apart([output for output in outputs.values() if output is not None], inputs)
+    check_apart([output for output in (*outputs.values(), *maps) if output is not None], inputs)
     return outputs
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from PIL import Image
 from wasd_core.errors import one_line
 from wasd_core.errors import UserError
+from wasd_core.output_file import OutputFile
 from wasd_core.safe_files import read_file
 import yaml
 
@@ -31,18 +32,32 @@ LARGEST_PICTURE = 100_000_000  # [bytes]
 
 
 class MapFileError(UserError):
-    """A map cannot be read or written; says the file and why."""
+    """A map cannot be read, or there is none to write; says the file and why."""
+
+
+def map_outputs(path: Path, option: str = '') -> tuple[OutputFile, OutputFile]:
+    """
+    Return where a map's text and picture go; an ending .yaml may be there.
+
+    Raises:
+        OutputError: one of them cannot be written; names the `option` that asks for it.
+    """
+    base = path.with_suffix('') if path.suffix in ('.yaml', '.yml', '.pgm') else path
+    text, picture = (
+        OutputFile(base.with_name(base.name + ending), option) for ending in ('.yaml', '.pgm')
+    )
+    return text, picture
 
 
 def save_map(grid: Grid, path: Path) -> tuple[Path, Path]:
     """
-    Write a grid as `path`.yaml and `path`.pgm and return both paths; an ending .yaml may be there.
+    Write a grid as `path`.yaml and `path`.pgm and return both paths.
 
     Raises:
-        MapFileError: there is nothing in the grid, or a file cannot be written.
+        MapFileError: there is nothing in the grid.
+        OutputError: a file cannot be written; both are then as they were, or only the text is.
     """
-    base = path.with_suffix('') if path.suffix in ('.yaml', '.yml', '.pgm') else path
-    picture, text = base.with_name(f'{base.name}.pgm'), base.with_name(f'{base.name}.yaml')
+    text, picture = map_outputs(path)
     if not grid.cells.size:
         raise MapFileError(f'{text}: the map is empty: let the robot see something first')
     pixels = np.full(grid.cells.shape, GREY, dtype=np.uint8)
@@ -51,7 +66,7 @@ def save_map(grid: Grid, path: Path) -> tuple[Path, Path]:
     rows, columns = len(pixels), len(pixels[0])
     # Numbers as map_saver writes them; the third of the origin is a yaw.
     lines = (
-        f'image: {picture.name}',
+        f'image: {picture.path.name}',
         'mode: trinary',
         f'resolution: {grid.resolution!r}',
         f'origin: [{grid.origin[0]!r}, {grid.origin[1]!r}, 0]',
@@ -59,12 +74,9 @@ def save_map(grid: Grid, path: Path) -> tuple[Path, Path]:
         f'occupied_thresh: {OCCUPIED_THRESHOLD}',
         f'free_thresh: {FREE_THRESHOLD}',
     )
-    try:
-        picture.write_bytes(f'P5\n{columns} {rows}\n255\n'.encode() + pixels[::-1].tobytes())
-        text.write_text('\n'.join(lines) + '\n')
-    except OSError as error:
-        raise MapFileError(f'{text}: {error.strerror}') from error
-    return text, picture
+    picture.write(f'P5\n{columns} {rows}\n255\n'.encode() + pixels[::-1].tobytes())
+    text.write(('\n'.join(lines) + '\n').encode())
+    return text.path, picture.path
 
 
 def load_map(path: Path) -> Grid:

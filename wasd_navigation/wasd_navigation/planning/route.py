@@ -141,7 +141,8 @@ def refusal(
     room = clearance(around.distances, footprint.circles, state, needed)
     if room < needed:
         what = 'is in an obstacle' if room < -footprint.inscribed else 'is too near an obstacle'
-        return f'{place} {what}: the robot needs {needed:.2f} m around it, there are {room:.2f} m'
+        has = f'there are {room:.2f} m' if room >= 0.0 else f'and would overlap by {-room:.2f} m'
+        return f'{place} {what}: the robot needs {needed:.2f} m around it, {has}'
     if around.is_unknown[tuple(cell[0])]:
         return f'nobody has looked at {place} yet: choose a place that the map shows as free'
     return None
