@@ -115,11 +115,16 @@ class CommandFilter:
         most = self._params.curve_acceleration
         return velocity if inward <= most else velocity * math.sqrt(most / inward)
 
-    def step(self, dt: float) -> np.ndarray:
-        """Command (3,) after `dt` [s]: toward the request, or toward rest when it is too old."""
+    def step(self, dt: float, *, may_go: bool = True) -> np.ndarray:
+        """
+        Command (3,) after `dt` [s]: toward the request, or toward rest when it is too old.
+
+        Who may not go yet is commanded to rest; the request stays, and gets older.
+        """
         self.pass_time(dt)
         self._is_new = False
-        target = (0.0, 0.0, 0.0) if self.is_silent else self._request.tolist()
+        goes = may_go and not self.is_silent
+        target = self._request.tolist() if goes else (0.0, 0.0, 0.0)
         most = [self.grip * dt * acceleration for acceleration in self._acceleration.tolist()]
         # In plain numbers: numpy takes ten times as long for three of them.
         vx, vy, turn = (

@@ -313,14 +313,16 @@ class LegController:
         state = self._states[self._machine.state]
         R = np.empty((3, 3))
         write_rotation(measured, R)
-        stands = np.zeros(4) if state.is_lying else state.trust
+        is_passive = self._machine.state is StateName.PASSIVE
+        is_down = is_passive and (self._level is not None or self._is_down(R))
+        lies = state.is_lying or is_down
+        stands = np.zeros(4) if lies else state.trust
         self._heading.step(R, motion.position, stands, dt)
         orientation, omega = self._heading.orientation(measured), omega - self._heading.bias * R[2]
         write_rotation(orientation, R)
         if not self._is_started:
             self._start(motion.position @ R.T)
-        is_passive = self._machine.state is StateName.PASSIVE
-        if state.is_lying or (is_passive and (self._level is not None or self._is_down(R))):
+        if lies:
             self._rest(motion.position @ R.T, dt)
         else:
             self._level = None

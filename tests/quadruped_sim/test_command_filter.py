@@ -83,6 +83,18 @@ def test_silence_brings_it_to_rest_half_a_second_later():
     np.testing.assert_array_equal(command_filter.command, 0.0)
 
 
+def test_who_may_not_go_yet_rests_while_the_request_waits_and_gets_older():
+    command_filter = CommandFilter(CommandParameters())
+    for _ in range(100):
+        command_filter.request(0.5, 0.0, 0.0)
+        command_filter.step(DT, may_go=False)
+    np.testing.assert_array_equal(command_filter.command, 0.0)
+    assert settle(command_filter, 0.2)[0] == pytest.approx(0.4)
+    for _ in range(300):
+        command_filter.step(DT, may_go=False)
+    assert command_filter.is_silent
+
+
 def test_racing_full_speed_goes_in_one_direction_at_a_time():
     """What is asked for lies inside the ellipsoid of the three limits, on the same course."""
     parameters = CommandParameters(limits='race', curve_acceleration=100.0)

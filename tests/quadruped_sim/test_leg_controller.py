@@ -81,6 +81,24 @@ def test_velocity_commands_need_move_base(controller, run):
     assert controller.set_velocity(0.5, 0.0, 0.0) is None
 
 
+def test_a_velocity_taken_while_it_rises_is_driven_once_it_stands(
+    controller, run, standing, truth
+):
+    crouched = standing._replace(
+        joints=standing.joints._replace(position=np.tile((0.0, 1.1, -2.2), 4))
+    )
+    run(controller, 2, crouched, truth)
+    for key in '25':
+        controller.press(key)
+        run(controller, 3, crouched, truth)
+    while not controller.locomotion.is_up:
+        assert controller.set_velocity(0.5, 0.0, 0.0) is None
+        run(controller, 1, crouched, truth)
+        assert not controller.command_filter.command.any()
+    run(controller, 20, crouched, truth)
+    assert controller.command_filter.command[0] > 0.05
+
+
 def test_tipping_over_goes_passive_in_the_same_tick_and_key_2_gets_up(
     controller, run, standing, truth
 ):

@@ -145,7 +145,8 @@ def test_one_that_tips_over_whenever_it_stands_up_gives_up_as_well(model, standi
     assert controller.state == 'passive'
 
 
-def test_a_robot_carried_around_while_it_lies_has_not_drifted(model, standing):
+@pytest.mark.parametrize(('key', 'state'), [('6', 'get up'), ('1', 'passive')])
+def test_a_robot_carried_around_while_it_lies_has_not_drifted(model, standing, key, state):
     """So slowly that a gyro might: but the feet in the air do not hold its heading."""
     controller = LegController(model)
     for tick in range(1000):
@@ -153,8 +154,8 @@ def test_a_robot_carried_around_while_it_lies_has_not_drifted(model, standing):
         imu = standing.imu._replace(orientation=np.array(to_quaternion(R)))
         controller.step(standing._replace(imu=imu), DT)
         if tick == 1:
-            controller.press('6')
-    assert controller.state == 'get up'
+            controller.press(key)
+    assert controller.state == state
     np.testing.assert_allclose(controller.robot.base.R, R, atol=1e-3)
 
 

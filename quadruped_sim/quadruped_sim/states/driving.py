@@ -171,10 +171,8 @@ class Trotting(State):
         """Trot one tick."""
         self._read_command()
         locomotion = self._parts.locomotion
-        if not locomotion.is_up:
-            self._parts.command_filter.request(0.0, 0.0, 0.0)
         self._parts.command_filter.grip = locomotion.grip.share
-        command = self._parts.command_filter.step(dt)
+        command = self._parts.command_filter.step(dt, may_go=locomotion.is_up)
         result = locomotion.step(robot, command, dt)
         self.trust = locomotion.trust(robot)
         return result
