@@ -77,6 +77,24 @@ def test_who_gives_up_waiting_takes_nothing(turns, clock):
     assert not turns.take_end()
 
 
+def test_control_given_to_one_who_leaves_is_not_for_who_asks_later(turns, clock):
+    turns.ask('a')
+    turns.give()
+    turns.leave('a')
+    assert not turns.take_end()
+    turns.ask('b')
+    assert not turns.take_end()
+    assert turns.remaining == pytest.approx(GIVEN_AFTER)
+
+
+def test_control_given_to_several_is_there_for_those_who_stay(turns):
+    turns.ask('a')
+    turns.ask('b')
+    turns.give()
+    turns.leave('a')
+    assert turns.take_end()
+
+
 def test_asking_again_does_not_begin_the_time_anew_and_the_first_counts(turns, clock):
     turns.ask('a')
     clock.now += 0.6 * GIVEN_AFTER

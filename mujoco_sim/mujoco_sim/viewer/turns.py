@@ -35,6 +35,8 @@ class Turns:
         """Take that a browser waits no more: it has gone, or has got control."""
         with self._lock:
             self._asked.pop(browser, None)
+            # What was given to nobody else is taken back: not for whoever asks next.
+            self._is_given &= bool(self._asked)
 
     def touch(self) -> None:
         """Take that the driver's hands do something."""
@@ -42,7 +44,8 @@ class Turns:
 
     def give(self) -> None:
         """Give control to the one who has waited longest, if somebody does."""
-        self._is_given = bool(self.waiting)
+        with self._lock:
+            self._is_given = bool(self._asked)
 
     @property
     def waiting(self) -> int:
