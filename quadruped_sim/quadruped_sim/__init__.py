@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Leg controller of a four-legged robot: states, gait, estimator, convex MPC, whole-body QP."""
 
-from importlib import import_module
-from typing import Any
-
+from wasd_core import load_lazily
 from wasd_core import quiet_start
 
 quiet_start(__name__, 'leg_controller')
@@ -25,15 +23,4 @@ _HOMES = {
     'WholeBody': 'locomotion.whole_body',
 }
 __all__ = list(_HOMES)  # noqa: PLE0605
-
-
-def __getattr__(name: str) -> Any:
-    """
-    Return a public name from where it is defined.
-
-    Raises:
-        AttributeError: it is none.
-    """
-    if name not in _HOMES:
-        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    return getattr(import_module(f'{__name__}.{_HOMES[name]}'), name)
+__getattr__ = load_lazily(__name__, _HOMES)

@@ -6,52 +6,13 @@ numba compiles `numpy.linalg` and `@` for seconds per function; these loops take
 and are as fast for sizes up to 6.
 """
 
-from collections.abc import Callable, Mapping
-import contextlib
-from pathlib import Path
-from typing import Any, cast, ParamSpec, TYPE_CHECKING, TypeVar
+from collections.abc import Mapping
+from typing import Any, TYPE_CHECKING, TypeVar
 
-import numba
 import numpy as np
+from wasd_core.jit import jit
 
-_P = ParamSpec('_P')
-_R = TypeVar('_R')
 _T = TypeVar('_T', bound=tuple[Any, ...])
-
-
-_STAMP = 'compiled-of'
-
-
-def forget_stale(package: Path) -> None:
-    """
-    Remove what was compiled of another state of a package's files.
-
-    numba looks at the file of a function alone: not at those of the functions that it calls,
-    which are compiled into it, nor whether a class that its cache names has moved.
-    """
-    stamp = package / '__pycache__' / _STAMP
-    # Where nothing can be written nothing changes either, but by an installation; what an editor
-    # has just replaced is looked at by the next start.
-    with contextlib.suppress(OSError):
-        stats = [(file, file.stat()) for file in sorted(package.rglob('[!.]*.py'))]
-        state = '\n'.join(f'{file} {stat.st_mtime_ns} {stat.st_size}' for file, stat in stats)
-        if stamp.is_file() and stamp.read_text() == state:
-            return
-        for compiled in package.rglob('__pycache__/*.nb[ci]'):
-            compiled.unlink(missing_ok=True)
-        stamp.parent.mkdir(exist_ok=True)
-        stamp.write_text(state)
-
-
-forget_stale(Path(__file__).parent)
-
-
-def jit(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile `function` on its first call; the result is cached on disk where possible."""
-    try:
-        return cast('Callable[_P, _R]', numba.njit(cache=True)(function))
-    except RuntimeError:  # neither the package's folder nor a user cache can be written
-        return cast('Callable[_P, _R]', numba.njit(function))
 
 
 if TYPE_CHECKING:

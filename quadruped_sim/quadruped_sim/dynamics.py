@@ -4,8 +4,8 @@
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.jit import jit
 
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 
 

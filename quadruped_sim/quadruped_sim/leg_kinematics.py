@@ -5,8 +5,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.jit import jit
 
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 
 LEGS = ('FL', 'FR', 'RL', 'RR')

@@ -19,13 +19,13 @@ from robot_description.pinocchio_model import to_pinocchio
 from robot_description.robot import Robot
 from wasd_core.errors import DescriptionError
 from wasd_core.errors import RobotModelError
+from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 from wasd_core.streams import visible
 
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.dynamics import blank_dynamics

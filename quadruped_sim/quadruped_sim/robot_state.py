@@ -8,9 +8,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.jit import jit
 
 from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import view_of
 from quadruped_sim.algebra import write_rotation

@@ -4,10 +4,10 @@
 import math
 
 import numpy as np
+from wasd_core.jit import jit
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
 
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.parameters import SafetyParameters
 from quadruped_sim.robot_model import JointLimits

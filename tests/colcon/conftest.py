@@ -14,6 +14,7 @@ import sysconfig
 from typing import Any
 
 import pytest
+from wasd_core.jit import forget_stale
 
 ROOT = Path(__file__).resolve().parents[2]
 COLCON = shutil.which('colcon') or shutil.which('colcon', path=sysconfig.get_path('scripts'))
@@ -76,7 +77,9 @@ class Workspace:
         self._take_compiled()
 
     def _take_compiled(self) -> None:
-        """Have what the checkout has compiled, which the navigator takes: half a minute less."""
+        """Have what the checkout has compiled, of legs and of navigation: a minute less."""
+        for package in self.install.glob('*/lib/python*/site-packages/*/__init__.py'):
+            forget_stale(package.parent)  # so that what comes now is known to be of these files
         for path in ROOT.glob('*_*/**/__pycache__/*.nb[ic]'):
             within = path.relative_to(ROOT)
             for site in (self.install / within.parts[0]).glob('lib/python*/site-packages'):

@@ -414,10 +414,20 @@ def test_no_compiled_kernel_takes_more_than_six_arguments():
     wide = {
         f'{module}.{node.name}': len(node.args.args)
         for module, node in library_functions()
-        if any('jit' in ast.unparse(decorator) for decorator in node.decorator_list)
+        if any(ast.unparse(decorator) in {'jit', 'fast'} for decorator in node.decorator_list)
         and len(node.args.args) > MOST_KERNEL_ARGUMENTS
     }
     assert not wide
+
+
+def test_kernels_are_compiled_in_one_way():
+    compiling = {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        if re.search(r'\b(njit|numba\.jit)\b', path.read_text())
+    }
+    assert compiling == {'wasd_core.jit'}
 
 
 def build_wheel(root: Path, folder: Path) -> zipfile.ZipFile:

@@ -11,7 +11,6 @@ import time
 
 import numba
 import pytest
-from quadruped_sim.algebra import forget_stale
 from quadruped_sim.compilation import compile_once
 from quadruped_sim.compilation import NOTICE
 from wasd_core.errors import Stopped
@@ -154,31 +153,3 @@ def test_an_installation_that_cannot_be_written_keeps_it_in_the_home_if_there_is
     assert done.stdout.splitlines() == [str(package / 'algebra.py'), '1.0']
     kept = list((tmp_path / home).rglob('*.nbi'))
     assert bool(kept) == (home == 'home')
-
-
-def test_what_was_compiled_of_other_files_is_forgotten(tmp_path):
-    """Functions of other files are compiled into a cached one, and classes move."""
-    package = tmp_path / 'legs'
-    caches = [package / '__pycache__', package / 'gait/__pycache__']
-    for cache in caches:
-        cache.mkdir(parents=True)
-    called, kept = package / 'algebra.py', caches[1] / 'swing.step-7.py311.nbi'
-    called.write_text('one = 1')
-
-    def is_kept() -> bool:
-        forget_stale(package)
-        return kept.exists()
-
-    kept.touch()
-    assert not is_kept()  # of which files it was made nobody knows
-    kept.touch()
-    assert is_kept()
-    called.write_text('one = 2.0')
-    assert not is_kept()
-    kept.touch()
-    (package / 'gait/moved.py').touch()
-    assert not is_kept()
-    # An editor's lock is no module, and goes nowhere.
-    (package / '.#algebra.py').symlink_to('somebody@host.123')
-    kept.touch()
-    assert is_kept()

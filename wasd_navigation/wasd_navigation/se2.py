@@ -7,18 +7,18 @@ Poses in the plane: arrays (x, y, yaw) [m], [m], [rad], shape (3,), of a frame i
 
 import math
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 
-@njit(cache=True)
+@jit
 def wrap(angle: float) -> float:
     """Return the angle in [-pi, pi) [rad]."""
     wrapped: float = (angle + math.pi) % (2.0 * math.pi) - math.pi
     return wrapped
 
 
-@njit(cache=True)
+@jit
 def compose(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return T_a_c of T_a_b and T_b_c, shape (3,)."""
     cos, sin = math.cos(first[2]), math.sin(first[2])
@@ -31,7 +31,7 @@ def compose(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     )
 
 
-@njit(cache=True)
+@jit
 def inverse(pose: np.ndarray) -> np.ndarray:
     """Return T_b_a of T_a_b, shape (3,)."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -44,7 +44,7 @@ def inverse(pose: np.ndarray) -> np.ndarray:
     )
 
 
-@njit(cache=True)
+@jit
 def transform(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return points of frame b, shape (n, 2) [m], in frame a, by T_a_b."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])

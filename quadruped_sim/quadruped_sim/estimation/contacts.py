@@ -5,10 +5,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.jit import jit
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import solve_in_place
 from quadruped_sim.algebra import view_of

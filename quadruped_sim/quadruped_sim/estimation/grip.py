@@ -4,9 +4,9 @@
 import math
 
 import numpy as np
+from wasd_core.jit import jit
 
 from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.parameters import GripParameters

@@ -4,12 +4,12 @@
 import math
 
 import numpy as np
+from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import invert3
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back

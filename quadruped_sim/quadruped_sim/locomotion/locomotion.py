@@ -4,12 +4,12 @@
 import math
 
 import numpy as np
+from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import cross
 from wasd_core.rotations import yaw_matrix
 
-from quadruped_sim.algebra import jit
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.grip import Grip
 from quadruped_sim.locomotion.convex_mpc import ConvexMpc

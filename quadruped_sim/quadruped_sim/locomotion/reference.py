@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 from robot_description.morphology.quadruped import Scale
+from wasd_core.jit import jit
 
 from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.contacts import height_at

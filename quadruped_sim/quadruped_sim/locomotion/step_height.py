@@ -4,8 +4,8 @@
 import math
 
 import numpy as np
+from wasd_core.jit import jit
 
-from quadruped_sim.algebra import jit
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.contacts import height_at
 from quadruped_sim.locomotion.gait import GaitState

@@ -5,11 +5,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.estimation.contacts import Ground

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from wasd_core.jit import jit
 from wasd_core.robot_io import FULL_TORQUE_SHARE
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import invert3
-from quadruped_sim.algebra import jit
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back

@@ -3,8 +3,8 @@
 
 import math
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.grid import FREE
 from wasd_navigation.grid import Grid
@@ -32,7 +32,7 @@ def make_grid_map(grid: Grid) -> LocalMap:
     return local
 
 
-@njit(cache=True)
+@jit
 def _find_facing(occupied: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return cells (row, column), shape (n, 2), on surfaces, and normals x, y, shape (n, 2)."""
     rows, columns = occupied.shape
@@ -62,7 +62,7 @@ def _find_facing(occupied: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np
     return cells[:count].copy(), normals[:count].copy()
 
 
-@njit(cache=True)
+@jit
 def _face(free: np.ndarray, row: int, column: int, out: np.ndarray) -> None:
     """Write the direction from a cell to the free cells around it, near ones more."""
     rows, columns = free.shape

@@ -3,8 +3,8 @@
 
 import math
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.mapping.matrices import is_definite
 from wasd_navigation.mapping.matrices import sandwich
@@ -36,7 +36,7 @@ class OdometryGrowth:
         return move, _grow(*before, move, covariance)
 
 
-@njit(cache=True)
+@jit
 def _grow(pose: np.ndarray, before: np.ndarray, move: np.ndarray, after: np.ndarray) -> np.ndarray:
     """
     Return what the covariance in the odom frame has grown by, in the axes of `pose`.
@@ -56,7 +56,7 @@ def _grow(pose: np.ndarray, before: np.ndarray, move: np.ndarray, after: np.ndar
     return grown + least
 
 
-@njit(cache=True)
+@jit
 def add_covariance(
     covariance: np.ndarray, pose: np.ndarray, move: np.ndarray, growth: np.ndarray
 ) -> np.ndarray:

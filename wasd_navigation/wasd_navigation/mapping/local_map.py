@@ -4,8 +4,8 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.mapping.matrices import invert
 
@@ -54,7 +54,7 @@ def make_local_map(half_side: float, capacity: int = CAPACITY) -> LocalMap:
     )
 
 
-@njit(cache=True)
+@jit
 def add_surfaces(
     local: LocalMap,
     poses: np.ndarray,
@@ -79,7 +79,7 @@ def add_surfaces(
         sums[4] /= length
 
 
-@njit(cache=True)
+@jit
 def _add_surface(local: LocalMap, pose: np.ndarray, surface: np.ndarray) -> None:
     """Add the sums of what was seen from a pose."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -128,7 +128,7 @@ class Fit(NamedTuple):
     deviation: float
 
 
-@njit(cache=True)
+@jit
 def _nearest(local: LocalMap, at: np.ndarray, facing: np.ndarray, out: np.ndarray) -> bool:
     """
     Write (distance, nx, ny) of a point off the surface that faces as it does; False if none is.
@@ -167,7 +167,7 @@ def _nearest(local: LocalMap, at: np.ndarray, facing: np.ndarray, out: np.ndarra
     return True
 
 
-@njit(cache=True)
+@jit
 def fit_scan(
     local: LocalMap,
     surface: np.ndarray,
@@ -211,7 +211,7 @@ def fit_scan(
     return Fit(pose, information, inside / count, met / count, math.sqrt(squares / max(1, inside)))
 
 
-@njit(cache=True)
+@jit
 def _weigh_points(
     local: LocalMap,
     surface: np.ndarray,

@@ -3,11 +3,11 @@
 
 import math
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 
-@njit(cache=True)
+@jit
 def sandwich(F: np.ndarray, P: np.ndarray) -> np.ndarray:
     """Return F P F^T."""
     half, result = np.zeros((3, 3)), np.zeros((3, 3))
@@ -22,7 +22,7 @@ def sandwich(F: np.ndarray, P: np.ndarray) -> np.ndarray:
     return result
 
 
-@njit(cache=True)
+@jit
 def turn_axes(P: np.ndarray, yaw: float) -> np.ndarray:
     """
     Return R P R^T with R the rotation of x and y by `yaw` [rad].
@@ -36,7 +36,7 @@ def turn_axes(P: np.ndarray, yaw: float) -> np.ndarray:
     return sandwich(R, P)
 
 
-@njit(cache=True)
+@jit
 def invert(A: np.ndarray) -> np.ndarray:
     """Return the inverse of a symmetric matrix, by its adjugate; of one that has none, NaN."""
     c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
@@ -50,7 +50,7 @@ def invert(A: np.ndarray) -> np.ndarray:
     return scale * np.array(((c00, c01, c02), (c01, c11, c12), (c02, c12, c22)))
 
 
-@njit(cache=True)
+@jit
 def is_definite(A: np.ndarray) -> bool:
     """Whether a symmetric matrix is positive definite, by its leading minors (Sylvester)."""
     second = A[0, 0] * A[1, 1] - A[0, 1] * A[0, 1]

@@ -3,8 +3,8 @@
 
 import math
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.grid import FREE
 from wasd_navigation.grid import Grid
@@ -77,7 +77,7 @@ class Canvas:
         self._odds, self._corner = grown, low
 
 
-@njit(cache=True)
+@jit
 def _bounds(
     pose: np.ndarray, origin: np.ndarray, ends: np.ndarray, resolution: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -96,7 +96,7 @@ def _bounds(
     return first.astype(np.int64) - 1, last.astype(np.int64) + 2
 
 
-@njit(cache=True)
+@jit
 def _draw(
     odds: np.ndarray,
     frame: tuple[float, int, int],
@@ -120,7 +120,7 @@ def _draw(
         _draw_ray(odds, (x0, y0), (x1, y1), slants[ray])
 
 
-@njit(cache=True)
+@jit
 def _draw_ray(
     odds: np.ndarray, begin: tuple[float, float], end: tuple[float, float], slant: float
 ) -> None:

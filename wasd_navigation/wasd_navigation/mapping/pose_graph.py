@@ -9,8 +9,8 @@ is block-sparse, with blocks of 3 x 3.
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 
 class Edges(NamedTuple):
@@ -49,7 +49,7 @@ class System(NamedTuple):
     right: np.ndarray  # (n, 3), by node
 
 
-@njit(cache=True)
+@jit
 def find_pattern(count: int, pairs: np.ndarray) -> Pattern:
     """Return in which order to eliminate nodes 1 to count - 1 (0 stays), and what fills in."""
     linked = np.zeros((count, count), dtype=np.bool_)
@@ -94,7 +94,7 @@ def find_pattern(count: int, pairs: np.ndarray) -> Pattern:
     return Pattern(order, begins, rows[:used].copy())
 
 
-@njit(cache=True)
+@jit
 def _join(a: int, b: int, linked: np.ndarray, degree: np.ndarray, near: np.ndarray) -> None:
     """Make two nodes neighbours."""
     if a != b and not linked[a, b]:
@@ -104,7 +104,7 @@ def _join(a: int, b: int, linked: np.ndarray, degree: np.ndarray, near: np.ndarr
         degree[b] += 1
 
 
-@njit(cache=True)
+@jit
 def linearise(poses: np.ndarray, edges: Edges, pattern: Pattern) -> System:
     """Return the normal equations at poses, shape (n, 3), of steps of nodes 1 to n - 1."""
     count = poses.shape[0]
@@ -138,7 +138,7 @@ def linearise(poses: np.ndarray, edges: Edges, pattern: Pattern) -> System:
     return System(diagonal, below, right)
 
 
-@njit(cache=True)
+@jit
 def _weigh(information: np.ndarray, weight: float, A: np.ndarray, out: np.ndarray) -> None:
     """Write weight information A."""
     for i in range(3):
@@ -150,7 +150,7 @@ def _weigh(information: np.ndarray, weight: float, A: np.ndarray, out: np.ndarra
             )
 
 
-@njit(cache=True)
+@jit
 def _add_product(target: np.ndarray, first: np.ndarray, second: np.ndarray) -> None:
     """Add first^T second to a block."""
     for i in range(3):
@@ -162,7 +162,7 @@ def _add_product(target: np.ndarray, first: np.ndarray, second: np.ndarray) -> N
             )
 
 
-@njit(cache=True)
+@jit
 def _add_right(target: np.ndarray, weighted: np.ndarray, error: np.ndarray) -> None:
     """Subtract weighted^T error from a part of the right-hand side."""
     for i in range(3):
@@ -170,7 +170,7 @@ def _add_right(target: np.ndarray, weighted: np.ndarray, error: np.ndarray) -> N
             target[i] -= weighted[j, i] * error[j]
 
 
-@njit(cache=True)
+@jit
 def _linearise_edge(
     poses: np.ndarray, edges: Edges, edge: int, A: np.ndarray, B: np.ndarray, error: np.ndarray
 ) -> float:
@@ -198,7 +198,7 @@ def _linearise_edge(
     return 1.0 / (1.0 + square / 27.0)
 
 
-@njit(cache=True)
+@jit
 def factorise(system: System, pattern: Pattern, turn: int, budget: int) -> int:
     """
     Factorise columns from `turn` on, in place, until so many block products are done.
@@ -233,7 +233,7 @@ def factorise(system: System, pattern: Pattern, turn: int, budget: int) -> int:
     return turn
 
 
-@njit(cache=True)
+@jit
 def _solve_rows(L: np.ndarray, block: np.ndarray) -> None:
     """Replace a block X by X L^-T, with L lower triangular."""
     for i in range(3):
@@ -244,7 +244,7 @@ def _solve_rows(L: np.ndarray, block: np.ndarray) -> None:
             block[i, j] = value / L[j, j]
 
 
-@njit(cache=True)
+@jit
 def _subtract(target: np.ndarray, first: np.ndarray, second: np.ndarray) -> None:
     """Subtract first second^T from a block."""
     for i in range(3):
@@ -256,7 +256,7 @@ def _subtract(target: np.ndarray, first: np.ndarray, second: np.ndarray) -> None
             )
 
 
-@njit(cache=True)
+@jit
 def _take_root(block: np.ndarray) -> None:
     """Replace a block by its Cholesky factor; above the diagonal nothing is read."""
     for i in range(3):
@@ -267,7 +267,7 @@ def _take_root(block: np.ndarray) -> None:
             block[i, j] = math.sqrt(value) if i == j else value / block[j, j]
 
 
-@njit(cache=True)
+@jit
 def solve(system: System, pattern: Pattern) -> np.ndarray:
     """Return the steps of all nodes, shape (n, 3), of a factorised system; node 0's is 0."""
     steps = system.right.copy()

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.grid import Grid
 from wasd_navigation.grid import OCCUPIED
@@ -69,7 +69,7 @@ class Pyramid:
         self.levels = np.stack(levels)
 
 
-@njit(cache=True)
+@jit
 def _blur(places: np.ndarray, rows: int, columns: int) -> np.ndarray:
     """Return how near each cell is to places (x, y) [cells], as 255 exp(-d^2 / 2 blur^2)."""
     values = np.zeros((rows, columns), dtype=np.uint8)
@@ -86,7 +86,7 @@ def _blur(places: np.ndarray, rows: int, columns: int) -> np.ndarray:
     return values
 
 
-@njit(cache=True)
+@jit
 def _widen(values: np.ndarray, step: int) -> np.ndarray:
     """Return for each cell the largest of four that are `step` apart, from it on upward."""
     rows, columns = values.shape
@@ -175,7 +175,7 @@ class Search:
         return Found(poses, leaves[:, 4] / (255.0 * self._rays.shape[1]))
 
 
-@njit(cache=True)
+@jit
 def _thin(points: np.ndarray) -> np.ndarray:
     """Return some of the points, not too many, and none near the one before."""
     kept = np.empty_like(points)
@@ -191,7 +191,7 @@ def _thin(points: np.ndarray) -> np.ndarray:
     return kept[:count:stride].copy()
 
 
-@njit(cache=True)
+@jit
 def _turn_points(points: np.ndarray, headings: np.ndarray) -> np.ndarray:
     """Return points as whole cells (x, y) at each heading, shape (headings, n, 2)."""
     turned = np.empty((headings.shape[0], points.shape[0], 2), dtype=np.int32)
@@ -204,7 +204,7 @@ def _turn_points(points: np.ndarray, headings: np.ndarray) -> np.ndarray:
     return turned
 
 
-@njit(cache=True)
+@jit
 def _score_one(values: np.ndarray, rays: np.ndarray, x: int, y: int, reach: int) -> int:
     """Return the sum of what ends of rays, shape (n, 2), score from a cell."""
     rows, columns = values.shape
@@ -221,7 +221,7 @@ def _score_one(values: np.ndarray, rays: np.ndarray, x: int, y: int, reach: int)
     return total
 
 
-@njit(cache=True)
+@jit
 def _score(levels: np.ndarray, rays: np.ndarray, nodes: np.ndarray) -> None:
     """Write the scores of nodes."""
     for index in range(nodes.shape[0]):
@@ -229,7 +229,7 @@ def _score(levels: np.ndarray, rays: np.ndarray, nodes: np.ndarray) -> None:
         nodes[index, 4] = _score_one(levels[level], rays[heading], x, y, 1 << level)
 
 
-@njit(cache=True)
+@jit
 def _descend(
     levels: np.ndarray, rays: np.ndarray, limits: np.ndarray, work: _Work, budget: int
 ) -> None:

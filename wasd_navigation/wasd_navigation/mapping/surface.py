@@ -4,8 +4,8 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.scan import Scan
 
@@ -39,7 +39,7 @@ def find_surface(scan: Scan) -> Surface:
     return Surface(*_find_surface(scan.ends, scan.hits, scan.origin))
 
 
-@njit(cache=True)
+@jit
 def _find_surface(
     ends: np.ndarray, hits: np.ndarray, origin: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -7,14 +7,15 @@ Huttenlocher, Distance Transforms of Sampled Functions, 2012); the first pass, o
 picture, is two sweeps.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 # How what runs most often is compiled: sums in any order, no checks of divisions.
-fast = njit(cache=True, error_model='numpy', fastmath={'contract', 'reassoc', 'arcp', 'nsz'})
+fast = functools.partial(jit, error_model='numpy', fastmath={'contract', 'reassoc', 'arcp', 'nsz'})
 # Farther than this nothing is looked for [m].
 FARTHEST = 5.0
 
@@ -33,7 +34,7 @@ class Field(NamedTuple):
     resolution: float
 
 
-@njit(cache=True)
+@jit
 def measure_distances(occupied: np.ndarray, resolution: float) -> np.ndarray:
     """
     Return distances [m], shape (rows, columns), float32, of cells `occupied`, bool, same shape.
@@ -65,7 +66,7 @@ def measure_distances(occupied: np.ndarray, resolution: float) -> np.ndarray:
     return distances
 
 
-@njit(cache=True)
+@jit
 def _envelope(
     heights: np.ndarray, tops: np.ndarray, borders: np.ndarray, squares: np.ndarray
 ) -> None:
@@ -89,7 +90,7 @@ def _envelope(
         squares[index] = (index - tops[last]) ** 2 + heights[tops[last]] ** 2
 
 
-@njit(cache=True)
+@jit
 def _meeting(heights: np.ndarray, left: int, right: int) -> float:
     """Return where the parabolas of two cells meet, the right one being the lower beyond."""
     rise = heights[right] ** 2 + right**2 - heights[left] ** 2 - left**2

@@ -3,8 +3,8 @@
 
 import math
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.motion import Base
@@ -25,7 +25,7 @@ _GAIN = 1.5
 _STEPS, _STEP = 150, 0.1
 
 
-@njit(cache=True)
+@jit
 def dock(
     state: np.ndarray, goal: np.ndarray, base: Base, tolerances: tuple[float, float], phase: int
 ) -> tuple[int, float, float, float]:
@@ -64,13 +64,13 @@ def dock(
     return phase, sign * speed, 0.0, _within(2.0 * gain * bearing, base.most[2])
 
 
-@njit(cache=True)
+@jit
 def _within(value: float, most: float) -> float:
     bounded: float = min(max(value, -most), most)
     return bounded
 
 
-@njit(cache=True)
+@jit
 def _share(base: Base, vx: float, vy: float, wz: float) -> float:
     """Return the largest share of a translation up to 1, and of a turn, that is within bounds."""
     over = max(abs(vx) / base.most[0], abs(vy) / base.most[1])
@@ -79,7 +79,7 @@ def _share(base: Base, vx: float, vy: float, wz: float) -> float:
     return share
 
 
-@njit(cache=True)
+@jit
 def rehearse(
     state: np.ndarray,
     goal: np.ndarray,

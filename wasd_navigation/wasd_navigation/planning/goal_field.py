@@ -9,8 +9,8 @@ cell, down the gradient is the shortest way, in any direction, not in steps of 4
 
 import math
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.distance_field import look_up
@@ -93,7 +93,7 @@ def march_from(
     return values, beyond
 
 
-@njit(cache=True)
+@jit
 def _begin(
     values: np.ndarray, heap: Heap, price: np.ndarray, goal: tuple[int, int], resolution: float
 ) -> None:
@@ -106,7 +106,7 @@ def _begin(
                 push(heap, values[row, column], row * columns + column)
 
 
-@njit(cache=True)
+@jit
 def _begin_at_edge(values: np.ndarray, heap: Heap, price: np.ndarray) -> None:
     """Begin at all cells with a value that have a neighbour with a price."""
     rows, columns = values.shape
@@ -119,7 +119,7 @@ def _begin_at_edge(values: np.ndarray, heap: Heap, price: np.ndarray) -> None:
                     push(heap, values[row, column], row * columns + column)
 
 
-@njit(cache=True)
+@jit
 def _march(values: np.ndarray, heap: Heap, price: np.ndarray, resolution: float) -> None:
     rows, columns = values.shape
     while heap.held[0] > 0:
@@ -137,7 +137,7 @@ def _march(values: np.ndarray, heap: Heap, price: np.ndarray, resolution: float)
                     push(heap, values[row + up, column + right], cell + up * columns + right)
 
 
-@njit(cache=True)
+@jit
 def _solve(
     values: np.ndarray, price: np.ndarray, row: int, column: int, resolution: float
 ) -> np.float32:
@@ -158,7 +158,7 @@ def _solve(
     return np.float32(0.5 * (low + high + math.sqrt(2.0 * step * step - (high - low) ** 2)))
 
 
-@njit(cache=True)
+@jit
 def follow(field: Field, layer: int, start: np.ndarray, way: np.ndarray) -> int:
     """
     Write the way down a layer from (x, y) to `way`, shape (room, 2) [m]; return its points.

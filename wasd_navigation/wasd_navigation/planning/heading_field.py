@@ -9,8 +9,8 @@ that is longer than a gap is wide finds out where it has to turn before it goes 
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.heap import Heap
@@ -85,7 +85,7 @@ def _dearness(base: Base, bearing: float) -> float:
     return float(base.most[0] * math.hypot(ahead / full, _SIDEWAYS * side / base.most[1]))
 
 
-@njit(cache=True)
+@jit
 def measure_room(distances: Field, circles: np.ndarray, enough: float) -> np.ndarray:
     """
     Return the clearance [m] of a footprint at all places and headings of a lattice.
@@ -217,7 +217,7 @@ def _begin(lattice: Lattice, goal: np.ndarray, places: Field, turning: float) ->
                 push(lattice.heap, float(value), (at * rows + at_row) * columns + at_column)
 
 
-@njit(cache=True)
+@jit
 def spread(lattice: Lattice, budget: int) -> bool:
     """Look at up to so many states, nearest first; return whether all are done."""
     values, price, moves = lattice.values, lattice.price, lattice.moves
@@ -249,7 +249,7 @@ def spread(lattice: Lattice, budget: int) -> bool:
     return True
 
 
-@njit(cache=True)
+@jit
 def trace(lattice: Lattice, start: tuple[int, int, int], states: np.ndarray) -> int:
     """
     Write the states (heading, row, column) from one to the goal; return how many there are.

@@ -3,8 +3,8 @@
 
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 
 class Heap(NamedTuple):
@@ -20,7 +20,7 @@ def make_heap(room: int) -> Heap:
     return Heap(np.empty(room, np.float32), np.empty(room, np.int32), np.zeros(1, np.int64))
 
 
-@njit(cache=True)
+@jit
 def push(heap: Heap, key: float, item: int) -> None:
     """Add an item."""
     at = heap.held[0]
@@ -34,7 +34,7 @@ def push(heap: Heap, key: float, item: int) -> None:
     heap.keys[at], heap.items[at] = key, item
 
 
-@njit(cache=True)
+@jit
 def pop(heap: Heap) -> tuple[float, int]:
     """Remove the item with the least key and return key and item; there must be one."""
     least, first = heap.keys[0], heap.items[0]

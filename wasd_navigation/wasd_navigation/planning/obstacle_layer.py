@@ -3,8 +3,8 @@
 
 import math
 
-from numba import njit
 import numpy as np
+from wasd_core.jit import jit
 
 from wasd_navigation.grid import Grid
 from wasd_navigation.scan import Scan
@@ -82,7 +82,7 @@ class ObstacleLayer:
         return self.marks > 0
 
 
-@njit(cache=True)
+@jit
 def _trace(marks: np.ndarray, begin: np.ndarray, ends: np.ndarray, hits: np.ndarray) -> None:
     """Let marks fade that lie under rays, from `begin` to each of `ends` (x, y) in cells."""
     rows, columns = marks.shape
@@ -104,7 +104,7 @@ def _trace(marks: np.ndarray, begin: np.ndarray, ends: np.ndarray, hits: np.ndar
                 marks[row, column] -= 1
 
 
-@njit(cache=True)
+@jit
 def _mark(marks: np.ndarray, ends: np.ndarray, distances: np.ndarray) -> None:
     """Mark where rays end (x, y), in cells, unless the map has an obstacle there."""
     rows, columns = marks.shape
