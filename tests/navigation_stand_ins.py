@@ -41,6 +41,9 @@ class StandInPilot:
         self.steps, self.goals = [], []
         self.cancel()
 
+    def pause(self):
+        self.steps.clear()
+
     def cancel(self):
         self.state, self.reason = 'idle', ''
         self.path = np.empty((0, 2))

@@ -8,6 +8,7 @@ from navigation_stand_ins import odometry
 from navigation_stand_ins import scan
 import numpy as np
 import pytest
+from wasd_navigation.navigator import PATIENCE
 from wasd_navigation.navigator import SILENCE
 
 DT = 0.05
@@ -80,16 +81,91 @@ def test_a_robot_that_does_not_know_where_it_is_stands():
     assert lost.reason == 'looking for where it is'
 
 
-def test_it_stands_when_odometry_is_silent_and_goes_on_when_it_speaks():
+def driven_without(sense):
+    """Return a navigator on its way that has just not heard `sense` for too long."""
+    driven = navigator()
+    driven.pilot.end = ('driving', '')
+    driven.set_goal(GOAL)
+    assert driven.step(DT)[0] > 0.0
+    for _ in range(round(SILENCE / DT) + 1):
+        hear(driven, 'odometry' if sense == 'lidar' else 'lidar')
+        velocity = driven.step(DT)
+    assert velocity == pytest.approx(0.0)
+    return driven
+
+
+def hear(driven, sense):
+    if sense == 'odometry':
+        driven.move(odometry())
+    else:
+        driven.see(scan(), odometry())
+
+
+SENSES = pytest.mark.parametrize(
+    ('sense', 'reason'), [('odometry', 'odometry is silent'), ('lidar', 'the lidar is silent')]
+)
+
+
+@SENSES
+def test_it_stands_when_a_sense_is_silent_and_goes_on_when_it_speaks(sense, reason):
+    driven = driven_without(sense)
+    assert (driven.state, driven.reason) == ('waiting', reason)
+    driven.move(odometry())
+    hear(driven, sense)
+    assert driven.step(DT)[0] > 0.0
+
+
+@SENSES
+def test_a_goal_whose_sense_stays_silent_fails(sense, reason):
+    driven = driven_without(sense)
+    for _ in range(round(PATIENCE / DT)):
+        hear(driven, 'odometry' if sense == 'lidar' else 'lidar')
+        driven.step(DT)
+    assert (driven.state, driven.reason) == ('failed', reason)
+    driven.move(odometry())
+    hear(driven, sense)
+    assert driven.step(DT) is None
+
+
+@pytest.mark.parametrize('pause', [1, 20])
+def test_a_goal_that_comes_while_the_lidar_is_silent_does_not_move_the_robot(pause):
+    driven = navigator()
+    for _ in range(round(pause * SILENCE / DT) + 1):
+        driven.move(odometry())
+        assert driven.step(DT) is None
+    driven.set_goal(GOAL)
+    for _ in range(20):
+        driven.move(odometry())
+        assert driven.step(DT) == pytest.approx(0.0)
+    assert driven.pilot.steps == []
+    driven.see(scan(), odometry())
+    assert driven.step(DT)[0] > 0.0
+
+
+def test_a_scan_that_was_long_on_its_way_is_no_sign_of_life():
     driven = navigator()
     driven.set_goal(GOAL)
-    for _ in range(round(SILENCE / DT) + 1):
-        velocity = driven.step(DT)
-        driven.pilot.steps.clear()
-    assert velocity == pytest.approx(0.0)
-    assert (driven.state, driven.reason) == ('waiting', 'odometry is silent')
-    driven.move(odometry())
-    assert driven.step(DT)[0] > 0.0
+    driven.see(scan(), odometry(), SILENCE + 0.01)
+    assert driven.step(DT) == pytest.approx(0.0)
+    assert driven.reason == 'the lidar is silent'
+
+
+def test_a_robot_that_is_carried_off_on_its_way_does_not_drive_on_from_elsewhere():
+    driven = navigator()
+    driven.set_goal(GOAL)
+    driven.step(DT)
+    driven.locator.is_found, driven.locator.notice = False, 'was moved by hand'
+    assert driven.step(DT) == pytest.approx(0.0)
+    assert (driven.state, driven.reason) == ('failed', 'was moved by hand')
+    assert driven.pilot.state == 'idle'
+
+
+def test_a_goal_does_not_wait_for_ever_for_the_first_scan():
+    blind = navigator(placed=False)
+    blind.set_goal(GOAL)
+    for _ in range(round(PATIENCE / DT) + 2):
+        blind.step(DT)
+    assert (blind.state, blind.reason) == ('failed', 'no scan has come yet')
 
 
 def test_odometry_that_is_not_finite_is_none():

@@ -193,16 +193,85 @@ def test_a_lock_of_the_mux_stops_it_and_refuses_goals_until_it_is_open(
     assert rig.node.navigator.goal is not None
 
 
-def test_it_gives_way_to_whom_the_mux_lets_drive(make, publish, spawn, spin_until):
+@pytest.fixture
+def alone(make):
+    """Return a navigator that is a node of its own, on its way, and the words of a mux."""
     rig = Rig(make(lock_step=False))
+    rig.node.navigator.pilot.end = ('driving', '')
+
+    def drive(*selected, seconds=0.0):
+        for name in selected:
+            rig.node._on_selected(String(data=name))
+        for _ in range(round(seconds / 0.05)):
+            rig.look()
+            rig.node._stepped_at = rig.node.get_clock().now().nanoseconds * 1e-9 - 0.05
+            rig.node.step()
+        return rig.node.navigator.state
+
+    rig.drive = drive
+    return rig
+
+
+FAR = np.array([2.0, 1.0, 0.0])
+
+
+def test_it_gives_way_to_whom_the_mux_lets_drive(alone, publish, spawn, spin_until):
     publish('selected', String(data=''))
-    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    alone.node.go(FAR)
     publish('selected', String(data='navigation'))
-    spin_until(spawn.pump, lambda: rig.node._was_selected)
-    assert rig.node.navigator.goal is not None
+    spin_until(spawn.pump, lambda: alone.node._selected == 'navigation', step=alone.look)
+    assert alone.node.navigator.goal is not None
     publish('selected', String(data='keyboard'))
-    spin_until(spawn.pump, lambda: rig.node.navigator.goal is None)
-    assert rig.said[-1] == 'goal cancelled: keyboard takes over'
+    spin_until(spawn.pump, lambda: alone.node.navigator.goal is None)
+    assert alone.said[-1] == 'goal cancelled: keyboard takes over'
+
+
+def test_a_lock_of_the_mux_that_has_no_topic_here_stops_the_second_goal_too(alone):
+    alone.node.go(FAR)
+    assert alone.drive('', 'navigation', seconds=0.1) == 'driving'
+    alone.node.go(FAR)  # takes the place of the first, still selected
+    alone.drive('')
+    assert alone.said[-1] == 'goal cancelled: a lock takes over'
+    assert alone.sent[-1] == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ('selected', 'words'),
+    [('', 'the mux lets nobody drive'), ('keyboard', 'the mux lets keyboard drive')],
+)
+def test_who_is_not_relayed_stops_and_does_not_drive_off_when_the_lock_opens(
+    alone, selected, words
+):
+    alone.drive(selected)  # closed before the goal came
+    alone.node.go(FAR)
+    assert alone.drive(seconds=0.4) == 'driving'
+    assert alone.drive(seconds=0.3) == 'cancelled'
+    assert alone.said[-1] == f'goal cancelled: {words}'
+    assert alone.drive('navigation', seconds=0.3) == 'cancelled'
+
+
+def test_a_mux_that_starts_to_relay_it_in_time_lets_it_drive(alone):
+    alone.drive('')
+    alone.node.go(FAR)
+    alone.drive(seconds=0.3)
+    assert alone.drive('navigation', seconds=2.0) == 'driving'
+
+
+def test_without_a_mux_it_drives(alone):
+    alone.node.go(FAR)
+    assert alone.drive(seconds=2.0) == 'driving'
+
+
+def test_the_loss_of_the_mux_ends_the_goal(alone, peer, publish, spawn, spin_until):
+    publish('selected', String(data='navigation'))
+    spin_until(spawn.pump, lambda: alone.node._selected == 'navigation', step=alone.look)
+    spin_until(spawn.pump, lambda: alone.node._mux_watch._had_any, step=alone.look)
+    alone.node.go(FAR)
+    (mux,) = (one for one in peer.publishers if one.topic_name == '/selected')
+    peer.destroy_publisher(mux)
+    spin_until(spawn.pump, lambda: alone.node.navigator.goal is None, step=alone.look)
+    assert alone.said[-1] == 'goal cancelled: the mux is gone'
+    assert alone.node._selected is None
 
 
 def test_why_nothing_can_be_driven_to_is_asked_before_and_on_the_way(rig):

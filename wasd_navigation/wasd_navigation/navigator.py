@@ -15,8 +15,10 @@ from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 from wasd_navigation.se2 import transform
 
-# Odometry that is silent for so long is gone [s].
+# Odometry, or a lidar, that is silent for so long is gone [s].
 SILENCE = 0.5
+# A goal waits so long for what it needs [s]: nobody who has forgotten it sees the robot drive off.
+PATIENCE = 10.0
 # The driver plans on a map that is at most so old [s]: drawing one takes as long as 20 steps.
 LOOK_PERIOD = 1.0
 STANDSTILL = np.zeros(3)
@@ -83,6 +85,9 @@ class Pilot(Protocol):
     def cancel(self) -> None:
         """Drive no more."""
 
+    def pause(self) -> None:
+        """Stand, for a time without steps; the goal stays."""
+
     def reset(self) -> None:
         """Know of nothing."""
 
@@ -110,10 +115,12 @@ class Navigator:
     Feeds a locator with scans and a pilot with the map, and keeps one goal.
 
     `move` comes with each odometry, `see` with each scan and the odometry of its instant, `step`
-    at a steady rate. It reads no clock. `on_end` are told how each goal has ended.
+    at a steady rate. It reads no clock. `on_end` are told how each goal has ended. It drives only
+    while odometry, and a lidar not silent for more than `silence` [s], are heard; a goal that has
+    to wait for long ends.
     """
 
-    def __init__(self, locator: Locator, pilot: Pilot) -> None:
+    def __init__(self, locator: Locator, pilot: Pilot, silence: float = SILENCE) -> None:
         self.locator = locator
         self.pilot = pilot
         self.goal: np.ndarray | None = None
@@ -123,7 +130,9 @@ class Navigator:
         self.elapsed = 0.0  # since the goal came [s]
         self.scans = 0
         self._odometry: Odometry | None = None
-        self._fresh = Watchdog(SILENCE)
+        self._fresh, self._sighted = Watchdog(SILENCE), Watchdog(silence)
+        self._waited = 0.0  # without a break, with a goal [s]
+        self._was_placed = False  # since the goal came
         self._seen: tuple[Scan, np.ndarray] | None = None
         self._grid: Grid | None = None
         self._revision = -1
@@ -167,7 +176,9 @@ class Navigator:
             return 'no scan has come yet'
         if not self.is_placed:
             return self.notice or 'the robot does not know yet where it is'
-        return '' if self._fresh.is_alive else 'odometry is silent'
+        if not self._fresh.is_alive:
+            return 'odometry is silent'
+        return '' if self._sighted.is_alive else 'the lidar is silent'
 
     def move(self, odometry: Odometry) -> None:
         """Take the newest odometry; one that is not finite is none."""
@@ -175,13 +186,18 @@ class Navigator:
             self._odometry = odometry
             self._fresh.hear()
 
-    def see(self, scan: Scan, odometry: Odometry) -> None:
-        """Take a scan and the odometry of its instant."""
+    def see(self, scan: Scan, odometry: Odometry, age: float = 0.0) -> None:
+        """Take a scan and the odometry of its instant, which is `age` [s] ago."""
         if not np.isfinite(odometry.pose).all():
             return
         self.locator.step(scan, odometry.pose, odometry.covariance)
         self.scans += 1
         self._seen = scan, odometry.pose
+        self._sighted.hear(age)
+
+    def configure(self, pilot: Pilot, silence: float) -> None:
+        """Take another pilot, and how long the lidar may be silent [s]; ends no goal."""
+        self.pilot, self._sighted.timeout = pilot, silence
 
     def set_goal(self, goal: np.ndarray) -> None:
         """
@@ -196,6 +212,7 @@ class Navigator:
             goal = np.array([*goal[:2], math.atan2(goal[1] - pose[1], goal[0] - pose[0])])
         self.goal = self.last_goal = goal
         self.outcome, self.elapsed = None, 0.0
+        self._waited, self._was_placed = 0.0, False
         self._looked = math.inf
         self.pilot.set_goal(goal)
 
@@ -220,17 +237,21 @@ class Navigator:
         self.outcome, self.scans = None, 0
         self._odometry = self._seen = self._grid = None
         self._fresh.reset()
+        self._sighted.reset()
 
     def step(self, dt: float) -> np.ndarray | None:
         """Let `dt` [s] pass; return the velocity to command, shape (3,), None where none is."""
         self._fresh.step(dt)
+        self._sighted.step(dt)
         self._looked += dt
         self.elapsed += dt
         if self.goal is None:
             return None
         pose = self.pose
-        if self._missing or pose is None or self._odometry is None:
+        if (missing := self._missing) or pose is None or self._odometry is None:
+            self._wait(missing, dt)
             return STANDSTILL
+        self._waited, self._was_placed = 0.0, True
         grid = self._look()
         velocity = self.pilot.step(
             grid, self._revision, pose, self._odometry.velocity, self._take_scan(), dt
@@ -239,6 +260,16 @@ class Navigator:
             self._end(Outcome(self.pilot.state, self.pilot.reason))
             return STANDSTILL
         return velocity if np.isfinite(velocity).all() else STANDSTILL
+
+    def _wait(self, missing: str, dt: float) -> None:
+        """Stand because something is missing, but not for ever; not at all when it got lost."""
+        self._seen = None
+        self._waited += max(dt, 0.0)
+        self.pilot.pause()
+        is_lost = self._was_placed and not self.is_placed
+        if is_lost or self._waited > PATIENCE:
+            self.pilot.cancel()
+            self._end(Outcome('failed', missing))
 
     def _look(self) -> Grid:
         """Return the map to plan on; when it is drawn depends on nobody who looks at it, too."""

@@ -28,6 +28,7 @@ from wasd_core.rotations import Pose
 from wasd_core.streams import visible
 from wasd_core.topics import AbsenceWatch
 from wasd_core.topics import LATCHED
+from wasd_core.topics import PublisherWatch
 from wasd_core.topics import RELIABLE
 from wasd_core.topics import SENSOR_DATA
 from wasd_core.topics import tf_message_type
@@ -53,6 +54,8 @@ from wasd_navigation.se2 import compose
 # Locks of the mux that stop navigation, and the name of its source.
 LOCKS = ('pause_navigation', 'e_stop')
 SOURCE = 'navigation'
+# A mux that relays somebody else, or nobody, for so long does not relay us [s].
+HEARD_WITHIN = 0.5
 
 
 class NavigatorNode(Node):
@@ -80,14 +83,16 @@ class NavigatorNode(Node):
             'navigator', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
         self.settings = declare_parameters(self, NavigatorParameters, self._on_change)
-        self.navigator = Navigator(*(parts or make_parts(self.settings, self._log)))
+        parts = parts or make_parts(self.settings, self._log)
+        self.navigator = Navigator(*parts, self.settings.planning.silence)
         self.navigator.on_end.append(self._on_end)
         self._odom_frame, self._base_frame = 'odom', ''
         self._memory = OdometryMemory()
         self._waiting: LaserScan | None = None
         self._fixed: dict[str, tuple[str, Pose]] = {}  # child: parent and the pose in it
         self._locked: set[str] = set()
-        self._was_selected = False
+        self._selected: str | None = None  # by the mux; None: there is none
+        self._unheard = 0.0  # for so long velocities were sent that nobody relays [s]
         self._publisher = NavigationPublisher(self, self.navigator, self.settings.map_frame)
         self._listen()
         self.create_service(Trigger, '~/save_map', self._on_save_map)
@@ -119,6 +124,7 @@ class NavigatorNode(Node):
         self.create_subscription(OdometryMessage, 'odom', self.take_odometry, SENSOR_DATA)
         self.create_subscription(LaserScan, 'scan', self.take_scan, SENSOR_DATA)
         self.create_subscription(String, 'selected', self._on_selected, LATCHED)
+        self._mux_watch = PublisherWatch(self, 'selected', self._on_mux_lost)
         tf = tf_message_type()
         if tf is not None:
             self.create_subscription(tf, '/tf_static', self._on_fixed_frames, TF_STATIC)
@@ -166,13 +172,13 @@ class NavigatorNode(Node):
         velocity = self.navigator.step(dt)
         if velocity is not None:
             self.send(velocity)
+        self._look_who_is_heard(dt)
         dated = now + self.settings.transform_tolerance
         self._publisher.publish(now, dated, self._odom_frame)
         self._action.step(now, self.settings.map_frame)
 
     def go(self, goal: np.ndarray) -> None:
         """Drive to T_map_goal, shape (3,), whose yaw may be NaN: see `Navigator.set_goal`."""
-        self._was_selected = False
         refusal = ' and '.join(f'{lock} is on' for lock in sorted(self._locked)) or self.refusal()
         if refusal:
             self.navigator.refuse(refusal)
@@ -279,10 +285,22 @@ class NavigatorNode(Node):
 
     def _on_selected(self, message: String) -> None:
         """Give way to whom the mux lets drive instead."""
-        is_ours = message.data == SOURCE
-        if not is_ours and (message.data or self._was_selected):
+        before, self._selected = self._selected, message.data
+        if message.data not in ('', SOURCE) or (before == SOURCE and not message.data):
             self.stop(f'{message.data or "a lock"} takes over')
-        self._was_selected = is_ours and self.navigator.goal is not None
+
+    def _on_mux_lost(self) -> None:
+        """Begin without a goal when somebody starts it again."""
+        self._selected = None
+        self.stop('the mux is gone')
+
+    def _look_who_is_heard(self, dt: float) -> None:
+        """Stop who speaks to a mux that does not listen: it would drive off when that changes."""
+        is_relayed = self._selected in (None, SOURCE)
+        self._unheard = 0.0 if is_relayed or self.navigator.goal is None else self._unheard + dt
+        if self._unheard > HEARD_WITHIN:
+            self._unheard = 0.0
+            self.stop(f'the mux lets {self._selected or "nobody"} drive')
 
     def _on_return(self, gap: float) -> None:
         """Begin without a goal after this process stood still: nobody knows who wants it."""
@@ -328,7 +346,7 @@ class NavigatorNode(Node):
         before, self.settings = self.settings, changed
         if (before.limits, before.planning) != (changed.limits, changed.planning):
             self.stop('how to drive has changed')
-            self.navigator.pilot = make_pilot(changed)
+            self.navigator.configure(make_pilot(changed), changed.planning.silence)
 
     def _log(self, words: str) -> None:
         self.get_logger().info(visible(words))

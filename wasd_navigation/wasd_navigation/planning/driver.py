@@ -73,22 +73,21 @@ class Driver:
         """Know of nothing: no goal, no map, no obstacle."""
         self._around = Surroundings(self._footprint, self._parameters)
         self._filter = PoseFilter()
-        self._silence = 0.0
+        self.recoveries = 0
         self.cancel()
 
     def cancel(self, reason: str = '') -> None:
         """Have no goal, and stand."""
         self.state, self.reason = 'idle', reason
         self._route: Route | None = None
-        self._velocity = np.zeros(3)
-        self.recoveries = 0
         self.local_path = np.empty((0, 2))
 
     def set_goal(self, goal: np.ndarray) -> None:
         """Drive to a goal from the next step on, in place of any other."""
-        moving = self._velocity
+        if not self.is_under_way:
+            self.pause()
         self.cancel()
-        self._velocity = moving
+        self.recoveries = 0
         self._route = self._make_route(goal)
         self.state = 'driving'
         self._is_new = True
@@ -178,31 +177,30 @@ class Driver:
         `grid` is another one than in the step before only when `revision` is. `scan` is one that
         came since then, taken at about `pose`; None when none came.
         """
-        self._silence += dt
         known = bool(np.isfinite(pose).all() and np.isfinite(velocity).all())
         if known:
             self._filter.step(pose, velocity, dt)
             self._around.take_map(grid, revision)
             if scan is not None:
-                self._silence = 0.0
                 self._around.see(scan, pose)
         if not self.is_under_way:
             return self._stand()
         if not known:
             return self._stand('the pose or the velocity is not a number: the robot stands')
-        if self._silence > self._parameters.silence:
-            return self._stand('the lidar is silent: the robot stands')
         assert self._pose is not None
         state = np.concatenate((self._pose, velocity))
-        self._velocity = self._held(self._choose(state, dt), state)
-        return self._velocity.copy()
+        return self._held(self._choose(state, dt), state)
+
+    def pause(self) -> None:
+        """Forget how it moves, before a time without steps; the goal stays."""
+        self._filter = PoseFilter()
+        self._sampler.reset()
 
     def _stand(self, reason: str | None = None) -> np.ndarray:
         if reason is not None:
             self.reason = reason
-            self._sampler.reset()
-        self._velocity = np.zeros(3)
-        return self._velocity.copy()
+            self.pause()
+        return np.zeros(3)
 
     def _held(self, asked: np.ndarray, state: np.ndarray) -> np.ndarray:
         """Return the largest share of a velocity after which the robot can still stop."""
