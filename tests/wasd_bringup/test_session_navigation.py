@@ -133,7 +133,8 @@ def test_pause_reset_and_suspension_end_the_goal(session_of):
     assert ended(session) == ('cancelled', 'paused')
     session.simulation.paused = False
     session.simulation.advance(200)
-    assert navigation(session).navigator.goal is not None
+    assert navigation(session).navigator.goal is None
+    navigation(session).go(GOAL)
     session.halt()
     assert ended(session) == ('cancelled', 'stopped by hand')
     assert wanted(session) == 0.0
@@ -144,6 +145,52 @@ def test_pause_reset_and_suspension_end_the_goal(session_of):
     session.simulation.advance(500)
     assert navigation(session).navigator.scans > 0
     assert navigation(session).navigator.goal is None
+
+
+def test_goals_that_were_to_follow_go_with_the_one_that_is_cancelled(session_of):
+    session = session_of()
+    navigates = navigation(session)
+
+    def pause():
+        session.simulation.paused = True
+        session._poll(0.0)
+        session.simulation.paused = False
+
+    def fall():
+        navigates.node.refusal = lambda: 'it has fallen'
+        session.simulation.advance(100)
+        navigates.node.refusal = lambda: ''
+
+    def lose_page():
+        navigates._is_of_page = True
+        navigates.lose_page()
+
+    for end in (pause, fall, lose_page, session.simulation.reset):
+        navigates._goals.extend((GOAL, GOAL))
+        session.simulation.advance(200)
+        assert wanted(session) > 0.0
+        end()
+        session.simulation.advance(500)
+        assert navigates.navigator.goal is None
+        assert wanted(session) == 0.0
+
+
+def test_goals_that_were_to_follow_are_driven_to_after_one_that_has_failed(session_of):
+    session = session_of(goals=(GOAL, GOAL))
+    navigation(session).navigator.pilot.end = ('failed', 'stuck')
+    session.simulation.advance(1000)
+    assert [goal['state'] for goal in navigation(session).report()['goals']] == ['failed'] * 2
+
+
+def test_a_robot_whose_lidar_falls_silent_stands_also_for_the_next_goal(driving):
+    navigation(driving).node.take_scan = lambda *_: None
+    driving.simulation.advance(1500)
+    assert wanted(driving) == 0.0
+    navigation(driving).halt()
+    navigation(driving).go(GOAL)
+    driving.simulation.advance(500)
+    assert wanted(driving) == 0.0
+    assert navigation(driving).view().reason == 'the lidar is silent'
 
 
 def test_keys_that_latch_give_way_to_a_goal(session_of):

@@ -40,8 +40,8 @@ class SessionNavigation:
     """
     Maps with the robot's lidar and odometry, and drives it to goals, in lock-step.
 
-    Whatever a driver does, a key, a stick, a velocity on cmd_vel, a pause, ends the goal. So does
-    the loss of the page that asked for it.
+    Whatever a driver does, a key, a stick, a velocity on cmd_vel, a pause, ends the goal and those
+    that were to follow it. So does the loss of the page that asked for it.
     """
 
     def __init__(self, options: RunOptions, robot: SessionRobot) -> None:
@@ -119,7 +119,7 @@ class SessionNavigation:
 
     def halt(self) -> None:
         """Drive no more."""
-        self._goals.clear()
+        self._goals.clear()  # also before the first
         self.node.stop('stopped by hand')
 
     def save(self) -> None:
@@ -188,9 +188,8 @@ class SessionNavigation:
         self._stack.command_velocity((vx, vy, wz))
 
     def _give_way(self, by: str) -> None:
-        """End the goal, and forget those that were to follow."""
-        if self.node.stop(f'{by} takes over'):
-            self._goals.clear()
+        """End the goal."""
+        self.node.stop(f'{by} takes over')
 
     def _on_message_of_others(self, subscription: LoopbackSubscription[Any], _: Any) -> None:
         if subscription.topic in (self._stack.command_topic, self._robot.key_topic):
@@ -207,6 +206,8 @@ class SessionNavigation:
 
     def _on_end(self, outcome: Outcome) -> None:
         self._is_of_page = False
+        if outcome.state == 'cancelled':
+            self._goals.clear()
         self._stack.release(False)
         goal, pose = self.navigator.last_goal, self.navigator.pose
         truth = self._robot.world.base_since_start()
