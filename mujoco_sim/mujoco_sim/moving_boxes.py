@@ -61,10 +61,6 @@ class MovingBoxes:
         self._place(self._data, index, (x, y, 0.0), yaw)
         return True
 
-    def take_away(self, index: int) -> None:
-        """Let a box stand nowhere."""
-        self._place(self._data, index, (0.0, 0.0, NOWHERE), 0.0)
-
     def _place(
         self, data: mujoco.MjData, index: int, place: tuple[float, float, float], yaw: float
     ) -> None:

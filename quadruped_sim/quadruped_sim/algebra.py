@@ -66,10 +66,15 @@ def _fill(flat: np.ndarray, record: Any) -> None:
 
 
 def view_of(flat: np.ndarray, record: Any) -> Any:
-    """Return the like of a NamedTuple, or array, whose arrays are views on its flattened form."""
+    """
+    Return the like of a NamedTuple, or array, that is a view on its flattened form.
+
+    Its numbers are arrays of shape ().
+    """
     if _is_record(record):
         return type(record)(*(view_of(flat[name], part) for name, part in _parts(record)))
-    return flat[0].view(bool) if np.asarray(record).dtype == bool else flat[0]
+    part = flat.reshape(flat.shape[1:])
+    return part.view(bool) if np.asarray(record).dtype == bool else part
 
 
 @jit

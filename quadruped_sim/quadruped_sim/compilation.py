@@ -106,10 +106,8 @@ def warm_up(model: RobotModel) -> None:
     """
     Run a controller for a moment on the reading of a robot that stands still.
 
-    Afterwards the model is as it was: it keeps nothing from one tick to the next.
-
-    Takes some seconds the first time on a machine and a fraction of one later, when the compiled
-    functions come from numba's cache.
+    Afterwards the model is as it was: it keeps nothing from one tick to the next. How long it
+    takes where numba's cache is empty is said by `NOTICE`.
     """
     params = LegControllerParameters(gait=GaitParameters(step_in_place=True))
     controller = LegController(model, params)

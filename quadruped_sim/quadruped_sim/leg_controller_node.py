@@ -144,12 +144,12 @@ class LegControllerNode(Node):
 
     def publish_odometry(self) -> None:
         """Publish odom and /tf with one stamp, the node's time; the state when it has changed."""
-        message = self.odometry() if has_listener(self._odometry) else None
+        stamp = self.get_clock().now().to_msg()
+        message = self.odometry(stamp) if has_listener(self._odometry) else None
         if message is not None:
             self._odometry.publish(message)
         state = self.controller.odometry if self._tf.available else None
         if state is not None:
-            stamp = self.get_clock().now().to_msg()
             self._tf.send([to_transform(state, stamp, self._frames)])
         if self.controller.state != self._published_state:
             self._published_state = self.controller.state
@@ -159,12 +159,12 @@ class LegControllerNode(Node):
                 legs = self.controller
                 self._say(legs.words.to_event(event, legs.is_fallen, legs.obstacle))
 
-    def odometry(self) -> Odometry | None:
-        """Return odom as `publish_odometry` would publish it; None before there is any."""
+    def odometry(self, stamp: Time | None = None) -> Odometry | None:
+        """Return odom as `publish_odometry` publishes it, of now; None before there is any."""
         state = self.controller.odometry
         if state is None:
             return None
-        return to_odometry(state, self.get_clock().now().to_msg(), self._frames)
+        return to_odometry(state, stamp or self.get_clock().now().to_msg(), self._frames)
 
     def reset(self) -> None:
         """Begin anew, passive."""

@@ -116,19 +116,12 @@ class ContactPoints(NamedTuple):
     jacobian: np.ndarray
 
 
-def contact_points(motion: LegMotion, normal: np.ndarray, foot_radius: float) -> ContactPoints:
-    """Contact points of balls of `foot_radius` [m] on ground with `normal` (3,) in base axes."""
-    out = ContactPoints(np.zeros((4, 3)), np.zeros((4, 3, 3)))
-    write_contact_points(plain(motion), normal, foot_radius, plain(out))
-    return out
-
-
 @jit
 def write_contact_points(
     motion: LegMotion, normal: np.ndarray, foot_radius: float, out: ContactPoints
 ) -> None:
     """
-    Compiled `contact_points`, which writes into `out`.
+    Write where balls of `foot_radius` [m] touch ground with `normal` (3,), base axes.
 
     The Jacobian has (joint axis) x (arm to the contact) more than that of the centre; the hip's
     axis is (1, 0, 0), the others' (0, c1, s1).

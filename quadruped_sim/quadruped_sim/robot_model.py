@@ -28,13 +28,13 @@ from wasd_core.streams import visible
 
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate_back
-from quadruped_sim.dynamics import blank_dynamics
 from quadruped_sim.dynamics import Dynamics
 from quadruped_sim.dynamics import PinocchioTerms
 from quadruped_sim.dynamics import put_in_order
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegGeometry
+from quadruped_sim.robot_state import place_base
 from quadruped_sim.robot_state import RobotState
 
 # The closed form may miss the feet by so much per leg length: descriptions round right angles.
@@ -242,26 +242,23 @@ class RobotModel:
         `orientation` is (w, x, y, z), `velocity` [m/s] and `angular_velocity` [rad/s] are those of
         the base in base axes.
         """
-        out = blank_dynamics()
-        q, v = self._q, self._v
-        q[3:6], q[6] = orientation[1:], orientation[0]
-        q[self._to_q] = self._joint_positions(angles)
-        v[0:3], v[3:6] = velocity, angular_velocity
-        v[self._to_v] = rates if self._is_plain else self._sign * rates
-        self._find_dynamics(out)
-        return out
+        robot = RobotState.blank()
+        robot.orientation[:] = orientation
+        robot.joint_position[:], robot.joint_velocity[:] = angles, rates
+        place_base(robot.flat)
+        robot.base.velocity[:], robot.base.omega[:] = robot.base.R @ velocity, angular_velocity
+        self.update_dynamics(robot)
+        return robot.dynamics
 
     def update_dynamics(self, robot: RobotState) -> None:
         """Write the equations of motion at a state into it."""
-        _to_pinocchio(robot.flat, self._joints, self._q, self._v)
-        self._find_dynamics(robot.dynamics)
-
-    def _find_dynamics(self, out: Dynamics) -> None:
         model, data, q, v = self._model, self._data, self._q, self._v
+        _to_pinocchio(robot.flat, self._joints, q, v)
         pin.crba(model, data, q)
         pin.nonLinearEffects(model, data, q, v)
         coriolis = pin.computeCoriolisMatrix(model, data, q, v)
-        put_in_order(PinocchioTerms(data.M, data.nle, coriolis, v), self._order, self._signs, out)
+        terms = PinocchioTerms(data.M, data.nle, coriolis, v)
+        put_in_order(terms, self._order, self._signs, robot.dynamics)
 
 
 class _PinocchioJoints(NamedTuple):

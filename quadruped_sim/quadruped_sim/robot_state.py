@@ -44,7 +44,8 @@ class RobotState:
     world. `normal_forces` (4,) [N] are estimated from the joint torques, `is_contact` (4,) follows
     from them; `forces` (4, 3) [N] are all of each, in base axes.
 
-    The arrays are views on one block of memory, `flat`, which is what compiled functions take.
+    The arrays are views on one block of memory, `flat`, which is what compiled functions take. The
+    flags are last in it: numbers behind them would lie across words.
     """
 
     joint_position: np.ndarray
@@ -56,8 +57,8 @@ class RobotState:
     dynamics: Dynamics
     feet: np.ndarray
     normal_forces: np.ndarray
-    is_contact: np.ndarray
     forces: np.ndarray
+    is_contact: np.ndarray
     flat: np.ndarray = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -83,8 +84,8 @@ class RobotState:
             dynamics=blank_dynamics(),
             feet=four,
             normal_forces=np.zeros(4),
-            is_contact=np.zeros(4, dtype=bool),
             forces=four,
+            is_contact=np.zeros(4, dtype=bool),
         )
 
     @property

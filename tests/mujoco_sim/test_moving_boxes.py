@@ -35,7 +35,7 @@ def test_a_box_is_seen_where_it_was_put_and_no_more_when_it_is_gone(world):
     assert look()[180] == pytest.approx(1.0 - 0.1, abs=1e-3)
     assert world.boxes.put(0, 2.0, 0.0)
     assert look()[180] == pytest.approx(2.0 - 0.2, abs=1e-3)
-    world.boxes.take_away(0)
+    assert world.boxes.put(0, 99.0, 0.0)
     assert np.isinf(look()).all()
 
 

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from quadruped_sim.algebra import plain
 from quadruped_sim.leg_controller import LegController
+from quadruped_sim.leg_kinematics import ContactPoints
+from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.leg_kinematics import write_contact_points
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
 from robot_description.description import parse_description
@@ -46,6 +51,18 @@ def standing() -> Reading:
         JointStates(bent, np.zeros(12), np.zeros(12)),
         ImuReading(level, np.zeros(3), specific_force),
     )
+
+
+@pytest.fixture(scope='session')
+def contact_points() -> Callable[[LegMotion, np.ndarray, float], ContactPoints]:
+    """Return what gives contact points of feet of a radius on ground of a normal, base axes."""
+
+    def contact_points(motion: LegMotion, normal: np.ndarray, radius: float) -> ContactPoints:
+        out = ContactPoints(np.zeros((4, 3)), np.zeros((4, 3, 3)))
+        write_contact_points(plain(motion), normal, radius, plain(out))
+        return out
+
+    return contact_points
 
 
 @pytest.fixture(scope='session')

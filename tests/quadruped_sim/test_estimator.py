@@ -21,13 +21,16 @@ def make(model, yaw=0.0):
     return estimator
 
 
-def rolling_rates(model, angles, velocity):
-    """Joint rates at which the base moves at `velocity`, base axes, over rolling feet."""
-    from quadruped_sim.leg_kinematics import contact_points
+@pytest.fixture
+def rolling_rates(model, contact_points):
+    """Return joint rates at which the base moves at a velocity, base axes, over rolling feet."""
 
-    motion = leg_motion(model.geometry, angles, np.zeros(12))
-    J = contact_points(motion, UP, model.geometry.foot_radius).jacobian
-    return np.linalg.solve(J, np.tile(-velocity, (4, 1))[:, :, None]).ravel()
+    def rolling_rates(angles, velocity):
+        motion = leg_motion(model.geometry, angles, np.zeros(12))
+        J = contact_points(motion, UP, model.geometry.foot_radius).jacobian
+        return np.linalg.solve(J, np.tile(-velocity, (4, 1))[:, :, None]).ravel()
+
+    return rolling_rates
 
 
 @pytest.mark.slow
@@ -42,15 +45,15 @@ def test_at_rest_a_biased_accelerometer_does_not_carry_it_away(model):
 
 
 @pytest.mark.parametrize('yaw', [0.0, 1.2])
-def test_rolling_feet_are_not_read_as_slow(model, yaw):
+def test_rolling_feet_are_not_read_as_slow(model, rolling_rates, yaw):
     """Base at 0.5 m/s over rolling feet: the estimate is right to 1 %, without it 5 % are lost."""
     estimator = make(model, yaw)
     velocity = np.array((0.5, 0.1, 0.0))
     R = yaw_matrix(yaw)
     imu = ImuSample(R, np.zeros(3), np.array((0.0, 0.0, 9.81)))
-    angles = ANGLES - 0.1 * rolling_rates(model, ANGLES, velocity)
+    angles = ANGLES - 0.1 * rolling_rates(ANGLES, velocity)
     for _ in range(100):
-        rates = rolling_rates(model, angles, velocity)
+        rates = rolling_rates(angles, velocity)
         estimator.step(imu, leg_motion(model.geometry, angles, rates), np.ones(4), UP, DT)
         angles = angles + DT * rates
     np.testing.assert_allclose(estimator.velocity, R @ velocity, atol=0.005)
@@ -98,10 +101,10 @@ def test_height_error_is_drawn_back_near_the_start_level_only(model):
     assert abs(remaining[1] - 0.2) < 5e-3
 
 
-def test_a_foot_that_slips_is_left_out(model):
+def test_a_foot_that_slips_is_left_out(model, rolling_rates):
     """One leg says 1 m/s, three say rest: all believed, they would make it 0.25 m/s."""
     estimator = make(model)
-    slipping = rolling_rates(model, ANGLES, np.array((1.0, 0.0, 0.0)))
+    slipping = rolling_rates(ANGLES, np.array((1.0, 0.0, 0.0)))
     slipping[3:] = 0.0
     imu = ImuSample(np.eye(3), np.zeros(3), np.array((0.0, 0.0, 9.81)))
     for _ in range(20):

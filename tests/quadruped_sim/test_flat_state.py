@@ -37,3 +37,16 @@ def test_records_of_numbers_and_arrays_keep_all_of_them(rng):
     assert isinstance(seen, Plane)
     seen.gradient[1] = 3.0
     assert flat['gradient'][0, 1] == 3.0
+    flat['height'] = 0.5
+    assert seen.height == 0.5
+
+
+def test_each_number_of_a_state_lies_in_a_word_of_its_own(robot_state):
+    def places(layout, start):
+        for part, offset in layout.fields.values():
+            if part.fields:
+                yield from places(part, start + offset)
+            elif part.base.kind == 'f':
+                yield start + offset
+
+    assert not any(place % 8 for place in places(robot_state.flat.dtype, 0))

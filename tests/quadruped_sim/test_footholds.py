@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from quadruped_sim.algebra import flatten
+from quadruped_sim.algebra import plain
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
+from quadruped_sim.locomotion.swing import find_landing
 from quadruped_sim.locomotion.swing import keep_apart
 from quadruped_sim.locomotion.swing import SwingLegs
 from quadruped_sim.parameters import FootholdParameters
@@ -20,7 +23,7 @@ STANCE = 0.2
 def land(model):
     """Footholds of a Go2 on level ground at z 0; keywords replace standing still at the origin."""
     legs, ground = SwingLegs(model, LegControllerParameters()), Ground(GroundParameters())
-
+    rule = legs.rule
     schedule = GaitState(np.zeros(4, dtype=bool), np.ones(4), STANCE, 0.2, pace=0.0)
 
     def land(velocity=(0, 0, 0), command=None, yaw=0.0, yaw_rate=0.0, firmness=0.0):
@@ -29,7 +32,11 @@ def land(model):
         rpy = np.array((0.0, 0.0, yaw))
         base = BaseMotion(np.zeros(3), velocity, yaw_matrix(yaw), rpy, np.zeros(3))
         reference = BaseReference(np.zeros(3), rpy, command, yaw_rate)
-        return legs.landing(base, schedule, reference, ground, firmness)
+        feet = np.zeros((4, 3))
+        robot = flatten({'base': base, 'feet': feet})
+        asked = (plain(schedule), plain(reference), firmness)
+        find_landing(rule, robot, ground.flat, asked, feet)
+        return feet
 
     land.nominal = legs.nominal
     return land

@@ -247,6 +247,27 @@ def test_a_failing_solver_is_survived_then_counted_against_it(controller, run, m
     assert controller.state == 'fixed stand'
 
 
+@pytest.mark.parametrize(('keys', 'ticks', 'spares'), [('20', 1, True), ('2v', 250, False)])
+def test_a_stand_spares_its_motors_and_a_jump_does_not(
+    controller, run, monkeypatch, keys, ticks, spares
+):
+    """Asked for too much, all legs of one that jumps are to lack the same."""
+    run(controller, 2)
+    for key in keys:
+        controller.press(key)
+        run(controller, 3)
+    body, asked = controller.locomotion.whole_body, []
+    solve = body.solve
+
+    def listen(*of, spares_motors=True):
+        asked.append(spares_motors)
+        return solve(*of, spares_motors=spares_motors)
+
+    monkeypatch.setattr(body, 'solve', listen)
+    run(controller, ticks)
+    assert set(asked) == {spares}
+
+
 def test_keys_choose_gaits_in_turn_and_say_how_fast_they_are(controller):
     names = list(GAITS)
     for name in (*names[1:], *names[:1]):

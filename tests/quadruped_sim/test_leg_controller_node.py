@@ -23,6 +23,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_stamp
+from wasd_core.topics import tf_message_type
 
 PERIOD = 0.002
 JOINT_NAMES = tuple(f'{leg}_{part}_joint' for leg in LEGS for part in ('hip', 'thigh', 'calf'))
@@ -203,6 +204,18 @@ def test_odometry_is_published_50_times_a_second(feed, peer, spawn, spin_until):
     assert message.pose.pose.orientation.w == pytest.approx(1.0)
     assert 0.2 < message.pose.pose.position.z < 0.35
     assert (np.diag(np.array(message.pose.covariance).reshape(6, 6)) > 0.0).all()
+
+
+@pytest.mark.usefixtures('alive')
+def test_odometry_and_its_transform_have_one_stamp(feed, peer, legs, spawn, spin_until):
+    heard = []
+    peer.create_subscription(tf_message_type(), '/tf', heard.append, 10)
+    spin_until(spawn.pump, lambda: legs._tf.available)
+    for index in range(31):
+        feed(1.0 + PERIOD * index)
+    spin_until(spawn.pump, lambda: heard and peer.odometry)
+    sent = [message.transforms[0].header.stamp for message in heard]
+    assert peer.odometry[-1].header.stamp in sent
 
 
 @pytest.mark.usefixtures('alive')

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 from quadruped_sim.leg_kinematics import all_leg_angles
-from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_angles
 from quadruped_sim.leg_kinematics import leg_motion
@@ -50,7 +49,7 @@ def test_foot_velocity_and_bias_match_central_differences(model, angles, rng):
     np.testing.assert_allclose(motion.bias, difference, atol=1e-7)
 
 
-def test_contact_point_moves_as_a_point_of_the_calf(model, angles, rng):
+def test_contact_point_moves_as_a_point_of_the_calf(model, angles, rng, contact_points):
     rates = rng.normal(size=12)
     motion = leg_motion(model.geometry, angles, rates)
     normal = np.array((0.1, -0.2, 1.0)) / np.linalg.norm((0.1, -0.2, 1.0))

@@ -4,7 +4,6 @@ from dataclasses import replace
 from mujoco_sim.physics import TorqueSpeedCurve
 import numpy as np
 import pytest
-from quadruped_sim.leg_kinematics import contact_points
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.locomotion.whole_body import motor_range
 from quadruped_sim.locomotion.whole_body import WholeBody
@@ -18,51 +17,57 @@ from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
 
 
-def solve(model, angles, rng, stance, force_weight=1e-9, limits=None):
-    """Solve for a random state; returns all that the checks need."""
-    orientation = np.array(to_quaternion(rpy_matrix(0.1, -0.05, 0.7)))
-    R = matrix_from_quaternion(orientation)
-    rates = 0.5 * rng.normal(size=12)
-    velocity, omega = rng.normal(size=3), 0.5 * rng.normal(size=3)
-    motion = leg_motion(model.geometry, angles, rates)
-    contact = contact_points(motion, R.T @ (0.0, 0.0, 1.0), model.geometry.foot_radius)
-    dynamics = model.dynamics(orientation, velocity, omega, angles, rates)
-    forces = np.zeros((4, 3))
-    forces[stance, 2] = model.weight / stance.sum()
-    task = WholeBodyTask(
-        np.array((0.2, -0.1, 0.3, 0.4, 0.2, -0.1)),
-        stance,
-        forces,
-        5.0 * rng.normal(size=(4, 3)),
-        np.eye(3),
-    )
-    weights = WholeBodyParameters(force_weight=force_weight)
-    body = WholeBody(weights, MpcParameters(friction=5.0), limits)
-    base = BaseMotion(np.zeros(3), R @ velocity, R, np.array((0.1, -0.05, 0.7)), omega)
-    result = body.solve(
-        task,
-        RobotState(
-            joint_position=angles,
-            joint_velocity=rates,
-            orientation=orientation,
-            base=base,
-            motion=motion,
-            contact=contact,
-            dynamics=dynamics,
-            feet=motion.position @ R.T,
-            normal_forces=forces[:, 2],
-            is_contact=stance,
-            forces=forces @ R,
-        ),
-    )
-    return task, result, R, velocity, omega, motion, contact, dynamics
+@pytest.fixture
+def solve(model, angles, contact_points):
+    """Return a function that solves for a random state and returns all that the checks need."""
+    strong = replace(model.limits, effort=np.full(12, 1e6))
+
+    def solve(rng, stance, force_weight=1e-9, limits=strong):
+        orientation = np.array(to_quaternion(rpy_matrix(0.1, -0.05, 0.7)))
+        R = matrix_from_quaternion(orientation)
+        rates = 0.5 * rng.normal(size=12)
+        velocity, omega = rng.normal(size=3), 0.5 * rng.normal(size=3)
+        motion = leg_motion(model.geometry, angles, rates)
+        contact = contact_points(motion, R.T @ (0.0, 0.0, 1.0), model.geometry.foot_radius)
+        dynamics = model.dynamics(orientation, velocity, omega, angles, rates)
+        forces = np.zeros((4, 3))
+        forces[stance, 2] = model.weight / stance.sum()
+        task = WholeBodyTask(
+            np.array((0.2, -0.1, 0.3, 0.4, 0.2, -0.1)),
+            stance,
+            forces,
+            5.0 * rng.normal(size=(4, 3)),
+            np.eye(3),
+        )
+        weights = WholeBodyParameters(force_weight=force_weight)
+        body = WholeBody(weights, MpcParameters(friction=5.0), limits)
+        base = BaseMotion(np.zeros(3), R @ velocity, R, np.array((0.1, -0.05, 0.7)), omega)
+        result = body.solve(
+            task,
+            RobotState(
+                joint_position=angles,
+                joint_velocity=rates,
+                orientation=orientation,
+                base=base,
+                motion=motion,
+                contact=contact,
+                dynamics=dynamics,
+                feet=motion.position @ R.T,
+                normal_forces=forces[:, 2],
+                is_contact=stance,
+                forces=forces @ R,
+            ),
+        )
+        return task, result, R, velocity, omega, motion, contact, dynamics
+
+    return solve
 
 
 @pytest.mark.parametrize('stance', [(True,) * 4, (True, True, True, False)])
-def test_torques_bring_about_the_wanted_accelerations(model, angles, rng, stance):
+def test_torques_bring_about_the_wanted_accelerations(solve, rng, stance):
     """Forward dynamics with the answer's torques and forces gives back base and foot tasks."""
     stance = np.array(stance)
-    task, result, R, velocity, omega, motion, contact, dynamics = solve(model, angles, rng, stance)
+    task, result, R, velocity, omega, motion, contact, dynamics = solve(rng, stance)
     assert result.is_solved
     generalized = np.concatenate((np.zeros(6), result.torque)) - dynamics.bias
     for leg in range(4):
@@ -82,31 +87,31 @@ def test_torques_bring_about_the_wanted_accelerations(model, angles, rng, stance
         np.testing.assert_allclose(R @ foot, task.foot_acceleration[leg], atol=1e-6)
 
 
-def test_swing_legs_carry_nothing(model, angles, rng):
+def test_swing_legs_carry_nothing(solve, rng):
     stance = np.array((True, False, False, True))
-    _, result, *_ = solve(model, angles, rng, stance)
+    _, result, *_ = solve(rng, stance)
     np.testing.assert_array_equal(result.forces[~stance], 0.0)
 
 
-def test_a_heavy_force_weight_returns_the_wanted_forces(model, angles, rng):
-    task, result, *_ = solve(model, angles, rng, np.ones(4, dtype=bool), force_weight=1e6)
+def test_a_heavy_force_weight_returns_the_wanted_forces(solve, rng):
+    task, result, *_ = solve(rng, np.ones(4, dtype=bool), force_weight=1e6)
     np.testing.assert_allclose(result.forces, task.forces, atol=1e-2)
 
 
-def test_torques_that_the_motors_have_not_are_not_asked_for(model, angles):
+def test_torques_that_the_motors_have_not_are_not_asked_for(model, solve):
     stance = np.ones(4, dtype=bool)
     free, weak = (
-        solve(model, angles, np.random.default_rng(7), stance, 1e-3, limits)[1]
-        for limits in (None, replace(model.limits, effort=np.full(12, 5.0)))
+        solve(np.random.default_rng(7), stance, 1e-3, replace(model.limits, effort=effort))[1]
+        for effort in (np.full(12, 1e6), np.full(12, 5.0))
     )
     assert np.abs(free.torque).max() > 6.0
     assert np.abs(weak.torque).max() == pytest.approx(5.0, abs=0.05)
     assert weak.is_solved
 
 
-def test_where_motors_cannot_hold_at_all_the_qp_is_solved_still(model, angles, rng):
+def test_where_motors_cannot_hold_at_all_the_qp_is_solved_still(model, solve, rng):
     weak = replace(model.limits, effort=np.full(12, 0.1))
-    _, result, *_ = solve(model, angles, rng, np.ones(4, dtype=bool), 1e-3, weak)
+    _, result, *_ = solve(rng, np.ones(4, dtype=bool), 1e-3, weak)
     assert result.is_solved
     assert (result.forces[:, 2] >= MpcParameters().force_min - 1e-6).all()
 

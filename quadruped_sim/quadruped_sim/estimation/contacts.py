@@ -166,11 +166,6 @@ class Ground:
         """Height of the plane at its centre [m]."""
         return float(self.flat['height'][0])
 
-    @property
-    def gradient(self) -> np.ndarray:
-        """Slope along world x and y (2,)."""
-        return self._plane.gradient
-
     def step(self, contacts: np.ndarray, is_contact: np.ndarray, dt: float) -> None:
         """Move the plane toward the contact points (4, 3) of the feet that stand, world [m]."""
         params = self.params
@@ -180,10 +175,6 @@ class Ground:
             min(1.0, dt / params.height_time),
         )
         _follow_plane(self.flat, contacts, is_contact, plain(low_pass))
-
-    def heights(self, points: np.ndarray) -> np.ndarray:
-        """Ground height below `points` (n, 2 or 3) [m], shape (n,)."""
-        return np.asarray(self.height + (points[:, :2] - self._plane.centre) @ self.gradient)
 
     def normal(self) -> np.ndarray:
         """Unit normal in world axes, pointing up, shape (3,)."""

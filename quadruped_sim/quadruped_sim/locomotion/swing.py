@@ -229,7 +229,7 @@ class SwingLegs:
         gains, rule = params.whole_body, params.foothold
         fall_time = math.sqrt(params.reference.height / GRAVITY)
         reach = rule.velocity_gain, rule.reach, fall_time
-        self._rule = flatten(
+        self.rule = flatten(
             FootholdRule(self.nominal, *reach, *self._landing, self._foot_radius, self._apart)
         )
         self._gains = SwingGains(gains.swing_position_gain, gains.swing_velocity_gain)
@@ -241,21 +241,6 @@ class SwingLegs:
     def lift(self, legs: np.ndarray, feet: np.ndarray) -> None:
         """Note where the feet of the mask `legs` (4,) leave the ground."""
         self._lift_off[legs] = feet[legs]
-
-    def landing(
-        self,
-        base: BaseMotion,
-        schedule: GaitState,
-        reference: BaseReference,
-        ground: Ground,
-        firmness: float = 0.0,
-    ) -> np.ndarray:
-        """Where the foot centres land on the ground's plane, (4, 3), world axes [m]."""
-        feet, schedule = np.empty((4, 3)), schedule._replace(is_stance=np.zeros(4, dtype=bool))
-        robot = flatten({'base': base, 'feet': feet})
-        asked = plain(schedule), plain(reference), firmness
-        find_landing(self._rule, robot, ground.flat, asked, feet)
-        return feet
 
     def step(
         self,
@@ -269,7 +254,7 @@ class SwingLegs:
         """Targets of this tick."""
         landing = np.empty((4, 3))
         asked = plain(schedule._replace(is_stance=is_stance)), plain(reference), tread.firmness
-        find_landing(self._rule, state.flat, ground.flat, asked, landing)
+        find_landing(self.rule, state.flat, ground.flat, asked, landing)
         self.aims = landing
         targets = SwingTargets(state.feet.copy(), np.zeros((4, 3)), np.zeros((4, 3)), is_stance)
         paths = plain(FootPaths(self._lift_off, landing, *tread))

@@ -96,7 +96,7 @@ class WholeBody:
     """
 
     def __init__(
-        self, params: WholeBodyParameters, mpc: MpcParameters, limits: JointLimits | None = None
+        self, params: WholeBodyParameters, mpc: MpcParameters, limits: JointLimits
     ) -> None:
         self._limits = limits
         self._legs = flatten(LegTerms(*(np.zeros(shape) for shape in _SHAPES)))
@@ -135,10 +135,8 @@ class WholeBody:
 
         torque, in_world = outcome(forces)
         limits, rates = self._limits, state.joint_velocity
-        if (
-            spares_motors
-            and limits is not None
-            and _overtaxes(limits.effort, limits.velocity, rates, torque, task.is_stance)
+        if spares_motors and _overtaxes(
+            limits.effort, limits.velocity, rates, torque, task.is_stance
         ):
             joints = np.flatnonzero(task.is_stance.repeat(3))
             motors = motor_range(limits, rates)[:, joints]

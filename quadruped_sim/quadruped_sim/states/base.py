@@ -98,18 +98,21 @@ class State(ABC):
         acceleration: np.ndarray,
         is_stance: np.ndarray,
         led: np.ndarray | None = None,
+        *,
+        spares_motors: bool = True,
     ) -> JointCommand:
         """
         Have the feet of `is_stance` (4,) give the base an `acceleration` (6,), world axes.
 
         `led` (4, 3) [m/s^2] are the accelerations of the other feet. Level ground is taken.
+        `spares_motors` is as in `WholeBody.solve`.
         """
         model = self._parts.model
         forces = standing_forces(model.weight + model.mass * float(acceleration[2]), is_stance)
         led = np.zeros((4, 3)) if led is None else led
         task = WholeBodyTask(acceleration, is_stance, forces, led, np.eye(3))
-        # Asked for too much, as by a jump, all legs lack the same: others' forces would turn it.
-        result = self._parts.locomotion.whole_body.solve(task, robot, spares_motors=False)
+        whole_body = self._parts.locomotion.whole_body
+        result = whole_body.solve(task, robot, spares_motors=spares_motors)
         return NO_TORQUE._replace(
             position=robot.joint_position.copy(),
             effort=result.torque,

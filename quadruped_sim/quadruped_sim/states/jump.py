@@ -143,7 +143,7 @@ class Jump(AfterTrot):
         goal = Goal(way, share * speed, level + 0.5 * now * share * turn, share * direction @ turn)
         acceleration = self._feedback(_PUSH_GAINS, robot, goal)
         acceleration += np.concatenate((speed, direction @ turn)) / time
-        command = self._by_forces(robot, acceleration, np.ones(4, dtype=bool))
+        command = self._by_all(robot, acceleration)
         # The motors shall not damp what they are to bring about.
         return command._replace(velocity=robot.joint_velocity.copy())
 
@@ -168,7 +168,13 @@ class Jump(AfterTrot):
         middle[2] = float(robot.feet[:, 2].min()) + LANDED * self._scale('m')
         goal = Goal(middle, np.zeros(3), np.array((0.0, 0.0, self._yaw)), np.zeros(3))
         acceleration = self._feedback(_LAND_GAINS, robot, goal)
-        return self._by_forces(robot, acceleration, np.ones(4, dtype=bool))
+        return self._by_all(robot, acceleration)
+
+    def _by_all(self, robot: RobotState, acceleration: np.ndarray) -> JointCommand:
+        """Have all feet accelerate the base; asked for too much, all legs lack the same."""
+        stance = np.ones(4, dtype=bool)
+        # Other forces, which spare the motors of some legs, would turn it.
+        return self._by_forces(robot, acceleration, stance, spares_motors=False)
 
     def _feedback(self, gains: np.ndarray, robot: RobotState, goal: Goal) -> np.ndarray:
         """Acceleration (6,) of the base toward a goal, world axes."""
