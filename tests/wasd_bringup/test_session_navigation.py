@@ -288,6 +288,8 @@ def test_a_goal_that_is_none_is_refused_in_one_line(read, words):
 def test_a_map_that_is_not_there_and_two_robots_are_refused(read):
     with pytest.raises(UserError, match='--map nowhere.yaml: no such file'):
         read('--map', 'nowhere.yaml')
+    with pytest.raises(UserError, match='--map /: is no file'):
+        read('--map', '/')
     with pytest.raises(UserError, match='for one robot'):
         read('--map', both=True)
 

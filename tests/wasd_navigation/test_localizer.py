@@ -114,3 +114,16 @@ def test_odometry_that_is_no_number_changes_nothing(grid: Grid) -> None:
     scan = look(np.zeros(3), np.random.default_rng(0))
     localizer.step(scan, np.array((math.nan, 0.0, 0.0)), np.zeros((3, 3)))
     assert localizer.pose == pytest.approx(np.zeros(3))
+
+
+def test_odometry_that_is_set_anew_leaves_the_robot_where_it_is(grid: Grid) -> None:
+    poses = circle(60)
+    robot = Robot(grid, poses[0])
+    robot.localizer.start(poses[0], 1e-4 * np.eye(3))
+    for index, pose in enumerate(poses[:40]):
+        if index == 30:
+            robot.localizer.take_leap(robot._odometry, np.zeros(3))
+            robot._odometry = np.zeros(3)
+        robot.go(pose)
+    assert robot.localizer.is_found
+    assert is_near(robot.localizer.pose, poses[39])

@@ -82,18 +82,32 @@ GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
     [
         ('[1, 2', 'no YAML'),
         ('hello', 'wanted image, resolution and origin'),
-        (GOOD.replace('0.05', '-1'), 'resolution: wanted more than 0 m, got -1'),
+        (GOOD.replace('0.05', '-1'), 'resolution: wanted 0.01 to 1 m, got -1'),
+        (GOOD.replace('0.05', '1.0e-9'), 'resolution: wanted 0.01 to 1 m, got 1e-09'),
+        (GOOD.replace('0.05', '1.0e+9'), 'resolution: wanted 0.01 to 1 m, got 1e+09'),
+        (GOOD.replace('0.05', '1' + 400 * '0'), 'resolution: wanted a number, got 1000'),
+        (GOOD.replace('0.05', '2020-99-99'), 'no YAML: month must be in 1..12'),
+        (GOOD.replace('0.05', '!!int ""'), 'no YAML'),
+        (GOOD.replace('0.05', '!!timestamp x'), 'no YAML'),
+        (GOOD.replace('0.05', '&a [*a]'), 'resolution: wanted a number, got list'),
+        (GOOD.replace('[0, 0, 0]', '[1.0e+30, 0, 0]'), 'origin: wanted at most 1e+06 m'),
+        (GOOD.replace('m.pgm', 'long.pgm').replace('0.05', '1.0'), 'got 1001 m x 1 m'),
+        (GOOD.replace('m.pgm', 'large.pgm'), 'got 8000 x 8000'),
+        (GOOD + 100_000 * ' ', 'is too much'),
         (GOOD.replace('0.05', '.nan'), 'resolution: wanted a number, got nan'),
         (GOOD.replace('image: m.pgm', 'x: y'), 'image: wanted the name of a picture'),
         (GOOD.replace('[0, 0, 0]', '[0, 0]'), 'origin: wanted [x, y, yaw]'),
         (GOOD.replace('[0, 0, 0]', '[0, 0, 1]'), 'a map that is turned cannot be used'),
         (GOOD + 'mode: odd\n', "mode: wanted trinary or scale, got 'odd'"),
+        (GOOD.replace('m.pgm', 'none.pgm'), 'map.yaml: image: '),
         (GOOD.replace('m.pgm', 'none.pgm'), 'none.pgm: no such file'),
         (GOOD.replace('m.pgm', 'map.yaml'), 'map.yaml: no picture'),
     ],
 )
 def test_what_is_no_map_is_refused_in_one_line(text: str, said: str, tmp_path: Path) -> None:
     Image.fromarray(np.zeros((1, 1), dtype=np.uint8)).save(tmp_path / 'm.pgm')
+    Image.fromarray(np.zeros((1, 1001), dtype=np.uint8)).save(tmp_path / 'long.pgm')
+    (tmp_path / 'large.pgm').write_bytes(b'P5 8000 8000 255\n')
     (tmp_path / 'map.yaml').write_text(text)
     with pytest.raises(UserError) as refused:
         load_map(tmp_path / 'map.yaml')

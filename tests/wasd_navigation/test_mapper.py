@@ -90,3 +90,16 @@ def test_a_robot_that_has_slipped_is_found_again() -> None:
     occupied = mapper.grid.to_points(np.argwhere(mapper.grid.cells == 100))
     assert (occupied > np.array(ROOM[:2]) - 0.1).all()
     assert (occupied < np.array(ROOM[2:]) + 0.1).all()
+
+
+def test_odometry_that_is_set_anew_leaves_map_and_robot_where_they_are() -> None:
+    mapper, random, poses = Mapper(), np.random.default_rng(6), circle(120)
+    zero = inverse(poses[50])
+    for index, pose in enumerate(poses[:70]):
+        odometry = pose if index < 50 else compose(zero, pose)
+        if index == 50:
+            mapper.take_leap(poses[49], odometry)
+        mapper.step(look(pose, random), odometry, index * 1e-5 * np.eye(3))
+        # A step of the robot is lost with it.
+        assert np.hypot(*(mapper.pose - pose)[:2]) < 0.03
+    assert compose(mapper.correction, odometry) == pytest.approx(mapper.pose)

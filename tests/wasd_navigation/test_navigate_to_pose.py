@@ -133,6 +133,23 @@ def test_what_cannot_be_driven_to_is_aborted_with_the_reason(client, frame, refu
     assert (result.error_msg, result.error_code) == (words, 1)
 
 
+@pytest.mark.parametrize(('frame', 'refusal'), [('map', 'it has fallen'), ('moon', '')])
+def test_a_goal_that_is_none_leaves_the_robot_standing(client, frame, refusal):
+    client.send(2.0)
+    client.navigator.step()
+    assert client.sent[-1] != [0.0, 0.0, 0.0]
+    client.navigator.refusal = lambda: refusal
+    client.send(2.0, frame)
+    assert client.sent[-1] == [0.0, 0.0, 0.0]
+
+
+def test_the_next_goal_does_not_make_it_stand(client):
+    for _ in range(5):
+        client.send(2.0)
+        client.navigator.step()
+    assert [0.0, 0.0, 0.0] not in client.sent
+
+
 def test_a_driver_who_takes_over_ends_the_goal(client):
     handle = client.send(2.0)
     client.navigator.stop('a key takes over')

@@ -231,6 +231,26 @@ def test_the_map_to_plan_on_is_looked_at_once_a_second():
     assert len(set(revisions)) == 3  # at 0, 1 and 2 s
 
 
+def test_a_refusal_is_of_the_goal_that_was_refused():
+    driven = navigator()
+    driven.set_goal(GOAL)
+    driven.step(DT)
+    driven.pilot.recoveries = 3
+    driven.refuse('press 2, then 5', np.array([1.0, 2.0, math.nan]))
+    assert driven.last_goal == pytest.approx([1.0, 2.0, math.pi / 4.0])
+    assert (driven.elapsed, driven.pilot.recoveries) == (0.0, 0)
+
+
+def test_odometry_that_is_set_anew_leaves_the_robot_where_it_is():
+    driven = navigator()
+    driven.move(odometry(30.0, 4.0))
+    driven.move(odometry(30.5, 4.0))
+    before = driven.pose
+    assert driven.move(odometry(0.0, 0.0))
+    assert driven.pose == pytest.approx(before)
+    assert not driven.move(odometry(0.5, 0.0))
+
+
 def test_reset_forgets_map_goal_and_pose():
     driven = navigator()
     driven.set_goal(GOAL)

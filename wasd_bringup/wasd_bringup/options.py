@@ -253,7 +253,8 @@ def _read(path: str, option: str) -> str:
 
 def _file(path: str | None, option: str) -> Path | None:
     if path is not None and not Path(path).is_file():
-        raise UserError(f'{option} {path}: no such file')
+        is_there = Path(path).exists()
+        raise UserError(f'{option} {path}: {"is no file" if is_there else "no such file"}')
     return None if path is None else Path(path)
 
 

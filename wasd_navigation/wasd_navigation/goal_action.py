@@ -36,8 +36,8 @@ class GoalAction:
     """
     Serves the action of a node; each goal that comes takes the place of the one before.
 
-    `go` drives to what a message asks for, `stop` cancels. A goal that something else has ended
-    is aborted, with the reason in `error_msg`.
+    `go` drives to what a message asks for, `stop` cancels, `stand` commands standstill. A goal
+    that something else has ended is aborted, with the reason in `error_msg`.
     """
 
     def __init__(
@@ -46,10 +46,11 @@ class GoalAction:
         navigator: Navigator,
         go: Callable[[PoseStamped], None],
         stop: Callable[[str], bool],
+        stand: Callable[[], None],
     ) -> None:
         self._navigator = navigator
         self._node = node
-        self._go, self._stop = go, stop
+        self._go, self._stop, self._stand = go, stop, stand
         self._handle: Any = None
         self._beat = Beat()
         self._type = action_type()
@@ -88,13 +89,16 @@ class GoalAction:
             self._server.destroy()
 
     def _on_goal(self, handle: Any) -> None:
-        self._navigator.cancel('another goal has come')
+        # Without a zero: it goes on to the next one, unless that is none.
+        was_driving = self._navigator.cancel('another goal has come')
         self._handle = handle
         handle._update_state(GoalEvent.EXECUTE)  # `execute` would run to the end at once
         try:
             self._go(handle.request.pose)
         except InvalidMessage as error:
             self._navigator.refuse(str(error))
+        if was_driving and self._navigator.goal is None:
+            self._stand()
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
         if handle is self._handle:

@@ -26,6 +26,10 @@ from wasd_navigation.odometry_memory import Odometry
 from wasd_navigation.scan import read_tilted_scan
 from wasd_navigation.scan import Scan
 
+# Nothing drives so far [m] or so fast [m/s, rad/s], and no lidar has so many rays.
+FARTHEST, FASTEST, MOST_RAYS = 1e6, 1e3, 100_000
+# What a longer quaternion says, or one shorter than its inverse, is noise.
+LONGEST_QUATERNION = 1e3
 # x, y and yaw in a covariance of x, y, z, roll, pitch, yaw, shape (6, 6).
 _PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
 
@@ -35,13 +39,16 @@ def from_pose(pose: Any) -> Pose:
     Return a geometry_msgs/Pose, or a Transform.
 
     Raises:
-        InvalidMessage: a number is not finite, or the orientation is 0.
+        InvalidMessage: a number is not finite, a place out of the world, the orientation 0.
     """
     p = getattr(pose, 'position', None) or pose.translation
     q = getattr(pose, 'orientation', None) or pose.rotation
     numbers = (p.x, p.y, p.z, q.w, q.x, q.y, q.z)
-    if not all(map(math.isfinite, numbers)) or not any(numbers[3:]):
+    length = math.hypot(*numbers[3:])
+    if not all(map(math.isfinite, numbers)) or not length > 1.0 / LONGEST_QUATERNION:
         raise InvalidMessage('wanted a pose of finite numbers and an orientation that is not 0')
+    if max(map(abs, numbers[:3])) > FARTHEST or length > LONGEST_QUATERNION:
+        raise InvalidMessage(f'wanted a pose within {1e-3 * FARTHEST:.0f} km, of unit orientation')
     return Pose(np.array(numbers[:3]), matrix_from_quaternion(np.array(numbers[3:])))
 
 
@@ -55,7 +62,7 @@ def from_odometry(message: OdometryMessage) -> Odometry:
     Return odometry as seen from above.
 
     Raises:
-        InvalidMessage: its pose is not finite.
+        InvalidMessage: a number is not finite, or is out of the world.
     """
     pose = from_pose(message.pose.pose)
     planar = to_planar(pose)
@@ -64,12 +71,41 @@ def from_odometry(message: OdometryMessage) -> Odometry:
     )
     twist = message.twist.twist
     velocity = np.array([twist.linear.x, twist.linear.y, twist.angular.z])
-    covariance = np.array(message.pose.covariance).reshape(6, 6)[_PLANAR]
+    if not (np.abs(velocity) <= FASTEST).all():
+        raise InvalidMessage(f'wanted a velocity of at most {FASTEST:.0f} m/s, got {velocity}')
+    covariance = from_covariance(message.pose.covariance)
     return Odometry(planar, velocity, covariance, level)
 
 
+def from_covariance(numbers: Any) -> np.ndarray:
+    """
+    Return the covariance of x, y and yaw, shape (3, 3), out of that of a pose, 36 numbers.
+
+    Raises:
+        InvalidMessage: a number of it is not finite.
+    """
+    covariance: np.ndarray = np.array(numbers, dtype=float).reshape(6, 6)[_PLANAR]
+    if not np.isfinite(covariance).all():
+        raise InvalidMessage('wanted a covariance of finite numbers')
+    bounded: np.ndarray = covariance.clip(-(FARTHEST**2), FARTHEST**2)
+    return bounded
+
+
 def from_scan(message: LaserScan, mount: Pose) -> Scan:
-    """Return the rays of a scan; `mount` is the lidar's pose in the level frame below the base."""
+    """
+    Return the rays of a scan; `mount` is the lidar's pose in the level frame below the base.
+
+    Raises:
+        InvalidMessage: its angles or limits are not finite, or it has more rays than any lidar.
+    """
+    said = (message.angle_min, message.angle_increment, message.range_min, message.range_max)
+    if not all(map(math.isfinite, said)) or not message.range_max > 0.0:
+        raise InvalidMessage(
+            'wanted finite angles and limits, the greatest range above 0 m; angle_min, '
+            f'angle_increment, range_min and range_max are {", ".join(map(str, said))}'
+        )
+    if len(message.ranges) > MOST_RAYS:
+        raise InvalidMessage(f'wanted at most {MOST_RAYS} rays, got {len(message.ranges)}')
     ranges = np.array(message.ranges, dtype=float)
     angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
     return read_tilted_scan(ranges, angles, (message.range_min, message.range_max), mount)

@@ -21,7 +21,10 @@ SILENCE = 0.5
 PATIENCE = 10.0
 # The driver plans on a map that is at most so old [s]: drawing one takes as long as 20 steps.
 LOOK_PERIOD = 1.0
+# Odometry that has moved more than this, and than so fast, has been set anew [m], [rad], [m/s].
+LEAP, LEAP_TURN, LEAP_RATE = 1.0, 2.0, 10.0
 STANDSTILL = np.zeros(3)
+NOWHERE = np.full(3, math.nan)
 # States of a driver in which it has done with a goal.
 ENDS = ('arrived', 'refused', 'failed')
 
@@ -47,6 +50,9 @@ class Locator(Protocol):
 
     def step(self, scan: Scan, odometry: np.ndarray, covariance: np.ndarray) -> None:
         """Take a scan, T_odom_base of its instant and odometry's covariance then."""
+
+    def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
+        """Stay in place while T_odom_base, shape (3,), is another from one moment to the next."""
 
     def reset(self) -> None:
         """Begin anew."""
@@ -124,7 +130,7 @@ class Navigator:
         self.locator = locator
         self.pilot = pilot
         self.goal: np.ndarray | None = None
-        self.last_goal = np.full(3, math.nan)  # that one, or the one before
+        self.last_goal = NOWHERE  # that one, or the one before
         self.outcome: Outcome | None = None  # of the last goal, until the next
         self.on_end: list[Callable[[Outcome], None]] = []
         self.elapsed = 0.0  # since the goal came [s]
@@ -180,11 +186,27 @@ class Navigator:
             return 'odometry is silent'
         return '' if self._sighted.is_alive else 'the lidar is silent'
 
-    def move(self, odometry: Odometry) -> None:
-        """Take the newest odometry; one that is not finite is none."""
-        if np.isfinite(odometry.pose).all() and np.isfinite(odometry.velocity).all():
-            self._odometry = odometry
-            self._fresh.hear()
+    def move(self, odometry: Odometry) -> bool:
+        """
+        Take the newest odometry; one that is not finite is none.
+
+        Return whether it has leapt, as when it is set to 0: then the goal is to end.
+        """
+        if not (np.isfinite(odometry.pose).all() and np.isfinite(odometry.velocity).all()):
+            return False
+        leaps = self._odometry is not None and self._leaps(self._odometry.pose, odometry.pose)
+        if self._odometry is not None and leaps:
+            self.locator.take_leap(self._odometry.pose, odometry.pose)
+            self._seen = None
+            self.pilot.pause()
+        self._odometry = odometry
+        self._fresh.hear()
+        return leaps
+
+    def _leaps(self, before: np.ndarray, after: np.ndarray) -> bool:
+        move = compose(inverse(before), after)
+        way, free = math.hypot(move[0], move[1]), LEAP_RATE * self._fresh.age
+        return bool(way > LEAP + free or abs(move[2]) > LEAP_TURN + free)
 
     def see(self, scan: Scan, odometry: Odometry, age: float = 0.0) -> None:
         """Take a scan and the odometry of its instant, which is `age` [s] ago."""
@@ -207,18 +229,17 @@ class Navigator:
         """
         if self.goal is not None:
             self._end(Outcome('cancelled', 'another goal has come'))
-        if math.isnan(goal[2]):
-            pose = np.zeros(3) if self.pose is None else self.pose
-            goal = np.array([*goal[:2], math.atan2(goal[1] - pose[1], goal[0] - pose[0])])
+        goal = self._with_yaw(goal)
         self.goal = self.last_goal = goal
         self.outcome, self.elapsed = None, 0.0
         self._waited, self._was_placed = 0.0, False
         self._looked = math.inf
         self.pilot.set_goal(goal)
 
-    def refuse(self, why: str) -> None:
+    def refuse(self, why: str, goal: np.ndarray = NOWHERE) -> None:
         """End what it was doing, and take no other goal, because of something."""
         self.cancel('another goal has come')
+        self.last_goal, self.elapsed, self.pilot.recoveries = self._with_yaw(goal), 0.0, 0
         self._end(Outcome('refused', why))
 
     def cancel(self, why: str) -> bool:
@@ -230,8 +251,8 @@ class Navigator:
         return True
 
     def reset(self) -> None:
-        """Begin anew: the robot is back at its start."""
-        self.cancel('the robot was put back to its start')
+        """Begin anew."""
+        self.cancel('all begins anew')
         self.locator.reset()
         self.pilot.reset()
         self.outcome, self.scans = None, 0
@@ -287,6 +308,13 @@ class Navigator:
         moved = compose(inverse(self._odometry.pose), at)
         origin = transform(moved, scan.origin[None])[0]
         return Scan(origin, transform(moved, scan.ends), scan.hits)
+
+    def _with_yaw(self, goal: np.ndarray) -> np.ndarray:
+        """Return a goal with the yaw of the line to it where it has none."""
+        if not math.isnan(goal[2]):
+            return goal
+        x, y, _ = (0.0, 0.0, 0.0) if self.pose is None else self.pose
+        return np.array([*goal[:2], math.atan2(goal[1] - y, goal[0] - x)])
 
     def _end(self, outcome: Outcome) -> None:
         self.goal, self.outcome = None, outcome

@@ -37,6 +37,7 @@ from wasd_core.topics import TF_STATIC
 from wasd_navigation.executables import NAVIGATOR
 from wasd_navigation.goal_action import GoalAction
 from wasd_navigation.mapping.map_file import save_map
+from wasd_navigation.messages import from_covariance
 from wasd_navigation.messages import from_odometry
 from wasd_navigation.messages import from_pose
 from wasd_navigation.messages import from_scan
@@ -88,7 +89,8 @@ class NavigatorNode(Node):
         self.navigator.on_end.append(self._on_end)
         self._odom_frame, self._base_frame = 'odom', ''
         self._memory = OdometryMemory()
-        self._waiting: LaserScan | None = None
+        self._waiting: tuple[LaserScan, str] | None = None  # for odometry, and its frame
+        self._notice = ''
         self._fixed: dict[str, tuple[str, Pose]] = {}  # child: parent and the pose in it
         self._locked: set[str] = set()
         self._selected: str | None = None  # by the mux; None: there is none
@@ -101,7 +103,7 @@ class NavigatorNode(Node):
         self.send: Callable[[np.ndarray], None] = self._publish_velocity
         self.say: Callable[[str], Any] = self._log
         self.refusal: Callable[[], str] = lambda: ''  # why nothing can be driven to now
-        self._action = GoalAction(self, self.navigator, self._go_to, self.stop)
+        self._action = GoalAction(self, self.navigator, self._go_to, self.stop, self.stand)
         self._stepped_at: float | None = None
         if not lock_step:
             self._stand_alone()
@@ -142,21 +144,37 @@ class NavigatorNode(Node):
             self._warn(f'odom: {error}: ignored')
             return
         self._odom_frame = message.header.frame_id or self._odom_frame
-        self._base_frame = message.child_frame_id
-        self._memory.add(to_seconds(message.header.stamp), odometry)
-        self.navigator.move(odometry)
+        self._base_frame = message.child_frame_id or self._base_frame
+        stamp = to_seconds(message.header.stamp)
+        if self._memory.age(stamp) == 0.0:
+            return  # said before: no sign of life
+        if self.navigator.move(odometry):
+            self._memory.clear()
+            self._warn('odom: has leapt, as if it was set anew')
+            self.stop('odometry has leapt')
+        self._memory.add(stamp, odometry)
         if self._waiting is not None:
             late, self._waiting = self._waiting, None
-            self.take_scan(late)
+            self.take_scan(*late)
 
     def take_scan(self, message: LaserScan, frame: str = '') -> None:
         """Take a scan, of the frame that it names or another; it waits for odometry."""
         mount = self._mount_of(frame or message.header.frame_id)
-        odometry = self._memory.at(to_seconds(message.header.stamp))
-        if odometry is None:
-            self._waiting = message
+        stamp = to_seconds(message.header.stamp)
+        odometry, age = self._memory.at(stamp), self._memory.age(stamp)
+        if odometry is None and age > 0.0:
+            self._warn(f'scan is {age:.1f} s old, before all odometry that is kept: ignored')
+        elif odometry is None:
+            self._waiting = message, frame
+            if age < -1.0:
+                self._warn(f'scan is {-age:.1f} s ahead of odometry: it waits')
         elif mount is not None:
-            self.navigator.see(from_scan(message, odometry.level @ mount), odometry)
+            try:
+                scan = from_scan(message, odometry.level @ mount)
+            except InvalidMessage as error:
+                self._warn(f'scan: {error}: ignored')
+                return
+            self.navigator.see(scan, odometry, age)
             self._publisher.publish_pose(odometry, message.header.stamp)
 
     def step(self) -> None:
@@ -165,7 +183,7 @@ class NavigatorNode(Node):
         before, self._stepped_at = self._stepped_at, now
         dt = 0.0 if before is None else now - before
         if dt < 0.0:
-            self.reset()
+            self.reset(f'time has jumped back by {-dt:.3g} s')
             return
         if self.navigator.goal is not None and (why := self.refusal()):
             self.stop(why)
@@ -173,6 +191,10 @@ class NavigatorNode(Node):
         if velocity is not None:
             self.send(velocity)
         self._look_who_is_heard(dt)
+        if self._notice != (notice := self.navigator.notice):
+            self._notice = notice
+            if notice:
+                self.say(notice)
         dated = now + self.settings.transform_tolerance
         self._publisher.publish(now, dated, self._odom_frame)
         self._action.step(now, self.settings.map_frame)
@@ -181,7 +203,8 @@ class NavigatorNode(Node):
         """Drive to T_map_goal, shape (3,), whose yaw may be NaN: see `Navigator.set_goal`."""
         refusal = ' and '.join(f'{lock} is on' for lock in sorted(self._locked)) or self.refusal()
         if refusal:
-            self.navigator.refuse(refusal)
+            self.stop('another goal has come')
+            self.navigator.refuse(refusal, goal)
         else:
             self.navigator.set_goal(goal)
 
@@ -189,11 +212,16 @@ class NavigatorNode(Node):
         """Cancel the goal and command standstill; return whether there was a goal."""
         was_driving = self.navigator.cancel(why)
         if was_driving:
-            self.send(np.zeros(3))
+            self.stand()
         return was_driving
 
-    def reset(self) -> None:
-        """Begin anew."""
+    def stand(self) -> None:
+        """Command standstill."""
+        self.send(np.zeros(3))
+
+    def reset(self, why: str = 'the robot was put back to its start') -> None:
+        """Stand and begin anew, because of something."""
+        self.stop(why)
         self.navigator.reset()
         self._memory.clear()
         self._publisher.forget()
@@ -211,14 +239,16 @@ class NavigatorNode(Node):
     def _mount_of(self, frame: str) -> Pose | None:
         """Return the pose of the lidar's frame in the base, None where it is not known yet."""
         frame, pose = frame.lstrip('/'), Pose(np.zeros(3), np.eye(3))
-        base = self._base_frame.lstrip('/')
-        while frame != base:
+        begin, base = frame, self._base_frame.lstrip('/')
+        for _ in range(len(self._fixed) + 1):  # no more: frames may go round in a circle
+            if frame == base:
+                return pose
             if frame not in self._fixed:
-                self._warn(f'scan waits: no way from {frame!r} to the base {base!r} on /tf_static')
-                return None
+                break
             frame, step = self._fixed[frame]
             pose = step @ pose
-        return pose
+        self._warn(f'scan waits: no way from {begin!r} to the base {base!r} on /tf_static')
+        return None
 
     def _publish_velocity(self, velocity: np.ndarray) -> None:
         twist = Twist()
@@ -233,7 +263,12 @@ class NavigatorNode(Node):
 
     def _on_fixed_frames(self, message: Any) -> None:
         for one in message.transforms:
-            self.place_frame(one.child_frame_id, one.header.frame_id, from_pose(one.transform))
+            try:
+                pose = from_pose(one.transform)
+            except InvalidMessage as error:
+                self._warn(f'/tf_static: {one.child_frame_id!r}: {error}: ignored')
+                continue
+            self.place_frame(one.child_frame_id, one.header.frame_id, pose)
 
     def _go_to(self, message: PoseStamped) -> None:
         self.go(self.in_map(message))
@@ -252,14 +287,11 @@ class NavigatorNode(Node):
             InvalidMessage: it is no pose, or in a frame from which no way leads to the map.
         """
         goal, frame = to_planar(from_pose(message.pose)), message.header.frame_id.lstrip('/')
-        pose = self.navigator.pose
-        known = {
-            '': np.zeros(3),
-            self.settings.map_frame: np.zeros(3),
-            self._odom_frame: self.navigator.locator.correction,
-        }
-        if pose is not None:
-            known[self._base_frame] = pose
+        known = {self._odom_frame.lstrip('/'): self.navigator.locator.correction}
+        if self.navigator.pose is not None:
+            known[self._base_frame.lstrip('/')] = self.navigator.pose
+        # Last: no robot's frame is the map's, whatever it is called.
+        known[''] = known[self.settings.map_frame.lstrip('/')] = np.zeros(3)
         if frame not in known:
             raise InvalidMessage(f'wanted a pose in {self.settings.map_frame!r}, got {frame!r}')
         return np.asarray(compose(known[frame], goal))
@@ -271,12 +303,9 @@ class NavigatorNode(Node):
             return
         try:
             stamped = PoseStamped(header=message.header, pose=message.pose.pose)
-            pose = self.in_map(stamped)
+            start(self.in_map(stamped), from_covariance(message.pose.covariance))
         except InvalidMessage as error:
             self.say(f'initialpose: {error}: ignored')
-            return
-        covariance = np.array(message.pose.covariance).reshape(6, 6)
-        start(pose, covariance[np.ix_((0, 1, 5), (0, 1, 5))])
 
     def _on_lock(self, lock: str, message: Bool) -> None:
         (self._locked.add if message.data else self._locked.discard)(lock)

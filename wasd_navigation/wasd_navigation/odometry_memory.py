@@ -2,6 +2,7 @@
 """Odometry of the last seconds, to look up where the robot was when a scan was taken."""
 
 from collections import deque
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -41,17 +42,21 @@ class OdometryMemory:
         self._known.append((stamp, odometry))
 
     def at(self, stamp: float) -> Odometry | None:
-        """Return odometry of an instant, between two; None where that has not come yet."""
-        if not self._known or self._known[-1][0] < stamp:
+        """Return odometry of an instant, between two; None where that is not known, or not yet."""
+        if not self._known or not self._known[0][0] <= stamp <= self._known[-1][0]:
             return None
         after = next(index for index, (time, _) in enumerate(self._known) if time >= stamp)
         (end, late), (begin, early) = self._known[after], self._known[max(after - 1, 0)]
-        if end <= begin or stamp <= begin:
-            return early if stamp <= begin else late
+        if end <= begin:
+            return late
         turn = wrap(late.pose[2] - early.pose[2])
         step = np.array([*(late.pose[:2] - early.pose[:2]), turn])
         pose = early.pose + (stamp - begin) / (end - begin) * step
         return late._replace(pose=np.array([pose[0], pose[1], wrap(pose[2])]))
+
+    def age(self, stamp: float) -> float:
+        """Return how long before the newest odometry an instant was [s]; NaN: there is none."""
+        return self._known[-1][0] - stamp if self._known else math.nan
 
     def clear(self) -> None:
         """Forget everything."""

@@ -10,6 +10,9 @@ from wasd_core.rotations import yaw_matrix
 # What a tilted lidar sees below this height is the floor [m]; nor is anything that ends less far
 # below the lidar.
 FLOOR, LEAST_DESCENT = 0.05, 0.02
+# What is farther is not seen, whatever a lidar says of itself; and so far a ray is free at most
+# that hits nothing [m].
+HORIZON, FREE_SIGHT = 100.0, 30.0
 
 
 @dataclass(frozen=True)
@@ -39,8 +42,9 @@ def read_scan(
     Return the rays that a sensor_msgs/LaserScan tells of (REP 117).
 
     `ranges` [m] and `angles` [rad], shape (n,); `limits` are the least and the greatest range
-    [m]; `mount` is the lidar's pose in the base frame, shape (3,). Infinite ranges are rays that
-    hit nothing up to the greatest range; those below the least, and NaN, tell nothing.
+    [m]; `mount` is the lidar's pose in the base frame, shape (3,). Ranges beyond the greatest are
+    of rays that hit nothing up to there, or up to FREE_SIGHT; those below the least, and NaN, tell
+    nothing.
     """
     x, y, yaw = mount.tolist()
     level = Pose(np.array([x, y, 1.0]), yaw_matrix(yaw))
@@ -61,8 +65,8 @@ def read_tilted_scan(
     ranges, angles = ranges[tells], angles[tells]
     along = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
     along = along @ mount.rotation.T
-    hits = ranges <= most
-    lengths = np.where(hits, ranges, most)
+    hits = ranges <= min(most, HORIZON)
+    lengths = np.where(hits, ranges, min(most, FREE_SIGHT))
     is_floor = -lengths * along[:, 2] >= max(mount.position[2] - FLOOR, LEAST_DESCENT)
     ends = mount.position[:2] + lengths[:, None] * along[:, :2]
     return Scan(mount.position[:2].copy(), ends[~is_floor], hits[~is_floor])

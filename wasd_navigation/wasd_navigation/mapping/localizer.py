@@ -93,6 +93,11 @@ class Localizer:
             self._search_on(scan, surface, move)
         self.correction = compose(self.pose, inverse(odometry))
 
+    def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
+        """Stay in place while the pose in the odom frame is another from now on, shapes (3,)."""
+        self._growth = OdometryGrowth()
+        self.correction = compose(compose(self.correction, before), inverse(after))
+
     def _fit(self, surface: np.ndarray, start: np.ndarray, prior: np.ndarray) -> Fit:
         return Fit(*fit_scan(self._surfaces, surface, start, prior, self._noise, ROUNDS))
 

@@ -121,6 +121,11 @@ class Mapper:
         last = len(self._places) - 1
         self._history.append((last, compose(inverse(self._places.poses[last]), self.pose)))
 
+    def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
+        """Stay in place while the pose in the odom frame is another from now on, shapes (3,)."""
+        self._growth = OdometryGrowth()
+        self.correction = compose(compose(self.correction, before), inverse(after))
+
     def _follow(self, scan: Scan, surface: Surface, move: np.ndarray, growth: np.ndarray) -> None:
         """Move by odometry, then to where the scan fits best, as far as odometry lets it."""
         expected = compose(self.pose, move)
