@@ -22,6 +22,10 @@ LONGEST = 1.15  # way, as a share of the shortest
 SOON = 1.0  # a way is another one so long after something was put into it [s]
 AT_ONCE = 0.2  # a goal is refused within this time [s]
 FAR = 4.0  # goals in trouble are no nearer [m]
+# How near and how well turned each must be [cm], [degrees]; what ships asks itself for as much.
+NEAR = {'mbot': (5.0, 3.0), 'go2': (10.0, 5.0)}
+# States of a drive that has ended elsewhere; in any other it is stuck on its way.
+GIVEN_UP = ('refused', 'failed')
 
 
 def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
@@ -30,6 +34,8 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     rows = []
     for name in ROBOTS:
         note(f'goals: {name} without physics')
+        # Compiled before anything is timed.
+        _drives(Course(ROBOTS[name], 0), 1)
         drives = [
             (seed, drive)
             for seed in range(FIRST_SEED, FIRST_SEED + flats)
@@ -42,7 +48,7 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
             for seed in range(FIRST_SEED, FIRST_SEED + physical)
             for drive in _drives(_physical_course(name, seed), 2 if quick else EACH)
         ]
-        rows.append(_arrivals(f'{name} with physics', with_physics))
+        rows.append(_arrivals(f'{name} with physics, its own lidar', with_physics))
         note(f'goals: {name}, refused and in trouble')
         rows += [_refusals(name, tries), _troubles(name, tries)]
     return rows
@@ -59,18 +65,22 @@ def _physical_course(name: str, seed: int) -> Course:
 
 
 def _arrivals(name: str, drives: Sequence[tuple[int, Drive]]) -> Row:
-    kind = name.split()[0]
-    robot = ROBOTS[kind]
-    near = robot.parameters.xy_goal_tolerance
-    turned = math.degrees(robot.parameters.yaw_goal_tolerance)
-    there = [drive.is_there(robot) and drive.gap > 0.0 for _, drive in drives]
+    near, turned = NEAR[name.split()[0]]
+    there = [
+        drive.state == 'arrived'
+        and 100.0 * drive.off <= near
+        and math.degrees(drive.turned_off) <= turned
+        and drive.gap > 0.0
+        for _, drive in drives
+    ]
     off = 100.0 * max(drive.off for _, drive in drives)
+    angle = math.degrees(max(drive.turned_off for _, drive in drives))
     gap = 100.0 * min(drive.gap for _, drive in drives)
     return Row(
         what=f'goals, {name}: arrived without a touch',
-        measured=f'{format_count(sum(there), len(there))}; {off:.1f} cm off, '
+        measured=f'{format_count(sum(there), len(there))}; {off:.1f} cm, {angle:.1f} deg off, '
         f'{gap:.1f} cm from obstacles at worst',
-        must=f'all, <= {100 * near:.0f} cm, {turned:.0f} deg',
+        must=f'all, <= {near:g} cm, {turned:g} deg',
         passed=all(there),
         trials=[drive.record(seed=seed) for seed, drive in drives],
     )
@@ -88,11 +98,12 @@ def _ways(name: str, drives: Sequence[tuple[int, Drive]]) -> Row:
 
 
 def _cost(name: str, drives: Sequence[tuple[int, Drive]]) -> Row:
-    steps = 1e3 * np.concatenate([drive.steps for _, drive in drives])[1:]
+    steps = 1e3 * np.concatenate([drive.steps for _, drive in drives])
     share = 0.1 * float(steps.mean()) * 20.0
     return Row(
         what=f'goals, {name}: CPU time of a step, 20 a second',
-        measured=f'{np.median(steps):.2f} ms, p99 {np.percentile(steps, 99):.1f} ms',
+        measured=f'{np.median(steps):.2f} ms, p99 {np.percentile(steps, 99):.1f} ms; '
+        f'{share:.0f} % of a core',
         must='<= 20 % of a core',
         passed=share <= 20.0,
     )
@@ -114,7 +125,7 @@ def _refusals(name: str, tries: int) -> Row:
         took = max(time.thread_time() - begin, (steps - 1) / RATE)
         is_refused = driver.state == 'refused' and bool(driver.reason)
         trials.append({'kind': kind, 'took': took, 'reason': driver.reason, 'ok': is_refused})
-    slowest = max(float(trial['took']) for trial in trials[1:])
+    slowest = max(float(trial['took']) for trial in trials)
     refused = sum(bool(trial['ok']) for trial in trials)
     return Row(
         what=f'goals, {name}: refused where no way leads',
@@ -141,12 +152,13 @@ def _troubles(name: str, tries: int) -> Row:
         seed += 1
     touched = sum(drive.gap <= 0.0 for drive, _ in trials)
     slowest = max(drive.replanned for drive, _ in trials)
-    ended = sum(drive.state == 'arrived' or bool(drive.reason) for drive, _ in trials)
+    says = sum(drive.state in GIVEN_UP and bool(drive.reason) for drive, _ in trials)
+    arrived = sum(drive.state == 'arrived' for drive, _ in trials)
     return Row(
         what=f'goals, {name}: boxes in the way, doors closed',
         measured=f'{touched} of {tries} touched, slowest new way {slowest:.2f} s, '
-        f'{sum(drive.state == "arrived" for drive, _ in trials)} arrived',
+        f'{arrived} arrived, {says} said why not',
         must=f'0 touched, <= {SOON} s; the others say why',
-        passed=touched == 0 and slowest <= SOON and ended == tries,
+        passed=touched == 0 and slowest <= SOON and arrived + says == tries,
         trials=[record for _, record in trials],
     )

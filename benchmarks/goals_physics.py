@@ -1,13 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The same drives with physics: wheels that a motor turns, legs that walk; no ROS."""
+"""
+The same drives with physics: wheels that a motor turns, legs that walk, their own lidars; no ROS.
+
+Nobody has to find out where the robot is: the driver gets the truth, off as a localiser is.
+"""
 
 import math
 
 from kinematic import KinematicRobot
 from kinematic import RATE
 from kinematic import Robot
+from mujoco_sim.sensors.lidar import Lidar
+from mujoco_sim.sensors.mount import Site
 import numpy as np
+from robot_description.description import load_robot
 import wasd
+from wasd_core.rotations import Pose
+from wasd_core.rotations import yaw_matrix
+from wasd_navigation.scan import read_tilted_scan
+from wasd_navigation.scan import Scan
 
 # The Go2 stands up, and then walks, before it is sent anywhere [s].
 STAND, WALK = 2.5, 0.5
@@ -28,6 +39,10 @@ class PhysicalRobot(KinematicRobot):
             self._go2.run(WALK)
         else:
             self._mbot = wasd.Mbot(world, seed)
+        self._world = (self._go2 or self._mbot)._world  # type: ignore[union-attr]
+        self._site = Site(self._world, load_robot(name).robot)
+        self._lidar = Lidar(robot.lidar, self._site)
+        self._mount = self._site.find_mount(robot.lidar.link, robot.lidar.pose)
         self._look()
         self._next_scan += self.time
 
@@ -45,6 +60,18 @@ class PhysicalRobot(KinematicRobot):
             self._mbot.drive(float(asked[0]), float(asked[2]))
             self._mbot.run(1.0 / RATE)
         self._look()
+
+    def _measure(self, boxes: np.ndarray) -> Scan:
+        """Return what the lidar of the description sees in the simulated flat."""
+        lidar, place = self.robot.lidar, self._mount.in_world(self._site.snapshot.take())
+        back = yaw_matrix(-float(self.pose[2]))
+        level = Pose(-back @ (*self.pose[:2], 0.0), back) @ place
+        return read_tilted_scan(
+            self._lidar.scan(self._random),
+            lidar.angles,
+            (lidar.min_range, lidar.max_range),
+            level,
+        )
 
     def _look(self) -> None:
         robot = self._go2 or self._mbot

@@ -46,11 +46,6 @@ class Drive:
     steps: list[float]  # CPU time of each [s]
     replanned: float = 0.0  # after something was put into the way [s]
 
-    def is_there(self, robot: Robot) -> bool:
-        """Whether it arrived where it should have."""
-        near, turned = robot.parameters.xy_goal_tolerance, robot.parameters.yaw_goal_tolerance
-        return self.state == 'arrived' and self.off <= near and self.turned_off <= turned
-
     def record(self, **more: Any) -> dict[str, Any]:
         """Return it as one trial of the JSON."""
         kept = ('state', 'reason', 'off', 'turned_off', 'way', 'shortest', 'gap', 'took')

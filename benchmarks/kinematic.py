@@ -7,13 +7,20 @@ Boxes are rows (centre x, y, half length, half width, height, yaw), as flats hav
 
 from dataclasses import dataclass
 import math
+from pathlib import Path
 
+from mujoco_sim.sensors.lidar import LidarTag
+from mujoco_sim.sensors.table import read_sensor_tags
 from numba import njit
 import numpy as np
+from robot_description.description import load_robot
+from wasd_core.parameter_file import NodeKind
+from wasd_core.parameter_file import read_parameters
 from wasd_navigation.grid import FREE
 from wasd_navigation.grid import Grid
 from wasd_navigation.grid import OCCUPIED
 from wasd_navigation.grid import UNKNOWN
+from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.parameters import DriveLimits
 from wasd_navigation.planning.parameters import PlanningParameters
@@ -27,27 +34,27 @@ RESOLUTION, BORDER = 0.05, 0.5  # of the grids drawn here [m]
 
 @dataclass(frozen=True)
 class Robot:
-    """What is simulated and how it is driven; `lidar`: rays, half its view, range, period."""
+    """What is simulated and how it is driven."""
 
     footprint: Footprint
     limits: DriveLimits
     parameters: PlanningParameters
-    lidar: tuple[int, float, float, float]
-    sway: float = 0.0  # of the trunk, to the sides [m]
+    lidar: LidarTag
+    sway: float  # of the trunk, to the sides [m]
 
 
-ROBOTS = {
-    'mbot': Robot(
-        Footprint(radius=0.212), DriveLimits(), PlanningParameters(), (360, 3.0, 6.0, 0.2)
-    ),
-    'go2': Robot(
-        Footprint(half_length=0.35, half_width=0.155),
-        DriveLimits(forward=0.4, backward=0.3, lateral=0.3, yaw=0.5, lag=0.3),
-        PlanningParameters(xy_goal_tolerance=0.10, yaw_goal_tolerance=math.radians(5.0)),
-        (360, math.pi, 12.0, 0.1),
-        sway=0.01,
-    ),
-}
+def shipped(name: str, sway: float = 0.0) -> Robot:
+    """Return a robot with the navigator's file and the description that come with it."""
+    path = Path(__file__).resolve().parents[1] / f'wasd_bringup/config/navigator_{name}.yaml'
+    kind = NodeKind('navigator', 'the navigator')
+    given = read_parameters(str(path), NavigatorParameters, kind)
+    settings = NavigatorParameters.from_mapping(given)
+    ((lidar,), _), _ = read_sensor_tags(load_robot(name).robot)
+    assert isinstance(lidar, LidarTag)
+    return Robot(settings.footprint, settings.limits, settings.planning, lidar, sway)
+
+
+ROBOTS = {'mbot': shipped('mbot'), 'go2': shipped('go2', sway=0.01)}
 
 
 def draw_grid(boxes: np.ndarray, corner: np.ndarray, size: np.ndarray) -> Grid:
@@ -168,7 +175,7 @@ class KinematicRobot:
         self.velocity = np.zeros(3)
         self.time = 0.0
         self._random = np.random.default_rng((seed, 7))
-        self._next_scan = float(self._random.uniform(0.0, robot.lidar[3]))
+        self._next_scan = float(self._random.uniform(0.0, 1.0 / robot.lidar.rate))
         self._phase = float(self._random.uniform(0.0, 6.0))
         limits = robot.limits
         self._most = np.array((limits.forward, limits.lateral, limits.yaw))
@@ -221,12 +228,15 @@ class KinematicRobot:
         """Return the scan that is due now, if any."""
         if self.time < self._next_scan:
             return None
-        rays, half, most, period = self.robot.lidar
-        self._next_scan += period
-        angles = np.linspace(-half, half, rays)
-        ranges = cast(self.body, angles, boxes, most) + self._random.normal(size=rays) * 0.01
-        ranges = np.where(ranges > most, np.inf, ranges)
-        return read_scan(ranges, angles, (0.1, most), np.zeros(3))
+        self._next_scan += 1.0 / self.robot.lidar.rate
+        return self._measure(boxes)
+
+    def _measure(self, boxes: np.ndarray) -> Scan:
+        lidar = self.robot.lidar
+        ranges = cast(self.body, lidar.angles, boxes, lidar.max_range)
+        ranges = ranges + self._random.normal(size=len(ranges)) * lidar.noise
+        ranges = np.where(ranges > lidar.max_range, np.inf, ranges)
+        return read_scan(ranges, lidar.angles, (lidar.min_range, lidar.max_range), np.zeros(3))
 
     def gap(self, boxes: np.ndarray) -> float:
         """Return how far the footprint is from the nearest box [m]; at most 0: it touches."""

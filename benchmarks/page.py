@@ -18,7 +18,7 @@ HEAD = """# Numbers
 
 This is what `./{command}` printed at version {version} ({date}, {machine}, {minutes:.1f} minutes);
 `./wasd bench --write` writes it. In brackets behind a count is its Wilson 95 % interval.
-`./wasd bench` runs more seeds than `--quick`, and more robots.{note}
+`./wasd bench` runs more seeds than `--quick`, and more robots.{note}{alone}
 
 """
 FOOT = """
@@ -48,17 +48,42 @@ def page(result: dict[str, Any]) -> str:
         machine=result['machine'],
         minutes=result['seconds'] / 60.0,
         note=f'\n{result["note"]}' if 'note' in result else '',
+        alone=''.join(_say_alone(name, found) for name, found in result.get('alone', {}).items()),
     )
-    table = format_table([Row(**row) for row in result['rows']])
+    table = format_table([_as_row(row) for row in result['rows']])
     # Without the blanks that align it: a figure that changes changes one line.
     rows = re.sub('-{3,}', '---', re.sub(r' +\|', ' |', table))
     picture = f'\n![How often the Go2 comes through what is made harder]({SUCCESS})\n'
     return head + rows + FOOT + picture * (DOCS / SUCCESS).exists()
 
 
-def command(result: dict[str, Any]) -> str:
-    """Return the command that has measured a result."""
-    return 'wasd bench --quick' if result['quick'] else 'wasd bench'
+def _as_row(kept: dict[str, Any]) -> Row:
+    return Row(**{key: kept[key] for key in kept if key != 'part'})
+
+
+def _say_alone(name: str, found: dict[str, Any]) -> str:
+    return (
+        f'\nThe rows of {name} are of `./{command(found, name)}` alone ({found["date"]}, '
+        f'{found["machine"]}, {found["seconds"] / 60.0:.1f} minutes).'
+    )
+
+
+def with_part(result: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return the result on disk with the rows of one part measured anew, alone."""
+    last = last_result()
+    facts = {key: result[key] for key in ('date', 'machine', 'quick', 'seconds')}
+    rows = [row for row in last['rows'] if row['part'] != name]
+    return {
+        **last,
+        'alone': {**last.get('alone', {}), name: facts},
+        'rows': rows + result['rows'],
+    }
+
+
+def command(result: dict[str, Any], part: str | None = None) -> str:
+    """Return the command that has measured a result, of one part or of all."""
+    words = ['wasd bench', part or '', '--quick' if result['quick'] else '']
+    return ' '.join(word for word in words if word)
 
 
 def duration_of_last_result() -> str:

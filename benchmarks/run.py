@@ -111,7 +111,9 @@ def make_parser() -> argparse.ArgumentParser:
         '--quick', action='store_true', help=f'fewer seeds{page.duration_of_last_result()}'
     )
     parser.add_argument(
-        '--write', action='store_true', help='write docs/numbers.md, and docs/numbers.json'
+        '--write',
+        action='store_true',
+        help='write docs/numbers.md, and docs/numbers.json; of one part its rows alone',
     )
     parser.add_argument(
         '--description',
@@ -140,32 +142,33 @@ def main() -> int:
     arguments = parser.parse_args()
     if arguments.picture is not None:
         return draw(parser, arguments)
-    if arguments.write and (arguments.part or arguments.description):
-        parser.error('--write is of the whole benchmark: leave out the part and --description')
+    if arguments.write and arguments.description:
+        parser.error('--write is of our robots: leave out --description')
     if arguments.dask and importlib.util.find_spec('distributed') is None:
         parser.error("--dask: no `distributed` here: .venv/bin/pip install -e '.[cluster]'")
     begin = time.monotonic()
     names = [arguments.part] if arguments.part else list(PARTS)
     try:
-        rows = [row for name in names for row in measure(name, arguments)]
+        parts = {name: measure(name, arguments) for name in names}
     except KeyboardInterrupt:
         return 130
     finally:
         note('')
     took = time.monotonic() - begin
+    rows = [row for found in parts.values() for row in found]
     result = {
         'version': version(),
         'date': datetime.date.today().isoformat(),
         'machine': describe_machine(),
         'quick': arguments.quick,
         'seconds': round(took, 1),
-        'rows': [vars(row) for row in rows],
+        'rows': [{**vars(row), 'part': name} for name, found in parts.items() for row in found],
     }
-    print(f'{page.command(result)}, {result["date"]}, {took / 60.0:.1f} minutes')
+    print(f'{page.command(result, arguments.part)}, {result["date"]}, {took / 60.0:.1f} minutes')
     print(result['machine'], format_table(rows), sep='\n\n')
     Path(arguments.json).write_text(json.dumps(result, indent=1) + '\n')
     if arguments.write:
-        page.write(result)
+        page.write(result if arguments.part is None else page.with_part(result, arguments.part))
     return 0 if all(row.passed for row in rows) else 1
 
 

@@ -24,6 +24,7 @@ from slam_logs import Log
 from slam_logs import make_logs
 from slam_logs import surface_distance
 from slam_physics import drive_mbot
+from slam_speed import measure_speed
 from table import format_count
 from table import Row
 from wasd_navigation.grid import FREE
@@ -47,12 +48,14 @@ WORDS = {'mbot': "mbot's odometry", 'go2': 'Go2-like (1 %)', 'poor': 'poor (5 %)
 
 def follow(mapper: Mapper | Localizer, log: Log, rows: range) -> np.ndarray:
     """Have scans of a log taken in, and return the CPU time of each [ms]."""
-    costs = []
-    for row in rows:
-        begin = time.thread_time()
-        mapper.step(log.scans[row], log.odometry[row], log.covariances[row])
-        costs.append(1e3 * (time.thread_time() - begin))
-    return np.array(costs)
+    return np.array([take_in(mapper, log, row) for row in rows])
+
+
+def take_in(mapper: Mapper | Localizer, log: Log, row: int) -> float:
+    """Have one scan of a log taken in, and return its CPU time [ms]."""
+    begin = time.thread_time()
+    mapper.step(log.scans[row], log.odometry[row], log.covariances[row])
+    return 1e3 * (time.thread_time() - begin)
 
 
 def judge_grid(grid: Grid, flat: Flat) -> tuple[float, float]:
@@ -84,9 +87,13 @@ def is_read_equal(grid: Grid) -> bool:
 def map_once(log: Log, flat: Flat, seed: int) -> tuple[dict[str, Any], Grid]:
     """Map a log; return the trial and the grid."""
     mapper = Mapper()
-    costs = follow(mapper, log, range(len(log.scans)))
+    costs, within = np.zeros(len(log.scans)), []
+    for row in range(len(log.scans)):
+        costs[row] = take_in(mapper, log, row)
+        place = len(mapper.places) - 1  # a closure moves it, and what lies in it
+        within.append((place, compose(inverse(mapper.places[place]), mapper.pose)))
     right, wrong = judge_grid(mapper.grid, flat)
-    poses = mapper.trajectory
+    poses = np.array([compose(mapper.places[place], pose) for place, pose in within])
     away = np.hypot(*(poses - log.truth)[:, :2].T)
     trial = {
         'seed': seed,
@@ -102,6 +109,7 @@ def map_once(log: Log, flat: Flat, seed: int) -> tuple[dict[str, Any], Grid]:
         'cpu_median': float(np.median(costs)),
         'cpu_p99': float(np.percentile(costs, 99)),
         'cpu_mean': float(costs.mean()),
+        'costs': costs,
     }
     return trial, mapper.grid
 
@@ -128,12 +136,13 @@ def error_row(what: str, trials: Sequence[dict[str, Any]], bounds: tuple[float, 
 
 
 def map_rows(trials: Sequence[dict[str, Any]]) -> list[Row]:
-    """Return the rows of grids, files and costs of all runs."""
+    """Return the rows of grids, files and costs of all runs; the costs are taken out of these."""
     right = min(trial['occupied_right'] for trial in trials)
     wrong = max(trial['free_wrong'] for trial in trials)
     equal = sum(trial['file_equal'] for trial in trials)
-    median = float(np.median([trial['cpu_median'] for trial in trials]))
-    p99 = float(np.median([trial['cpu_p99'] for trial in trials]))
+    costs = np.concatenate([trial.pop('costs') for trial in trials])
+    median, p99 = np.percentile(costs, (50.0, 99.0))
+    worst = max(trial['cpu_p99'] for trial in trials)
     count = len(trials)
     return [
         Row(
@@ -156,9 +165,10 @@ def map_rows(trials: Sequence[dict[str, Any]]) -> list[Row]:
         ),
         Row(
             what='map: CPU of a scan, closures and drawing included',
-            measured=f'{median:.2f} ms, p99 {p99:.2f} ms, medians of {count} runs',
+            measured=f'{median:.2f} ms, p99 {p99:.2f} ms of {len(costs)} scans, {worst:.2f} ms of '
+            'the worst run',
             must='<= 0.6 ms, p99 <= 3 ms',
-            passed=median <= 0.6 and p99 <= 3.0,
+            passed=bool(median <= 0.6 and p99 <= 3.0),
             anchor='Karto 3.9 ms, p99 18.5 ms',
         ),
     ]
@@ -283,6 +293,7 @@ def map_real_mbot(seed: int) -> Row:
     """Map a flat with mbot in physics, its own wheels and its own lidar."""
     flat = make_flat(seed)
     trial, _ = map_once(drive_mbot(seed, LENGTH), flat, seed)
+    del trial['costs']
     return error_row('slam: mbot in physics, its odometry and lidar', [trial], BOUNDS['mbot'])
 
 
@@ -293,7 +304,7 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     located: dict[str, list[dict[str, Any]]] = {'near': [], 'anywhere': [], 'hand': []}
     # Compiled before anything is timed.
     flat = make_flat(0)
-    map_once(make_logs(flat, ['mbot'], 0, 5.0)['mbot'], flat, 0)
+    map_once(make_logs(flat, ['mbot'], 0, 30.0)['mbot'], flat, 0)
     for seed in seeds:
         note(f'slam: seed {seed}')
         flat = make_flat(seed)
@@ -319,4 +330,5 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     rows += localise_rows(located)
     note('slam: mbot in physics')
     rows.append(map_real_mbot(FIRST_SEED))
+    rows.append(measure_speed(f'flat:{FIRST_SEED}', 1 if quick else 5, note))
     return rows

@@ -5,6 +5,7 @@ import argparse
 import importlib
 from pathlib import Path
 import re
+from typing import Any
 
 from executables import SCRIPTS
 import pytest
@@ -95,6 +96,37 @@ def test_written_again_the_result_has_no_trials_and_the_page_its_figures(
     assert '`./wasd bench` printed at version 9.9 (2030-01-01, a PC, 1.5 minutes)' in text
     assert '| w | 1 m | <= 2 m | - | FAIL |' in text
     assert numbers.duration(numbers.last_result()) == 'wasd bench took 2 minutes on a PC'
+
+
+def test_a_part_that_is_written_alone_replaces_its_rows_and_no_others(
+    numbers, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(numbers, 'RESULT', tmp_path / 'numbers.json')
+    monkeypatch.setattr(numbers, 'PAGE', tmp_path / 'numbers.md')
+    facts = {'version': '9.9', 'date': '2030-01-01', 'machine': 'a PC', 'quick': True}
+
+    def row(part: str, measured: str) -> dict[str, Any]:
+        return {
+            'what': f'{part}: w',
+            'measured': measured,
+            'must': '-',
+            'anchor': '-',
+            'passed': True,
+            'trials': [],
+            'part': part,
+        }
+
+    numbers.write({**facts, 'seconds': 60.0, 'rows': [row('mbot', '1 m'), row('slam', '2 m')]})
+    again = {**facts, 'date': '2030-02-02', 'quick': False, 'seconds': 90.0}
+    numbers.write(numbers.with_part({**again, 'rows': [row('slam', '3 m')]}, 'slam'))
+    text = (tmp_path / 'numbers.md').read_text()
+    assert '`./wasd bench --quick` printed at version 9.9 (2030-01-01, a PC, 1.0 minutes)' in text
+    assert 'slam are of `./wasd bench slam` alone (2030-02-02, a PC, 1.5 minutes)' in text
+    assert '| mbot: w | 1 m |' in text
+    assert '| slam: w | 3 m |' in text
+    assert '| 2 m |' not in text
+    numbers.write({**facts, 'seconds': 60.0, 'rows': [row('mbot', '1 m')]})
+    assert 'alone' not in (tmp_path / 'numbers.md').read_text()
 
 
 def test_the_readme_quotes_what_the_benchmark_printed(numbers):

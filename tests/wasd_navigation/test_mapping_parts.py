@@ -107,7 +107,7 @@ def test_good_odometry_is_not_made_worse() -> None:
     mapper, random, poses = Mapper(), np.random.default_rng(2), circle(60)
     for index, pose in enumerate(poses):
         mapper.step(look(pose, random), pose, index * 1e-10 * np.eye(3))
-    assert np.hypot(*(mapper.trajectory - poses)[:, :2].T).max() < 0.005
+        assert math.dist(mapper.pose[:2], pose[:2]) < 0.005
 
 
 def test_a_search_finds_the_pose_within_a_cell_and_a_step() -> None:

@@ -39,6 +39,11 @@ class LidarTag(SensorTag):
     resolution: float  # what ranges are rounded to [m]; 0 is not at all
     noise: float  # standard deviation [m]
 
+    @property
+    def angles(self) -> np.ndarray:
+        """Direction of each ray about z [rad], shape (samples,)."""
+        return np.linspace(self.min_angle, self.max_angle, self.samples)
+
 
 def _ray(tail: str) -> str:
     """Return where both Gazebos have something of a lidar."""
@@ -81,7 +86,7 @@ class Lidar:
         self._model = site.world.model
         self._snapshot = site.snapshot
         self._mount = site.find_mount(tag.link, tag.pose)
-        angles = np.linspace(tag.min_angle, tag.max_angle, tag.samples)
+        angles = tag.angles
         self._directions = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)))
         self._hits = np.empty(tag.samples, dtype=np.int32)
         self._distances = np.empty(tag.samples)

@@ -71,7 +71,6 @@ class Mapper:
         self.correction = np.zeros(3)
         self.closures = 0
         self._since = np.zeros((3, 3))  # covariance of the pose since the last place
-        self._history: list[tuple[int, np.ndarray]] = []
         self._wants_loop = False
         self._unsolved = 0
         self._misfits = 0
@@ -88,10 +87,9 @@ class Mapper:
         return self._drawing.revision
 
     @property
-    def trajectory(self) -> np.ndarray:
-        """Poses of all scans since the start as they are believed now, shape (n, 3)."""
-        poses = self._places.poses
-        return np.array([compose(poses[number], pose) for number, pose in self._history])
+    def places(self) -> np.ndarray:
+        """Poses of all places as they are believed now, shape (n, 3)."""
+        return self._places.poses
 
     def step(self, scan: Scan, odometry: np.ndarray, covariance: np.ndarray) -> None:
         """
@@ -118,8 +116,6 @@ class Mapper:
             else:
                 self._work()
         self.correction = compose(self.pose, inverse(odometry))
-        last = len(self._places) - 1
-        self._history.append((last, compose(inverse(self._places.poses[last]), self.pose)))
 
     def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
         """Stay in place while the pose in the odom frame is another from now on, shapes (3,)."""
