@@ -100,6 +100,6 @@ def test_odometry_that_is_set_anew_leaves_map_and_robot_where_they_are() -> None
         if index == 50:
             mapper.take_leap(poses[49], odometry)
         mapper.step(look(pose, random), odometry, index * 1e-5 * np.eye(3))
-        # A step of the robot is lost with it.
+        # With it a step of the robot is lost, which the scan tells.
         assert np.hypot(*(mapper.pose - pose)[:2]) < 0.03
     assert compose(mapper.correction, odometry) == pytest.approx(mapper.pose)

@@ -14,6 +14,8 @@ from wasd_navigation.se2 import inverse
 
 # No odometry is surer than this: variances by way [m^2/m], by turn [rad^2/rad], and of standing.
 LEAST_WAY, LEAST_TURN, STANDING = 1e-6, 1e-6, 1e-8
+# What is not known of the move in which odometry was set anew [m^2], [rad^2].
+LEAP = np.diag((0.05**2, 0.05**2, 0.05**2))
 
 
 class OdometryGrowth:

@@ -8,6 +8,7 @@ import numpy as np
 from wasd_navigation.grid import Grid
 from wasd_navigation.mapping.grid_surface import make_grid_map
 from wasd_navigation.mapping.growth import add_covariance
+from wasd_navigation.mapping.growth import LEAP
 from wasd_navigation.mapping.growth import OdometryGrowth
 from wasd_navigation.mapping.hypotheses import Hypotheses
 from wasd_navigation.mapping.local_map import Fit
@@ -96,6 +97,7 @@ class Localizer:
     def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
         """Stay in place while the pose in the odom frame is another from now on, shapes (3,)."""
         self._growth = OdometryGrowth()
+        self.covariance = self.covariance + LEAP
         self.correction = compose(compose(self.correction, before), inverse(after))
 
     def _fit(self, surface: np.ndarray, start: np.ndarray, prior: np.ndarray) -> Fit:

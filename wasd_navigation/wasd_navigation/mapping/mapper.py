@@ -8,6 +8,7 @@ import numpy as np
 from wasd_navigation.grid import Grid
 from wasd_navigation.mapping.drawing import Drawing
 from wasd_navigation.mapping.growth import add_covariance
+from wasd_navigation.mapping.growth import LEAP
 from wasd_navigation.mapping.growth import OdometryGrowth
 from wasd_navigation.mapping.local_map import Fit
 from wasd_navigation.mapping.local_map import fit_scan
@@ -120,6 +121,8 @@ class Mapper:
     def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
         """Stay in place while the pose in the odom frame is another from now on, shapes (3,)."""
         self._growth = OdometryGrowth()
+        self.covariance = self.covariance + LEAP
+        self._since = self._since + LEAP
         self.correction = compose(compose(self.correction, before), inverse(after))
 
     def _follow(self, scan: Scan, surface: Surface, move: np.ndarray, growth: np.ndarray) -> None:
