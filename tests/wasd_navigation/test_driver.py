@@ -186,6 +186,14 @@ def test_a_goal_that_nobody_has_looked_at_is_refused() -> None:
     assert 'nobody has looked' in robot.driver.reason
 
 
+def test_a_way_leads_through_what_nobody_has_looked_at_when_there_is_no_other() -> None:
+    grid = room()
+    grid.cells[1:-1, 50:80] = -1
+    robot = wheels(grid)
+    robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))
+    assert robot.run(30.0) == 'arrived'
+
+
 def test_a_box_that_appears_is_driven_around() -> None:
     robot, goal = wheels(room(), (1.0, 2.0, 0.0)), np.array((5.0, 2.0, 0.0))
     robot.driver.set_goal(goal)

@@ -67,14 +67,63 @@ def test_a_canvas_grows_and_keeps_what_it_has() -> None:
     assert np.array_equal(after.cells[row : row + height, column : column + width], before.cells)
 
 
-def test_a_ray_that_hits_nothing_frees_its_way_and_fills_nothing() -> None:
-    scan = Scan(np.zeros(2), np.array(((1.02, 0.02),)), np.zeros(1, dtype=np.bool_))
-    canvas = Canvas(0.05)
-    for _ in range(3):
-        canvas.draw(scan, find_surface(scan).slants, np.zeros(3))
-    grid = canvas.grid()
+def draw_once(ends: np.ndarray, hits: np.ndarray) -> Grid:
+    """Return the grid of one scan from the origin."""
+    canvas, scan = Canvas(0.05), Scan(np.zeros(2), ends, hits)
+    canvas.draw(scan, find_surface(scan).slants, np.zeros(3))
+    return canvas.grid()
+
+
+def rays(angles: np.ndarray, lengths: np.ndarray | float) -> np.ndarray:
+    """Return ends of rays from the origin, shape (n, 2)."""
+    return np.stack((np.cos(angles), np.sin(angles)), axis=1) * np.reshape(lengths, (-1, 1))
+
+
+def test_a_cell_is_free_when_its_middle_is_between_two_rays_that_go_on() -> None:
+    angles = np.array((0.30, 0.34))
+    grid = draw_once(rays(angles, 3.0), np.zeros(2, dtype=np.bool_))
     assert (grid.cells == 100).sum() == 0
-    assert (grid.cells == 0).sum() == 20
+    middles = grid.to_points(np.argwhere(grid.cells > -2))
+    bearings = np.arctan2(middles[:, 1], middles[:, 0])
+    # The triangle ends at the line from end to end.
+    reach = np.hypot(*middles.T) * np.cos(bearings - angles.mean())
+    inside = (bearings > 0.30) & (bearings < 0.34) & (reach < 3.0 * np.cos(0.02))
+    assert inside.sum() > 60
+    assert np.array_equal(grid.cells.ravel() == 0, inside)
+
+
+def test_what_lies_between_rays_that_are_far_apart_stays_unknown() -> None:
+    angles = np.array((-0.4, 0.4))
+    grid = draw_once(rays(angles, 3.0), np.zeros(2, dtype=np.bool_))
+    free = grid.to_points(np.argwhere(grid.cells == 0))
+    assert len(free) > 0
+    assert (np.abs(free[:, 1]) < 0.075 + 1e-9).all()
+
+
+def test_rays_past_a_corner_free_no_cell_whose_middle_is_behind_it() -> None:
+    # A wall ahead at x = 1 m that ends at y = 0.52 m; beside it rays go on to 4 m.
+    angles = np.arange(0.0, 1.2, 0.004)
+    front = 1.0 / np.cos(angles)
+    hits = front * np.sin(angles) > 0.52
+    ends = rays(angles, np.where(hits, front, 4.0))
+    for side in (1.0, -1.0):
+        free = draw_once(ends * (1.0, side), hits)
+        middles = free.to_points(np.argwhere(free.cells == 0)) * (1.0, side)
+        beyond = middles[middles[:, 0] > 1.0]
+        assert len(beyond) > 1000
+        assert (beyond[:, 1] / beyond[:, 0] < 0.52).all()
+
+
+def test_the_first_scan_shows_the_room_up_to_its_walls() -> None:
+    scan = look(np.zeros(3), np.random.default_rng(0))
+    grid = draw_once(scan.ends, scan.hits)
+    cells = grid.to_cells(rays(np.linspace(-2.8, 2.8, 200), 1.2))
+    lengths = np.hypot(*scan.ends.T)
+    is_seen = np.interp(np.linspace(-2.8, 2.8, 200), np.linspace(-3.0, 3.0, len(lengths)), lengths)
+    assert (grid.cells[tuple(cells[is_seen > 1.5].T)] == 0).all()
+    x, y = scan.ends.T
+    area = 0.5 * np.abs(x[:-1] * y[1:] - x[1:] * y[:-1]).sum()
+    assert (grid.cells == 0).sum() * 0.05**2 == pytest.approx(area, rel=0.06)
 
 
 def test_places_that_move_are_drawn_anew() -> None:

@@ -12,11 +12,13 @@ from wasd_navigation.grid import OCCUPIED
 from wasd_navigation.grid import UNKNOWN
 from wasd_navigation.scan import Scan
 
-# Log-odds that a ray adds to the cell that it ends in, to each that it goes through, and to the
-# one behind its end, as far as that is believed to be occupied.
-HIT, MISS, BEHIND = 0.9, -0.25, -0.3
-# Nearer to a surface than this a ray does not say that a cell is free [cells].
-MARGIN = 0.7
+# Log-odds that a ray adds to the cell that it ends in, a scan to each cell that it looks through,
+# and a ray to the cell behind its end, as far as that is believed to be occupied.
+HIT, MISS, BEHIND = 0.9, -0.6, -0.3
+# A scan looks through a cell whose middle is this far before a surface [cells] ...
+MARGIN = 0.5
+# ... and lies between two neighbouring rays that are no farther apart there [m].
+WIDEST = 0.15
 # As far as a cell is believed either way: what has moved is seen after some scans.
 MOST, LEAST = 3.0, -3.0
 # Above and below these a cell is occupied and free.
@@ -114,46 +116,73 @@ def _draw(
     scale = 1.0 / frame[0]
     x0 = (pose[0] + cos * origin[0] - sin * origin[1]) * scale - frame[1]
     y0 = (pose[1] + sin * origin[0] + cos * origin[1]) * scale - frame[2]
+    # Where each ray points to, and how far it says that all is free [cells].
+    ahead, far = np.empty((ends.shape[0], 2)), np.empty(ends.shape[0])
     for ray in range(ends.shape[0]):
-        x1 = (pose[0] + cos * ends[ray, 0] - sin * ends[ray, 1]) * scale - frame[1]
-        y1 = (pose[1] + sin * ends[ray, 0] + cos * ends[ray, 1]) * scale - frame[2]
-        _draw_ray(odds, (x0, y0), (x1, y1), slants[ray])
+        dx, dy = ends[ray, 0] - origin[0], ends[ray, 1] - origin[1]
+        length = max(1e-9, math.hypot(dx, dy))
+        ahead[ray, 0], ahead[ray, 1] = (
+            (cos * dx - sin * dy) / length,
+            (sin * dx + cos * dy) / length,
+        )
+        far[ray] = length * scale
+        if slants[ray] > 0.0:
+            _hit(odds, (x0, y0), ahead[ray], far[ray])
+            far[ray] -= MARGIN / max(0.03, slants[ray])
+    most = WIDEST * scale
+    for ray in range(ends.shape[0]):
+        after = ray + 1 if ray + 1 < ends.shape[0] else 0
+        _look_through(odds, (x0, y0), ahead[ray], ahead[after], min(far[ray], far[after]), most)
 
 
 @jit
-def _draw_ray(
-    odds: np.ndarray, begin: tuple[float, float], end: tuple[float, float], slant: float
-) -> None:
-    """Add a ray from one place (x, y) [cells] to another, cell by cell [Amanatides1987]."""
-    column, row = int(math.floor(begin[0])), int(math.floor(begin[1]))
-    last_column, last_row = int(math.floor(end[0])), int(math.floor(end[1]))
-    dx, dy = end[0] - begin[0], end[1] - begin[1]
-    step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-    # Share of the ray from one border of columns (rows) to the next, and up to the first.
-    share_x = 1.0 / abs(dx) if dx else np.inf
-    share_y = 1.0 / abs(dy) if dy else np.inf
-    next_x = share_x * (column + 1 - begin[0] if dx > 0.0 else begin[0] - column) if dx else np.inf
-    next_y = share_y * (row + 1 - begin[1] if dy > 0.0 else begin[1] - row) if dy else np.inf
-    # From this share on it is nearer to the surface than half a cell: that may fill the cell.
-    free = 1.0 - MARGIN / max(0.03, slant) / max(1e-9, math.hypot(dx, dy)) if slant else 1.0
-    share = 0.0
-    for _ in range(abs(last_column - column) + abs(last_row - row)):
-        if share < free:
-            odds[row, column] = max(LEAST, odds[row, column] + MISS)
-        share = min(next_x, next_y)
-        if next_x < next_y:
-            column += step_x
-            next_x += share_x
-        else:
-            row += step_y
-            next_y += share_y
-    if slant == 0.0:
-        return
-    odds[last_row, last_column] = min(MOST, odds[last_row, last_column] + HIT)
+def _hit(odds: np.ndarray, begin: tuple[float, float], ahead: np.ndarray, length: float) -> None:
+    """Add the end of a ray from a place (x, y) [cells]."""
+    x, y = begin[0] + length * ahead[0], begin[1] + length * ahead[1]
+    column, row = int(math.floor(x)), int(math.floor(y))
+    odds[row, column] = min(MOST, odds[row, column] + HIT)
     # The cell behind it is hit by noise only, where no ray goes through to say so.
-    if next_x < next_y:
-        column += step_x
+    to_x = (column + 1 - x if ahead[0] > 0.0 else x - column) / max(1e-12, abs(ahead[0]))
+    to_y = (row + 1 - y if ahead[1] > 0.0 else y - row) / max(1e-12, abs(ahead[1]))
+    if to_x < to_y:
+        column += 1 if ahead[0] > 0.0 else -1
     else:
-        row += step_y
+        row += 1 if ahead[1] > 0.0 else -1
     if 0 <= row < odds.shape[0] and 0 <= column < odds.shape[1] and odds[row, column] > 0.0:
         odds[row, column] = max(0.0, odds[row, column] + BEHIND)
+
+
+@jit
+def _look_through(
+    odds: np.ndarray,
+    begin: tuple[float, float],
+    first: np.ndarray,
+    second: np.ndarray,
+    length: float,
+    most: float,
+) -> None:
+    """Add that cells are free whose middle is in the triangle of two rays of a length [cells]."""
+    across = abs(first[0] * second[1] - first[1] * second[0])
+    if first[0] * second[0] + first[1] * second[1] <= 0.0:
+        return
+    length = min(length, most / max(1e-9, across))
+    if length <= 0.0:
+        return
+    x1, y1 = length * first[0], length * first[1]
+    x2, y2 = length * second[0], length * second[1]
+    # Middles are at half cells; sides that two triangles share belong to one of them.
+    x0, y0 = begin[0] - 0.5, begin[1] - 0.5
+    low = math.ceil(y0 + min(0.0, min(y1, y2)))
+    high = math.ceil(y0 + max(0.0, max(y1, y2)))
+    for row in range(max(0, low), min(odds.shape[0], high)):
+        y = row - y0
+        left, right = np.inf, -np.inf
+        for ax, ay, bx, by in ((0.0, 0.0, x1, y1), (x1, y1, x2, y2), (x2, y2, 0.0, 0.0)):
+            if (ay <= y) != (by <= y):
+                x = ax + (bx - ax) * ((y - ay) / (by - ay))
+                left, right = min(left, x), max(right, x)
+        if left > right:
+            continue
+        first_column, last_column = math.ceil(x0 + left), math.ceil(x0 + right)
+        for column in range(max(0, first_column), min(odds.shape[1], last_column)):
+            odds[row, column] = max(LEAST, odds[row, column] + MISS)
