@@ -74,11 +74,16 @@ def chromium(width: int, height: int, is_phone: bool = False) -> Any:
         options.add_argument(flag)
     options.set_capability('goog:loggingPrefs', {'browser': 'ALL'})
     browser = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    set_page_size(browser, width, height, is_phone)
     if is_phone:
-        size = {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': True}
-        browser.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', size)
         browser.execute_cdp_cmd('Emulation.setTouchEmulationEnabled', {'enabled': True})
     return browser
+
+
+def set_page_size(browser: Any, width: int, height: int, is_phone: bool = False) -> None:
+    """Have a page of so many pixels; of a window's size the browser takes some for itself."""
+    size = {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': is_phone}
+    browser.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', size)
 
 
 def screenshot(browser: Any) -> np.ndarray:

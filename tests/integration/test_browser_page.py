@@ -12,6 +12,7 @@ import pytest
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
 from page_in_browser import open_page  # noqa: E402
+from page_in_browser import set_page_size  # noqa: E402
 from page_in_browser import skip_unless_alive  # noqa: E402
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
@@ -87,7 +88,7 @@ def test_keys_on_the_page_drive_it(
     saved = tmp_path / 'keys.txt'
     words = '--report', 'report.json', '--save-keys', str(saved)
     run = run_with_page('mbot', '--duration', '300', *words)
-    browser.set_window_size(500, 400)
+    set_page_size(browser, 500, 260)
     open_page(browser, run.url)
     skip_unless_alive(browser)
     canvas = browser.find_element(By.TAG_NAME, 'canvas')

@@ -11,6 +11,7 @@ import pytest
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
 from page_in_browser import judged_while_alive  # noqa: E402
 from page_in_browser import open_page  # noqa: E402
+from page_in_browser import set_page_size  # noqa: E402
 from page_in_browser import skip_unless_alive  # noqa: E402
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 
@@ -40,7 +41,7 @@ def test_four_taps_are_four_steps_and_end_with_the_browser(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
     run = run_with_page('go2', '--save-keys', 'keys.txt', '--duration', '300')
-    browser.set_window_size(500, 400)
+    set_page_size(browser, 500, 260)
     open_page(browser, run.url)
     skip_unless_alive(browser)
     saved = tmp_path / 'keys.txt'
@@ -65,7 +66,7 @@ def test_a_key_that_is_held_ends_with_the_browser(
     run_with_page: Callable[..., Any], browser: Any, tmp_path: Path
 ) -> None:
     run = run_with_page('mbot', '--save-keys', 'keys.txt', '--duration', '300')
-    browser.set_window_size(500, 400)
+    set_page_size(browser, 500, 260)
     open_page(browser, run.url)
     skip_unless_alive(browser)
     saved = tmp_path / 'keys.txt'
@@ -85,7 +86,7 @@ def test_a_browser_is_not_sent_panels_that_it_cannot_show(
     run_with_page: Callable[..., Any], browser: Any
 ) -> None:
     run = run_with_page('mbot', '--duration', '300')
-    browser.set_window_size(500, 400)
+    set_page_size(browser, 500, 260)
     open_page(browser, run.url)
     browser.execute_cdp_cmd('Emulation.setCPUThrottlingRate', {'rate': 4})
     ahead = []

@@ -95,7 +95,8 @@ def test_what_is_recorded_of_a_run_are_its_options(read):
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (('--seed', '-1'), '--seed: got -1, wanted >= 0'),
+        (('--seed', '-1'), '--seed: got -1, wanted 0 to 9223372036854775807'),
+        (('--seed', str(2**63)), '--seed: got 9223372036854775808, wanted 0 to'),
         (('--port', '70000'), '--port: got 70000'),
         (('--duration', 'nan'), "--duration: got 'nan', wanted a number >= 0"),
         (('--duration', '-1'), "--duration: got '-1'"),

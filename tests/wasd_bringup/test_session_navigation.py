@@ -285,13 +285,15 @@ def test_a_goal_that_is_none_is_refused_in_one_line(read, words):
         read('--goal', words)
 
 
-def test_a_map_that_is_not_there_and_two_robots_are_refused(read):
+def test_a_map_that_is_not_there_and_a_goal_for_two_robots_are_refused(read):
     with pytest.raises(UserError, match='--map nowhere.yaml: no such file'):
         read('--map', 'nowhere.yaml')
     with pytest.raises(UserError, match='--map /: is no file'):
         read('--map', '/')
-    with pytest.raises(UserError, match='for one robot'):
-        read('--map', both=True)
+    assert read('--map', both=True).navigates
+    for words in (('--goal', '1 2'), ('--save-map', 'house')):
+        with pytest.raises(UserError, match='for one robot'):
+            read(*words, both=True)
 
 
 def test_a_place_that_cannot_take_the_map_is_refused_before_the_run(read, tmp_path):

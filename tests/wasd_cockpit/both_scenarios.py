@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a hand does on the page of the Go2 and mbot together; see run_scenarios.py."""
 
+import math
+
+from map_scenarios import goal
 from mbot_scenarios import column
 from mbot_scenarios import top_of
 import numpy as np
@@ -10,6 +13,7 @@ from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.presets import GAITS
 from run_scenarios import Page
 from wasd_cockpit.history import Columns
+from wasd_cockpit.scene import axes_of
 
 
 def enter(page: Page, state: str) -> None:
@@ -121,3 +125,48 @@ def scenario_every_page_of_plots_has_something_to_show(page: Page) -> None:
 def scenario_no_panel_has_failed(page: Page) -> None:
     assert page.cockpit.times.frames > 100
     assert page.failed() == set()
+
+
+def scenario_each_robot_makes_a_map_of_its_own(page: Page) -> None:
+    robots = page.session.robots
+    page.wait_until(lambda: all(robot.navigation.view() for robot in robots), 'no maps')
+    frames = [robot.navigation.node.settings.map_frame for robot in robots]
+    assert frames == ['go2/map', 'mbot/map']
+    saved = [robot.navigation.node.settings.save_map for robot in robots]
+    assert saved == ['go2_map', 'mbot_map']
+
+
+def on_the_floor(page: Page, x: float, y: float) -> np.ndarray:
+    """Return which point of the floor (x, y) [m] a camera sees at a place of the page [pixels]."""
+    view = page.session._view._page.viewer
+    right, up = axes_of(view.camera)
+    ahead = np.cross(up, right)
+    width, height = page.puppet.size
+    half = 0.5 * height / math.tan(math.radians(0.5 * view.model.vis.global_.fovy))
+    ray = half * ahead + (x - 0.5 * width) * right + (0.5 * height - y) * up
+    looked_at = page.session.world.data.subtree_com[page.session.world.root]
+    eye = looked_at - view.camera.distance * ahead
+    return (eye - eye[2] / ray[2] * ray)[:2]
+
+
+def scenario_a_click_in_the_scene_is_a_goal_of_the_robot_in_turn(page: Page) -> None:
+    page.click('robot mbot')
+    page.wait_until(lambda: page.snapshot.robots[page.snapshot.robot] == 'mbot', 'mbot')
+    page.wait(1.0)
+    go2, mbot = page.session.robots
+    page.click('goal')
+    page.show('hand')
+    hand = page.rects['hand']
+    place = round(hand.left + 0.3 * hand.width), round(hand.bottom - 60.0)
+    wanted = on_the_floor(page, *place) - mbot.world.setup.place
+    page.puppet.press_at(place)
+    page.puppet.let_go()
+    page.wait_until(lambda: goal(page) is not None, 'no goal')
+    assert np.abs(wanted - goal(page)[:2]).max() < 0.05
+    assert go2.navigation.navigator.goal is None
+    before = mbot.world.base().position
+    page.wait_until(lambda: math.dist(mbot.world.base().position, before) > 0.1, 'stands')
+    page.click('cancel goal')
+    page.click('goal')
+    page.wait_until(lambda: goal(page) is None, 'the goal stays')
+    page.click('robot go2')

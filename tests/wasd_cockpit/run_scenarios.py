@@ -128,10 +128,14 @@ def run(module: str, words: list[str]) -> dict[str, str]:
     return results
 
 
-def run_with_hand(words: list[str], play: Callable[[Page], None]) -> None:
-    """Run `wasd` with words until a hand has done something on its page, in another thread."""
+def run_with_hand(words: list[str], play: Callable[[Page], None], visuals: bool = False) -> None:
+    """
+    Run `wasd` with words until a hand has done something on its page, in another thread.
+
+    `visuals` are what only a picture needs.
+    """
     init_ros([])
-    session = Session(read_options(make_parser().parse_args(words)))
+    session = Session(read_options(make_parser().parse_args(words)), visuals=visuals)
     page = Page(session, session.open_view('web'))
 
     def play_and_leave() -> None:

@@ -13,7 +13,7 @@ import pytest
 HERE = Path(__file__).parent
 RUNS = {
     'mbot_scenarios': ('mbot', '--world', 'room'),
-    'both_scenarios': ('both', '--estimator', 'truth'),
+    'both_scenarios': ('both', '--estimator', 'truth', '--world', 'room', '--map'),
     'map_scenarios': ('mbot', '--world', 'room', '--map'),
 }
 

@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 
 # What a namespace keeps apart, too: a robot alone in its world has its own time and frames.
 NAMESPACED = (('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static'))
+# A seed is a parameter, too, of 64 bits.
+MOST_SEED = 2**63 - 1
 # Values of --discovery; rcl knows them in capitals.
 RANGES = ('off', 'localhost', 'subnet')
 # A scripted run without --duration goes on for so long after its last line [s].
@@ -221,8 +223,8 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
 
 
 def _check_whole_numbers(arguments: argparse.Namespace) -> None:
-    if arguments.seed < 0:
-        raise UserError(f'--seed: got {arguments.seed}, wanted >= 0')
+    if not 0 <= arguments.seed <= MOST_SEED:
+        raise UserError(f'--seed: got {arguments.seed}, wanted 0 to {MOST_SEED}')
     for name in ('port', 'foxglove'):
         port = getattr(arguments, name)
         if port is not None and not 0 <= port <= 65535:
@@ -238,8 +240,11 @@ def _map(arguments: argparse.Namespace) -> str | None:
 
 
 def _check_navigation(arguments: argparse.Namespace) -> None:
-    if arguments.robot == BOTH and _map(arguments) is not None:
-        raise UserError('--map, --save-map and --goal are for one robot: wasd go2, or wasd mbot')
+    if arguments.robot == BOTH and (arguments.map or arguments.save_map or arguments.goal):
+        raise UserError(
+            '--map FILE, --save-map and --goal are for one robot: wasd go2, or wasd mbot '
+            '(wasd both takes --map alone: each robot makes a map of its own)'
+        )
 
 
 def _read(path: str, option: str) -> str:

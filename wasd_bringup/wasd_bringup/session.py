@@ -151,7 +151,7 @@ class Session:
         names = [f'{robot.name}: ' if len(self.robots) > 1 else '' for robot in self.robots]
         robots = zip(names, self.robots, strict=True)
         keys = [f'{name}{robot.stack.first_keys}' for name, robot in robots]
-        guests = [guest.first_line for guest in self._guests]
+        guests = dict.fromkeys(guest.first_line for guest in self._guests)
         return [*self._where_lines, *keys, *guests, *self._run_lines]
 
     @property

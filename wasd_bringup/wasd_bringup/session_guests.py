@@ -55,7 +55,7 @@ def make_guests(
     if options.navigates:
         from wasd_bringup.session_navigation import SessionNavigation
 
-        guests.append(SessionNavigation(options, robots[0]))
+        guests += [SessionNavigation(robot.options, robot) for robot in robots]
     # Each is loaded here, because who does not ask for it does without.
     if options.gamepad is not None:
         from wasd_bringup.session_pad import SessionPad

@@ -257,6 +257,10 @@ def _overrides(options: RunOptions, robot: SessionRobot) -> list[Parameter]:
         **_footprint(robot),
         **{f'limits.{name}': most for name, most in robot.stack.drive_limits.items()},
     }
+    if robot.world.prefix:
+        # Of several robots each has a map of its own.
+        values['map_frame'] = f'{robot.world.prefix}map'
+        values['save_map'] = f'{robot.name}_map'
     if options.save_map:
         values['save_map'] = options.save_map
     return [Parameter(name, value=value) for name, value in values.items()]

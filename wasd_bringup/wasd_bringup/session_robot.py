@@ -77,7 +77,7 @@ class SessionRobot:
         self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
         if world.prefix:
-            self._say_where_odometry_begins()
+            self._say_where_it_begins()
 
     @property
     def name(self) -> str:
@@ -149,9 +149,10 @@ class SessionRobot:
         stamp = self.simulator.stamp
         self._states.publish(self.world.joint_names, joints.position, stamp)
 
-    def _say_where_odometry_begins(self) -> None:
+    def _say_where_it_begins(self) -> None:
         start = Pose(np.array([*self.world.setup.place, 0.0]), np.eye(3))
-        frame = f'{self.world.prefix}odom'
+        # A frame has one parent: that of odometry is a navigator's map, where there is one.
+        frame = f'{self.world.prefix}{"map" if self.options.navigates else "odom"}'
         self._static = TfBroadcaster(self.simulator, static=True)
         self._static.send([to_transform(start, WORLD_FRAME, frame, Time())])
 

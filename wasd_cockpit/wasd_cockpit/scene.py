@@ -1,23 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the cockpit adds to the scene: marks beside the robot, the camera, a hand that pushes."""
+"""What the cockpit adds to the scene: marks beside the robot, the camera, a hand in it."""
 
 from collections.abc import Iterator
 import math
 from typing import Any, TYPE_CHECKING
 
 import mujoco
+from mujoco.studio import ux
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 import numpy as np
 from wasd_core.rotations import rpy_from_matrix
 
 from wasd_cockpit import style
 from wasd_cockpit.snapshot import Marks
+from wasd_cockpit.snapshot import moved
+from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.widgets import Dragging
 
 if TYPE_CHECKING:
     from wasd_cockpit.cockpit import PageState
 
 CAMERAS = ('follow', 'free', 'first person')
+# What a pointer may do in the scene instead of turning the camera.
+HANDS = ('push', 'goal')
 OVERLAYS = {
     'motion': style.COMMAND,
     'forces': style.TRUTH,
@@ -105,13 +111,14 @@ class Scene:
     def __init__(self) -> None:
         self.camera = CAMERAS[0]
         self.shown: set[str] = {'motion', 'forces', 'footholds'}
-        self.pushes = False
+        self.hand = ''  # one of HANDS, or none
         self.force = 0.0  # of the hand [N]
         self._pool = Pool()
         self._home: tuple[float, float, float] | None = None
         self._grabbed: tuple[np.ndarray, tuple[float, float]] | None = None
         self._in_force = ''
         self._scale = 1.0
+        self._dragging = Dragging()
 
     def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
         """Draw what is chosen."""
@@ -169,10 +176,10 @@ class Scene:
         camera.azimuth, camera.elevation = math.degrees(yaw), -math.degrees(pitch)
 
     def _hold(self, page: 'PageState', snapshot: Snapshot) -> None:
-        """Pull the robot where the pointer drags it."""
+        """Have the pointer push the robot, or point where it is to drive."""
         self.force = 0.0
         page.push = None
-        if not self.pushes:
+        if not self.hand:
             self._grabbed = None
             return
         # What the pointer does there is for the hand, and not for the camera.
@@ -186,9 +193,28 @@ class Scene:
         page.widgets.note('hand')
         is_held = bool(imgui.IsItemActive()) and page.is_live
         imgui.End()
-        if not is_held:
+        if self.hand == 'goal':
+            self._point(page, snapshot, is_held)
+        elif is_held:
+            self._push(page, snapshot)
+        else:
             self._grabbed = None
+
+    def _point(self, page: 'PageState', snapshot: Snapshot, is_held: bool) -> None:
+        """Order a goal where the scene is clicked; a drag from there is the way to look."""
+        drag, navigation = self._dragging.step(is_held), snapshot.navigation
+        if drag is None or navigation is None or not page.is_live:
             return
+        start, end = (place_at(page.viewer, *place) for place in drag)
+        if start is None:
+            return  # the sky
+        places = np.array([start, start if end is None else end])
+        place, toward = moved(places, snapshot.pose, navigation.pose).tolist()
+        is_plain = drag.is_click or end is None
+        page.link.order(Order.goal(place, None if is_plain else toward))
+
+    def _push(self, page: 'PageState', snapshot: Snapshot) -> None:
+        """Pull the robot where the pointer drags it."""
         mouse, place = imgui.GetMousePos(), snapshot.marks.place
         if self._grabbed is None:
             self._grabbed = place.copy(), (mouse.x, mouse.y)
@@ -213,6 +239,15 @@ def metres_per_pixel(viewer: Any, height: float) -> float:
     """Return how long a pixel is where the camera looks at, on a page of so many."""
     half = math.radians(0.5 * float(viewer.model.vis.global_.fovy))
     return 2.0 * float(viewer.camera.distance) * math.tan(half) / max(height, 1.0)
+
+
+def place_at(viewer: Any, x: float, y: float) -> np.ndarray | None:
+    """Return what is seen at a place of the page [pixels]: x, y [m], None of the sky."""
+    size = imgui.GetIO().DisplaySize
+    share = x / max(size.x, 1.0), y / max(size.y, 1.0)
+    aspect = size.x / max(size.y, 1.0)
+    seen = ux.Pick(viewer.model, viewer.data, viewer.camera, *share, aspect, viewer.vis_options)
+    return None if seen.body < 0 else np.array(seen.point)[:2]
 
 
 def pull(viewer: Any, moved: tuple[float, float], followed: np.ndarray, mass: float) -> np.ndarray:

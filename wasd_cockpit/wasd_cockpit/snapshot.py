@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page is told of a run: one frozen snapshot, all that both sides share."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
@@ -16,6 +17,14 @@ class Order(NamedTuple):
     what: str
     name: str = ''
     value: float = 0.0
+
+    @classmethod
+    def goal(cls, place: Sequence[float], toward: Sequence[float] | None) -> 'Order':
+        """Return the wish to drive to a place of the map [m], and to look at another there."""
+        (x, y), yaw = place, math.nan
+        if toward is not None:
+            yaw = math.atan2(toward[1] - y, toward[0] - x)
+        return cls('goal', f'{x} {y} {yaw}')
 
 
 class Choice(NamedTuple):

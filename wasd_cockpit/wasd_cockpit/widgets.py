@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What panels are made of: buttons that say why not, words, and where each of them is."""
 
+import math
 from typing import NamedTuple
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
 
+# A click that is dragged farther [pixels] says a direction, too.
+LEAST_DRAG = 12.0
 _DISABLED = int(imgui.HoveredFlags.AllowWhenDisabled.value)
 _BUTTON = int(imgui.Col.Button.value)
 _BUTTON_HOVERED = int(imgui.Col.ButtonHovered.value)
@@ -35,6 +38,34 @@ class Rect(NamedTuple):
     def height(self) -> float:
         """Its height."""
         return self.bottom - self.top
+
+
+class Drag(NamedTuple):
+    """From where to where a pointer was dragged [pixels]."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+
+    @property
+    def is_click(self) -> bool:
+        """Whether it was not moved farther than a hand trembles."""
+        return math.dist(self.start, self.end) <= LEAST_DRAG
+
+
+class Dragging:
+    """Watches a pointer that is held down on something, until it is let go."""
+
+    def __init__(self) -> None:
+        self._start: tuple[float, float] | None = None
+
+    def step(self, is_held: bool) -> Drag | None:
+        """Take whether it is held in this frame; return how it was dragged, once it is let go."""
+        mouse = imgui.GetMousePos()
+        if is_held:
+            self._start = self._start or (mouse.x, mouse.y)
+            return None
+        start, self._start = self._start, None
+        return None if start is None else Drag(start, (mouse.x, mouse.y))
 
 
 class Widgets:

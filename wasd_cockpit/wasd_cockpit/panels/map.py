@@ -18,6 +18,7 @@ from wasd_cockpit.snapshot import navigation_words
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import PlanarPose
 from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.widgets import Dragging
 from wasd_cockpit.widgets import Rect
 
 if TYPE_CHECKING:
@@ -29,9 +30,6 @@ MOST_TRAIL = 120
 # Lines of the floor are one of these apart [m], and at least so far where one is enough [pixels].
 GRID_STEPS, LEAST_GAP = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0), 22.0
 
-
-# A click that is dragged so far [pixels] says which way to look at the goal.
-LEAST_DRAG = 12.0
 # Grey of what is free; what nobody has seen is left out.
 FREE_GREY: style.Rgb = (62, 70, 86)
 
@@ -77,7 +75,7 @@ class Map:
         self.zoom = 2
         self._texture = 0
         self._painted: int | None = None
-        self._pressed: tuple[float, float] | None = None
+        self._dragging = Dragging()
 
     def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
@@ -141,17 +139,10 @@ class Map:
 
     def _take_goal(self, page: 'PageState', view: View, is_held: bool) -> None:
         """Order a goal where the floor is clicked; a drag from there is the way to look."""
-        mouse = imgui.GetMousePos()
-        if is_held:
-            self._pressed = self._pressed or (mouse.x, mouse.y)
-            return
-        pressed, self._pressed = self._pressed, None
-        if pressed is None or not page.is_live:
-            return
-        (x, y), (end_x, end_y) = view.to_floor(*pressed), view.to_floor(mouse.x, mouse.y)
-        is_drag = math.hypot(mouse.x - pressed[0], mouse.y - pressed[1]) > LEAST_DRAG
-        yaw = math.atan2(end_y - y, end_x - x) if is_drag else math.nan
-        page.link.order(Order('goal', f'{x} {y} {yaw}'))
+        drag = self._dragging.step(is_held)
+        if drag is not None and page.is_live:
+            end = None if drag.is_click else view.to_floor(*drag.end)
+            page.link.order(Order.goal(view.to_floor(*drag.start), end))
 
     def _paint_map(
         self, page: 'PageState', navigation: Navigation, rect: Rect, view: View

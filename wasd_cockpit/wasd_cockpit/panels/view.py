@@ -7,6 +7,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
 from wasd_cockpit.scene import CAMERAS
+from wasd_cockpit.scene import HANDS
 from wasd_cockpit.scene import OVERLAYS
 from wasd_cockpit.scene import Scene
 from wasd_cockpit.snapshot import Snapshot
@@ -17,6 +18,11 @@ if TYPE_CHECKING:
 
 _HEIGHT = 28.0
 _ABOUT = 15.0  # [degrees]
+_HAND_LABELS = {'push': 'push by dragging', 'goal': 'goal by a click'}
+_HAND_WORDS = {
+    'push': 'drag the robot in the scene',
+    'goal': 'click in the scene where to drive; drag to say which way to look',
+}
 
 
 class View:
@@ -59,9 +65,21 @@ class View:
                 refusal='this robot has no feet' if needs_feet else '',
             ):
                 scene.shown ^= {name}
-        widgets.heading('PUSH')
-        label = 'drag the robot in the scene' if scene.pushes else 'push by dragging'
-        if widgets.toggle('push', label, scene.pushes, (columns(1), _HEIGHT)):
-            scene.pushes = not scene.pushes
+        widgets.heading('POINTER')
+        width = columns(len(HANDS))
+        for index, name in enumerate(HANDS):
+            if index:
+                imgui.SameLine()
+            no_map = name == 'goal' and snapshot.navigation is None
+            if widgets.button(
+                name,
+                _HAND_LABELS[name],
+                (width, _HEIGHT),
+                fill=style.COMMAND if name == scene.hand else None,
+                refusal='this robot makes no map: start with --map' if no_map else '',
+            ):
+                scene.hand = '' if name == scene.hand else name
+        if scene.hand:
+            widgets.words(_HAND_WORDS[scene.hand], style.DIM, wrapped=True)
         if scene.force:
             widgets.words(f'{scene.force:.0f} N', style.ODOMETRY)
