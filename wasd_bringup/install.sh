@@ -83,28 +83,49 @@ make_environment() {
   : >"$venv/COLCON_IGNORE"
 }
 
+# With "$1" `test` also what the tests need, which pip looks for at once.
 install_project() {
   say "installing the project and what it needs; what pip does is in '$venv/$LOG'"
-  run_pip "$extras"
-  say 'compiling the messages that the wheels lack and the leg controller, once'
-  "$venv/bin/python" -m robot_description.build_interfaces >&2 || :  # it has said what is missing
-  "$venv/bin/python" -m quadruped_sim >&2 || say 'not compiled; the first walk starts later'
+  wanted=$extras
+  [ "$1" != test ] || wanted=$(with_tests)
+  run_pip "$wanted"
+  say 'compiling the messages that the wheels lack, legs and navigator, once'
+  compile_all
   { identity && contents; } >"$venv/$STAMP.new"
   mv "$venv/$STAMP.new" "$venv/$STAMP"
+  [ "$1" != test ] || cat "$venv/$STAMP" >"$venv/$TESTS"
   say 'installed'
+}
+
+# Side by side, for each of them keeps one processor busy.
+compile_all() {
+  "$venv/bin/python" -m quadruped_sim >&2 &
+  legs=$! others=$!
+  "$venv/bin/python" -m compileall -q -x '/tests?/' "$venv"/lib/python3* >/dev/null 2>&1 &
+  others="$others $!"
+  "$venv/bin/python" -m robot_description.build_interfaces >&2 || :  # it has said what is missing
+  "$venv/bin/python" -m wasd_navigation >&2 || say 'not compiled; the first map starts later'
+  wait "$legs" || say 'not compiled; the first walk starts later'
+  wait
+  others=
 }
 
 install_tests() {
   say 'installing what the tests need, once'
-  case $extras in
-    '') run_pip '[test]' ;;
-    *) run_pip "${extras%]},test]" ;;
-  esac
+  run_pip "$(with_tests)"
   { identity && contents; } >"$venv/$TESTS"
 }
 
+with_tests() {
+  case $extras in
+    '') echo '[test]' ;;
+    *) echo "${extras%]},test]" ;;
+  esac
+}
+
 # Installs the project with the extras "$1". pip says what goes wrong on standard error; what it
-# turns on the other, with a log to write, is not meant for readers.
+# turns on the other, with a log to write, is not meant for readers. Bytecode it would make by one
+# processor, of tests, too.
 run_pip() {
   rm -f "$venv/$LOG"
   numpy='import numpy; print("numpy==" + numpy.__version__)'
@@ -113,7 +134,7 @@ run_pip() {
   progress=$!
   # A pip set up to install elsewhere (PIP_USER) would refuse an environment.
   PIP_USER=0 "$venv/bin/python" -P -m pip install --quiet --progress-bar off --disable-pip-version-check --no-input \
-    --log "$venv/$LOG" -e "$here$1" $numpy >/dev/null || explain_failure
+    --no-compile --log "$venv/$LOG" -e "$here$1" $numpy >/dev/null || explain_failure
   end_progress
 }
 
@@ -147,15 +168,22 @@ explain_failure() {
     "once) and in '$venv/$LOG'; the next start tries again"
 }
 
+stop_installing() {
+  end_progress
+  kill $others 2>/dev/null || :  # in the background, where Ctrl-C is not heard
+  say 'interrupted; the next start begins anew'
+  exit 130
+}
+
 install() {
   check_machine
   find_python
-  progress=
-  trap 'end_progress; say "interrupted; the next start begins anew"; exit 130' INT
+  progress='' others=''
+  trap stop_installing INT
   claim_folder
   if ! is_ready; then
     make_environment
-    install_project
+    install_project "$1"
   fi
   [ "$1" != test ] || can_test || install_tests
   trap - INT

@@ -32,6 +32,9 @@ exec(code)" "$3" "$(readlink -f "$0").looks" ;;
   *'-m venv'*)
     for folder; do :; done
     mkdir -p "$folder/bin" && ln -s "$(readlink -f "$0")" "$folder/bin/python" ;;
+  *'-m quadruped_sim')
+    echo $$ >"$FAKE/compiling"
+    while [ -e "$FAKE/slow-compiler" ]; do sleep 0.02; done ;;
   *build_interfaces) [ ! -e "$FAKE/no-compiler" ] || { echo 'error: no compiler' >&2; exit 2; } ;;
   *'-m pip'*)
     case "$*" in *--quiet*) ;; *) echo 'Collecting something' ;; esac
@@ -191,4 +194,5 @@ def checkout(tmp_path: Path) -> Iterator[Checkout]:
     """A fresh checkout in a folder whose name has a space."""
     made = Checkout(tmp_path)
     yield made
-    (made.fake / 'slow').unlink(missing_ok=True)  # whatever still waits for it ends
+    for name in ('slow', 'slow-compiler'):  # whatever still waits for it ends
+        (made.fake / name).unlink(missing_ok=True)

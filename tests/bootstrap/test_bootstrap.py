@@ -86,7 +86,29 @@ def test_the_tests_bring_what_they_need_once(checkout):
 def test_a_first_start_that_tests_installs_all_of_it(checkout):
     result = checkout.run('test')
     assert (result.returncode, result.stdout.splitlines()[0]) == (0, 'argument: test')
+    (pip,) = checkout.calls('-m pip')
+    assert f'-e {checkout.folder}[ros,pinocchio,test]' in pip
     assert checkout.run('test').stderr == ''
+
+
+def test_an_installation_compiles_libraries_messages_legs_and_navigator(checkout):
+    checkout.run()
+    asked = ' '.join(checkout.calls())
+    for what in ('compileall', 'build_interfaces', 'quadruped_sim', 'wasd_navigation'):
+        assert f'-m {what}' in asked.replace('robot_description.', '')
+
+
+def test_ctrl_c_ends_what_compiles_in_the_background(checkout):
+    (checkout.fake / 'slow-compiler').touch()
+    process = checkout.start()
+    checkout.wait_for(checkout.fake / 'compiling')
+    os.killpg(process.pid, signal.SIGINT)
+    assert checkout.finish(process).returncode == 130
+    compiling = int((checkout.fake / 'compiling').read_text())
+    with pytest.raises(ProcessLookupError):
+        os.kill(compiling, 0)
+    (checkout.fake / 'slow-compiler').unlink()
+    assert checkout.run('go').stdout.splitlines()[0] == 'argument: go'
 
 
 def test_the_running_command_keeps_no_later_start_from_installing(checkout):
