@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pose graph: what is consistent is found again, in portions as at once."""
 
+from collections.abc import Sequence
 import math
 
 import numpy as np
@@ -25,9 +26,9 @@ def ring() -> np.ndarray:
     return poses
 
 
-def link(poses: np.ndarray, noise: float) -> Edges:
-    """Return edges from each pose to the next, and to the one a round before."""
-    pairs = [(i - 1, i) for i in range(1, COUNT)]
+def link(poses: np.ndarray, noise: float, more: Sequence[tuple[int, int]] = ()) -> Edges:
+    """Return edges from each pose to the next, to the one a round before, and more."""
+    pairs = [*more, *((i - 1, i) for i in range(1, COUNT))]
     pairs += [(i - COUNT // 2, i) for i in range(COUNT // 2, COUNT)]
     random = np.random.default_rng(0)
     seen = [compose(inverse(poses[a]), poses[b]) for a, b in pairs]
@@ -68,8 +69,13 @@ def test_edges_that_agree_give_their_poses() -> None:
     assert np.abs(away).max() < 1e-6
 
 
-def test_a_step_is_that_of_dense_least_squares() -> None:
-    poses, edges = ring(), link(ring(), 0.02)
+# A place that is seen again from everywhere has more neighbours than there is room for at first.
+HUB = [(1, other) for other in range(3, COUNT, 2)]
+
+
+@pytest.mark.parametrize('more', [(), HUB], ids=['rounds', 'hub'])
+def test_a_step_is_that_of_dense_least_squares(more: Sequence[tuple[int, int]]) -> None:
+    poses, edges = ring(), link(ring(), 0.02, more)
     pattern = find_pattern(COUNT, edges.pairs)
     system = linearise(poses, edges, pattern)
     assert factorise(system, pattern, 0, 10**9) == len(pattern.order)

@@ -117,15 +117,12 @@ class Fit(NamedTuple):
     How a scan fits: its pose, and how well it is known.
 
     `information`, shape (3, 3), of x, y [1/m^2] and yaw [1/rad^2], is what the scan alone tells;
-    `share` is that of the points which lie on a surface of the map; `met` that of those which
-    have one near, [0, 1]; `deviation` is how far the points are off it [m].
+    `share` is that of the points which lie on a surface of the map, [0, 1].
     """
 
     pose: np.ndarray
     information: np.ndarray
     share: float
-    met: float
-    deviation: float
 
 
 @jit
@@ -183,12 +180,12 @@ def fit_scan(
     Cauchy's weights, and on the distance from `start`, of information `prior`, shape (3, 3).
     """
     pose = start.copy()
-    information, gradient, counts = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
+    information, gradient, inside = np.zeros((3, 3)), np.zeros(3), 0
     stride = COARSE
     for turn in range(rounds):
         if turn == rounds - 1:
             stride = 1
-        _weigh_points(local, surface[::stride], pose, noise, (information, gradient, counts))
+        inside = _weigh_points(local, surface[::stride], pose, noise, (information, gradient))
         information *= stride
         gradient *= stride
         away = pose - start
@@ -206,9 +203,7 @@ def fit_scan(
                 break
             stride = 1
     pose[2] = (pose[2] + math.pi) % (2.0 * math.pi) - math.pi
-    met, inside, squares = counts
-    count = max(1, surface.shape[0])
-    return Fit(pose, information, inside / count, met / count, math.sqrt(squares / max(1, inside)))
+    return Fit(pose, information, inside / max(1, surface.shape[0]))
 
 
 @jit
@@ -217,16 +212,11 @@ def _weigh_points(
     surface: np.ndarray,
     pose: np.ndarray,
     noise: float,
-    out: tuple[np.ndarray, np.ndarray, np.ndarray],
-) -> None:
-    """
-    Write information and gradient of all points at a pose, and counts.
-
-    The counts: points with a surface near, those of them within three `noise`, and the sum of
-    the squares of how far these are off.
-    """
-    information, gradient, counts = out
-    information[:], gradient[:], counts[:] = 0.0, 0.0, 0.0
+    out: tuple[np.ndarray, np.ndarray],
+) -> int:
+    """Write information and gradient of all points at a pose; return how many are on a surface."""
+    information, gradient = out
+    information[:], gradient[:], inside = 0.0, 0.0, 0
     found, at, facing, jacobian = np.empty(3), np.empty(2), np.empty(2), np.empty(3)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for point in range(surface.shape[0]):
@@ -237,10 +227,7 @@ def _weigh_points(
         if not _nearest(local, at, facing, found):
             continue
         error = found[0] / noise
-        counts[0] += 1
-        if abs(error) < 3.0:
-            counts[1] += 1
-            counts[2] += found[0] * found[0]
+        inside += abs(error) < 3.0
         weight = 1.0 / (1.0 + error * error / 4.0) / (noise * noise)
         jacobian[0], jacobian[1] = found[1], found[2]
         jacobian[2] = found[2] * rx - found[1] * ry
@@ -248,3 +235,4 @@ def _weigh_points(
             gradient[i] += weight * jacobian[i] * found[0]
             for j in range(3):
                 information[i, j] += weight * jacobian[i] * jacobian[j]
+    return inside

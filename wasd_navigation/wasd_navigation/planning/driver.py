@@ -2,18 +2,18 @@
 """Drives a robot to a goal: the machine of states around route, sampler and docking."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from wasd_navigation.grid import Grid
 from wasd_navigation.planning import docking
-from wasd_navigation.planning import recovery
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.motion import clearance
+from wasd_navigation.planning.motion import PoseFilter
 from wasd_navigation.planning.parameters import DriveLimits
 from wasd_navigation.planning.parameters import PlanningParameters
-from wasd_navigation.planning.pose_filter import PoseFilter
 from wasd_navigation.planning.route import is_shut_off
 from wasd_navigation.planning.route import refusal
 from wasd_navigation.planning.route import Route
@@ -44,6 +44,23 @@ _FIRST_SLICE = 40000
 # Recoveries in all are no more than so many times those in a row.
 _IN_ALL = 3
 _SHARES = (1.0, 0.5, 0.25)
+
+
+class Manoeuvre(NamedTuple):
+    """A velocity (vx, vy, wz) for a time [s], and what it is called."""
+
+    velocity: np.ndarray
+    duration: float
+    what: str
+
+
+def choose_manoeuvre(count: int, limits: DriveLimits) -> Manoeuvre:
+    """Return the manoeuvre number `count`, from 0: back up and turn take turns, left and right."""
+    if count % 2 == 0:
+        speed = min(limits.backward, 0.15)
+        return Manoeuvre(np.array((-speed, 0.0, 0.0)), 0.3 / speed, 'backing up')
+    rate = 0.6 * limits.yaw * (1.0 if count % 4 == 1 else -1.0)
+    return Manoeuvre(np.array((0.0, 0.0, rate)), 0.5 * math.pi / abs(rate), 'turning')
 
 
 class Driver:
@@ -88,7 +105,7 @@ class Driver:
             self.pause()
         self.cancel()
         self.recoveries = 0
-        self._route = self._make_route(goal)
+        self._route = Route(np.array(goal, float), self._footprint, self._base, self._parameters)
         self.state = 'driving'
         self._is_new = True
         self._sampler.reset()
@@ -102,7 +119,7 @@ class Driver:
         self._errors: list[np.ndarray] = []
         self._least_left, self._no_nearer = math.inf, 0.0
         self._in_a_row = 0
-        self._manoeuvre: recovery.Manoeuvre | None = None
+        self._manoeuvre: Manoeuvre | None = None
         self._manoeuvred = 0.0
 
     @property
@@ -142,21 +159,6 @@ class Driver:
     def is_under_way(self) -> bool:
         """Whether it drives, or tries to."""
         return self.state in ('driving', 'turning', 'recovering')
-
-    def check_goal(self, goal: np.ndarray) -> str | None:
-        """Return why a goal cannot be reached from here, as far as is known; None: it can."""
-        around = self._around
-        reason = refusal(goal, around, self._footprint, self._parameters)
-        if reason is not None or self._pose is None:
-            return reason
-        if is_shut_off(goal, self._pose, around, self._footprint):
-            return self._no_way(goal)
-        route = self._make_route(goal)
-        route.draw(around)
-        return None if route.is_reached_from(self._pose) else self._no_way(goal)
-
-    def _make_route(self, goal: np.ndarray) -> Route:
-        return Route(np.array(goal, float), self._footprint, self._base, self._parameters)
 
     def _no_way(self, goal: np.ndarray) -> str:
         width = 2.0 * (self._footprint.inscribed + self._parameters.margin)
@@ -350,7 +352,7 @@ class Driver:
         if self._in_a_row >= most or self.recoveries >= _IN_ALL * most:
             self._end('failed', f'{why}, after {self.recoveries} recoveries')
             return
-        self._manoeuvre = recovery.choose(self._in_a_row, self._limits)
+        self._manoeuvre = choose_manoeuvre(self._in_a_row, self._limits)
         self._manoeuvred = 0.0
         self._in_a_row += 1
         self.recoveries += 1

@@ -48,11 +48,6 @@ class Footprint:
         """Radius of the largest circle about the origin within it [m]."""
         return self.radius or min(self.half_length, self.half_width)
 
-    @property
-    def circumscribed(self) -> float:
-        """Radius of the smallest circle about the origin around it [m]."""
-        return self.radius or math.hypot(self.half_length, self.half_width)
-
     @cached_property
     def circles(self) -> np.ndarray:
         """

@@ -29,7 +29,7 @@ _STEPS = tuple(
     (up, right) for up in range(-2, 3) for right in range(-2, 3) if math.gcd(up, right) == 1
 )
 # Going backward is dearer than its time: a robot is made to look where it goes.
-_SIDEWAYS, _BACKWARD = 1.0, 1.5
+_BACKWARD = 1.5
 # Where nobody may be: how deep, by the clearance there [m], and what a metre costs.
 _DEEPEST, _ESCAPE_PRICE = 0.1, 20.0
 # Beyond all that is reached [m].
@@ -82,7 +82,7 @@ def _dearness(base: Base, bearing: float) -> float:
         ahead *= _BACKWARD
     if base.most[1] <= 0.0:
         return 1.0 / max(ahead, 0.05)
-    return float(base.most[0] * math.hypot(ahead / full, _SIDEWAYS * side / base.most[1]))
+    return float(base.most[0] * math.hypot(ahead / full, side / base.most[1]))
 
 
 @jit

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a base moves when it is told a velocity, and how far its footprint then is from all."""
+"""How a base moves when it is told a velocity, where it then is, and how far from all."""
 
 import math
 from typing import NamedTuple
@@ -10,6 +10,12 @@ from wasd_navigation.planning.distance_field import fast
 from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.distance_field import look_up
 from wasd_navigation.planning.parameters import DriveLimits
+from wasd_navigation.se2 import compose
+from wasd_navigation.se2 import wrap
+
+# Time constant in which a pose that the velocity does not explain is believed [s]; and the
+# difference [m or rad] that is no noise, but another place.
+_TIME, _JUMP = 0.3, 0.15
 
 
 class Base(NamedTuple):
@@ -80,3 +86,27 @@ def clearance(distances: Field, circles: np.ndarray, state: np.ndarray, enough: 
         y = state[1] + sin * circles[index, 0] + cos * circles[index, 1]
         least = min(least, look_up(distances, 0, x, y) - circles[index, 2])
     return least
+
+
+class PoseFilter:
+    """
+    A pose without its noise, which would shake the robot.
+
+    `pose`, shape (3,), follows the velocity, and slowly what poses say; None at first.
+    """
+
+    def __init__(self) -> None:
+        self.pose: np.ndarray | None = None
+
+    def step(self, pose: np.ndarray, velocity: np.ndarray, dt: float) -> None:
+        """Take a pose and the velocity in the base frame, shape (3,), after `dt` [s]."""
+        if self.pose is None:
+            self.pose = np.array(pose, float)
+            return
+        foreseen = compose(self.pose, velocity * dt)
+        error = pose - foreseen
+        error[2] = wrap(error[2])
+        is_elsewhere = math.hypot(error[0], error[1]) > _JUMP or abs(error[2]) > _JUMP
+        share = 1.0 if is_elsewhere else min(dt / _TIME, 1.0)
+        blended: np.ndarray = foreseen + share * error
+        self.pose = blended
