@@ -1,12 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.locomotion.gait import GaitState
+from quadruped_sim.locomotion.reference import BaseReference
+from quadruped_sim.locomotion.swing import headroom
 from quadruped_sim.locomotion.swing import swing_point
 from quadruped_sim.locomotion.swing import swing_profile
+from quadruped_sim.locomotion.swing import SwingLegs
+from quadruped_sim.locomotion.swing import Tread
+from quadruped_sim.parameters import GroundParameters
+from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.robot_state import BaseMotion
+from quadruped_sim.robot_state import RobotState
+from wasd_core.rotations import rpy_matrix
 
 START = np.array((0.1, -0.1, 0.02))
 END = np.array((0.3, 0.0, 0.07))
 TIME = 0.2
+FOOT = 0.022  # radius of the Go2's [m]
 
 
 @pytest.fixture(params=[0.9, 1.0])
@@ -66,3 +78,28 @@ def test_path_and_speed_have_no_jumps(swing):
 
 def test_a_phase_outside_is_held_at_the_end(swing):
     np.testing.assert_allclose(swing(1.7)[0], END)
+
+
+def test_the_headroom_is_below_the_hip_as_the_base_sees_it():
+    R, hip = rpy_matrix(0.2, -0.4, 1.0), np.array((0.19, 0.05, 0.01))
+    base = BaseMotion(np.array((1.0, 2.0, 0.5)), np.zeros(3), R, np.zeros(3), np.zeros(3))
+    for x, y in ((1.1, 2.1), (1.3, 1.9)):
+        z = headroom(base, hip, x, y, 0.12)
+        assert (R.T @ (np.array((x, y, z)) - base.position))[2] == pytest.approx(0.01 - 0.12)
+
+
+@pytest.mark.parametrize(
+    ('height', 'lift'), [(0.30, 0.14), (0.20, 0.20 - 0.12 - 0.022), (0.1, 0.02)]
+)
+def test_a_low_robot_lifts_its_feet_less_than_it_is_told(model, height, lift):
+    """As far as is room below the hips, and a little at the least."""
+    state = RobotState.blank()
+    state.base.position[:], state.base.R[:] = (0.0, 0.0, height), np.eye(3)
+    legs, ground = SwingLegs(model, LegControllerParameters()), Ground(GroundParameters())
+    state.feet[:] = legs.nominal + (0.0, 0.0, FOOT)
+    legs.reset(state.feet)
+    rest = BaseReference(np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
+    in_air = np.zeros(4, dtype=bool)
+    schedule = GaitState(in_air, np.full(4, 0.5), TIME, TIME, pace=0.0)
+    targets = legs.step(state, schedule, in_air, rest, ground, Tread(0.14, 0.0))
+    np.testing.assert_allclose(targets.position[:, 2] - FOOT, lift, atol=0.004)

@@ -183,6 +183,12 @@ def keep_apart(
 _LANDING = (0.003, -0.004)
 
 
+# A foot is lifted up to so far below its hip, and always so far above its ends, on the Go2 [m]. A
+# foot as near to the hip's axis as the thigh is beside it (0.0955) cannot be led sideways: on
+# stairs, nose up, hip and thigh ran into their ends, which felt like ground in the air.
+_ROOM, _LEAST = 0.12, 0.02
+
+
 class Tread(NamedTuple):
     """How feet are set: how high they are lifted [m], and how firmly they land, in [0, 1]."""
 
@@ -222,6 +228,8 @@ class SwingLegs:
         self.nominal[:, 1] += model.geometry.offset
         self.nominal[:, 2] = 0.0
         self._lift_off = np.zeros((4, 3))
+        self._hips = model.geometry.hip
+        self._room = _ROOM * model.scale.of('m'), _LEAST * model.scale.of('m')
         self.tune(params)
 
     def tune(self, params: LegControllerParameters) -> None:
@@ -257,7 +265,7 @@ class SwingLegs:
         find_landing(self.rule, state.flat, ground.flat, asked, landing)
         self.aims = landing
         targets = SwingTargets(state.feet.copy(), np.zeros((4, 3)), np.zeros((4, 3)), is_stance)
-        paths = plain(FootPaths(self._lift_off, landing, *tread))
+        paths = plain(FootPaths(self._lift_off, landing, *tread, self._hips, self._room))
         _lead(state.flat, paths, asked[0], plain(self._gains), plain(targets))
         return targets
 
@@ -307,12 +315,27 @@ def _foot_velocities(robot: np.ndarray) -> np.ndarray:
 
 
 class FootPaths(NamedTuple):
-    """Where the feet left the ground and will land, both (4, 3), and the tread of all."""
+    """
+    Where the feet left the ground and will land, both (4, 3), and the tread of all.
+
+    `hips` (4, 3) are in base axes; `room` is kept below them, and above both ends [m].
+    """
 
     lift_off: np.ndarray
     landing: np.ndarray
     height: float
     firmness: float
+    hips: np.ndarray
+    room: tuple[float, float]
+
+
+@jit
+def headroom(base: BaseMotion, hip: np.ndarray, x: float, y: float, room: float) -> float:
+    """Height [m] at x, y in the world that is `room` [m] below a hip (3,), along the base's z."""
+    R, arm = base.R, rotate(base.R, hip)
+    dx, dy = x - base.position[0] - arm[0], y - base.position[1] - arm[1]
+    below = (room + R[0, 2] * dx + R[1, 2] * dy) / max(R[2, 2], 0.1)
+    return float(base.position[2] + arm[2] - below)
 
 
 @jit
@@ -324,18 +347,23 @@ def _lead(
     targets: SwingTargets,
 ) -> None:
     """Write the targets of the feet in the air; those that stand keep theirs."""
-    lift_off, landing, height, firmness = paths
+    lift_off, landing, height, firmness, hips, room = paths
     schedule, gains, targets = GaitState(*schedule), SwingGains(*gains), SwingTargets(*targets)
     position, velocity, acceleration = targets.position, targets.velocity, targets.acceleration
-    moves, feet = _foot_velocities(robot), robot[0].feet
+    moves, feet, base = _foot_velocities(robot), robot[0].feet, robot[0].base
     arrival = _ARRIVAL + firmness * (1.0 - _ARRIVAL)
     for leg in range(4):
         if targets.is_stance[leg]:
             continue
         phase = schedule.phase[leg]
-        p, v, a = swing_point(
-            lift_off[leg], landing[leg], height, phase, schedule.swing_time, arrival
+        start, end = lift_off[leg], landing[leg]
+        ends, x, y = max(start[2], end[2]), 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
+        top = min(
+            headroom(base, hips[leg], x, y, room[0]),
+            headroom(base, hips[leg], feet[leg, 0], feet[leg, 1], room[0]),
         )
+        rise = min(height, max(top - ends, room[1]))
+        p, v, a = swing_point(start, end, rise, phase, schedule.swing_time, arrival)
         for k in range(3):
             position[leg, k], velocity[leg, k] = p[k], v[k]
             acceleration[leg, k] = (
