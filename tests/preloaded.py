@@ -51,8 +51,17 @@ def load() -> None:
     from robot_description.description import load_robot
 
     warm_up(RobotModel(load_robot('go2')))
+    _load_type_supports()
     gc.collect()
     gc.freeze()
+
+
+def _load_type_supports() -> None:
+    """Have the libraries of all message types here, which each program would load by itself."""
+    for name, module in list(sys.modules.items()):
+        for thing in vars(module).values() if name.endswith(('.msg', '.srv')) else ():
+            if hasattr(type(thing), '__import_type_support__'):
+                type(thing).__import_type_support__()
 
 
 def serve(link: socket.socket) -> dict[str, Any]:
