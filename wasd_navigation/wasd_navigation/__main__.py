@@ -11,4 +11,5 @@ if __name__ == '__main__':
     settings = NavigatorParameters()
     mapper = Mapper(settings.mapping)
     warm_up(mapper, make_pilot(settings))
-    warm_up(Localizer(mapper.grid, settings.mapping), make_pilot(settings))
+    long = NavigatorParameters(footprint_length=0.7, footprint_width=0.3)
+    warm_up(Localizer(mapper.grid, settings.mapping), make_pilot(long))

@@ -11,6 +11,9 @@ import numpy as np
 from wasd_core.errors import Stopped
 from wasd_core.signals import stop_requested
 
+from wasd_navigation.grid import FREE
+from wasd_navigation.grid import Grid
+from wasd_navigation.grid import OCCUPIED
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.map_file import load_map
 from wasd_navigation.mapping.mapper import Mapper
@@ -19,11 +22,14 @@ from wasd_navigation.navigator import Pilot
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.scan import read_scan
+from wasd_navigation.scan import Scan
 
 Parts = tuple[Locator, Pilot]
 NOTICE = 'compiling, once: the navigator, which takes some 20 s of a core'
-# Ways and turns of the robot that the parts are warmed up with: a new place with each.
-WARM_UP_STEPS = 6
+# The parts are warmed up with so many scans, on a tour so far along x [m] to both sides, in a room
+# that ends so far ahead and behind, to the left and to the right [m].
+WARM_UP_STEPS = 120
+TOUR, ROOM, RESOLUTION = 1.0, (3.0, 2.5, 1.5), 0.05
 
 
 def make_parts(settings: NavigatorParameters, say: Callable[[str], Any]) -> Parts:
@@ -36,12 +42,12 @@ def make_parts(settings: NavigatorParameters, say: Callable[[str], Any]) -> Part
     """
     grid = load_map(Path(settings.map)) if settings.map else None
 
-    def make_locator() -> Locator:
-        return Mapper(settings.mapping) if grid is None else Localizer(grid, settings.mapping)
+    def make_locator(known: Grid | None) -> Locator:
+        return Mapper(settings.mapping) if known is None else Localizer(known, settings.mapping)
 
     with event.install_listener('numba:compile', _Notice(say)):
-        warm_up(make_locator(), make_pilot(settings))
-    return make_locator(), make_pilot(settings)
+        warm_up(make_locator(None if grid is None else _draw_room()), make_pilot(settings))
+    return make_locator(grid), make_pilot(settings)
 
 
 def make_pilot(settings: NavigatorParameters) -> Driver:
@@ -50,16 +56,42 @@ def make_pilot(settings: NavigatorParameters) -> Driver:
 
 
 def warm_up(locator: Locator, pilot: Pilot) -> None:
-    """Have both do a little of all they can, in a square room: what they compile is there then."""
-    angles = np.linspace(-math.pi, math.pi, 360)
-    ranges = 3.0 / np.maximum(np.abs(np.cos(angles)), np.abs(np.sin(angles)))
-    scan = read_scan(ranges, angles, (0.1, 5.0), np.zeros(3))
+    """Have both do a little of all they can, in a room: what they compile is there then."""
+    start = getattr(locator, 'start', None)
+    if start is not None:
+        start(np.array([-TOUR, 0.0, 0.0]), 1e-4 * np.eye(3))
     for step in range(WARM_UP_STEPS):
-        locator.step(scan, np.array([0.4 * (step % 2), 0.0, 0.0]), 1e-6 * (step + 1) * np.eye(3))
-    for goal in (np.array([1.5, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])):
+        # To and fro, so that loops are closed; in the end it finds itself in another room.
+        x = TOUR * (1.0 - abs(step // 2 % 8 - 4) / 2.0)
+        is_lost = step > WARM_UP_STEPS - 6
+        scan = _look(x, 1.5 if is_lost else 1.0)
+        locator.step(scan, np.array([x, 0.0, 0.0]), 1e-4 * (step + 1) * np.eye(3))
+    grid, here = _draw_room(), np.array([-TOUR, 0.0, 0.0])
+    for goal in (np.array([TOUR, 0.0, 1.0]), here + (0.3, 0.0, 0.0), here + (0.0, 0.0, 1.0)):
         pilot.set_goal(goal)
-        for revision in range(3):  # as if the map had changed: ways are looked at again
-            pilot.step(locator.grid, revision, np.zeros(3), np.zeros(3), scan, 0.3)
+        for revision in range(6):  # as if the map had changed: ways are looked at again
+            # Something comes near: it is marked, and driven around.
+            scan = _look(here[0], 1.0 if revision < 3 else 0.6)
+            pilot.step(grid, revision, here, np.zeros(3), scan, 0.3)
+    pilot.reset()
+
+
+def _look(x: float, scale: float) -> Scan:
+    """Return what is seen from (x, 0), looking along x, in the room, or a larger one."""
+    angles = np.linspace(-math.pi, math.pi, 360)
+    cos, sin = np.cos(angles), np.sin(angles)
+    along = (np.where(cos > 0.0, ROOM[0], -ROOM[0]) * scale - x) / cos
+    ranges = np.minimum(along, np.where(sin > 0.0, ROOM[1], -ROOM[2]) * scale / sin)
+    return read_scan(ranges, angles, (0.1, 8.0), np.zeros(3))
+
+
+def _draw_room() -> Grid:
+    """Return the map of the room."""
+    length, left, right = ROOM
+    shape = (round((left + right) / RESOLUTION) + 2, round(2.0 * length / RESOLUTION) + 2)
+    cells = np.full(shape, OCCUPIED, np.int8)
+    cells[1:-1, 1:-1] = FREE
+    return Grid(cells, RESOLUTION, (-length - RESOLUTION, -right - RESOLUTION))
 
 
 class _Notice(event.Listener):
