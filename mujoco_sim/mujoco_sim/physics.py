@@ -21,6 +21,8 @@ BRAKE_DAMPING = 3.0
 # ... but at most this share of what stops a joint within one physics step: motor torques are
 # integrated explicitly, which diverges beyond 2 and rings beyond 1.
 STABLE_SHARE = 0.5
+# The warnings of MuJoCo that say so, of positions to accelerations.
+_DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 
 
 class Physics:
@@ -42,6 +44,7 @@ class Physics:
         except ValueError as error:
             raise SimulationError(f'MuJoCo: {one_line(error)}') from None
         self.data = mujoco.MjData(self.model)
+        self._divergences = self.data.warning.number[_DIVERGED]
         self.boxes = MovingBoxes(self.model, self.data)
         self.time_step = float(self.model.opt.timestep)
         self.tick = 0
@@ -58,7 +61,12 @@ class Physics:
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, count: int) -> None:
-        """Advance by `count` physics steps."""
+        """
+        Advance by `count` physics steps.
+
+        Raises:
+            SimulationError: what acts is more than can be solved; MuJoCo has put all back then.
+        """
         last = self.tick + count
         while self.tick < last:
             changes = [robot.take_due(self.tick) for robot in self.robots]
@@ -66,6 +74,11 @@ class Physics:
             self._advance(until - self.tick)
             for robot in self.robots:
                 robot.drop_ended(self.tick)
+        if self._divergences.any():
+            raise SimulationError(
+                f'the physics diverged at {self.tick * self.time_step:.3f} s: '
+                'a push, a load, a speed or a mass is beyond what a rigid body can take'
+            )
 
     def _advance(self, count: int) -> None:
         self.tick += count

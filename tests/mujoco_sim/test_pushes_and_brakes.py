@@ -6,6 +6,7 @@ import math
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
+from wasd_core.errors import SimulationError
 from wasd_core.robot_io import JointCommand
 
 LIMP = JointCommand(*np.zeros((5, 2)))
@@ -27,6 +28,13 @@ def test_a_push_gives_its_momentum_and_ends(ball, force, steps):
     ball.step(250)
     expected = np.array(force) * duration / 2.0
     np.testing.assert_allclose(ball.base().linear_velocity, expected, rtol=1e-9, atol=1e-15)
+
+
+def test_a_push_beyond_what_can_be_solved_ends_the_run_and_says_when(ball):
+    ball.step(3)
+    ball.push((1e12, 0.0, 0.0), 0.1)
+    with pytest.raises(SimulationError, match=r'the physics diverged at 0\.00[45] s'):
+        ball.step(2)
 
 
 def test_a_push_acts_at_the_centre_of_mass(ball):

@@ -8,6 +8,7 @@ from pathlib import Path
 from mujoco_sim.untold import Payload
 from mujoco_sim.untold import Untold
 import pytest
+from wasd_bringup.cli import make_parser
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import read_options
 from wasd_bringup.parsers import add_run_options
@@ -25,6 +26,13 @@ def read(tmp_path, monkeypatch):
     parser = argparse.ArgumentParser()
     add_run_options(parser, GO2)
     return lambda *words: read_options(parser.parse_args(words))
+
+
+def test_an_option_of_another_robot_names_the_help_of_this_one():
+    with pytest.raises(UserError, match=r'arguments: --gait walk \(see: .*wasd mbot --help\)'):
+        make_parser().parse_args(['mbot', '--gait', 'walk'])
+    with pytest.raises(UserError, match=r'arguments: more \(see: .*wasd keys --help\)'):
+        make_parser().parse_args(['keys', 'mbot', 'more'])
 
 
 def test_defaults_are_those_of_the_contract(read):

@@ -97,9 +97,9 @@ def test_a_stick_begins_at_the_edge_of_the_dead_zone_and_ends_at_the_rim():
 
 def test_bars_of_stance_are_the_runs_of_the_flags():
     times = np.arange(7.0)
-    assert runs(times, np.array([0, 1, 1, 0, 0, 1, 1])) == [(1.0, 3.0), (5.0, 6.0)]
-    assert runs(times, np.zeros(7)) == []
-    assert runs(times, np.ones(7)) == [(0.0, 6.0)]
+    flags = np.array([[0, 1, 1, 0, 0, 1, 1], np.zeros(7), np.ones(7)]).T
+    assert runs(times, flags) == [(0, 1.0, 3.0), (0, 5.0, 6.0), (2, 0.0, 6.0)]
+    assert runs(times, np.zeros((7, 2))) == []
 
 
 @pytest.mark.parametrize('count', [1, 2, 125, 126, 500])
@@ -107,6 +107,12 @@ def test_lines_are_thinned_to_what_is_seen_and_end_with_the_last_sample(count):
     history = np.arange(float(count))[:, None]
     assert 1 <= len(thin(history)) <= MOST_POINTS
     assert thin(history)[-1] == count - 1
+
+
+def test_many_points_are_on_the_page_where_each_is():
+    view = View(Rect(10.0, 20.0, 110.0, 220.0), PlanarPose(1.0, -2.0, 0.5), 4.0)
+    points = np.array([[0.0, 0.0], [1.5, -2.5], [-3.0, 7.0]])
+    np.testing.assert_allclose(view.all_to_page(points), [view.to_page(*p) for p in points])
 
 
 @pytest.mark.parametrize('height', [40, 90, 400])

@@ -223,14 +223,14 @@ class Cockpit:
         if layout.is_hidden:
             return
         for place in layout.places:
+            rect = place.rect
+            imgui.SetNextWindowPos(imgui.Vec2(rect.left, rect.top))
+            imgui.SetNextWindowSize(imgui.Vec2(rect.width, rect.height))
             self._begin(place)
             self._draw_tabs(place)
             imgui.End()
 
     def _begin(self, place: Place) -> None:
-        rect = place.rect
-        imgui.SetNextWindowPos(imgui.Vec2(rect.left, rect.top))
-        imgui.SetNextWindowSize(imgui.Vec2(rect.width, rect.height))
         imgui.Begin(place.panels[0], flags=_FIXED)
 
     def _draw_tabs(self, place: Place) -> None:

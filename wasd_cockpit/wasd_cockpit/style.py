@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the cockpit looks: colours, one for each thing everywhere, and distances."""
 
+import functools
+
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 Rgb = tuple[int, int, int]
@@ -23,6 +25,7 @@ ALARM: Rgb = (214, 62, 62)
 LINES: tuple[Rgb, ...] = (COMMAND, ODOMETRY, TRUTH, ALARM)
 
 
+@functools.cache
 def colour(rgb: Rgb, alpha: float = 1.0) -> int:
     """Return a colour as ImGui has it; `alpha` 0 is not seen."""
     r, g, b = rgb

@@ -119,10 +119,13 @@ class Widgets:
             imgui.PushStyleColor(_BUTTON_HOVERED, style.colour(fill, 0.85))
         if text is not None:
             imgui.PushStyleColor(_TEXT, style.colour(text))
-        imgui.BeginDisabled(bool(refusal))
+        if refusal:
+            imgui.BeginDisabled(True)
         pressed = bool(imgui.Button(f'{label}##{name}', imgui.Vec2(size[0], self.scale * size[1])))
-        imgui.EndDisabled()
-        imgui.PopStyleColor(2 * (fill is not None) + (text is not None))
+        if refusal:
+            imgui.EndDisabled()
+        if fill is not None or text is not None:
+            imgui.PopStyleColor(2 * (fill is not None) + (text is not None))
         self.note(name)
         if refusal and imgui.IsItemHovered(_DISABLED):
             imgui.SetTooltip(refusal)

@@ -28,6 +28,13 @@ class OneLineParser(argparse.ArgumentParser):
         """
         raise UserError(f'{message} (see: {self.prog} --help)')
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Refuse what is not known here: to whom a command leaves it, its help is not named."""
+        known, rest = super().parse_known_args(args, namespace)
+        if rest:
+            self.error(f'unrecognized arguments: {" ".join(rest)}')
+        return known, rest
+
 
 # No help is wider than one can read.
 WIDEST = 100

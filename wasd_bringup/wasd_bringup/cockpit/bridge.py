@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Between a session and the page: makes snapshots of the run, does what the page orders."""
 
-from collections import deque
 import dataclasses
 import math
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from wasd_cockpit.history import RATE
 from wasd_cockpit.history import SPAN
 from wasd_cockpit.link import Link
 from wasd_cockpit.settings import usual_path
+from wasd_cockpit.snapshot import Choice
 from wasd_cockpit.snapshot import moved
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import PlanarPose
@@ -38,6 +38,8 @@ PERIOD = 1.0 / 30.0
 LIT_TIME = 0.25
 # Places of the trail: one every so many samples, and how many.
 TRAIL_EVERY, TRAIL_LENGTH = 10, 600
+# The states that can follow are looked at in one of so many snapshots: ten times a second.
+CHOICES_EVERY = 3
 # The fastest that time may be asked to go; 0 is as fast as it goes.
 FASTEST = 100.0
 
@@ -50,12 +52,29 @@ class Watched:
         self.described: Described = robot.stack.described()
         self.columns = Columns(self.described.feet, robot.world.motor_names)
         self.history = History(round(SPAN * RATE), self.columns.width)
-        self.trail: deque[tuple[float, float]] = deque(maxlen=TRAIL_LENGTH)
+        self.trail = History(TRAIL_LENGTH, 2)
         model = robot.world.model
         limits = model.actuator_forcerange[robot.world.parts.motors, 1]
         self.mass = float(model.body_subtreemass[robot.world.root])
         self._limits = np.where(limits > 0.0, limits, 1.0).copy()
         self._samples = 0
+        self.keys = self.described.keys()
+        self._choices: tuple[Choice, ...] = ()
+        self._chosen_in = ''
+        self._chosen_for = 0
+
+    def choices(self) -> tuple[Choice, ...]:
+        """
+        Return the states as buttons, looked at anew with each other state, else a few times.
+
+        Why each cannot be pressed costs more than all else that the page is told.
+        """
+        state = self.robot.stack.state
+        if state != self._chosen_in or self._chosen_for == 0:
+            self._choices, self._chosen_in = self.described.choices(), state
+            self._chosen_for = CHOICES_EVERY
+        self._chosen_for -= 1
+        return self._choices
 
     def sample(self, pace: float) -> None:
         """Remember this instant."""
@@ -66,8 +85,7 @@ class Watched:
         head = (world.time, *motion.command, *motion.odometry, *base.planar_velocity, tick, pace)
         self.history.add(np.array([*head, *motion.forces, *motion.stances, *efforts]))
         if self._samples % TRAIL_EVERY == 0:
-            x, y, _ = base.position.tolist()
-            self.trail.append((x, y))
+            self.trail.add(base.position[:2])
         self._samples += 1
 
     def forget(self) -> None:
@@ -247,14 +265,14 @@ class CockpitBridge:
             state=status.state,
             facts=status.facts,
             message=status.message,
-            choices=described.choices(),
+            choices=watched.choices(),
             settings=described.settings(),
             stick=described.stick_use(),
-            keys=described.keys(),
+            keys=watched.keys,
             lit=frozenset(self._pressed),
             columns=watched.columns,
             history=watched.history.last(),
-            trail=np.array(watched.trail).reshape(-1, 2),
+            trail=watched.trail.last(),
             pose=pose,
             body=world.root,
             mass=watched.mass,

@@ -5,6 +5,7 @@ The panel Map: the floor from above around the robot, its trail, and what rays h
 With a navigator it is the robot's map, in its axes, and a click is a goal.
 """
 
+import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 # How much of the floor is seen [m], from middle to edge.
 REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)
-MOST_TRAIL = 120
+MOST_TRAIL = 80
 # Lines of the floor are one of these apart [m], and at least so far where one is enough [pixels].
 GRID_STEPS, LEAST_GAP = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0), 22.0
 
@@ -56,6 +57,11 @@ class View:
         """Return where a point of the floor is on the page."""
         scale = self.scale
         return self._cx + scale * (x - self._pose.x), self._cy - scale * (y - self._pose.y)
+
+    def all_to_page(self, points: np.ndarray) -> np.ndarray:
+        """Return where points (n, 2) of the floor are on the page, (n, 2)."""
+        start = self._pose.x, self._pose.y
+        return np.asarray((points - start) * (self.scale, -self.scale) + (self._cx, self._cy))
 
     def to_floor(self, x: float, y: float) -> tuple[float, float]:
         """Return which point of the floor is at a place of the page."""
@@ -200,19 +206,25 @@ class Map:
             drawing.AddLine(imgui.Vec2(rect.left, y), imgui.Vec2(rect.right, y), line)
 
     def _paint_points(self, points: np.ndarray, rect: Rect, view: View) -> None:
-        drawing, fill = imgui.GetWindowDrawList(), style.colour(style.LIDAR)
-        for x, y in points.tolist():
-            px, py = view.to_page(x, y)
-            if rect.left < px < rect.right and rect.top < py < rect.bottom:
-                drawing.AddRectFilled(
-                    imgui.Vec2(px - 2.0, py - 2.0), imgui.Vec2(px + 2.0, py + 2.0), fill
-                )
+        if not len(points):
+            return
+        add, corner, fill = (
+            imgui.GetWindowDrawList().AddRectFilled,
+            imgui.Vec2,
+            style.colour(style.LIDAR),
+        )
+        places = view.all_to_page(points)
+        is_seen = ((rect.left, rect.top) < places) & (places < (rect.right, rect.bottom))
+        for left, top in (places[is_seen.all(axis=1)] - 2.0).tolist():
+            add(corner(left, top), corner(left + 4.0, top + 4.0), fill)
 
     def _paint_trail(self, trail: np.ndarray, view: View) -> None:
         if len(trail) < 2:
             return
         every = max(1, -(-len(trail) // MOST_TRAIL))
-        places = [imgui.Vec2(*view.to_page(x, y)) for x, y in trail[::-1][::every].tolist()]
+        places = list(
+            itertools.starmap(imgui.Vec2, view.all_to_page(trail[::-1][::every]).tolist())
+        )
         imgui.GetWindowDrawList().AddPolyline(places, style.colour(style.TRUTH), 2.0)
 
     def _paint_robot(self, size: float, pose: PlanarPose, view: View) -> None:

@@ -46,13 +46,15 @@ def thin(history: np.ndarray) -> np.ndarray:
     return history[::-1][::every][::-1]
 
 
-def runs(times: np.ndarray, flags: np.ndarray) -> list[tuple[float, float]]:
-    """Return from when until when [s] flags, shape (n,), are set without a break."""
-    edges = np.diff(np.concatenate(([False], flags > 0.5, [False])).astype(int))
-    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
-    last = len(times) - 1
-    pairs = zip(begins.tolist(), ends.tolist(), strict=True)
-    return [(float(times[begin]), float(times[min(end, last)])) for begin, end in pairs]
+def runs(times: np.ndarray, flags: np.ndarray) -> list[tuple[int, float, float]]:
+    """Return which of the flags, shape (n, m), is set from when until when [s] without a break."""
+    padded = np.zeros((flags.shape[1], len(flags) + 2), dtype=np.int8)
+    padded[:, 1:-1] = flags.T > 0.5
+    edges = np.diff(padded)
+    (which, begins), (_, ends) = np.nonzero(edges > 0), np.nonzero(edges < 0)
+    ends = np.minimum(ends, len(times) - 1)
+    columns = which.tolist(), times[begins].tolist(), times[ends].tolist()
+    return list(zip(*columns, strict=True))
 
 
 class Plots:
@@ -168,21 +170,22 @@ class Plots:
         end = float(times[-1])
         begin, left = end - 2.0, rect.left + 34.0
         scale = (rect.right - left - 6.0) / 2.0
-        recent = snapshot.history[times >= begin]
+        first, stances = int(np.searchsorted(times, begin)), columns.stances
+        flags = snapshot.history[first:, stances : stances + len(columns.feet)]
         step = rect.height / max(1, len(columns.feet))
+        half = min(_BAR_HEIGHT, 0.7 * step) / 2.0
         for index, foot in enumerate(columns.feet):
             middle = rect.top + (index + 0.5) * step
-            half = min(_BAR_HEIGHT, 0.7 * step) / 2.0
             place = imgui.Vec2(rect.left + 6.0, middle - 8.0)
             drawing.AddText(place, style.colour(style.DIM), foot)
-            fill = style.colour(style.LINES[index % len(style.LINES)])
-            for since, until in runs(recent[:, 0], recent[:, columns.stances + index]):
-                drawing.AddRectFilled(
-                    imgui.Vec2(left + scale * (since - begin), middle - half),
-                    imgui.Vec2(left + scale * (until - begin), middle + half),
-                    fill,
-                    3.0,
-                )
+        for index, since, until in runs(times[first:], flags):
+            middle = rect.top + (index + 0.5) * step
+            drawing.AddRectFilled(
+                imgui.Vec2(left + scale * (since - begin), middle - half),
+                imgui.Vec2(left + scale * (until - begin), middle + half),
+                style.colour(style.LINES[index % len(style.LINES)]),
+                3.0,
+            )
 
     def _draw_pace(
         self, page: 'PageState', snapshot: Snapshot, width: float, height: float
