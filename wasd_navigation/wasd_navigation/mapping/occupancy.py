@@ -14,7 +14,10 @@ from wasd_navigation.scan import Scan
 
 # Log-odds that a ray adds to the cell that it ends in, a scan to each cell that it looks through,
 # and a ray to the cell behind its end, as far as that is believed to be occupied.
-HIT, MISS, BEHIND = 0.9, -0.6, -0.3
+HIT, MISS, BEHIND = 0.9, -0.6, -0.6
+# A surface so near to the next cell fills that, too [cells]: two cells then tell that it is
+# between them, and a localizer has it more exactly than one cell can say.
+NEAR = 0.15
 # A scan looks through a cell whose middle is this far before a surface [cells] ...
 MARGIN = 0.5
 # ... and lies between two neighbouring rays that are no farther apart there [m].
@@ -137,10 +140,14 @@ def _draw(
 
 @jit
 def _hit(odds: np.ndarray, begin: tuple[float, float], ahead: np.ndarray, length: float) -> None:
-    """Add the end of a ray from a place (x, y) [cells]."""
-    x, y = begin[0] + length * ahead[0], begin[1] + length * ahead[1]
-    column, row = int(math.floor(x)), int(math.floor(y))
-    odds[row, column] = min(MOST, odds[row, column] + HIT)
+    """Add the end of a ray from a place (x, y) [cells], and what is near it on the ray."""
+    column, row = -1, -1
+    for place in (length - NEAR, length, length + NEAR):
+        before = column, row
+        x, y = begin[0] + place * ahead[0], begin[1] + place * ahead[1]
+        column, row = int(math.floor(x)), int(math.floor(y))
+        if (column, row) != before:
+            odds[row, column] = min(MOST, odds[row, column] + HIT)
     # The cell behind it is hit by noise only, where no ray goes through to say so.
     to_x = (column + 1 - x if ahead[0] > 0.0 else x - column) / max(1e-12, abs(ahead[0]))
     to_y = (row + 1 - y if ahead[1] > 0.0 else y - row) / max(1e-12, abs(ahead[1]))
