@@ -243,7 +243,9 @@ def move_by_hand(grid: Grid, log: Log, mapped: np.ndarray, seed: int) -> dict[st
     known = localizer.is_found
     last, grown = log.odometry[begin + 29], log.covariances[begin + 29]
     said, found, row = math.inf, math.inf, later
-    while row < later + 300 and not (said < math.inf and localizer.is_found):
+    while row < later + 300 and not (
+        said < math.inf and localizer.is_found and localizer.notice is None
+    ):
         pose = compose(last, compose(inverse(log.odometry[later]), log.odometry[row]))
         covariance = grown + np.eye(3) * 1e-5 * (row - later)
         localizer.step(log.scans[row], pose, covariance)

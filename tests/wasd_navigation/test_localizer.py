@@ -10,6 +10,7 @@ import pytest
 from wasd_navigation.grid import Grid
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
+from wasd_navigation.scan import Scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 from wasd_navigation.se2 import wrap
@@ -43,13 +44,17 @@ class Robot:
         self._covariance = np.zeros((3, 3))
         self._with_box = with_box
 
-    def go(self, pose: np.ndarray) -> None:
-        """Drive to a pose and look."""
+    def go(self, pose: np.ndarray, hidden: float = 0.0) -> None:
+        """Drive to a pose and look; somebody near hides a share of what is seen."""
         self._odometry = compose(self._odometry, compose(inverse(self.pose), pose))
         self.pose = pose
         self._covariance = self._covariance + np.diag((1e-5, 1e-5, 1e-5))
         scan = look(pose, self._random, self._with_box)
-        self.localizer.step(scan, self._odometry, self._covariance)
+        ends = scan.ends.copy()
+        near = ends[: round(hidden * len(ends))]
+        near *= 0.4 / np.hypot(*near.T)[:, None]
+        seen = Scan(scan.origin, ends, scan.hits)
+        self.localizer.step(seen, self._odometry, self._covariance)
 
 
 @pytest.fixture(scope='module')
@@ -99,6 +104,43 @@ def test_a_robot_that_was_moved_says_so_and_is_found_again(grid: Grid) -> None:
         robot.go(compose(robot.pose, np.array((0.01, 0.0, 0.01))))
     assert robot.localizer.is_found and robot.localizer.notice is None
     assert is_near(robot.localizer.pose, robot.pose)
+
+
+def test_a_robot_that_was_moved_to_where_much_looks_the_same_says_so_and_is_found(
+    grid: Grid,
+) -> None:
+    poses = circle(240)[90:110]  # to where the box is near
+    robot = Robot(grid, poses[0])
+    robot.localizer.start(poses[0], np.diag((0.01, 0.01, 0.01)))
+    for pose in poses:
+        robot.go(pose)
+    assert robot.localizer.is_found
+    # By hand to the other side of the middle: walls are where they were, the box is not.
+    robot.pose = compose(np.array((0.5, 0.5, math.pi)), robot.pose)
+    said = ''
+    for _ in range(SCANS_OF_2_S):
+        robot.go(robot.pose)
+        said += robot.localizer.notice or ''
+    assert 'may have been moved by hand: ' in said
+    for _ in range(120):
+        robot.go(compose(robot.pose, np.array((0.005, 0.0, 0.01))))
+    assert robot.localizer.is_found and robot.localizer.notice is None
+    assert is_near(robot.localizer.pose, robot.pose)
+
+
+def test_somebody_who_stands_before_the_lidar_does_not_make_it_lose_its_place(grid: Grid) -> None:
+    poses = circle(240)
+    robot = Robot(grid, poses[0])
+    robot.localizer.start(poses[0], np.diag((0.01, 0.01, 0.01)))
+    for pose in poses[:20]:
+        robot.go(pose)
+    said = []
+    for pose in poses[20:120]:
+        robot.go(pose, hidden=0.3)
+        said.append(robot.localizer.notice)
+        assert robot.localizer.is_found
+        assert is_near(robot.localizer.pose, pose, 0.04)
+    assert any(said) and said[-1] is None
 
 
 def test_what_is_ambiguous_is_said_to_be_and_not_decided() -> None:

@@ -11,6 +11,7 @@ from wasd_navigation.mapping.growth import add_covariance
 from wasd_navigation.mapping.growth import LEAP
 from wasd_navigation.mapping.growth import OdometryGrowth
 from wasd_navigation.mapping.hypotheses import Hypotheses
+from wasd_navigation.mapping.hypotheses import PRIOR
 from wasd_navigation.mapping.local_map import Fit
 from wasd_navigation.mapping.local_map import fit_scan
 from wasd_navigation.mapping.matrices import invert
@@ -30,6 +31,9 @@ ROUNDS = 12
 TRUST = 0.1
 # A scan of which a smaller share fits speaks against the pose; so many in a row are enough.
 LEAST_SHARE, MOST_MISFITS = 0.55, 4
+# When by so much less of a scan fits than of those before, as often, all of the map is searched
+# for where by half of that more fits; by this share a scan what has fitted before is forgotten.
+SUDDEN, FORGOTTEN = 0.1, 0.05
 # A pose that was said is searched around so far at least [m], [rad], and so many deviations.
 LEAST_REACH, LEAST_TURN, DEVIATIONS = 0.75, 0.8, 2.0
 
@@ -39,7 +43,8 @@ class Localizer:
     Keeps a grid, the robot's pose in it, and while that is not known, where it may be.
 
     It searches the whole map at first, when it is told a pose only around that, and again when
-    scans have ceased to fit: then the robot was moved by hand.
+    scans have ceased to fit: then the robot was moved by hand. When they suddenly fit less it may
+    have been: then it keeps its pose until a better one is found.
     """
 
     def __init__(self, grid: Grid, parameters: MappingParameters | None = None) -> None:
@@ -52,6 +57,9 @@ class Localizer:
         self.revision = 0
         self.closures = 0
         self._misfits = 0
+        self._search: Search | None = None
+        # How much of a scan fits as a rule, and how many in a row have fitted less.
+        self._usual, self._drops = 0.0, 0
         self.reset()
 
     def reset(self) -> None:
@@ -89,7 +97,7 @@ class Localizer:
         self.covariance = add_covariance(self.covariance, self.pose, move, growth)
         self.pose = compose(self.pose, move)
         if self._hypotheses is None:
-            self._follow(surface)
+            self._follow(scan, surface, move)
         else:
             self._search_on(scan, surface, move)
         self.correction = compose(self.pose, inverse(odometry))
@@ -103,31 +111,60 @@ class Localizer:
     def _fit(self, surface: np.ndarray, start: np.ndarray, prior: np.ndarray) -> Fit:
         return Fit(*fit_scan(self._surfaces, surface, start, prior, self._noise, ROUNDS))
 
-    def _follow(self, surface: np.ndarray) -> None:
+    def _follow(self, scan: Scan, surface: np.ndarray, move: np.ndarray) -> None:
         """Correct the pose by a scan, or doubt it."""
+        if self._search is not None:
+            self._moved = compose(self._moved, move)
         prior = invert(self.covariance)
         fit = self._fit(surface, self.pose, prior)
         if fit.share < LEAST_SHARE:
             self._misfits += 1
             if self._misfits >= MOST_MISFITS:
-                self._lose(None)
-                self.notice = (
-                    f'was moved by hand: {100 * fit.share:.0f} % of what the lidar sees fits '
-                    'the map; searching all of it'
-                )
+                self._say_moved(fit.share)
             return
         self._misfits = 0
         self.pose = fit.pose
         self.covariance = invert(prior + TRUST * fit.information)
+        self._compare(scan, surface, fit.share)
+
+    def _compare(self, scan: Scan, surface: np.ndarray, share: float) -> None:
+        """See whether suddenly less fits, and if so, whether more does anywhere else."""
+        self._usual += FORGOTTEN * (share - self._usual)
+        self._drops = self._drops + 1 if share < self._usual - SUDDEN else 0
+        if self._search is None:
+            if self._drops >= MOST_MISFITS:
+                self.notice = (
+                    f'may have been moved by hand: {100 * share:.0f} % of what the lidar sees '
+                    f'fits the map, before it was {100 * self._usual:.0f} %'
+                )
+                self._search = Search(self._pyramid, scan.points, self._everywhere())
+                self._moved = np.zeros(3)
+            return
+        if not self._search.work() or self._search.found is None:
+            return
+        poses, self._search, self.notice = self._search.found.poses, None, None
+        self._usual = share
+        for pose in poses[:1]:
+            if self._fit(surface, compose(pose, self._moved), PRIOR).share > share + 0.5 * SUDDEN:
+                self._say_moved(share)
+
+    def _say_moved(self, share: float) -> None:
+        self._lose(None)
+        self.notice = (
+            f'was moved by hand: {100 * share:.0f} % of what the lidar sees fits '
+            'the map; searching all of it'
+        )
+
+    def _everywhere(self) -> Window:
+        pyramid = self._pyramid
+        return Window(pyramid.low, pyramid.high, -math.pi, round(2.0 * math.pi / STEP))
 
     def _lose(self, window: Window | None) -> None:
         """Search a window, or everywhere."""
         self._misfits = 0
         self._is_near = window is not None
-        self._window = window or Window(
-            self._pyramid.low, self._pyramid.high, -math.pi, round(2.0 * math.pi / STEP)
-        )
-        self._search: Search | None = None
+        self._window = window or self._everywhere()
+        self._search = None
         self._hypotheses: Hypotheses | None = Hypotheses()
 
     def _search_on(self, scan: Scan, surface: np.ndarray, move: np.ndarray) -> None:
@@ -154,6 +191,7 @@ class Localizer:
         if self._hypotheses.is_decided(self._is_near):
             self.covariance = invert(TRUST * best.information + 1e-3 * np.eye(3))
             self._hypotheses, self._search = None, None
+            self._usual, self._drops = best.share, 0
             self.notice = None
         elif len(self._hypotheses) > 1:
             self.notice = f'may be at {len(self._hypotheses)} places: drive on to tell them apart'
