@@ -58,6 +58,7 @@ class Localizer:
         self.closures = 0
         self._misfits = 0
         self._search: Search | None = None
+        self._moved = np.zeros(3)  # since the search began
         # How much of a scan fits as a rule, and how many in a row have fitted less.
         self._usual, self._drops = 0.0, 0
         self.reset()
