@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Sequence
 import math
+import os
 import shutil
 from typing import TextIO
 
@@ -28,6 +29,7 @@ STYLES = {
     'warning': '\x1b[33m',
     'dim': '\x1b[2m',
 }
+COLOURED = ('target', 'actual', 'warning')
 NORMAL = '\x1b[0m'
 # The alternate screen, without a cursor; and the user's own again, as it was.
 OPEN = '\x1b[?1049h\x1b[?25l'
@@ -99,7 +101,8 @@ def styled(line: Line, in_ascii: bool) -> str:
     """Return a line as it is written; control characters in it are shown, not done."""
     words = visible(line.text)
     text = words.translate(ASCII) if in_ascii else words
-    style = STYLES.get(line.style, '')
+    is_plain = line.style in COLOURED and os.environ.get('NO_COLOR')  # as no-color.org has it
+    style = '' if is_plain else STYLES.get(line.style, '')
     return f'{style}{text}{NORMAL}' if style else text
 
 

@@ -4,6 +4,7 @@ import re
 
 from teleop_keyboard.dashboard import Line
 from teleop_keyboard.screen import StatusLine
+from teleop_keyboard.screen import styled
 
 
 class Screen(io.StringIO):
@@ -18,6 +19,18 @@ def test_the_line_is_rewritten_in_place_and_only_when_it_changed():
         line.show(lambda _, text=text: text, float(now))
     line.close()
     assert screen.getvalue() == '\rone\x1b[K\rtwo\x1b[K\n'
+
+
+def test_no_color_leaves_out_colours_and_keeps_what_is_bright_or_dim(monkeypatch):
+    lines = [Line(style, style) for style in ('target', 'actual', 'warning', 'title', 'dim')]
+    monkeypatch.delenv('NO_COLOR', raising=False)
+    coloured = [styled(line, in_ascii=False) for line in lines]
+    assert all(text.startswith('\x1b[') for text in coloured)
+    monkeypatch.setenv('NO_COLOR', '1')
+    plain = [styled(line, in_ascii=False) for line in lines]
+    assert plain == ['target', 'actual', 'warning', *coloured[3:]]
+    monkeypatch.setenv('NO_COLOR', '')  # empty is not set
+    assert [styled(line, in_ascii=False) for line in lines] == coloured
 
 
 def test_the_line_is_not_rewritten_faster_than_one_can_read():

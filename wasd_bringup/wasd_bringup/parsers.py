@@ -205,7 +205,7 @@ def _add_navigation(parser: argparse.ArgumentParser) -> None:
         const='',
         metavar='FILE.yaml',
         help='map while driving, or find the way in a map that was saved; a click on the floor '
-        'of the panel Map is a goal',
+        'of the panel Map is a goal, and in the scene with the pointer of the panel View',
     )
     parser.add_argument(
         '--save-map', metavar='NAME', help='write the map in the end: NAME.yaml and NAME.pgm'
