@@ -65,6 +65,11 @@ class View:
                 refusal='this robot has no feet' if needs_feet else '',
             ):
                 scene.shown ^= {name}
+        self._draw_pointer(page, snapshot)
+
+    def _draw_pointer(self, page: 'PageState', snapshot: Snapshot) -> None:
+        """Draw what a pointer does in the scene, besides turning the camera."""
+        widgets, scene = page.widgets, self._scene
         widgets.heading('POINTER')
         width = columns(len(HANDS))
         for index, name in enumerate(HANDS):
