@@ -41,7 +41,7 @@ from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.controller_file import translate
 from diff_drive_sim.controller_file import UNUSED
 from diff_drive_sim.drive import DiffDrive
-from diff_drive_sim.executables import DIFF_DRIVE_CONTROLLER
+from diff_drive_sim.executables import diff_drive_controller
 from diff_drive_sim.geometry import DiffDriveError
 from diff_drive_sim.messages import from_pose
 from diff_drive_sim.messages import to_diagnostics
@@ -374,7 +374,7 @@ class DiffDriveControllerNode(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the controller as a process of its own."""
-    return run_node(DiffDriveControllerNode, args, program=DIFF_DRIVE_CONTROLLER)
+    return run_node(DiffDriveControllerNode, args, program=diff_drive_controller)
 
 
 if __name__ == '__main__':

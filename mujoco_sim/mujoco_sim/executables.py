@@ -1,19 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulator as a program: --help and wrong words are answered before it loads."""
 
-from collections.abc import Sequence
-
 from wasd_core.command_line import Executable
 
-SIMULATOR = Executable(
+simulator = Executable(
     name='simulator',
     module='mujoco_sim.simulator_node',
     about='Simulates a robot in MuJoCo: joint_commands in, joint_states, imu/data and /clock out.',
     parameters=('mujoco_sim.parameters:SimulatorParameters',),
     example='simulator --ros-args -p description:=go2 -p world:=stairs:0.1',
 )
-
-
-def simulator(args: Sequence[str] | None = None) -> int:
-    """Run `simulator`; return the exit status."""
-    return SIMULATOR.run(args)

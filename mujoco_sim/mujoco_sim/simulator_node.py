@@ -38,7 +38,7 @@ from wasd_core.topics import has_listener
 from wasd_core.topics import RELIABLE
 from wasd_core.topics import SENSOR_DATA
 
-from mujoco_sim.executables import SIMULATOR
+from mujoco_sim.executables import simulator
 from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.randomise import randomise
 from mujoco_sim.robot_setup import foot_links
@@ -324,7 +324,7 @@ def simulate(node: SimulatorNode, stop: StopSignals) -> None:
 
 def main(args: list[str] | None = None) -> int:
     """Run the simulator as a process of its own; controllers talk to it over topics."""
-    return run_node(SimulatorNode, args, simulate, program=SIMULATOR)
+    return run_node(SimulatorNode, args, simulate, program=simulator)
 
 
 if __name__ == '__main__':

@@ -47,7 +47,7 @@ from wasd_core.topics import TfBroadcaster
 
 from quadruped_sim.compilation import compile_once
 from quadruped_sim.compilation import warm_up
-from quadruped_sim.executables import LEG_CONTROLLER
+from quadruped_sim.executables import leg_controller
 from quadruped_sim.keys import StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegNodeParameters
@@ -57,7 +57,7 @@ from quadruped_sim.robot_state import LegOdometry
 
 # Longest step of gait and estimate between two readings [s]; a request is as old as it is.
 MAXIMUM_STEP = 0.02
-KIND = NodeKind(LEG_CONTROLLER.name, 'leg controller')
+KIND = NodeKind(leg_controller.name, 'leg controller')
 
 
 class Frames(NamedTuple):
@@ -359,7 +359,7 @@ def _parameters_of_file(node: Node) -> LegNodeParameters:
 
 def main(args: list[str] | None = None) -> int:
     """Run the leg controller as a process of its own."""
-    return run_node(LegControllerNode, args, program=LEG_CONTROLLER)
+    return run_node(LegControllerNode, args, program=leg_controller)
 
 
 if __name__ == '__main__':

@@ -22,7 +22,7 @@ from wasd_core.topics import TfBroadcaster
 
 from robot_description.description import Description
 from robot_description.description import read_description
-from robot_description.executables import STATE_PUBLISHER
+from robot_description.executables import state_publisher
 from robot_description.executables import StatePublisherParameters
 from robot_description.joint_names import unknown_joint_warning
 from robot_description.meshes.files import published_urdf
@@ -115,7 +115,7 @@ class StatePublisherNode(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the state publisher as a process of its own."""
-    return run_node(StatePublisherNode, args, program=STATE_PUBLISHER)
+    return run_node(StatePublisherNode, args, program=state_publisher)
 
 
 if __name__ == '__main__':

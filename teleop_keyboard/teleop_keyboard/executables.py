@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The programs of teleoperation: --help and wrong words are answered before it loads."""
 
-from collections.abc import Sequence
-
 from wasd_core.command_line import Executable
 
 TWIST_NOTES = (
     '  stamped  (auto)',
     '    Publish TwistStamped: auto (what the subscriber takes), true or false',
 )
-KEY_PUBLISHER = Executable(
+key_publisher = Executable(
     name='key_publisher',
     module='teleop_keyboard.key_publisher_node',
     about='Publishes each key of the terminal, or of a pipe, on the topic keys.',
@@ -17,7 +15,7 @@ KEY_PUBLISHER = Executable(
     example='key_publisher --save-keys drive.keys',
     takes_keys=True,
 )
-KEYS_TO_TWIST = Executable(
+keys_to_twist = Executable(
     name='keys_to_twist',
     module='teleop_keyboard.keys_to_twist_node',
     about='Turns keys into velocities on cmd_vel, by a preset and its ramps.',
@@ -25,7 +23,7 @@ KEYS_TO_TWIST = Executable(
     notes=TWIST_NOTES,
     example='keys_to_twist --ros-args -p preset:=wasd -p speed:=0.3',
 )
-TELEOP = Executable(
+teleop = Executable(
     name='teleop',
     module='teleop_keyboard.teleop_node',
     about='Drives with the keyboard: keys and cmd_vel of one terminal, and a dashboard.',
@@ -34,7 +32,7 @@ TELEOP = Executable(
     example='teleop --ros-args -p preset:=wasd -r cmd_vel:=key_vel',
     takes_keys=True,
 )
-TWIST_MUX = Executable(
+twist_mux = Executable(
     name='twist_mux',
     module='teleop_keyboard.twist_mux_node',
     about='Lets one of several velocity sources drive, by priority, time-out and locks.',
@@ -45,7 +43,7 @@ TWIST_MUX = Executable(
     ),
     example='twist_mux --ros-args -r cmd_vel_out:=cmd_vel',
 )
-GAMEPAD = Executable(
+gamepad = Executable(
     name='gamepad',
     module='teleop_keyboard.gamepad_node',
     about='Publishes a gamepad as joy, and drives by it: cmd_vel and keys.',
@@ -56,28 +54,3 @@ GAMEPAD = Executable(
     notes=TWIST_NOTES,
     example='gamepad --ros-args -p preset:=go2 -r cmd_vel:=joy_vel',
 )
-
-
-def gamepad(args: Sequence[str] | None = None) -> int:
-    """Run `gamepad`; return the exit status."""
-    return GAMEPAD.run(args)
-
-
-def key_publisher(args: Sequence[str] | None = None) -> int:
-    """Run `key_publisher`; return the exit status."""
-    return KEY_PUBLISHER.run(args)
-
-
-def keys_to_twist(args: Sequence[str] | None = None) -> int:
-    """Run `keys_to_twist`; return the exit status."""
-    return KEYS_TO_TWIST.run(args)
-
-
-def teleop(args: Sequence[str] | None = None) -> int:
-    """Run `teleop`; return the exit status."""
-    return TELEOP.run(args)
-
-
-def twist_mux(args: Sequence[str] | None = None) -> int:
-    """Run `twist_mux`; return the exit status."""
-    return TWIST_MUX.run(args)

@@ -7,6 +7,8 @@ import threading
 import time
 from typing import NamedTuple
 
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Twist
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Joy
@@ -20,12 +22,9 @@ from wasd_core.topics import EVENTS
 from wasd_core.topics import LoopbackSubscription
 from wasd_core.topics import RELIABLE
 
-from teleop_keyboard.executables import GAMEPAD
+from teleop_keyboard.executables import gamepad
 from teleop_keyboard.gamepad import JoyState
 from teleop_keyboard.gamepad_device import Gamepad
-from teleop_keyboard.joy_messages import from_joy
-from teleop_keyboard.joy_messages import to_full_twist
-from teleop_keyboard.joy_messages import to_joy
 from teleop_keyboard.joy_to_twist import JoyToTwist
 from teleop_keyboard.joy_to_twist import JoyTwist
 from teleop_keyboard.pad_keys import PadKeys
@@ -41,6 +40,8 @@ PATIENCE = 0.5
 # The zero that ends it all may take this long to leave [s].
 LAST_WORDS_TIMEOUT = 0.25
 FRAME_ID = 'base_footprint'
+# As the `joy` drivers call it.
+JOY_FRAME = 'joy'
 # What a pad's parameters are called; those that can be set at run time.
 NAMES = known_parameters(JoyParameters)
 CHANGEABLE = tuple(name for name, (field, _) in NAMES.items() if not field.metadata['read_only'])
@@ -238,9 +239,30 @@ class GamepadNode(Node):
         self.logic.parameters = PAD_PRESETS[self._preset].changed(self._given)
 
 
+def to_joy(state: JoyState, stamp: Time) -> Joy:
+    """Return the message of a state."""
+    message = Joy(axes=state.axes, buttons=state.buttons)
+    message.header.stamp = stamp
+    message.header.frame_id = JOY_FRAME
+    return message
+
+
+def from_joy(message: Joy) -> JoyState:
+    """Return the state of a message."""
+    return JoyState(tuple(message.axes), tuple(message.buttons))
+
+
+def to_full_twist(velocity: JoyTwist) -> Twist:
+    """Return the message of a velocity with all its six components."""
+    message = Twist()
+    message.linear.x, message.linear.y, message.linear.z = velocity[:3]
+    message.angular.x, message.angular.y, message.angular.z = velocity[3:]
+    return message
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run `gamepad`; return the exit status."""
-    return run_node(GamepadNode, args, joins=True, program=GAMEPAD)
+    return run_node(GamepadNode, args, joins=True, program=gamepad)
 
 
 if __name__ == '__main__':

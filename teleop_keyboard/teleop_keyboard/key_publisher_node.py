@@ -24,7 +24,7 @@ from wasd_core.streams import visible
 from wasd_core.topics import EVENTS
 from wasd_core.topics import LATCHED
 
-from teleop_keyboard.executables import KEY_PUBLISHER
+from teleop_keyboard.executables import key_publisher
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.key_reader import WaitingKeys
@@ -199,7 +199,7 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
 
 def _publish(args: Sequence[str] | None, stop: StopSignals) -> None:
     with (
-        open_keyboard(KEY_PUBLISHER, args, stop) as (reader, writer),
+        open_keyboard(key_publisher, args, stop) as (reader, writer),
         open_node(KeyPublisherNode, stop) as node,
     ):
         if writer is not None:

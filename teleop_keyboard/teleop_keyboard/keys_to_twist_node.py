@@ -14,7 +14,7 @@ from wasd_core.topics import EVENTS
 from wasd_core.topics import LoopbackSubscription
 from wasd_core.topics import PublisherWatch
 
-from teleop_keyboard.executables import KEYS_TO_TWIST
+from teleop_keyboard.executables import keys_to_twist
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.parameters import TeleopParameters
@@ -148,7 +148,7 @@ class KeysToTwistNode(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `keys_to_twist`; return the exit status."""
-    return run_node(KeysToTwistNode, args, joins=True, program=KEYS_TO_TWIST)
+    return run_node(KeysToTwistNode, args, joins=True, program=keys_to_twist)
 
 
 if __name__ == '__main__':

@@ -22,13 +22,13 @@ from wasd_core.timing import Notice
 from wasd_core.topics import LATCHED
 from wasd_core.topics import LATEST
 
+from teleop_keyboard import executables
 from teleop_keyboard.dashboard import asks_for_help
 from teleop_keyboard.dashboard import dashboard
 from teleop_keyboard.dashboard import HELP_KEY
 from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings
-from teleop_keyboard.executables import TELEOP
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.key_publisher_node import open_keyboard
 from teleop_keyboard.key_publisher_node import wait_for_subscriber
@@ -177,7 +177,7 @@ def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop, stop: StopSignal
 
 
 def _teleoperate(args: Sequence[str] | None, stop: StopSignals) -> None:
-    with open_keyboard(TELEOP, args, stop) as (reader, writer):
+    with open_keyboard(executables.teleop, args, stop) as (reader, writer):
         tolerate_any_text()
         screen = Screen(sys.stdout)
         with explain_ros_errors():

@@ -26,7 +26,7 @@ from wasd_core.topics import AbsenceWatch
 from wasd_core.topics import LATCHED
 from wasd_core.topics import RELIABLE
 
-from teleop_keyboard.executables import TWIST_MUX
+from teleop_keyboard.executables import twist_mux
 from teleop_keyboard.mux import DEFAULT_LOCKS
 from teleop_keyboard.mux import DEFAULT_SOURCES
 from teleop_keyboard.mux import Mux
@@ -225,7 +225,7 @@ def _checked(**values: Any) -> dict[str, Any]:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run `twist_mux`; return the exit status."""
-    return run_node(TwistMuxNode, args, joins=True, program=TWIST_MUX)
+    return run_node(TwistMuxNode, args, joins=True, program=twist_mux)
 
 
 if __name__ == '__main__':

@@ -7,7 +7,7 @@ import pytest
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
-from teleop_keyboard.executables import TELEOP as PROGRAM
+from teleop_keyboard.executables import teleop
 from teleop_keyboard.key_names import NAMED_KEYS
 from teleop_keyboard.key_publisher_node import read_options
 from teleop_keyboard.key_script import KeyScriptWriter
@@ -65,12 +65,12 @@ def test_a_replay_gives_identical_messages(ros_domain, spawn, tmp_path):
 
 def test_a_file_that_cannot_be_written_is_one_line():
     with pytest.raises(OutputError, match='--save-keys /nowhere/a.keys: wanted a file'):
-        read_options(PROGRAM, ['--save-keys', '/nowhere/a.keys'])
+        read_options(teleop, ['--save-keys', '/nowhere/a.keys'])
 
 
 def test_options_are_ours_up_to_ros_args(tmp_path):
     path = str(tmp_path / 'a')
-    options = read_options(PROGRAM, ['--save-keys', path, '--ros-args', '-p', 'speed:=0.3'])
+    options = read_options(teleop, ['--save-keys', path, '--ros-args', '-p', 'speed:=0.3'])
     assert (str(options.save_keys), options.ros) == (path, ['--ros-args', '-p', 'speed:=0.3'])
     with pytest.raises(UserError, match='unrecognized arguments: --sav a'):
-        read_options(PROGRAM, ['--sav', 'a'])
+        read_options(teleop, ['--sav', 'a'])

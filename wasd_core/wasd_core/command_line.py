@@ -46,7 +46,7 @@ END_OF_ROS_WORDS = '--'
 @dataclass(frozen=True, kw_only=True)
 class Executable:
     """
-    One of a package's programs, before anything heavy is imported.
+    One of a package's programs, before anything heavy is imported; called, it runs.
 
     `module` has the `main` that runs it. `parameters` names the definitions of its parameters,
     as `module:Class`; `notes` tell what no definition holds. `takes_keys` is for programs that
@@ -61,7 +61,7 @@ class Executable:
     notes: tuple[str, ...] = ()
     takes_keys: bool = False
 
-    def run(self, words: Sequence[str] | None = None) -> int:
+    def __call__(self, words: Sequence[str] | None = None) -> int:
         """Answer --help and unknown words at once, else run; return the exit status."""
         words = list(sys.argv[1:] if words is None else words)
         try:

@@ -34,7 +34,7 @@ from wasd_core.topics import SENSOR_DATA
 from wasd_core.topics import tf_message_type
 from wasd_core.topics import TF_STATIC
 
-from wasd_navigation.executables import NAVIGATOR
+from wasd_navigation.executables import navigator
 from wasd_navigation.goal_action import GoalAction
 from wasd_navigation.mapping.map_file import save_map
 from wasd_navigation.messages import from_covariance
@@ -386,7 +386,7 @@ class NavigatorNode(Node):
 
 def main(args: list[str] | None = None) -> int:
     """Run the navigator as a process of its own."""
-    return run_node(NavigatorNode, args, joins=True, program=NAVIGATOR)
+    return run_node(NavigatorNode, args, joins=True, program=navigator)
 
 
 if __name__ == '__main__':
