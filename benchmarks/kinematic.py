@@ -20,10 +20,10 @@ from wasd_navigation.grid import FREE
 from wasd_navigation.grid import Grid
 from wasd_navigation.grid import OCCUPIED
 from wasd_navigation.grid import UNKNOWN
+from wasd_navigation.parameters import DriveLimits
 from wasd_navigation.parameters import NavigatorParameters
+from wasd_navigation.parameters import PlanningParameters
 from wasd_navigation.planning.footprint import Footprint
-from wasd_navigation.planning.parameters import DriveLimits
-from wasd_navigation.planning.parameters import PlanningParameters
 from wasd_navigation.scan import read_scan
 from wasd_navigation.scan import Scan
 

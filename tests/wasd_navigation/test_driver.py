@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 from wasd_navigation.grid import Grid
+from wasd_navigation.parameters import DriveLimits
+from wasd_navigation.parameters import PlanningParameters
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.motion import move
-from wasd_navigation.planning.parameters import DriveLimits
-from wasd_navigation.planning.parameters import PlanningParameters
 from wasd_navigation.scan import Scan
 
 DT = 0.05

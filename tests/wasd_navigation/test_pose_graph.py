@@ -11,7 +11,7 @@ from wasd_navigation.mapping.pose_graph import factorise
 from wasd_navigation.mapping.pose_graph import find_pattern
 from wasd_navigation.mapping.pose_graph import linearise
 from wasd_navigation.mapping.pose_graph import solve
-from wasd_navigation.mapping.solver import Solver
+from wasd_navigation.mapping.pose_graph import Solver
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 

@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 from wasd_navigation.grid import Grid
+from wasd_navigation.parameters import DriveLimits
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.footprint import Footprint
-from wasd_navigation.planning.parameters import DriveLimits
 
 # Four metres square, free, with nothing known of the last.
 CELLS = np.zeros((80, 80), np.int8)

@@ -8,14 +8,14 @@ quiet_start(__name__, 'navigator')
 
 # Where each name is defined; loaded when it is asked for, as numba takes a while.
 _HOMES = {
-    'DriveLimits': 'planning.parameters',
+    'DriveLimits': 'parameters',
     'Driver': 'planning.driver',
     'Footprint': 'planning.footprint',
     'Grid': 'grid',
     'Localizer': 'mapping.localizer',
     'Mapper': 'mapping.mapper',
-    'MappingParameters': 'mapping.parameters',
-    'PlanningParameters': 'planning.parameters',
+    'MappingParameters': 'parameters',
+    'PlanningParameters': 'parameters',
     'Scan': 'scan',
     'load_map': 'mapping.map_file',
     'read_scan': 'scan',

@@ -7,10 +7,111 @@ from wasd_core.parameters import group
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
-from wasd_navigation.mapping.parameters import MappingParameters
 from wasd_navigation.planning.footprint import Footprint
-from wasd_navigation.planning.parameters import DriveLimits
-from wasd_navigation.planning.parameters import PlanningParameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class MappingParameters(Parameters):
+    """What scans are matched against, when places are kept, how the grid is drawn."""
+
+    resolution: float = parameter(
+        0.05,
+        doc='Length of a cell of the map',
+        unit='m',
+        minimum=0.01,
+        maximum=1.0,
+        read_only=True,
+    )
+    range_noise: float = parameter(
+        0.012, doc="Standard deviation of the lidar's ranges", unit='m', above=0.0, read_only=True
+    )
+    minimum_travel_distance: float = parameter(
+        0.3, doc='A place is kept after so much way', unit='m', above=0.0, read_only=True
+    )
+    minimum_travel_heading: float = parameter(
+        0.35, doc='A place is kept after so much turning', unit='rad', above=0.0, read_only=True
+    )
+    scan_buffer_size: int = parameter(
+        25,
+        doc='A scan is matched against what was seen from so many last places',
+        minimum=3,
+        read_only=True,
+    )
+    loop_search_maximum_distance: float = parameter(
+        2.5,
+        doc='A loop is closed with a place within this distance',
+        unit='m',
+        above=0.0,
+        read_only=True,
+    )
+    loop_every: int = parameter(
+        2, doc='Of so many places one is tried to close a loop with', minimum=1, read_only=True
+    )
+    loop_match_minimum_chain_size: int = parameter(
+        13, doc='Old places around one, with which a loop is closed', minimum=1, read_only=True
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveLimits(Parameters):
+    """What may be asked of a robot's base; the defaults are mbot's."""
+
+    forward: float = parameter(0.5, above=0.0, unit='m/s', doc='Largest speed ahead')
+    backward: float = parameter(0.2, above=0.0, unit='m/s', doc='Largest speed backward')
+    lateral: float = parameter(
+        0.0, minimum=0.0, unit='m/s', doc='Largest speed sideways; 0: it cannot go sideways'
+    )
+    yaw: float = parameter(1.5, above=0.0, unit='rad/s', doc='Largest yaw rate')
+    forward_acceleration: float = parameter(
+        0.8, above=0.0, unit='m/s^2', doc='Largest acceleration ahead and backward'
+    )
+    lateral_acceleration: float = parameter(
+        0.8, above=0.0, unit='m/s^2', doc='Largest acceleration sideways'
+    )
+    yaw_acceleration: float = parameter(
+        3.0, above=0.0, unit='rad/s^2', doc='Largest change of the yaw rate'
+    )
+    lag: float = parameter(
+        0.1, minimum=0.0, unit='s', doc='Time constant in which it follows a command'
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanningParameters(Parameters):
+    """When a goal is reached, how far to keep off, when to give up."""
+
+    xy_goal_tolerance: float = parameter(
+        0.05, above=0.0, unit='m', doc='Farthest from the goal that counts as there'
+    )
+    yaw_goal_tolerance: float = parameter(
+        0.05, above=0.0, unit='rad', doc='Largest difference of heading that counts as there'
+    )
+    margin: float = parameter(
+        0.04, minimum=0.0, unit='m', doc='Room that is always kept around the footprint'
+    )
+    comfort: float = parameter(
+        0.20, above=0.0, unit='m', doc='Room around the footprint that is kept where there is any'
+    )
+    comfort_price: float = parameter(
+        1.0, minimum=0.0, doc='What a metre without any comfort costs more, in metres'
+    )
+    unknown_price: float = parameter(
+        2.0, minimum=0.0, doc='What a metre where nobody has looked costs more, in metres'
+    )
+    occupied: int = parameter(
+        65, minimum=1, maximum=100, doc='Occupancy from which on a cell is an obstacle'
+    )
+    silence: float = parameter(
+        0.5, above=0.0, unit='s', doc='Time without a scan after which the robot stands'
+    )
+    stuck_time: float = parameter(
+        5.0, above=0.0, unit='s', doc='Time without coming nearer after which it recovers'
+    )
+    recoveries: int = parameter(
+        6, minimum=0, doc='Recoveries in a row, without coming nearer, before it gives up'
+    )
+    samples: int = parameter(300, minimum=16, doc='Motions that are tried in each step')
+    horizon: int = parameter(30, minimum=5, maximum=100, doc='Tenths of a second each looks ahead')
 
 
 @dataclass(frozen=True, kw_only=True)

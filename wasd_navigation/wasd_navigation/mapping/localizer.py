@@ -6,7 +6,6 @@ import math
 import numpy as np
 
 from wasd_navigation.grid import Grid
-from wasd_navigation.mapping.grid_surface import make_grid_map
 from wasd_navigation.mapping.growth import add_covariance
 from wasd_navigation.mapping.growth import LEAP
 from wasd_navigation.mapping.growth import OdometryGrowth
@@ -15,13 +14,14 @@ from wasd_navigation.mapping.hypotheses import PRIOR
 from wasd_navigation.mapping.local_map import Fit
 from wasd_navigation.mapping.local_map import fit_scan
 from wasd_navigation.mapping.matrices import invert
-from wasd_navigation.mapping.parameters import MappingParameters
 from wasd_navigation.mapping.search import Pyramid
 from wasd_navigation.mapping.search import Search
 from wasd_navigation.mapping.search import STEP
 from wasd_navigation.mapping.search import Window
 from wasd_navigation.mapping.search import window_around
 from wasd_navigation.mapping.surface import find_surface
+from wasd_navigation.mapping.surface import make_grid_map
+from wasd_navigation.parameters import MappingParameters
 from wasd_navigation.scan import Scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse

@@ -15,14 +15,14 @@ from wasd_navigation.mapping.local_map import fit_scan
 from wasd_navigation.mapping.local_map import make_local_map
 from wasd_navigation.mapping.matrices import invert
 from wasd_navigation.mapping.matrices import turn_axes
-from wasd_navigation.mapping.parameters import MappingParameters
 from wasd_navigation.mapping.places import Places
+from wasd_navigation.mapping.pose_graph import Solver
 from wasd_navigation.mapping.search import Pyramid
 from wasd_navigation.mapping.search import Search
 from wasd_navigation.mapping.search import window_around
-from wasd_navigation.mapping.solver import Solver
 from wasd_navigation.mapping.surface import find_surface
 from wasd_navigation.mapping.surface import Surface
+from wasd_navigation.parameters import MappingParameters
 from wasd_navigation.scan import Scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse

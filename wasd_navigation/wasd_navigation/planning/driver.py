@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from wasd_navigation.grid import Grid
+from wasd_navigation.parameters import DriveLimits
+from wasd_navigation.parameters import PlanningParameters
 from wasd_navigation.planning import docking
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.motion import clearance
 from wasd_navigation.planning.motion import PoseFilter
-from wasd_navigation.planning.parameters import DriveLimits
-from wasd_navigation.planning.parameters import PlanningParameters
 from wasd_navigation.planning.route import is_shut_off
 from wasd_navigation.planning.route import refusal
 from wasd_navigation.planning.route import Route

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from wasd_navigation.parameters import PlanningParameters
 from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.goal_field import DiscField
@@ -13,7 +14,6 @@ from wasd_navigation.planning.heading_field import HeadingField
 from wasd_navigation.planning.motion import Base
 from wasd_navigation.planning.motion import clearance
 from wasd_navigation.planning.motion import least_clearance
-from wasd_navigation.planning.parameters import PlanningParameters
 from wasd_navigation.planning.sampling import value_at
 from wasd_navigation.planning.surroundings import Surroundings
 

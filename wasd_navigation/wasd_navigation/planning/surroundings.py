@@ -7,11 +7,11 @@ from wasd_navigation.grid import FREE
 from wasd_navigation.grid import Grid
 from wasd_navigation.grid import OCCUPIED
 from wasd_navigation.grid import UNKNOWN
+from wasd_navigation.parameters import PlanningParameters
 from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.distance_field import measure_distances
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.obstacle_layer import ObstacleLayer
-from wasd_navigation.planning.parameters import PlanningParameters
 from wasd_navigation.scan import Scan
 
 
