@@ -10,7 +10,6 @@ from wasd_core.rotations import rotation_vector
 from wasd_core.rotations import rpy_from_matrix
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
-from wasd_core.rotations import wrap_angle
 
 
 @pytest.fixture
@@ -39,13 +38,6 @@ def test_rotation_vector_is_that_of_pinocchio(rng):
 def test_cross_is_the_cross_product(rng):
     a, b = rng.normal(size=(2, 3))
     np.testing.assert_allclose(cross(a, b), np.cross(a, b))
-
-
-@pytest.mark.parametrize(
-    ('angle', 'wanted'), [(4.0, 4.0 - 2 * np.pi), (np.pi, np.pi), (-np.pi, np.pi)]
-)
-def test_wrapped_angles_lie_in_one_turn(angle, wanted):
-    assert wrap_angle(angle) == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize('seed', range(5))

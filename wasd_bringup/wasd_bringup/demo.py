@@ -2,6 +2,8 @@
 """`wasd demo`: a scripted, headless tour; writes pictures and a table."""
 
 from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
 import json
 import math
 from pathlib import Path
@@ -13,6 +15,8 @@ from mujoco_sim.pictures import take_strip
 from mujoco_sim.pictures import Trace
 from mujoco_sim.pictures import Viewpoint
 import numpy as np
+from PIL import Image
+from PIL import ImageDraw
 import rclpy
 from robot_description.mujoco import choose_renderer
 from robot_description.mujoco import NO_RENDERER
@@ -35,10 +39,17 @@ from wasd_bringup.robots import RobotRow
 from wasd_bringup.session import Session
 
 if TYPE_CHECKING:
+    from wasd_navigation.grid import Grid
+
     from wasd_bringup.session_navigation import SessionNavigation
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 ORANGE = (1.0, 0.45, 0.0, 1.0)
+# A cell of a map is so many pixels wide; colours of unknown, free, occupied, the way, goals.
+MAP_SCALE = 4
+MAP_RIM = 10  # cells
+MAP_COLOURS = np.array(((205, 208, 212), (255, 255, 255), (30, 34, 40)), dtype=np.uint8)
+MAP_WAY, MAP_GOAL = (235, 115, 20), (30, 110, 220)
 SQUARE = '\n'.join(
     f'{7.0 * side} 0.25 0 0\n{7.0 * side + 4.0} 0 0 0\n'
     f'{7.0 * side + 4.5} 0 0 {math.pi / 4.0}\n{7.0 * side + 6.5} 0 0 0'
@@ -227,12 +238,43 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
 
 def draw_navigation(navigation: 'SessionNavigation', report: dict[str, Any], path: Path) -> None:
     """Write a picture of what a navigator has mapped, and where it has driven."""
-    # Here, because only who navigates needs it.
-    from wasd_bringup.map_picture import draw_map
-
     way = np.array(report['samples']['position'])[::10, :2]
     goals = [goal['goal'] for goal in report['navigation']['goals']]
     draw_map(navigation.navigator.locator.grid, way, goals, path)
+
+
+def _known_part(grid: 'Grid') -> 'Grid':
+    """Return the part of a grid of which something is known, with a rim of unknown cells."""
+    rows, columns = (np.flatnonzero((grid.cells >= 0).any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return grid
+    low = max(rows[0] - MAP_RIM, 0), max(columns[0] - MAP_RIM, 0)
+    cells = grid.cells[low[0] : rows[-1] + MAP_RIM, low[1] : columns[-1] + MAP_RIM]
+    x, y = np.array(grid.origin) + grid.resolution * np.array(low[::-1])
+    return replace(grid, cells=cells, origin=(float(x), float(y)))
+
+
+def draw_map(grid: 'Grid', way: np.ndarray, goals: Sequence[Sequence[float]], path: Path) -> None:
+    """
+    Write a picture of a map; `way` (n, 2) and `goals` (x, y, ...) are in its axes [m].
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    grid = _known_part(grid)
+    kinds = np.where(grid.cells < 0, 0, np.where(grid.cells > 50, 2, 1))
+    pixels = MAP_COLOURS[kinds[::-1]].repeat(MAP_SCALE, axis=0).repeat(MAP_SCALE, axis=1)
+    image = Image.fromarray(pixels)
+    drawing = ImageDraw.Draw(image)
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        column, row = ((x, y) - np.array(grid.origin)) / grid.resolution * MAP_SCALE
+        return float(column), float(image.height - row)
+
+    drawing.line([place(x, y) for x, y in way.tolist()], fill=MAP_WAY, width=MAP_SCALE)
+    for goal in goals:
+        drawing.circle(place(*goal[:2]), 2 * MAP_SCALE, outline=MAP_GOAL, width=MAP_SCALE)
+    image.save(path)
 
 
 def _traces(samples: dict[str, Any]) -> tuple[Trace, Trace]:

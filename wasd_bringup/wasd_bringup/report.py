@@ -160,7 +160,7 @@ class Recorder:
             'position': base.position.tolist(),
             'rpy': base.rpy.tolist(),
             'velocity': base.planar_velocity.tolist(),
-            'odom': [x, y, wrap(yaw)],
+            'odom': [x, y, math.remainder(yaw, 2.0 * math.pi)],
             'contacts': list(now.contacts),
             'torque_max': float(self._world.take_peak_effort().max(initial=0.0)),
         }
@@ -237,8 +237,3 @@ def report_pieces(report: dict[str, Any]) -> Iterator[bytes]:
     for samples, text in zip(found, rest, strict=True):
         yield from samples.json_pieces()
         yield text.encode()
-
-
-def wrap(angle: float) -> float:
-    """Return an angle [rad] between -pi and pi."""
-    return math.remainder(angle, 2.0 * math.pi)

@@ -14,11 +14,8 @@ from rclpy.clock import ROSClock
 from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.time_source import TimeSource
-from teleop_keyboard.dashboard import board
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.dashboard import Line
-from teleop_keyboard.dashboard import Status
-from teleop_keyboard.dashboard import status_line
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.screen import StatusLine
@@ -45,6 +42,8 @@ from wasd_bringup.session_guests import make_guests
 from wasd_bringup.session_robot import build_robots
 from wasd_bringup.session_robot import SessionRobot
 from wasd_bringup.stack import ControlStack
+from wasd_bringup.views import draw_board
+from wasd_bringup.views import say_status
 from wasd_bringup.views import start_view
 from wasd_bringup.views import View
 
@@ -136,21 +135,10 @@ class Session:
         return self.robot.stack
 
     @property
-    def help_lines(self) -> list[str]:
-        """All keys, for the terminal and the page."""
-        if len(self.robots) == 1:
-            return [*self.stack.help_lines, KEY_LINE]
-        lines = [SWITCH_LINE]
-        for robot in self.robots:
-            lines += ['', f'{robot.name}:', *robot.stack.help_lines]
-        return [*lines, '', KEY_LINE]
-
-    @property
     def first_lines(self) -> list[str]:
         """What a driver must know to begin: few lines, which leave room for what comes."""
-        names = [f'{robot.name}: ' if len(self.robots) > 1 else '' for robot in self.robots]
-        robots = zip(names, self.robots, strict=True)
-        keys = [f'{name}{robot.stack.first_keys}' for name, robot in robots]
+        has_others = len(self.robots) > 1
+        keys = [f'{r.name}: ' * has_others + r.stack.first_keys for r in self.robots]
         guests = dict.fromkeys(guest.first_line for guest in self._guests)
         return [*self._where_lines, *keys, *guests, *self._run_lines]
 
@@ -238,14 +226,10 @@ class Session:
             *(guest.close for guest in self._guests),
             *(robot.stack.close for robot in self.robots),
             self._status.close,
-            self._close_writer,
+            *([self._writer.close] if self._writer is not None else []),
             self._write_report,
             self._release,
         )
-
-    def _close_writer(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
 
     def _write_report(self) -> None:
         if self.options.report is not None:
@@ -364,7 +348,7 @@ class Session:
         if self._bag is not None:
             self._bag.save_if_due()
         self._let_notices_age(now)
-        self._status.show(lambda width: status_line(*self._state(), width), now, self._board)
+        self._status.show(self._status_line, now, self._board)
 
     def _stop_what_the_view_moved(self) -> None:
         """Stop what moves by keys and goals of a viewer that is gone: keys as a driver would."""
@@ -407,22 +391,9 @@ class Session:
             robot.stack.notice.step(now - self._polled_at)
         self._polled_at = now
 
-    def _state(self) -> tuple[Status, str]:
-        """Return what is told of the robot that the keys drive, and of time."""
-        factor = self.simulation.pacer.real_time_factor
-        pace = 'paused' if self.simulation.paused else f'x{factor:.2f}'
-        status = self.stack.status()
-        if len(self.robots) > 1:
-            status = status._replace(state=f'[{self.robot.name}] {status.state}')
-        return status, f'{self.world.time:.1f} s {pace}'
+    def _status_line(self, width: int) -> str:
+        name = self.robot.name if len(self.robots) > 1 else ''
+        return say_status(self.stack.status(), name, self.simulation, width)
 
-    def _board(self, width: int, height: int) -> list[Line]:
-        """Return what a window with room for it shows above the status line."""
-        status = self.stack.status()
-        axes = status.axes
-        if axes:
-            base = self.world.base()
-            lift = round(float(base.position[2]), 2) + 0.0  # no -0.00
-            body = f'height {lift:.2f} m   tilt {math.degrees(base.tilt):.1f} deg'
-            status = status._replace(body=body)
-        return board(status, self.stack.first_keys, width, height)
+    def _board(self, *size: int) -> list[Line]:
+        return draw_board(self.stack.status(), self.world, self.stack.first_keys, *size)

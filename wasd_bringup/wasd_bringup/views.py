@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What shows a run: the page in a browser with its cockpit, or a window."""
+"""What shows a run: the page in a browser with its cockpit, or a window; and the terminal."""
 
+import math
 from typing import Protocol
 
+from mujoco_sim.simulation import Simulation
 from mujoco_sim.viewer.drawing import PageContent
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.viewer.page import WebView
 from mujoco_sim.world import World
+from teleop_keyboard.dashboard import board
+from teleop_keyboard.dashboard import Line
+from teleop_keyboard.dashboard import Status
+from teleop_keyboard.dashboard import status_line
 
 
 class View(Protocol):
@@ -43,3 +49,23 @@ def start_view(
         return NativeView(world, camera), 'a window on this display'
     web = WebView(world, camera, content, port=port)
     return web, web.url
+
+
+def say_status(status: Status, name: str, simulation: Simulation, width: int) -> str:
+    """Return a terminal's line on the robot that the keys drive, by its name where that helps."""
+    pace = f'x{simulation.pacer.real_time_factor:.2f}' if not simulation.paused else 'paused'
+    if name:
+        status = status._replace(state=f'[{name}] {status.state}')
+    return status_line(status, f'{simulation.world.time:.1f} s {pace}', width)
+
+
+def draw_board(
+    status: Status, world: World, first_keys: str, width: int, height: int
+) -> list[Line]:
+    """Return what a window with room for it shows above that line."""
+    if status.axes:
+        base = world.base()
+        lift = round(float(base.position[2]), 2) + 0.0  # no -0.00
+        body = f'height {lift:.2f} m   tilt {math.degrees(base.tilt):.1f} deg'
+        status = status._replace(body=body)
+    return board(status, first_keys, width, height)

@@ -141,8 +141,3 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     ax, ay, az = a.tolist()
     bx, by, bz = b.tolist()
     return np.array((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx))
-
-
-def wrap_angle(angle: float) -> float:
-    """Return `angle` moved into (-pi, pi]."""
-    return math.pi - (math.pi - angle) % (2.0 * math.pi)
