@@ -206,6 +206,28 @@ def test_a_box_that_appears_is_driven_around() -> None:
     assert np.hypot(*np.maximum(apart, 0.0).T).min() > ROUND.radius
 
 
+def test_a_blocked_way_is_drawn_anew_at_once_though_another_drawing_is_under_way(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr('wasd_navigation.planning.driver.SLICE', 1000)  # one takes about 1.5 s
+    robot, goal = legs(room(), (1.0, 2.0, 0.0)), np.array((5.0, 2.0, 0.0))
+    robot.driver.set_goal(goal)
+    robot.run(1.0)
+    # Something beside the way: that is drawn in time.
+    robot.look = box_seen(2.0, 0.3, 0.1)
+    robot.run(0.5)
+    assert robot.driver._route is not None and robot.driver._route.is_drawing
+    begun = robot.driver._route._next
+    robot.look = box_seen(3.2, 2.0, 0.2)
+    robot.run(DT)
+    urgent = robot.driver._route._next
+    assert urgent is not begun
+    while robot.driver._route.is_drawing:
+        assert robot.driver._route._next is urgent
+        robot.run(DT)
+    assert np.abs(robot.driver.path - (3.2, 2.0)).max(axis=1).min() > 0.2
+
+
 def test_a_door_that_stays_closed_makes_it_give_up_with_the_reason() -> None:
     robot = wheels()
     robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))

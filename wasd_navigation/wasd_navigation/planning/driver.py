@@ -111,6 +111,7 @@ class Driver:
         self._sampler.reset()
         self._since_drawn = math.inf
         self._drawn = -1
+        self._is_urgent = False
         self._start_anew()
 
     def _start_anew(self) -> None:
@@ -283,10 +284,13 @@ class Driver:
         assert route is not None
         self._since_drawn += dt
         is_stale = around.distances is not None and around.revision != self._drawn
-        if is_stale and not route.is_drawing and self._since_drawn >= _REDRAW_BLOCKED:
+        # What is drawn because the way is blocked is drawn to its end; all else gives way to it.
+        is_free = not (route.is_drawing and self._is_urgent)
+        if is_stale and is_free and self._since_drawn >= _REDRAW_BLOCKED:
             is_bad = route.is_blocked(around) or route.left(pose) == math.inf
-            if is_bad or self._since_drawn >= _REDRAW:
+            if is_bad or (self._since_drawn >= _REDRAW and not route.is_drawing):
                 route.draw(around)
+                self._is_urgent = is_bad
                 self._drawn, self._since_drawn = around.revision, 0.0
         # A step that has measured all distances draws no more than it has to.
         route.work(pose, SLICE if self._since_drawn > 0.0 else 0)
