@@ -21,6 +21,7 @@ from legs_ground import differing
 from legs_ground import known
 from legs_ground import patch
 from legs_ground import pushed
+from legs_ground import running
 from legs_ground import slippery
 from legs_speed import curve
 from legs_speed import gait
@@ -126,6 +127,10 @@ def of_odometry(sizes: Sizes) -> list[Experiment]:
     far = f'random commands, {sizes.way / 60.0:g} min'
     return [
         known(far, random_runs(few, sizes.way), 0.005, 0.05),
+        *(
+            known(f'{at:g} m/s straight ahead', running(at, few), 0.02, 0.05)
+            for at in (1.0, 2.0, 3.0)
+        ),
         known('stairs of 10 cm', climbing('stairs:0.1', many), 0.02, None),
         known('20 degrees up', climbing('slope:20', many), 0.02, None),
     ]

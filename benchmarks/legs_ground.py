@@ -10,6 +10,8 @@ from experiment import Trial
 from experiment import worst
 from go2_trouble import push_runs
 from go2_trouble import random_runs
+from go2_walks import constant
+from legs_speed import RACE
 from mujoco_sim.scene import EDGE
 from mujoco_sim.scene import ICE_AHEAD
 from mujoco_sim.scene import ICE_LENGTH
@@ -127,3 +129,8 @@ def climbing(world: str, seeds: Sequence[int], friction: float | None = None) ->
     """Return walks at 0.5 m/s up a world."""
     base = Run(seed=0, twist=f'{START} 0.5 0 0\n', duration=START + 12.0, world=world)
     return [replace(base, seed=seed, friction=friction) for seed in seeds]
+
+
+def running(speed: float, seeds: Sequence[int]) -> list[Run]:
+    """Return runs straight ahead on the flat: ways to and fro take back what feet slide in one."""
+    return [replace(run, parameters=RACE) for run in constant((speed, 0.0, 0.0), seeds, 20.0)]
