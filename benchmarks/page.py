@@ -9,7 +9,7 @@ from typing import Any
 from table import format_table
 from table import Row
 
-# Drawn by `wasd bench legs --picture`, shown once it is there.
+# Drawn by `wasd bench legs --write`, if not `--quick`, and by `wasd bench legs --picture`.
 SUCCESS = 'pictures/go2_success.png'
 DOCS = Path(__file__).resolve().parents[1] / 'docs'
 RESULT, PAGE = DOCS / 'numbers.json', DOCS / 'numbers.md'

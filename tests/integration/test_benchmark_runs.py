@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
@@ -128,3 +129,46 @@ def test_a_payload_is_judged_beside_a_robot_that_walks(bench: Any) -> None:
     experiment = speed.loaded('8@0,0.1,0', 35.0, 1)
     verdict = experiment.judge([Fallen()] * len(experiment.runs))
     assert not verdict.passed
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_the_picture_of_success_counts_who_comes_through(
+    bench: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    success = bench('success')
+
+    def slip(size: float, index: int, count: int) -> Any:
+        return replace(success.slip(size, index, count), duration=success.START + 2.0)
+
+    panels = (success.Panel('friction of the feet', '', (0.02, 0.6), slip, 0.3),)
+    monkeypatch.setattr(success, 'PANELS', panels)
+    words = success.draw_success(tmp_path / 'success.png', 1, 1, lambda _: None)
+    assert words == 'friction of the feet: 0.02: 0/1, 0.6: 1/1'
+    with Image.open(tmp_path / 'success.png') as picture:
+        red, _, blue = np.array(picture.convert('RGB'), dtype=int).reshape(-1, 3).T
+    assert success.RATE[2] > success.RATE[0] + 100
+    assert (blue > red + 100).sum() > 100
+
+
+@pytest.mark.parametrize(
+    ('words', 'is_drawn'),
+    [(['legs'], True), ([], True), (['legs', '--quick'], False), (['mbot'], False)],
+)
+def test_the_legs_measured_whole_are_drawn_where_the_page_shows_them(
+    bench: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: list[str], is_drawn: bool
+) -> None:
+    run, page, drawn = bench('run'), bench('page'), []
+
+    def draw(path: Path, *_: Any) -> str:
+        drawn.append(path)
+        return ''
+
+    monkeypatch.setattr(run, 'measure', lambda *_: [])
+    monkeypatch.setattr(run, 'describe_machine', lambda: 'a machine')
+    monkeypatch.setattr(run, 'draw_success', draw)
+    monkeypatch.setattr(page, 'write', lambda _: None)
+    result = ['--json', str(tmp_path / 'result.json')]
+    monkeypatch.setattr('sys.argv', ['bench', *words, '--write', *result])
+    assert run.main() == 0
+    assert drawn == [page.DOCS / page.SUCCESS] * is_drawn
