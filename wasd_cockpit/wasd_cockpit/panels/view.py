@@ -75,7 +75,7 @@ class View:
         for index, name in enumerate(HANDS):
             if index:
                 imgui.SameLine()
-            no_map = name == 'goal' and snapshot.navigation is None
+            no_map = name == 'goal' != scene.hand and snapshot.navigation is None
             if widgets.button(
                 name,
                 _HAND_LABELS[name],
