@@ -228,6 +228,38 @@ def test_a_blocked_way_is_drawn_anew_at_once_though_another_drawing_is_under_way
     assert np.abs(robot.driver.path - (3.2, 2.0)).max(axis=1).min() > 0.2
 
 
+@pytest.mark.parametrize('depth', [0.06, 0.07, 0.08])
+def test_a_flat_box_before_a_wall_is_not_touched_by_who_stops_beside_it(depth: float) -> None:
+    robot = wheels(room(), (2.2, 0.6, 0.0))
+    box = np.array(((2.8, 0.05), (3.2, 0.05 + depth)))
+    robot.look = lidar_of_room(box)
+    robot.driver.set_goal(np.array((3.0, 0.05 + ROUND.inscribed + 0.06, 0.0)))
+    robot.run(12.0)
+    places = np.array(robot.places)[:, :2]
+    assert np.hypot(*(places - (3.0, 0.31)).T).min() < 0.5
+    apart = np.maximum(np.maximum(box[0] - places, places - box[1]), 0.0)
+    assert np.hypot(*apart.T).min() > ROUND.radius
+
+
+def lidar_of_room(box: np.ndarray) -> Callable[[np.ndarray], Scan]:
+    """Return a lidar with a noise of 12 mm in the room with a box (low and high corner)."""
+    rays, random = np.linspace(-3.14, 3.14, 360), np.random.default_rng(0)
+    inside = np.array(((0.05, 0.05), (5.95, 3.95)))
+
+    def look(pose: np.ndarray) -> Scan:
+        along = np.stack((np.cos(rays + pose[2]), np.sin(rays + pose[2])))
+        walls = [(corner - pose[:2])[:, None] / along for corner in inside]
+        sides = [(corner - pose[:2])[:, None] / along for corner in box]
+        ranges = np.maximum(*walls).min(axis=0)
+        near, far = np.minimum(*sides).max(axis=0), np.maximum(*sides).min(axis=0)
+        ranges = np.where((near < far) & (near > 0.0), np.minimum(near, ranges), ranges)
+        ranges += 0.012 * random.normal(size=len(rays))
+        ends = np.stack((ranges * np.cos(rays), ranges * np.sin(rays)), axis=1)
+        return Scan(np.zeros(2), ends, np.ones(len(rays), bool))
+
+    return look
+
+
 def test_a_door_that_stays_closed_makes_it_give_up_with_the_reason() -> None:
     robot = wheels()
     robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))

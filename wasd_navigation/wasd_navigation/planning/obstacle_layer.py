@@ -12,8 +12,10 @@ from wasd_navigation.se2 import transform
 
 # A mark is gone after so many scans whose rays go through it.
 _LIFE = 3
-# What is nearer to an obstacle of the map is that obstacle, by noise of scan and pose [m].
-_OF_THE_MAP = 0.12
+# What is nearer to an obstacle of the map is that obstacle, by noise of scan and pose [m]; more is
+# allowed by an error of the heading, up to the latter. A box that is less deep than the former
+# before a wall is not seen: no goal is so near to the wall that the robot would touch it.
+_OF_THE_MAP, _OF_THE_MAP_FAR, _PER_METRE = 0.06, 0.12, 0.03
 # Farther hits mark nothing: a small error of the heading is a large one there [m].
 _REACH = 4.0
 
@@ -29,7 +31,7 @@ class ObstacleLayer:
     def __init__(self) -> None:
         self.marks = np.zeros((0, 0), np.uint8)
         self._grid: Grid | None = None
-        self._last = np.zeros((0, 2))
+        self._last = np.zeros((0, 3))  # ends (x, y) [cells], distance that is of the map [m]
         self.is_new = False
 
     def forget(self) -> None:
@@ -72,7 +74,8 @@ class ObstacleLayer:
         marks_it = scan.hits & (lengths > clear_of) & (lengths < _REACH)
         before = self.marks > 0
         _trace(self.marks, begin, ends, scan.hits)
-        self._last = ends[marks_it]
+        of_map = np.minimum(_OF_THE_MAP + _PER_METRE * lengths, _OF_THE_MAP_FAR)
+        self._last = np.column_stack((ends, of_map))[marks_it]
         _mark(self.marks, self._last, distances)
         self.is_new = self.is_new or bool(((self.marks > 0) != before).any())
 
@@ -106,9 +109,13 @@ def _trace(marks: np.ndarray, begin: np.ndarray, ends: np.ndarray, hits: np.ndar
 
 @jit
 def _mark(marks: np.ndarray, ends: np.ndarray, distances: np.ndarray) -> None:
-    """Mark where rays end (x, y), in cells, unless the map has an obstacle there."""
+    """
+    Mark where rays end, unless the map has an obstacle there.
+
+    `ends`, shape (n, 3), are x, y [cells], and how near to an obstacle that is [m].
+    """
     rows, columns = marks.shape
     for ray in range(ends.shape[0]):
         column, row = int(math.floor(ends[ray, 0])), int(math.floor(ends[ray, 1]))
-        if 0 <= row < rows and 0 <= column < columns and distances[row, column] > _OF_THE_MAP:
+        if 0 <= row < rows and 0 <= column < columns and distances[row, column] > ends[ray, 2]:
             marks[row, column] = _LIFE
