@@ -8,7 +8,6 @@ from wasd_core.jit import jit
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
 
-from quadruped_sim.algebra import plain
 from quadruped_sim.parameters import SafetyParameters
 from quadruped_sim.robot_model import JointLimits
 
@@ -74,12 +73,11 @@ class Safety:
 
     def filter_command(self, command: JointCommand) -> JointCommand | None:
         """Command with efforts inside the motors' limits; None instead of one with NaN."""
-        position, velocity, wanted, kp, kd = command
-        effort = np.empty(len(wanted))
-        if not _limit(plain(command), self._limits.effort, effort):
+        parts = np.array(command)
+        if not _limit(parts, self._limits.effort):
             self.broken_commands += 1
             return None
-        return JointCommand(position, velocity, effort, kp, kd)
+        return JointCommand(*parts)
 
 
 def _is_finite(reading: Reading) -> bool:
@@ -107,14 +105,15 @@ def _is_sound(
 
 
 @jit
-def _limit(command: JointCommand, limit: np.ndarray, effort: np.ndarray) -> bool:
-    """Write the efforts that motors have; return whether all is finite, and below 1e150."""
-    position, velocity, wanted, kp, kd = command
-    for i in range(len(effort)):
-        squares = position[i] ** 2 + velocity[i] ** 2 + wanted[i] ** 2 + kp[i] ** 2 + kd[i] ** 2
+def _limit(command: np.ndarray, limit: np.ndarray) -> bool:
+    """Cut the efforts to what motors have; return whether all (5, 12) is finite, below 1e150."""
+    for i in range(len(limit)):
+        squares = 0.0
+        for part in range(5):
+            squares += command[part, i] ** 2
         if not math.isfinite(squares):
             return False
-        effort[i] = min(max(wanted[i], -limit[i]), limit[i])
+        command[2, i] = min(max(command[2, i], -limit[i]), limit[i])
     return True
 
 

@@ -10,6 +10,7 @@ from wasd_core.robot_io import GRAVITY
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import put
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.leg_kinematics import LegMotion
@@ -212,30 +213,29 @@ def _filter_step(
     estimate, footing, sensors = Gaussian(*estimate), Footing(*footing), flat_sensors[0]
     imu = ImuSample(*imu)
     x, P, R = estimate.x, estimate.P, imu.R
-    estimate.lever[:] = rotate(R, sensors.imu_offset)
-    estimate.whirl[:] = rotate(R, cross3(imu.omega, sensors.imu_offset))
-    x[6] = rotate(R, x[6])  # into world axes, and back in the end
+    put(estimate.lever, rotate(R, sensors.imu_offset))
+    put(estimate.whirl, rotate(R, cross3(imu.omega, sensors.imu_offset)))
+    put(x[6], rotate(R, x[6]))  # into world axes, and back in the end
     _predict_base(estimate, imu, sensors, dt)
     reach, velocity, rolling = _legs(imu, LegMotion(*motion), footing.normal, sensors)
     _believe(estimate, footing.trust, velocity, sensors.slip)
     belief = estimate.belief
-    h = np.empty(7)
     # Independent noises: measurements may be taken one after the other.
     for i in range(4):
         share = max(belief[i], _LEAST)
         for k in range(3):
             x[2 + i, k] += dt * belief[i] * rolling[i, k]
         P[2 + i, 2 + i] += dt * min((sensors.foot / share) ** 2, _SWING_VARIANCE)
-        h[:] = 0.0
+        h = np.zeros(7)
         h[0], h[2 + i] = -1.0, 1.0
         _scalar_update(estimate, h, reach[i], sensors.kinematics * sensors.kinematics)
     for i in range(4):
         if belief[i] > _LEAST:
-            h[:] = 0.0
+            h = np.zeros(7)
             h[1] = 1.0
             noise = sensors.velocity * sensors.velocity / belief[i]
             _scalar_update(estimate, h, velocity[i], noise)
-    x[6] = rotate_back(R, x[6])
+    put(x[6], rotate_back(R, x[6]))
     _anchor(estimate, footing.trust, sensors, dt)
 
 
@@ -262,9 +262,11 @@ def _legs(
         swept = cross3(omega, arm)
         for k in range(3):
             swept[k] += motion.velocity[i, k]
-        reach[i] = rotate(R, arm)
-        rolling[i] = cross3(rotate(R, calf), radius)
-        velocity[i] = rolling[i] - rotate(R, swept)
+        put(reach[i], rotate(R, arm))
+        put(rolling[i], cross3(rotate(R, calf), radius))
+        swept = rotate(R, swept)
+        for k in range(3):
+            velocity[i, k] = rolling[i, k] - swept[k]
     return reach, velocity, rolling
 
 

@@ -9,6 +9,7 @@ from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import put
 from quadruped_sim.dynamics import Dynamics
 
 # Of the model's mass: the least and the largest that is believed; of the shift of the centre of
@@ -81,6 +82,7 @@ def _momentum(state: Loaded, inertia: np.ndarray) -> np.ndarray:
 
 @jit
 def _observe(felt: LoadState, state: Loaded, inertia: np.ndarray, rate: float, dt: float) -> None:
+    momentum = _momentum(state, inertia)
     felt, state = LoadState(*felt), Loaded(*state)
     dynamics = Dynamics(*state.dynamics)
     known = np.zeros(3)
@@ -93,7 +95,6 @@ def _observe(felt: LoadState, state: Loaded, inertia: np.ndarray, rate: float, d
         moment = cross3(arm, state.forces[i])
         known[1] += moment[0]
         known[2] += moment[1]
-    momentum = _momentum(state, inertia)
     for k in range(3):
         felt.integral[k] += dt * (known[k] + felt.residual[k])
         felt.residual[k] = rate * (momentum[k] - felt.integral[k])
@@ -117,7 +118,8 @@ def _carry(state: Loaded, load: np.ndarray, most: float) -> None:
     before = mass[0, 0]
     after = before - load[0] / GRAVITY
     after = min(max(after, _MASS_LEAST * before), _MASS_MOST * before)
-    moved = com.copy()
+    moved = np.empty(3)
+    put(moved, com)
     weight = after * GRAVITY
     moved[0] += min(max(load[2] / weight, -most), most)
     moved[1] += min(max(-load[1] / weight, -most), most)

@@ -148,13 +148,14 @@ def _input_map(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the blocks (m, 6, 3) from stance forces to accelerations, and the steps (m,)."""
     B, steps = np.empty((count, 6, 3)), np.empty(count, dtype=np.int64)
-    c = 0
+    c, axis = 0, np.empty(3)
     for n in range(len(problem.is_stance)):
         for leg in range(4):
             if not problem.is_stance[n, leg]:
                 continue
             for i in range(3):
-                axis = problem.ground[:, i]
+                for k in range(3):
+                    axis[k] = problem.ground[k, i]
                 turn = rotate(inverse_inertia, cross3(problem.arms[n, leg], axis))
                 for k in range(3):
                     B[c, k, i], B[c, 3 + k, i] = turn[k], axis[k] / problem.mass

@@ -11,6 +11,7 @@ from wasd_core.robot_io import JointCommand
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import invert3
 from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import put
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.leg_kinematics import LegGeometry
@@ -192,7 +193,7 @@ def _find_joint_targets(
     swing_kp, swing_kd, stance_kd = gains
     R = base.R
     position, rates = parts[0], parts[1]
-    position[:] = robot[0].joint_position
+    put(position, robot[0].joint_position)
     turn, relative = np.empty(3), np.empty(3)
     for i in range(4):
         if swing.is_stance[i]:

@@ -112,8 +112,9 @@ def _advance(
     yaw = base.rpy[2]
     c, s = math.cos(yaw), math.sin(yaw)
     vx, vy = base.velocity[0], base.velocity[1]
-    _integrate(own.velocity_integral, rule, command[0] - c * vx - s * vy, 0, dt)
-    _integrate(own.velocity_integral, rule, command[1] + s * vx - c * vy, 1, dt)
+    error = command[0] - c * vx - s * vy, command[1] + s * vx - c * vy
+    for axis in range(2):
+        _integrate(own.velocity_integral, rule, error[axis], axis, dt)
     vx, vy = command[0] + own.velocity_integral[0], command[1] + own.velocity_integral[1]
     velocity[0], velocity[1] = c * vx - s * vy, s * vx + c * vy
 
@@ -124,9 +125,9 @@ def _advance(
     if distance > rule.position_leash:
         own.xy[0] = base.position[0] + x * (rule.position_leash / distance)
         own.xy[1] = base.position[1] + y * (rule.position_leash / distance)
-    error = own.yaw + dt * command[2] - yaw
-    error = math.pi - (math.pi - error) % (2.0 * math.pi)
-    own.yaw = yaw + min(max(error, -_YAW_LEASH), _YAW_LEASH)
+    ahead = own.yaw + dt * command[2] - yaw
+    ahead = math.pi - (math.pi - ahead) % (2.0 * math.pi)
+    own.yaw = yaw + min(max(ahead, -_YAW_LEASH), _YAW_LEASH)
 
     level = height_at(plane, base.position[0], base.position[1]) + height
     total = own.height_integral + dt * rule.height_integral * (level - base.position[2])

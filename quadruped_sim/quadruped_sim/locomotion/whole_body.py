@@ -12,6 +12,7 @@ from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import invert3
 from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import put
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import solve_in_place
@@ -224,9 +225,11 @@ def _reduce(robot: np.ndarray, task: WholeBodyTask, flat_legs: np.ndarray) -> No
     state, legs, task = robot[0], flat_legs[0], WholeBodyTask(*task)
     base, dynamics, is_stance = state.base, state.dynamics, task.is_stance
     _find_legs(state, task, legs)
-    ground = np.empty((3, 3))  # from ground axes to the base's
-    for k in range(3):
-        ground[:, k] = rotate_back(base.R, task.ground[:, k])
+    ground = np.zeros((3, 3))  # from ground axes to the base's
+    for row in range(3):
+        for column in range(3):
+            for k in range(3):
+                ground[row, column] += base.R[k, row] * task.ground[k, column]
     mass = dynamics.mass
     count = 0
     for i in range(4):
@@ -252,7 +255,10 @@ def _reduce(robot: np.ndarray, task: WholeBodyTask, flat_legs: np.ndarray) -> No
                         G[row, column + k] += legs.Jb[i, m, row] * ground[m, k]
         column += 3 if is_stance[i] else 0
     solve_in_place(A, G)
-    legs.T[:, :count], legs.t[:] = G[:, :count], G[:, count]
+    for row in range(6):
+        legs.t[row] = G[row, count]
+        for column in range(count):
+            legs.T[row, column] = G[row, column]
 
 
 @jit
@@ -313,7 +319,7 @@ def _find_torque(
     stands = 0
     for i in range(4):
         if task.is_stance[i]:
-            in_world[i] = rotate(task.ground, forces[stands : stands + 3])
+            put(in_world[i], rotate(task.ground, forces[stands : stands + 3]))
             stands += 3
         for k in range(3):
             rest[k] = legs.wanted[i, k]
