@@ -4,7 +4,6 @@
 import math
 
 import numpy as np
-from wasd_core.jit import jit
 
 from wasd_navigation.mapping.matrices import is_definite
 from wasd_navigation.mapping.matrices import sandwich
@@ -38,7 +37,6 @@ class OdometryGrowth:
         return move, _grow(*before, move, covariance)
 
 
-@jit
 def _grow(pose: np.ndarray, before: np.ndarray, move: np.ndarray, after: np.ndarray) -> np.ndarray:
     """
     Return what the covariance in the odom frame has grown by, in the axes of `pose`.
@@ -58,7 +56,6 @@ def _grow(pose: np.ndarray, before: np.ndarray, move: np.ndarray, after: np.ndar
     return grown + least
 
 
-@jit
 def add_covariance(
     covariance: np.ndarray, pose: np.ndarray, move: np.ndarray, growth: np.ndarray
 ) -> np.ndarray:

@@ -100,7 +100,8 @@ def _add_surface(local: LocalMap, pose: np.ndarray, surface: np.ndarray) -> None
                 at = local.used[0]
                 local.used[0] += 1
                 local.slots[row, column, slot] = at
-                local.sums[at] = (1.0, x, y, nx, ny)
+                sums = local.sums[at]
+                sums[0], sums[1], sums[2], sums[3], sums[4] = 1.0, x, y, nx, ny
                 break
             sums = local.sums[at]
             if nx * sums[3] + ny * sums[4] > 0.5 * math.hypot(sums[3], sums[4]):
@@ -179,25 +180,29 @@ def fit_scan(
     Gauss-Newton on distances from point to surface, of standard deviation `noise` [m] and with
     Cauchy's weights, and on the distance from `start`, of information `prior`, shape (3, 3).
     """
-    pose = start.copy()
+    pose, away, step = start.copy(), np.empty(3), np.empty(3)
     information, gradient, inside = np.zeros((3, 3)), np.zeros(3), 0
+    known = np.empty((3, 3))
     stride = COARSE
     for turn in range(rounds):
         if turn == rounds - 1:
             stride = 1
         inside = _weigh_points(local, surface[::stride], pose, noise, (information, gradient))
-        information *= stride
-        gradient *= stride
-        away = pose - start
+        for i in range(3):
+            away[i] = pose[i] - start[i]
         away[2] = (away[2] + math.pi) % (2.0 * math.pi) - math.pi
         for i in range(3):
+            gradient[i] *= stride
             for j in range(3):
+                information[i, j] *= stride
+                known[i, j] = information[i, j] + prior[i, j]
                 gradient[i] += prior[i, j] * away[j]
-        inverted, step = invert(information + prior), np.zeros(3)
+        inverted = invert(known)
         for i in range(3):
+            step[i] = 0.0
             for j in range(3):
                 step[i] += inverted[i, j] * gradient[j]
-        pose = pose - step
+            pose[i] -= step[i]
         if abs(step[0]) + abs(step[1]) < SETTLED and abs(step[2]) < SETTLED:
             if stride == 1:
                 break
@@ -216,7 +221,11 @@ def _weigh_points(
 ) -> int:
     """Write information and gradient of all points at a pose; return how many are on a surface."""
     information, gradient = out
-    information[:], gradient[:], inside = 0.0, 0.0, 0
+    inside = 0
+    for i in range(3):
+        gradient[i] = 0.0
+        for j in range(3):
+            information[i, j] = 0.0
     found, at, facing, jacobian = np.empty(3), np.empty(2), np.empty(2), np.empty(3)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for point in range(surface.shape[0]):

@@ -1,10 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Matrices of 3 x 3, of x, y and yaw: too small for a library to be fast."""
+"""
+Matrices of 3 x 3, of x, y and yaw: too small for a library to be fast.
+
+Loops, too, where an expression of arrays or the filling of a slice would do: numba compiles one
+for half a second, and the error message of the other for three.
+"""
 
 import math
 
 import numpy as np
 from wasd_core.jit import jit
+
+
+@jit
+def put(into: np.ndarray, row: np.ndarray) -> None:
+    """Copy a row into one of its length."""
+    for i in range(into.shape[0]):
+        into[i] = row[i]
 
 
 @jit
@@ -29,8 +41,9 @@ def turn_axes(P: np.ndarray, yaw: float) -> np.ndarray:
 
     A covariance or an information in the axes of a frame at `yaw` becomes one in its parent's.
     """
-    R = np.eye(3)
+    R = np.zeros((3, 3))
     R[0, 0] = R[1, 1] = math.cos(yaw)
+    R[2, 2] = 1.0
     R[1, 0] = math.sin(yaw)
     R[0, 1] = -R[1, 0]
     return sandwich(R, P)
@@ -47,7 +60,12 @@ def invert(A: np.ndarray) -> np.ndarray:
     c22 = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
     determinant = A[0, 0] * c00 + A[0, 1] * c01 + A[0, 2] * c02
     scale = 1.0 / determinant if determinant != 0.0 else np.nan
-    return scale * np.array(((c00, c01, c02), (c01, c11, c12), (c02, c12, c22)))
+    inverse = np.empty((3, 3))
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = scale * c00, scale * c11, scale * c22
+    inverse[0, 1] = inverse[1, 0] = scale * c01
+    inverse[0, 2] = inverse[2, 0] = scale * c02
+    inverse[1, 2] = inverse[2, 1] = scale * c12
+    return inverse
 
 
 @jit

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
+from wasd_navigation.mapping.matrices import put
+
 # Products of blocks of one portion: half a millisecond.
 PORTION = 4000
 # Steps shorter than this are none [m], [rad]; more of them are not taken.
@@ -83,7 +85,7 @@ def find_pattern(count: int, pairs: np.ndarray) -> Pattern:
         left[best] = False
         if used + count > rows.shape[0]:
             grown = np.empty(2 * rows.shape[0] + count, dtype=np.int64)
-            grown[:used] = rows[:used]
+            put(grown[:used], rows)
             rows = grown
         first = used
         for index in range(degree[best]):
@@ -112,7 +114,8 @@ def _join(a: int, b: int, degree: np.ndarray, near: np.ndarray) -> np.ndarray:
     room = near.shape[1]
     if max(degree[a], degree[b]) == room:
         wider = np.empty((near.shape[0], 2 * room), dtype=np.int32)
-        wider[:, :room] = near
+        for node in range(near.shape[0]):
+            put(wider[node, :room], near[node])
         near = wider
     near[a, degree[a]], near[b, degree[b]] = b, a
     degree[a] += 1
@@ -287,7 +290,7 @@ def _take_root(block: np.ndarray) -> None:
 def solve(system: System, pattern: Pattern) -> np.ndarray:
     """Return the steps of all nodes, shape (n, 3), of a factorised system; node 0's is 0."""
     steps = system.right.copy()
-    steps[0] = 0.0
+    steps[0, 0] = steps[0, 1] = steps[0, 2] = 0.0
     count = pattern.order.shape[0]
     for turn in range(count):
         node = pattern.order[turn]

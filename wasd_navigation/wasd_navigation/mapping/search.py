@@ -15,6 +15,7 @@ from wasd_core.jit import jit
 
 from wasd_navigation.grid import Grid
 from wasd_navigation.grid import OCCUPIED
+from wasd_navigation.mapping.matrices import put
 
 LEVELS = 5  # cells of 1.6 m at the top of one of 10 cm
 CELL = 0.10  # [m]
@@ -185,7 +186,7 @@ def _thin(points: np.ndarray) -> np.ndarray:
         if count:
             dx, dy = points[index, 0] - kept[count - 1, 0], points[index, 1] - kept[count - 1, 1]
         if dx * dx + dy * dy > CELL * CELL:
-            kept[count] = points[index]
+            put(kept[count], points[index])
             count += 1
     stride = 1 + count // MOST_POINTS
     return kept[:count:stride].copy()
@@ -243,7 +244,7 @@ def _descend(
             continue
         if node[0] == 0:
             if work.counts[1] < work.leaves.shape[0]:
-                work.leaves[work.counts[1]] = node
+                put(work.leaves[work.counts[1]], node)
                 work.counts[1] += 1
             work.counts[2] = max(work.counts[2], node[4])
             continue
@@ -259,12 +260,12 @@ def _descend(
                 at = used
                 # The best last: it is taken first.
                 while at > 0 and children[at - 1, 4] > score:
-                    children[at] = children[at - 1]
+                    put(children[at], children[at - 1])
                     at -= 1
                 children[at, 0], children[at, 1], children[at, 2] = level, x, y
                 children[at, 3], children[at, 4] = node[3], score
                 used += 1
         for index in range(used):
-            work.stack[work.counts[0]] = children[index]
+            put(work.stack[work.counts[0]], children[index])
             work.counts[0] += 1
         done += used

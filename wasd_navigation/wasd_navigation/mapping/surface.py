@@ -91,7 +91,8 @@ def _find_surface(
         if toward < 0.0:
             nx, ny = -nx, -ny
         slants[index] = abs(toward) / max(1e-9, math.hypot(origin[0] - x, origin[1] - y))
-        surface[found] = (x, y, nx, ny)
+        surface[found, 0], surface[found, 1] = x, y
+        surface[found, 2], surface[found, 3] = nx, ny
         found += 1
     return surface[:found].copy(), slants
 

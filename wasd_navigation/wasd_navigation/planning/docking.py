@@ -95,7 +95,7 @@ def rehearse(
     """
     state = state.copy()
     velocity = np.zeros(3)
-    phase = GO
+    phase = int(np.int64(GO))  # of a constant numba makes a type, and compiles `dock` twice
     for step in range(_STEPS):
         phase, velocity[0], velocity[1], velocity[2] = dock(state, goal, base, tolerances, phase)
         if phase == STAND:

@@ -100,10 +100,10 @@ class Sampler:
 def _foresee(plan: np.ndarray, state: np.ndarray, base: Base) -> np.ndarray:
     state = state.copy()
     places = np.empty((plan.shape[0] + 1, 2))
-    places[0] = state[:2]
+    places[0, 0], places[0, 1] = state[0], state[1]
     for step in range(plan.shape[0]):
         move(state, plan[step], base, STEP)
-        places[step + 1] = state[:2]
+        places[step + 1, 0], places[step + 1, 1] = state[0], state[1]
     return places
 
 
@@ -114,10 +114,11 @@ def _try_all(
     """Write what each motion, shape (k, steps, 3), costs; the first ones are drivers', in full."""
     state = np.empty(6)
     for sample in range(motions.shape[0]):
-        state[:] = start
+        for axis in range(6):
+            state[axis] = start[axis]
         motion = motions[sample]
         cost = 0.0
-        near = 0
+        near = int(np.int64(0))  # of a mere 0 numba makes a type, and compiles the drivers twice
         for step in range(motion.shape[0]):
             if sample < DRIVERS:
                 near = _drive(sample, state, scene, base, near, motion[step])
@@ -136,7 +137,7 @@ def value_at(values: Field, state: np.ndarray) -> float:
     value: float
     layers = values.values.shape[0]
     if layers == 1:
-        value = look_up(values, 0, state[0], state[1])
+        value = look_up(values, layers - 1, state[0], state[1])
         return value
     around = state[2] / (2.0 * math.pi) * layers
     low = math.floor(around)
@@ -170,7 +171,7 @@ def _drive(
     driver: int, state: np.ndarray, scene: Scene, base: Base, near: int, asked: np.ndarray
 ) -> int:
     """Write what a simple driver asks for, (3,); return the nearest point of the way."""
-    asked[:] = 0.0
+    asked[0] = asked[1] = asked[2] = 0.0
     if driver >= _FOLLOWERS:
         kind = driver - _FOLLOWERS
         if kind < 2:
