@@ -28,12 +28,12 @@ LIMITS = {
 
 class GaitRow(NamedTuple):
     """
-    When in a period each foot begins to stand, FL FR RL RR, and what else differs from a trot.
+    How far ahead of FL each foot begins to stand, FL FR RL RR, and what else differs from a trot.
 
-    `period` is that of a trot's period, `longer` the share of it that a foot stands beyond what
-    the parameters say, `footprint` the length and width between the feet as shares of those
-    between the hips; the command is kept within `limits` and ramps at the share `agility` of a
-    trot's accelerations.
+    `offsets` are shares of the period, `period` is that of a trot's, `longer` the share of it that
+    a foot stands beyond what the parameters say, `footprint` the length and width between the
+    feet as shares of those between the hips; the command is kept within `limits` and ramps at the
+    share `agility` of a trot's accelerations, and steps grow on rough ground by the share `rough`.
     """
 
     offsets: tuple[float, float, float, float]
@@ -42,6 +42,7 @@ class GaitRow(NamedTuple):
     longer: float = 0.0
     footprint: tuple[float, float] = (1.0, 1.0)
     agility: float = 1.0
+    rough: float = 1.0
 
 
 # A row is a gait that can be chosen.
@@ -69,13 +70,16 @@ GAITS = {
     ),
     # all at once
     'pronk': GaitRow((0.0, 0.0, 0.0, 0.0), VelocityLimits(1.1, 0.6, 0.0, 1.0), period=0.65),
-    # front feet, then rear feet, one of each pair first
+    # rear feet, then front feet, one of each pair first; the inner two nearly together, so that
+    # the pairs of feet that bear it lie across, and nothing pitches or rolls
     'gallop': GaitRow(
-        (0.0, 0.1, 0.5, 0.6),
-        VelocityLimits(1.5, 0.6, 0.3, 1.0),
-        period=0.65,
-        footprint=(0.6, 0.6),
-        agility=0.35,
+        (0.0, 0.3, 0.36, 0.66),
+        VelocityLimits(2.5, 0.8, 0.4, 1.2),
+        period=0.85,
+        footprint=(0.9, 0.5),
+        agility=0.5,
+        # What meets a foot at such a speed feels like a stumble, and high steps make it one.
+        rough=0.0,
     ),
 }
 DUTY_MAX = 0.95

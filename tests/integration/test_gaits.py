@@ -15,9 +15,11 @@ SETTLE = (3.0, 2.0, 2.0)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('gait', GAITS)
-def test_it_follows_its_full_stick(gait: str) -> None:
-    dog = wasd.Go2(seed=905, gait=gait)
+@pytest.mark.parametrize(
+    ('gait', 'limits'), [*((gait, 'sport') for gait in GAITS), ('gallop', 'race')]
+)
+def test_it_follows_its_full_stick(gait: str, limits: str) -> None:
+    dog = wasd.Go2(seed=905, gait=gait, limits=limits)
     dog.press('2')
     dog.run(2.2)
     dog.press('5')

@@ -71,3 +71,8 @@ def test_after_a_reset_flat_ground_is_expected(walk):
     walk.step(force=40.0)
     walk.height.reset()
     assert walk.step() == LOW
+
+
+def test_a_gallop_is_too_fast_for_high_steps(walk):
+    walk.height.tune(replace(PARAMETERS.gait, name='gallop'), PARAMETERS.contact)
+    assert walk.step(force=40.0) == LOW

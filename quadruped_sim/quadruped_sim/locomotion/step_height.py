@@ -11,6 +11,7 @@ from quadruped_sim.estimation.contacts import height_at
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.parameters import ContactParameters
 from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
 
@@ -36,6 +37,8 @@ class StepHeight:
     def tune(self, params: GaitParameters, contact: ContactParameters) -> None:
         """Take other heights and another threshold of force."""
         self._params, self._force = params, contact.force_on
+        higher = params.rough_step_height - params.step_height
+        self._higher = GAITS[params.name].rough * higher
 
     def reset(self) -> None:
         """Expect flat ground."""
@@ -54,9 +57,7 @@ class StepHeight:
         legs = schedule.is_stance, schedule.phase
         felt = _feel_steps(state.flat, ground.flat, legs, points, limits)
         self.roughness = max(self.roughness * math.exp(-dt / params.terrain_time), felt)
-        return params.step_height + self.roughness * (
-            params.rough_step_height - params.step_height
-        )
+        return params.step_height + self.roughness * self._higher
 
 
 @jit
