@@ -39,8 +39,6 @@ _SETTLE = 0.5
 _WAIT = 2.0
 # A command holds so long, with all that delays it, before the next one can stop the robot [s].
 _HOLD = 0.15
-# So much of the first drawing is done in one step.
-_FIRST_SLICE = 40000
 # Recoveries in all are no more than so many times those in a row.
 _IN_ALL = 3
 _SHARES = (1.0, 0.5, 0.25)
@@ -107,7 +105,7 @@ class Driver:
         self.recoveries = 0
         self._route = Route(np.array(goal, float), self._footprint, self._base, self._parameters)
         self.state = 'driving'
-        self._is_new = True
+        self._is_new, self._is_checked = True, False
         self._sampler.reset()
         self._since_drawn = math.inf
         self._drawn = -1
@@ -258,18 +256,21 @@ class Driver:
         """Return whether there is a way to a new goal, as soon as that is known."""
         route = self._route
         assert route is not None
-        if route.values is None and not route.is_drawing:
+        # Each step does one thing: whoever presses a key meanwhile must not wait for all of them.
+        if not self._is_checked:
+            self._is_checked = True
             reason = refusal(route.goal, self._around, self._footprint, self._parameters)
             if reason is None and is_shut_off(route.goal, pose, self._around, self._footprint):
                 reason = self._no_way(route.goal)
             if reason is not None:
                 self._end('refused', reason)
-                return False
+            return False
+        if route.values is None and not route.is_drawing:
             route.draw(self._around)
             self._drawn = self._around.revision
             route.work(pose, 0)
         else:
-            route.work(pose, _FIRST_SLICE)
+            route.work(pose)
         if route.is_drawing:
             return False
         self._is_new, self._since_drawn = False, 0.0

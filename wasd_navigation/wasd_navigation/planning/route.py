@@ -20,7 +20,7 @@ from wasd_navigation.planning.surroundings import Surroundings
 # The robot is on its way up to so far from it [m], and passes no more points of it at once.
 _OFF_WAY, _PASSED = 0.15, 20
 # So much of a field is drawn in one step: some milliseconds.
-SLICE = 15000
+SLICE = 10000
 # All of it.
 _WHOLE = 1 << 40
 
