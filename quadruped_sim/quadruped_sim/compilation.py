@@ -109,8 +109,7 @@ def warm_up(model: RobotModel) -> None:
     Afterwards the model is as it was: it keeps nothing from one tick to the next. How long it
     takes where numba's cache is empty is said by `NOTICE`.
     """
-    params = LegControllerParameters(gait=GaitParameters(step_in_place=True))
-    controller = LegController(model, params)
+    controller = LegController(model, LegControllerParameters())
     upright, zero, rest = np.array((1.0, 0.0, 0.0, 0.0)), np.zeros(3), np.zeros(12)
     standing = Reading(
         JointStates(model.walking_pose, rest, rest),
@@ -120,3 +119,7 @@ def warm_up(model: RobotModel) -> None:
         controller.press(key)
         for _ in range(30):
             controller.step(standing, 0.002)
+    # Until here it stood on all feet in trotting, too; what steps calls other functions.
+    controller.tune(LegControllerParameters(gait=GaitParameters(step_in_place=True)))
+    for _ in range(30):
+        controller.step(standing, 0.002)

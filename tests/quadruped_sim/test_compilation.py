@@ -153,3 +153,50 @@ def test_an_installation_that_cannot_be_written_keeps_it_in_the_home_if_there_is
     assert done.stdout.splitlines() == [str(package / 'algebra.py'), '1.0']
     kept = list((tmp_path / home).rglob('*.nbi'))
     assert bool(kept) == (home == 'home')
+
+
+PRESS = """
+import sys
+from numba.core.registry import CPUDispatcher
+from quadruped_sim.compilation import warm_up
+from quadruped_sim.robot_model import RobotModel
+from robot_description.description import load_robot
+import wasd
+
+def signatures():
+    functions = [
+        value
+        for name, module in list(sys.modules.items())
+        if name.startswith('quadruped_sim.')
+        for value in vars(module).values()
+        if isinstance(value, CPUDispatcher)
+    ]
+    return {(f.py_func.__qualname__, str(s)) for f in functions for s in f.signatures}
+
+warm_up(RobotModel(load_robot('go2')))
+before, states = signatures(), []
+dog = wasd.Go2(seed=3)
+for key, seconds in (
+    ('2', 2.2), ('3', 0.2), ('2', 2.2), ('4', 0.4), ('w', 0.4), ('2', 2.2), ('5', 0.2), ('2', 2.2),
+    ('0', 0.2), ('2', 2.2), ('8', 0.3), ('2', 2.2), ('9', 0.3), ('2', 2.2), ('v', 2.5), ('7', 2.0),
+    ('1', 0.2), ('6', 2.5),
+):
+    dog.press(key)
+    states.append(dog.state)
+    if key == '5':
+        dog.drive(0.3, 0.1, 0.2)
+    dog.run(seconds)
+print(*states)
+print(*signatures() - before)
+"""
+
+
+@pytest.mark.slow
+def test_what_any_key_calls_is_compiled_before_the_first_tick():
+    """In a program of its own: what other tests have used is compiled in this one."""
+    ended = subprocess.run(
+        [sys.executable, '-c', PRESS], capture_output=True, text=True, check=True, timeout=300
+    )
+    states, late = ended.stdout.splitlines()[-2:]
+    assert late == ''
+    assert len(set(states.split())) >= 9
