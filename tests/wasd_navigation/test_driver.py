@@ -328,3 +328,34 @@ def test_the_costmap_tells_obstacles_from_what_is_near_and_what_is_free() -> Non
     assert (costmap.cells[robot.grid.cells == 100] == 100).all()
     assert costmap.cells[20, 57 - 3] == 99
     assert costmap.cells[20, 20] == 0
+
+
+@pytest.mark.parametrize('robot', [wheels, legs])
+def test_goals_one_after_another_do_not_make_a_driving_robot_stand(
+    robot: Callable[..., Drive],
+) -> None:
+    drive = robot()
+    drive.driver.set_goal(np.array((5.0, 1.0, 0.0)))
+    drive.run(2.0)
+    assert drive.asked.any()
+    for y in (0.9, 1.0, 1.1):
+        drive.driver.set_goal(np.array((5.0, y, 0.0)))
+        for _ in range(10):
+            drive.run(DT)
+            assert drive.asked.any()
+    # The one before leads on for a second in all, however often another one comes.
+    drive.driver.set_goal(np.array((1.0, 1.2, 0.0)))
+    for _ in range(round(1.5 / DT)):
+        drive.driver.set_goal(np.array((1.0, 1.2, 0.0)))
+        drive.run(DT)
+    assert not drive.asked.any()
+    assert drive.run(60.0) == 'arrived'
+
+
+def test_a_goal_that_is_refused_ends_the_one_before() -> None:
+    drive = wheels()
+    drive.driver.set_goal(np.array((5.0, 1.0, 0.0)))
+    drive.run(2.0)
+    drive.driver.set_goal(np.array((99.0, 1.0, 0.0)))
+    assert drive.run(DT) == 'refused'
+    assert not drive.asked.any()

@@ -42,6 +42,8 @@ _HOLD = 0.15
 # Recoveries in all are no more than so many times those in a row.
 _IN_ALL = 3
 _SHARES = (1.0, 0.5, 0.25)
+# So long it goes on to the goal before while the way to the next one is drawn [s].
+_BRIDGE = 1.0
 
 
 class Manoeuvre(NamedTuple):
@@ -88,25 +90,38 @@ class Driver:
         """Know of nothing: no goal, no map, no obstacle."""
         self._around = Surroundings(self._footprint, self._parameters)
         self._filter = PoseFilter()
-        self.recoveries = 0
+        self.recoveries, self._bridged = 0, 0.0
         self.cancel()
 
     def cancel(self, reason: str = '') -> None:
         """Have no goal, and stand."""
         self.state, self.reason = 'idle', reason
         self._route: Route | None = None
+        self._before: Route | None = None
         self.local_path = np.empty((0, 2))
 
     def set_goal(self, goal: np.ndarray) -> None:
-        """Drive to a goal from the next step on, in place of any other."""
+        """
+        Drive to a goal from the next step on, in place of any other.
+
+        One that drives goes on to the goal before while the way to this one is drawn, for a
+        second at most: goals that come one after another do not make it stand.
+        """
+        before = self._route if self.state == 'driving' and self._phase is None else None
         if not self.is_under_way:
             self.pause()
+        if before is not None and before.values is None:
+            before = self._before  # that one had no time to be drawn
+        else:
+            self._bridged = 0.0
         self.cancel()
+        self._before = before
         self.recoveries = 0
         self._route = Route(np.array(goal, float), self._footprint, self._base, self._parameters)
         self.state = 'driving'
         self._is_new, self._is_checked = True, False
-        self._sampler.reset()
+        if before is None:
+            self._sampler.reset()
         self._since_drawn = math.inf
         self._drawn = -1
         self._is_urgent = False
@@ -209,16 +224,21 @@ class Driver:
             return np.zeros(3)
         if not asked.any():
             return asked
-        scene = self._scene()
+        scene = self._scene(self._leading)
         for share in _SHARES:
             if is_safe(state, share * asked, scene, self._base, _HOLD):
                 return share * asked
         turn = asked * (0.0, 0.0, 1.0)
         return turn if is_safe(state, turn, scene, self._base, _HOLD) else np.zeros(3)
 
-    def _scene(self) -> Scene:
-        route = self._route
+    @property
+    def _leading(self) -> Route:
+        """The route that is driven along."""
+        route = self._before or self._route
         assert route is not None
+        return route
+
+    def _scene(self, route: Route) -> Scene:
         assert route.values is not None
         keep = (self._parameters.margin, self._parameters.comfort)
         return Scene(
@@ -234,7 +254,8 @@ class Driver:
         route = self._route
         assert route is not None
         if self._is_new and not self._begin(state[:3]):
-            return np.zeros(3)
+            return self._bridge(state, dt)
+        self._before = None
         left = self._redraw(state[:3], dt)
         if self._manoeuvre is not None:
             return self._recover(dt)
@@ -248,9 +269,23 @@ class Driver:
         if self._phase is not None:
             return self._dock(state, dt)
         self.state, self.reason = 'driving', ''
-        velocity = self._sampler.step(state, self._scene(), dt)
+        return self._sample(route, state, dt)
+
+    def _sample(self, route: Route, state: np.ndarray, dt: float) -> np.ndarray:
+        """Return the velocity that leads along a route."""
+        velocity = self._sampler.step(state, self._scene(route), dt)
         self.local_path = self._sampler.foresee(state)
         return velocity
+
+    def _bridge(self, state: np.ndarray, dt: float) -> np.ndarray:
+        """Go on to the goal before while there is no way yet to the new one."""
+        self._bridged += dt
+        if not self.is_under_way or self._bridged > _BRIDGE:
+            self._before = None
+        if self._before is None:
+            return np.zeros(3)
+        self._before.lead_from(state[:3])
+        return self._sample(self._before, state, dt)
 
     def _begin(self, pose: np.ndarray) -> bool:
         """Return whether there is a way to a new goal, as soon as that is known."""
@@ -304,8 +339,9 @@ class Driver:
         return self._parameters.xy_goal_tolerance, self._parameters.yaw_goal_tolerance
 
     def _may_dock(self, state: np.ndarray) -> bool:
-        route, scene = self._route, self._scene()
+        route = self._route
         assert route is not None
+        scene = self._scene(route)
         around = (scene.distances, scene.circles)
         time = docking.rehearse(
             state, route.goal, self._base, self._tolerances(), around, self._parameters.margin
