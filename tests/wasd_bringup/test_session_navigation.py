@@ -175,6 +175,37 @@ def test_goals_that_were_to_follow_go_with_the_one_that_is_cancelled(session_of)
         assert wanted(session) == 0.0
 
 
+@pytest.mark.parametrize('end', ['key', 'velocity', 'pause', 'reset'])
+def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of, end):
+    session = session_of(goals=(GOAL, GOAL))
+    navigates = navigation(session)
+    navigates.navigator.pilot.end = ('failed', 'stuck')
+    while not navigates.report()['goals']:
+        session.simulation.advance(1)
+    assert navigates.navigator.goal is None
+    if end == 'key':
+        session.press('k')
+    elif end == 'velocity':
+        session.stack.drive((0.0, 0.0, 0.0))
+    elif end == 'pause':
+        session.simulation.paused = True
+        session._poll(0.0)
+        session.simulation.paused = False
+    else:
+        session.simulation.reset()
+    session.simulation.advance(500)
+    assert len(navigates.report()['goals']) == 1
+    assert wanted(session) == 0.0
+
+
+def test_what_a_driver_does_before_the_first_goal_ends_none(session_of):
+    session = session_of(goals=(GOAL,))
+    session.press('k')
+    session.simulation.reset()
+    session.simulation.advance(500)
+    assert wanted(session) == pytest.approx(0.3)
+
+
 def test_goals_that_were_to_follow_are_driven_to_after_one_that_has_failed(session_of):
     session = session_of(goals=(GOAL, GOAL))
     navigation(session).navigator.pilot.end = ('failed', 'stuck')

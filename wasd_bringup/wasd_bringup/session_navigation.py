@@ -56,6 +56,7 @@ class SessionNavigation:
         self._stack = robot.stack
         self._simulation = robot.simulator.simulation
         self._goals = deque(options.goals)
+        self._has_begun = False  # with those; keys before make a robot ready for them
         self._is_of_page = False  # the goal that is driven to
         self._ended: list[dict[str, Any]] = []
         self._pictured: tuple[int, float, Grid] | None = None  # revision, time, map
@@ -71,7 +72,7 @@ class SessionNavigation:
         self.node.say = self._stack.say
         self.node.refusal = lambda: self._stack.refusal
         self.navigator.on_end.append(self._on_end)
-        self._simulation.on_reset.append(self.node.reset)
+        self._simulation.on_reset += [self._forget_goals, self.node.reset]
         robot.navigation = self
         self._stack.takeovers.append(self._give_way)
         LoopbackSubscription.observers.append(self._on_message_of_others)
@@ -101,18 +102,19 @@ class SessionNavigation:
     def lose_page(self) -> None:
         """End a goal that the page has asked for: whoever saw where it leads is gone."""
         if self._is_of_page:
-            self.node.stop('the page is gone')
+            self._stop('the page is gone')
 
     def look(self) -> None:
         """End a goal when time is made to stand still."""
         if self._simulation.paused:
-            self.node.stop('paused')
+            self._stop('paused')
 
     def repeat(self) -> None:
         """Navigate for one period; called at TWIST_RATE of simulated time."""
         self._tell_odometry()
         is_free = self.navigator.goal is None and not self._stack.refusal
         if self._goals and is_free and self.navigator.is_placed:
+            self._has_begun = True
             self.go(self._goals.popleft())
         self._stack.release(self.navigator.goal is not None)
         self.node.step()
@@ -188,8 +190,16 @@ class SessionNavigation:
         self._stack.command_velocity((vx, vy, wz))
 
     def _give_way(self, by: str) -> None:
-        """End the goal."""
-        self.node.stop(f'{by} takes over')
+        self._stop(f'{by} takes over')
+
+    def _stop(self, why: str) -> None:
+        """End the goal and those that were to follow, also in the time between two of them."""
+        self._forget_goals()
+        self.node.stop(why)
+
+    def _forget_goals(self) -> None:
+        if self._has_begun:
+            self._goals.clear()
 
     def _on_message_of_others(self, subscription: LoopbackSubscription[Any], _: Any) -> None:
         if subscription.topic in (self._stack.command_topic, self._robot.key_topic):
