@@ -27,6 +27,8 @@ NEAREST = 1.0
 # What is put into a way: a box so wide and deep, so far ahead on the way [m].
 BOX = (0.2, 0.2)
 AHEAD = (1.1, 2.0)
+# All of what is left to a goal is drawn in one step.
+WHOLE = 1 << 40
 
 
 @dataclass
@@ -72,10 +74,16 @@ class Course:
                 continue
             if not nearest <= self.shortest(goal) < math.inf:
                 continue
-            route = Route(goal, robot.footprint, base_of(robot.limits), robot.parameters)
-            route.draw(around)
-            if route.is_reached_from(self.moving.pose):
+            if self._is_reached(goal, around):
                 return goal
+
+    def _is_reached(self, goal: np.ndarray, around: Surroundings) -> bool:
+        """Whether a way leads to a goal from where the robot is."""
+        robot, pose = self.robot, self.moving.pose
+        route = Route(goal, robot.footprint, base_of(robot.limits), robot.parameters)
+        route.draw(around)
+        route.work(pose, WHOLE)
+        return route.left(pose) < math.inf
 
     def choose_shut_off(self) -> tuple[np.ndarray, Grid, str]:
         """Return a goal that cannot be reached, the map, and what makes it so."""

@@ -63,20 +63,23 @@ def _as_row(kept: dict[str, Any]) -> Row:
 
 def _say_alone(name: str, found: dict[str, Any]) -> str:
     return (
-        f'\nThe rows of {name} are of `./{command(found, name)}` alone ({found["date"]}, '
-        f'{found["machine"]}, {found["seconds"] / 60.0:.1f} minutes).'
+        f'\nThe rows of {name} are of `./{command(found, name)}` alone (version '
+        f'{found["version"]}, {found["date"]}, {found["machine"]}, '
+        f'{found["seconds"] / 60.0:.1f} minutes).'
     )
 
 
 def with_part(result: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return the result on disk with the rows of one part measured anew, alone."""
+    """Return the result on disk with the rows of one part measured anew, alone, in their place."""
     last = last_result()
-    facts = {key: result[key] for key in ('date', 'machine', 'quick', 'seconds')}
-    rows = [row for row in last['rows'] if row['part'] != name]
+    facts = {key: result[key] for key in ('version', 'date', 'machine', 'quick', 'seconds')}
+    parts = [row['part'] for row in last['rows']]
+    at = parts.index(name) if name in parts else len(parts)
+    after = [row for row in last['rows'][at:] if row['part'] != name]
     return {
         **last,
         'alone': {**last.get('alone', {}), name: facts},
-        'rows': rows + result['rows'],
+        'rows': last['rows'][:at] + result['rows'] + after,
     }
 
 

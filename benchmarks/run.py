@@ -173,9 +173,11 @@ def main() -> int:
     print(result['machine'], format_table(rows), sep='\n\n')
     Path(arguments.json).write_text(json.dumps(result, indent=1) + '\n')
     if arguments.write:
+        kept = result if arguments.part is None else page.with_part(result, arguments.part)
+        page.write(kept)  # what took so long, before what may be interrupted
         if 'legs' in names and not arguments.quick:
             print(draw_legs(page.DOCS / page.SUCCESS, arguments))
-        page.write(result if arguments.part is None else page.with_part(result, arguments.part))
+            page.write(kept)  # with the picture, if it is the first
     return 0 if all(row.passed for row in rows) else 1
 
 

@@ -172,3 +172,25 @@ def test_the_legs_measured_whole_are_drawn_where_the_page_shows_them(
     monkeypatch.setattr('sys.argv', ['bench', *words, '--write', *result])
     assert run.main() == 0
     assert drawn == [page.DOCS / page.SUCCESS] * is_drawn
+
+
+def test_what_was_measured_is_kept_when_the_picture_after_it_is_interrupted(
+    bench: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    run, page = bench('run'), bench('page')
+
+    def interrupt(*_: Any) -> str:
+        raise KeyboardInterrupt
+
+    row = bench('table').Row(what='new', measured='1', must='1', passed=True)
+    monkeypatch.setattr(page, 'RESULT', tmp_path / 'numbers.json')
+    monkeypatch.setattr(page, 'PAGE', tmp_path / 'numbers.md')
+    monkeypatch.setattr(run, 'PARTS', {'legs': None})
+    monkeypatch.setattr(run, 'measure', lambda *_: [row])
+    monkeypatch.setattr(run, 'describe_machine', lambda: 'a PC')
+    monkeypatch.setattr(run, 'draw_legs', interrupt)
+    monkeypatch.setattr('sys.argv', ['bench', '--write', f'--json={tmp_path}/all.json'])
+    with pytest.raises(KeyboardInterrupt):
+        run.main()
+    assert [row['what'] for row in page.last_result()['rows']] == ['new']
+    assert '| new |' in page.PAGE.read_text()

@@ -66,6 +66,9 @@ ALSO_IN = {'wasd_bringup': ('wasd',)}
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 LONGEST_FUNCTION = 50  # lines
 MOST_KERNEL_ARGUMENTS = 6
+KERNEL_DECORATORS = {'jit', 'fast'}
+# They hear what numba compiles, and compile nothing.
+LISTENS_TO_NUMBA = {'quadruped_sim.compilation', 'wasd_navigation.parts'}
 
 PACKAGES = sorted(path.parent.name for path in ROOT.glob('*/package.xml'))
 
@@ -418,7 +421,7 @@ def test_no_compiled_kernel_takes_more_than_six_arguments():
     wide = {
         f'{module}.{node.name}': len(node.args.args)
         for module, node in library_functions()
-        if any(ast.unparse(decorator) in {'jit', 'fast'} for decorator in node.decorator_list)
+        if any(ast.unparse(decorator) in KERNEL_DECORATORS for decorator in node.decorator_list)
         and len(node.args.args) > MOST_KERNEL_ARGUMENTS
     }
     assert not wide
@@ -432,6 +435,33 @@ def test_kernels_are_compiled_in_one_way():
         if re.search(r'\b(njit|numba\.jit)\b', path.read_text())
     }
     assert compiling == {'wasd_core.jit'}
+    importing = {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        if any(name.partition('.')[0] == 'numba' for name in imports(path))
+    }
+    assert importing == {'wasd_core.jit', *LISTENS_TO_NUMBA}
+
+
+def test_what_compiles_has_the_names_by_which_kernels_are_counted():
+    names = {
+        (target, ast.unparse(node.value).partition(',')[0])
+        for package in PACKAGES
+        for path in modules(package).values()
+        for node in nodes(path)
+        if isinstance(node, ast.Assign) and re.search(r'\bjit\b', ast.unparse(node.value))
+        for target in map(ast.unparse, node.targets)
+    }
+    assert names == {('fast', 'functools.partial(jit')}
+    renamed = [
+        path
+        for package in PACKAGES
+        for path in modules(package).values()
+        for node in nodes(path)
+        if isinstance(node, ast.alias) and node.asname and node.name in KERNEL_DECORATORS
+    ]
+    assert renamed == []
 
 
 def build_wheel(root: Path, folder: Path) -> zipfile.ZipFile:

@@ -116,15 +116,22 @@ def test_a_part_that_is_written_alone_replaces_its_rows_and_no_others(
             'part': part,
         }
 
-    numbers.write({**facts, 'seconds': 60.0, 'rows': [row('mbot', '1 m'), row('slam', '2 m')]})
-    again = {**facts, 'date': '2030-02-02', 'quick': False, 'seconds': 90.0}
+    rows = [row('mbot', '1 m'), row('slam', '2 m'), row('slam', '2 m'), row('soak', '5 h')]
+    numbers.write({**facts, 'seconds': 60.0, 'rows': rows})
+    again = {**facts, 'version': '10.0', 'date': '2030-02-02', 'quick': False, 'seconds': 90.0}
     numbers.write(numbers.with_part({**again, 'rows': [row('slam', '3 m')]}, 'slam'))
     text = (tmp_path / 'numbers.md').read_text()
     assert '`./wasd bench --quick` printed at version 9.9 (2030-01-01, a PC, 1.0 minutes)' in text
-    assert 'slam are of `./wasd bench slam` alone (2030-02-02, a PC, 1.5 minutes)' in text
-    assert '| mbot: w | 1 m |' in text
-    assert '| slam: w | 3 m |' in text
+    assert 'slam are of `./wasd bench slam` alone (version 10.0, 2030-02-02, a PC, 1.5' in text
+    # In their place.
+    assert re.findall(r'\| (\w+): w \| (.*?) \|', text) == [
+        ('mbot', '1 m'),
+        ('slam', '3 m'),
+        ('soak', '5 h'),
+    ]
     assert '| 2 m |' not in text
+    numbers.write(numbers.with_part({**again, 'rows': [row('legs', '4 m')]}, 'legs'))
+    assert [kept['part'] for kept in numbers.last_result()['rows']][2:] == ['soak', 'legs']
     numbers.write({**facts, 'seconds': 60.0, 'rows': [row('mbot', '1 m')]})
     assert 'alone' not in (tmp_path / 'numbers.md').read_text()
 

@@ -21,8 +21,6 @@ from wasd_navigation.planning.surroundings import Surroundings
 _OFF_WAY, _PASSED = 0.15, 20
 # So much of a field is drawn in one step: some milliseconds.
 SLICE = 10000
-# All of it.
-_WHOLE = 1 << 40
 
 
 class Drawing(Protocol):
@@ -94,11 +92,6 @@ class Route:
         assert self._now is not None
         value: float = value_at(self._now.values, np.append(pose, np.zeros(3)))
         return value if value < self._now.beyond - 1e-3 else math.inf
-
-    def is_reached_from(self, pose: np.ndarray) -> bool:
-        """Draw all at once, and return whether a way leads to the goal from a pose."""
-        self.work(pose, _WHOLE)
-        return self.left(pose) < math.inf
 
     def lead_from(self, pose: np.ndarray) -> None:
         """Set `way` from a pose: what is left of it, or another one."""
