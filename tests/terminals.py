@@ -11,6 +11,8 @@ import time
 # signal, whatever its terminal does [s].
 ZERO_AFTER = 0.6
 END_AFTER = 1.0
+# Later than so many times its bound is late by itself, however busy the machine.
+AT_MOST = 3.0
 
 
 def wait_until(condition: Callable[[], bool], timeout: float = 20.0) -> float:
@@ -22,17 +24,17 @@ def wait_until(condition: Callable[[], bool], timeout: float = 20.0) -> float:
     return time.monotonic()
 
 
-def soonest(take: Callable[[], float], bound: float, tries: int = 4) -> float:
+def assert_soon(take: Callable[[], float], bound: float) -> None:
     """
-    Return how long something takes, tried until it is within a bound [s].
+    Assert that something takes no longer than a bound [s]; a little late, it is tried once more.
 
     A busy machine is late now and then, what is late by itself each time.
     """
-    taken = [take()]
-    while taken[-1] > bound and len(taken) < tries:
-        taken.append(take())
-    print(', '.join(f'{time_taken:.3f} s' for time_taken in taken))
-    return min(taken)
+    took = take()
+    if bound < took <= AT_MOST * bound:
+        print(f'{took:.3f} s, and once more')
+        took = take()
+    assert took <= bound, f'took {took:.3f} s, at most {bound:.3f} s'
 
 
 def fill(slave: int) -> None:

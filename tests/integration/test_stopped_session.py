@@ -11,9 +11,9 @@ import time
 from typing import Any
 
 import pytest
+from terminals import assert_soon
 from terminals import END_AFTER
 from terminals import name_of
-from terminals import soonest
 from terminals import usual_statuses
 from terminals import wait_until
 from terminals import ZERO_AFTER
@@ -115,7 +115,7 @@ def test_a_robot_stops_after_the_last_key_though_the_screen_is_frozen(
         wait_until(press)
         return wait_for_zero(commands) - pressed
 
-    assert soonest(drive_and_stop, ZERO_AFTER) <= ZERO_AFTER
+    assert_soon(drive_and_stop, ZERO_AFTER)
     end_by(session, signal.SIGTERM)
 
 
