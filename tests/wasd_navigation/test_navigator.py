@@ -180,6 +180,25 @@ def test_odometry_that_is_not_finite_is_none():
     assert len(driven.locator.steps) == 1
 
 
+def test_a_scan_whose_odometry_has_no_covariance_counts_for_nothing():
+    blind = navigator(placed=False)
+    blind.move(odometry())
+    for number in (math.nan, math.inf):
+        blind.see(scan(), odometry()._replace(covariance=np.full((3, 3), number)))
+    assert blind.scans == 0
+    assert not blind.is_placed
+    blind.set_goal(GOAL)
+    assert blind.step(DT) == pytest.approx(0.0)
+    assert blind.reason == 'no scan has come yet'
+
+
+def test_standstill_is_its_own_each_time():
+    blind = navigator(placed=False)
+    blind.set_goal(GOAL)
+    blind.step(DT)[:] = 9.0
+    assert blind.step(DT) == pytest.approx(0.0)
+
+
 def test_a_pilot_that_says_nan_moves_nothing():
     driven = navigator()
     driven.set_goal(GOAL)

@@ -372,6 +372,18 @@ def test_odometry_that_is_said_again_is_no_sign_of_life(rig):
     assert len(moved) == 1
 
 
+def test_odometry_without_stamps_is_told_of(make, publish, spawn, spin_until):
+    node, said = make(lock_step=False), []
+    node._warn = said.append
+    publish('odom', odometry_at(Time()))
+    spin_until(spawn.pump, lambda: node.navigator.pose is not None)
+    assert said == []
+    publish('odom', odometry_at(Time(), x=0.1))
+    spin_until(spawn.pump, lambda: said)
+    assert said == ['odom: the same stamp again: ignored']
+    assert node.navigator.pose == pytest.approx([0.0, 1.0, 0.0])
+
+
 def test_odometry_that_is_set_anew_ends_the_goal(rig):
     rig.node.go(FAR)
     for x in (5.0, 5.1):

@@ -23,7 +23,6 @@ PATIENCE = 10.0
 LOOK_PERIOD = 1.0
 # Odometry that has moved more than this, and than so fast, has been set anew [m], [rad], [m/s].
 LEAP, LEAP_TURN, LEAP_RATE = 1.0, 2.0, 10.0
-STANDSTILL = np.zeros(3)
 NOWHERE = np.full(3, math.nan)
 # States of a driver in which it has done with a goal.
 ENDS = ('arrived', 'refused', 'failed')
@@ -210,8 +209,8 @@ class Navigator:
 
     def see(self, scan: Scan, odometry: Odometry, age: float = 0.0) -> None:
         """Take a scan and the odometry of its instant, which is `age` [s] ago."""
-        if not np.isfinite(odometry.pose).all():
-            return
+        if not (np.isfinite(odometry.pose).all() and np.isfinite(odometry.covariance).all()):
+            return  # locators take no such thing in
         self.locator.step(scan, odometry.pose, odometry.covariance)
         self.scans += 1
         self._seen = scan, odometry.pose
@@ -271,7 +270,7 @@ class Navigator:
         pose = self.pose
         if (missing := self._missing) or pose is None or self._odometry is None:
             self._wait(missing, dt)
-            return STANDSTILL
+            return np.zeros(3)
         self._waited, self._was_placed = 0.0, True
         grid = self._look()
         velocity = self.pilot.step(
@@ -279,8 +278,8 @@ class Navigator:
         )
         if self.pilot.state in ENDS:
             self._end(Outcome(self.pilot.state, self.pilot.reason))
-            return STANDSTILL
-        return velocity if np.isfinite(velocity).all() else STANDSTILL
+            return np.zeros(3)
+        return velocity if np.isfinite(velocity).all() else np.zeros(3)
 
     def _wait(self, missing: str, dt: float) -> None:
         """Stand because something is missing, but not for ever; not at all when it got lost."""

@@ -123,7 +123,7 @@ class NavigatorNode(Node):
         kind = TwistStamped if self.settings.stamped else Twist
         self._velocity = self.create_publisher(kind, 'cmd_vel', RELIABLE)
         self._absence = AbsenceWatch(self, self._on_return)
-        self.create_subscription(OdometryMessage, 'odom', self.take_odometry, SENSOR_DATA)
+        self.create_subscription(OdometryMessage, 'odom', self._on_odometry, SENSOR_DATA)
         self.create_subscription(LaserScan, 'scan', self.take_scan, SENSOR_DATA)
         self.create_subscription(String, 'selected', self._on_selected, LATCHED)
         self._mux_watch = PublisherWatch(self, 'selected', self._on_mux_lost)
@@ -260,6 +260,12 @@ class NavigatorNode(Node):
             self._velocity.publish(message)
         else:
             self._velocity.publish(twist)
+
+    def _on_odometry(self, message: OdometryMessage) -> None:
+        """Take odometry of somebody who may not know what stamps are for."""
+        if self._memory.age(to_seconds(message.header.stamp)) == 0.0:
+            self._warn('odom: the same stamp again: ignored')
+        self.take_odometry(message)
 
     def _on_fixed_frames(self, message: Any) -> None:
         for one in message.transforms:
