@@ -89,25 +89,27 @@ install_project() {
   wanted=$extras
   [ "$1" != test ] || wanted=$(with_tests)
   run_pip "$wanted"
-  say 'compiling the messages that the wheels lack, legs and navigator, once'
-  compile_all
+  : >"$venv/$UNCOMPILED"
   { identity && contents; } >"$venv/$STAMP.new"
   mv "$venv/$STAMP.new" "$venv/$STAMP"
   [ "$1" != test ] || cat "$venv/$STAMP" >"$venv/$TESTS"
-  say 'installed'
 }
 
-# Side by side, for each of them keeps one processor busy.
+# Side by side, for each of them keeps one processor busy. Stopped in its midst it is done again by
+# the next start, and what pip did stays.
 compile_all() {
+  say 'compiling the messages that the wheels lack, legs and navigator, once'
   "$venv/bin/python" -m quadruped_sim >&2 &
   legs=$! others=$!
-  "$venv/bin/python" -m compileall -q -x '/tests?/' "$venv"/lib/python3* >/dev/null 2>&1 &
-  others="$others $!"
+  "$venv/bin/python" -m compileall -q -x '/tests?/' "$venv"/lib/python3* >>"$venv/$LOG" 2>&1 &
+  libraries=$! others="$others $!"
   "$venv/bin/python" -m robot_description.build_interfaces >&2 || :  # it has said what is missing
   "$venv/bin/python" -m wasd_navigation >&2 || say 'not compiled; the first map starts later'
   wait "$legs" || say 'not compiled; the first walk starts later'
-  wait
+  wait "$libraries" || say "libraries not compiled, '$venv/$LOG' says why; each start takes longer"
   others=
+  rm "$venv/$UNCOMPILED"
+  say 'installed'
 }
 
 install_tests() {
@@ -171,7 +173,9 @@ explain_failure() {
 stop_installing() {
   end_progress
   kill $others 2>/dev/null || :  # in the background, where Ctrl-C is not heard
-  say 'interrupted; the next start begins anew'
+  wait
+  [ -f "$venv/$STAMP" ] && how='goes on' || how='begins anew'
+  say "interrupted; the next start $how"
   exit 130
 }
 
@@ -181,10 +185,11 @@ install() {
   progress='' others=''
   trap stop_installing INT
   claim_folder
-  if ! is_ready; then
+  if ! is_installed; then
     make_environment
     install_project "$1"
   fi
+  [ ! -e "$venv/$UNCOMPILED" ] || compile_all
   [ "$1" != test ] || can_test || install_tests
   trap - INT
   exec 9>&-

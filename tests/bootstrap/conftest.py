@@ -33,8 +33,10 @@ exec(code)" "$3" "$(readlink -f "$0").looks" ;;
     for folder; do :; done
     mkdir -p "$folder/bin" && ln -s "$(readlink -f "$0")" "$folder/bin/python" ;;
   *'-m quadruped_sim')
+    trap 'sleep 0.2; exit 1' TERM
     echo $$ >"$FAKE/compiling"
     while [ -e "$FAKE/slow-compiler" ]; do sleep 0.02; done ;;
+  *compileall*) [ ! -e "$FAKE/unwritable" ] || { echo 'no room'; exit 1; } ;;
   *build_interfaces) [ ! -e "$FAKE/no-compiler" ] || { echo 'error: no compiler' >&2; exit 2; } ;;
   *'-m pip'*)
     case "$*" in *--quiet*) ;; *) echo 'Collecting something' ;; esac
@@ -172,6 +174,16 @@ class Checkout:
         os.killpg(process.pid, number)
         result = self.finish(process)
         (self.fake / 'slow').unlink()
+        return result
+
+    def stop_while_compiling(self, number: signal.Signals) -> subprocess.CompletedProcess[str]:
+        """Likewise, once pip is through and the legs are compiled."""
+        (self.fake / 'slow-compiler').touch()
+        process = self.start()
+        self.wait_for(self.fake / 'compiling')
+        os.killpg(process.pid, number)
+        result = self.finish(process)
+        (self.fake / 'slow-compiler').unlink()
         return result
 
     def wait_for(self, path: Path) -> None:

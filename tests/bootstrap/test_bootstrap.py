@@ -99,16 +99,43 @@ def test_an_installation_compiles_libraries_messages_legs_and_navigator(checkout
 
 
 def test_ctrl_c_ends_what_compiles_in_the_background(checkout):
-    (checkout.fake / 'slow-compiler').touch()
-    process = checkout.start()
-    checkout.wait_for(checkout.fake / 'compiling')
-    os.killpg(process.pid, signal.SIGINT)
-    assert checkout.finish(process).returncode == 130
+    stopped = checkout.stop_while_compiling(signal.SIGINT)
+    assert stopped.returncode == 130
+    assert stopped.stderr.splitlines()[-1] == 'wasd: interrupted; the next start goes on'
     compiling = int((checkout.fake / 'compiling').read_text())
     with pytest.raises(ProcessLookupError):
         os.kill(compiling, 0)
-    (checkout.fake / 'slow-compiler').unlink()
-    assert checkout.run('go').stdout.splitlines()[0] == 'argument: go'
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL])
+def test_what_was_stopped_while_compiling_compiles_again_and_keeps_what_pip_did(number, checkout):
+    checkout.stop_while_compiling(number)
+    checkout.calls()
+    result = checkout.run('go')
+    assert result.stdout.splitlines()[0] == 'argument: go'
+    assert 'compiling' in result.stderr
+    asked = checkout.calls()
+    for what in ('compileall', 'build_interfaces', 'quadruped_sim', 'wasd_navigation'):
+        assert [call for call in asked if what in call]
+    assert not [call for call in asked if '-m pip' in call or '-m venv' in call]
+    assert checkout.run().stderr == ''
+
+
+def test_a_project_that_changed_while_it_compiled_is_installed_again(checkout):
+    checkout.stop_while_compiling(signal.SIGINT)
+    checkout.calls()
+    (checkout.folder / 'pyproject.toml').write_text('[new]\n')
+    assert 'the project has changed' in checkout.run().stderr
+    assert checkout.calls('-m pip')
+    assert checkout.run().stderr == ''
+
+
+def test_libraries_that_cannot_be_compiled_are_one_line_and_the_log_says_why(checkout):
+    (checkout.fake / 'unwritable').touch()
+    result = checkout.run('go')
+    assert (result.returncode, result.stdout.splitlines()[0]) == (0, 'argument: go')
+    assert result.stderr.count(f"libraries not compiled, '{checkout.venv}/install.log'") == 1
+    assert (checkout.venv / 'install.log').read_text().splitlines()[-1] == 'no room'
 
 
 def test_the_running_command_keeps_no_later_start_from_installing(checkout):
@@ -170,6 +197,7 @@ def test_an_interrupted_install_is_made_anew_by_the_next_start(number, checkout)
     first = checkout.stop_while_installing(number)
     assert first.returncode == (130 if number == signal.SIGINT else -number)
     assert first.stdout == ''
+    assert (number == signal.SIGKILL) != ('the next start begins anew' in first.stderr)
     (checkout.venv / 'half a package').touch()
     second = checkout.run('go')
     assert (second.returncode, second.stdout.splitlines()[0]) == (0, 'argument: go')
