@@ -13,6 +13,14 @@ def test_tab_goes_from_robot_to_robot_and_is_for_none() -> None:
     assert receivers(KeySwitch(2), 'w TAB i TAB w') == [0, None, 1, None, 0]
 
 
+def test_who_is_left_is_told_once_for_each_press() -> None:
+    switch = KeySwitch(2)
+    left: list[int] = []
+    switch.on_leave.append(left.append)
+    receivers(switch, 'w TAB HELD+TAB RELEASE+TAB i TAB')
+    assert left == [0, 1]
+
+
 def test_with_one_robot_tab_is_a_key_like_any_other() -> None:
     assert receivers(KeySwitch(1), 'w TAB HELD+TAB') == [0, 0, 0]
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from std_msgs.msg import String
 from wasd_bringup.cockpit.bridge import CockpitBridge
+from wasd_bringup.inputs import SWITCH_KEY
 from wasd_bringup.options import read_options
 from wasd_bringup.options import RunOptions
 from wasd_bringup.parsers import add_both_options
@@ -264,6 +265,64 @@ def test_a_goal_of_the_page_ends_with_it_and_others_do_not(driving):
     assert ended(driving) == ('cancelled', 'the page is gone')
     driving.simulation.advance(100)
     assert wanted(driving) == 0.0
+
+
+@pytest.fixture
+def both(session_of):
+    """Return a run of two robots, of which the second, mbot, is in turn and drives to a goal."""
+    session = session_of('both', preset='unitree')
+    session.press(SWITCH_KEY)
+    session.simulation.advance(100)
+    session.robot.navigation.go(GOAL, from_page=True)
+    session.simulation.advance(200)
+    assert wanted(session) == pytest.approx(0.3)
+    return session
+
+
+def test_tab_ends_the_goal_of_the_robot_that_it_leaves(both):
+    mbot = both.robot
+    both.press(SWITCH_KEY)
+    assert mbot.navigation.navigator.goal is None
+    (goal,) = mbot.navigation.report()['goals']
+    assert (goal['state'], goal['reason']) == ('cancelled', 'the keys go to another robot')
+    both.simulation.advance(100)
+    assert mbot.stack.driver.controller.target.linear == 0.0
+    assert any('TAB the one it leaves' in line for line in both.first_lines)
+
+
+def test_a_goal_sent_to_the_robot_that_is_not_in_turn_ends_by_tab_and_a_key(both):
+    mbot = both.robot
+    both.press(SWITCH_KEY)
+    mbot.navigation.go(GOAL)
+    for key in ('2', SWITCH_KEY):
+        both.press(key)
+        assert mbot.navigation.navigator.goal is not None
+    both.press('k')
+    assert mbot.navigation.navigator.goal is None
+
+
+@pytest.mark.parametrize('end', ['stop', 'pause'])
+def test_a_stop_and_a_pause_end_the_goal_of_the_robot_that_is_not_in_turn(
+    both, end, monkeypatch, tmp_path
+):
+    monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
+    mbot = both.robot
+    both.press(SWITCH_KEY)
+    mbot.navigation.go(GOAL)
+    if end == 'stop':
+        bridge = CockpitBridge(both)
+        bridge._link.order(Order('e-stop'))
+        bridge.step(0.0)
+        bridge.close()
+    else:
+        both.simulation.paused = True
+        both._poll(0.0)
+    assert mbot.navigation.navigator.goal is None
+
+
+def test_each_of_two_robots_has_a_map_of_its_own_name(both):
+    names = [robot.navigation.node.settings.save_map for robot in both.robots]
+    assert names == ['go2_map', 'mbot_map']
 
 
 def test_a_go2_that_does_not_follow_velocities_says_what_to_press(session_of):

@@ -259,13 +259,15 @@ class KeySwitch:
     Sends each key to one of `count` robots: the one in turn, which SWITCH_KEY makes the next.
 
     A key that is still down at a switch belongs to the robot for which it was pressed until it is
-    let go: its end must not reach the other one, and must reach this one.
+    let go: its end must not reach the other one, and must reach this one. `on_leave` are told the
+    number of the robot that the keys leave.
     """
 
     def __init__(self, count: int) -> None:
         self._count = count
         self._owners: dict[str, int] = {}
         self.active = 0
+        self.on_leave: list[Callable[[int], None]] = []
 
     def receiver(self, key: str) -> int | None:
         """Return which robot gets a key; None where the key was for the switch itself."""
@@ -274,6 +276,8 @@ class KeySwitch:
         event, base = split_event(key)
         if base == SWITCH_KEY:
             if not event:
+                for tell in self.on_leave:
+                    tell(self.active)
                 self.active = (self.active + 1) % self._count
             return None
         if event == RELEASE:

@@ -55,7 +55,9 @@ def make_guests(
     if options.navigates:
         from wasd_bringup.session_navigation import SessionNavigation
 
-        guests += [SessionNavigation(robot.options, robot) for robot in robots]
+        navigations = [SessionNavigation(robot.options, robot) for robot in robots]
+        switch.on_leave.append(lambda left: navigations[left].leave())
+        guests += navigations
     # Each is loaded here, because who does not ask for it does without.
     if options.gamepad is not None:
         from wasd_bringup.session_pad import SessionPad

@@ -41,7 +41,8 @@ class SessionNavigation:
     Maps with the robot's lidar and odometry, and drives it to goals, in lock-step.
 
     Whatever a driver does, a key, a stick, a velocity on cmd_vel, a pause, ends the goal and those
-    that were to follow it. So does the loss of the page that asked for it.
+    that were to follow it. So does TAB, which gives the keys to another robot, and the loss of the
+    page that asked for it.
     """
 
     def __init__(self, options: RunOptions, robot: SessionRobot) -> None:
@@ -88,7 +89,9 @@ class SessionNavigation:
     def first_line(self) -> str:
         """What a driver must know to begin."""
         what = 'in a map' if self._options.map else 'maps'
-        return f"{what}: click a goal on the page's Map, or send goal_pose; any key takes over"
+        of_several = ' the robot in turn, TAB the one it leaves' * bool(self._robot.world.prefix)
+        begin = "click a goal on the page's Map, or send goal_pose"
+        return f'{what}: {begin}; any key takes over{of_several}'
 
     def go(self, goal: Sequence[float], from_page: bool = False) -> None:
         """
@@ -103,6 +106,10 @@ class SessionNavigation:
         """End a goal that the page has asked for: whoever saw where it leads is gone."""
         if self._is_of_page:
             self._stop('the page is gone')
+
+    def leave(self) -> None:
+        """End a goal when the keys go to another robot: none would end it then."""
+        self._stop('the keys go to another robot')
 
     def look(self) -> None:
         """End a goal when time is made to stand still."""
@@ -126,7 +133,7 @@ class SessionNavigation:
 
     def save(self) -> None:
         """
-        Write the map, by the name of --save-map or else `map`.
+        Write the map, by the name of --save-map or else `map`; of several robots as `NAME_map`.
 
         Raises:
             UserError: there is none yet, or it cannot be written.
