@@ -84,7 +84,7 @@ class Workspace:
                     times = path.stat().st_atime_ns, path.stat().st_mtime_ns
                     os.utime(copy / path.relative_to(package), ns=times)
                 for path in package.rglob('__pycache__/*') if copy.is_dir() else ():
-                    if path.suffix in ('.nbi', '.nbc', ''):  # numba's, and what they were made of
+                    if path.suffix in ('.nbi', '.nbc'):
                         target = copy / path.relative_to(package)
                         target.parent.mkdir(exist_ok=True)
                         shutil.copy2(path, target)

@@ -4,59 +4,89 @@
 from collections.abc import Callable
 import contextlib
 import functools
+import glob
+import hashlib
 from pathlib import Path
 import sys
 from typing import Any, cast, ParamSpec, TypeVar
 
 import numba
+from numba.core.caching import FunctionCache
+from numba.core.caching import IndexDataCacheFile
 
 _P = ParamSpec('_P')
 _R = TypeVar('_R')
-_STAMP = 'compiled-of'
+# How long a name of a state is; what stands before it in the name of a file.
+_DIGITS, _OF = 16, 'of-'
 
 
 def jit(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
     """
     Compile `function` on its first call; the result is cached on disk where possible.
 
-    `options` are numba's. What was compiled of another state of the function's package is
-    forgotten first: a compiled function calls only those of its own package. Nothing is compiled
-    for callers in C, which there are none of: that takes a seventh of the time.
+    `options` are numba's. What was compiled of another state of the function's package, or of
+    this one, is not used: a compiled function calls only those of its own package, and knows
+    constants of this one. Nothing is compiled for callers in C, which there are none of: that
+    takes a seventh of the time.
     """
     options = {'no_cfunc_wrapper': True, **options}
-    _forget_once(function.__module__.partition('.')[0])
     try:
-        return cast('Callable[_P, _R]', numba.njit(cache=True, **options)(function))
+        kernel = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # neither the package's folder nor a user cache can be written
         return cast('Callable[_P, _R]', numba.njit(**options)(function))
+    cache = getattr(kernel, '_cache', None)
+    if isinstance(cache, FunctionCache):  # not where numba is told to compile nothing
+        _keep_of_state(cache, function.__module__.partition('.')[0])
+    return cast('Callable[_P, _R]', kernel)
+
+
+def _keep_of_state(cache: FunctionCache, package: str) -> None:
+    """
+    Have a function's cache use files of its own for each state of what it is compiled of.
+
+    numba looks at the file of a function alone: not at those of the functions that it calls,
+    which are compiled into it, nor whether a class that its cache names has moved. A process that
+    began before a file changed keeps what it compiles from those that began later.
+    """
+    state = _state_of(package)
+    own, name = cache._cache_file, f'{cache._impl.filename_base}.{_OF}{state}'
+    cache._cache_file = IndexDataCacheFile(cache.cache_path, name, own._source_stamp)
+    _forget_once(cache.cache_path, package)
+
+
+def _folder_of(package: str) -> Path | None:
+    """Return the folder of a package; None for a single file."""
+    places = getattr(sys.modules.get(package), '__path__', None)
+    return Path(places[0]) if places else None
 
 
 @functools.cache
-def _forget_once(package: str) -> None:
-    if places := getattr(sys.modules.get(package), '__path__', None):  # not of a single file
-        forget_stale(Path(places[0]))
+def _state_of(package: str) -> str:
+    folder = _folder_of(package)
+    text = _files_of(Path(__file__).parent) + ('' if folder is None else _files_of(folder))
+    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
 
 
-def forget_stale(package: Path) -> None:
-    """
-    Remove what was compiled of another state of a package's files.
+@functools.cache
+def _files_of(package: Path) -> str:
+    """Return the files of a package, and when they were written."""
+    lines = []
+    # A package may have several names: colcon's workspace has links to the checkout.
+    for name in sorted(glob.glob('**/[!.]*.py', root_dir=package, recursive=True)):
+        # What an editor has just replaced is looked at by the next start.
+        with contextlib.suppress(OSError):
+            stat = (package / name).stat()
+            lines.append(f'{name} {stat.st_mtime_ns} {stat.st_size}')
+    return '\n'.join(lines)
 
-    numba looks at the file of a function alone: not at those of the functions that it calls,
-    which are compiled into it, nor whether a class that its cache names has moved.
-    """
-    stamp = package / '__pycache__' / _STAMP
-    # Where nothing can be written nothing changes either, but by an installation; what an editor
-    # has just replaced is looked at by the next start.
+
+@functools.cache
+def _forget_once(cache: str, package: str) -> None:
+    """Remove what was compiled of another state of a package from a folder."""
+    if _folder_of(package) is None:
+        return  # beside a single file are those of others
+    # What cannot be removed is not used either.
     with contextlib.suppress(OSError):
-        stats = [(file, file.stat()) for file in sorted(package.rglob('[!.]*.py'))]
-        # A package may have several names: colcon's workspace has links to the checkout.
-        state = '\n'.join(
-            f'{file.relative_to(package)} {stat.st_mtime_ns} {stat.st_size}'
-            for file, stat in stats
-        )
-        if stamp.is_file() and stamp.read_text() == state:
-            return
-        for compiled in package.rglob('__pycache__/*.nb[ci]'):
-            compiled.unlink(missing_ok=True)
-        stamp.parent.mkdir(exist_ok=True)
-        stamp.write_text(state)
+        for compiled in Path(cache).glob(f'*.{_OF}*.nb[ci]'):
+            if f'.{_OF}{_state_of(package)}.' not in compiled.name:
+                compiled.unlink(missing_ok=True)
