@@ -65,5 +65,5 @@ def test_what_help_and_errors_tell_to_type_is_what_the_user_types(
     assert '  ./wasd go2 --preset wasd' in said(['go2', '--help'], capsys)
     from wasd_bringup.cli import make_parser
 
-    with pytest.raises(UserError, match=r'\(see: \./wasd --help\)'):
+    with pytest.raises(UserError, match=r'\(see: \./wasd go2 --help\)'):
         make_parser().parse_args(['go2', '--no-such-option'])

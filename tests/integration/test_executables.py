@@ -17,7 +17,7 @@ from wasd_core.parameters import known_parameters
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = {
-    name: getattr(import_module(target.partition(':')[0]), name.upper())
+    name: getattr(import_module(target.partition(':')[0]), target.partition(':')[2])
     for name, target in SCRIPTS.items()
     if target.partition(':')[0].endswith('.executables')
 }

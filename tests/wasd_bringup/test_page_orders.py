@@ -144,7 +144,7 @@ def test_a_stick_let_go_at_a_change_of_robot_is_told_and_saved_as_its_keys(run_o
     assert run.session.active == 1
     sticks = run.session.robots[0].stack.legs.controller.sticks
     assert sticks.values.ly == 0.0
-    run.session._close_writer()
+    run.session._writer.close()
     keys = [line.split()[1] for line in (tmp_path / 'saved').read_text().splitlines()]
     assert keys == ['w', 'w', SWITCH_KEY, SWITCH_KEY, 'SPACE', SWITCH_KEY]
 
