@@ -33,8 +33,15 @@ class Held(NamedTuple):
 
 
 def held_by(pid: int) -> Held:
-    """Return what a process holds now."""
+    """
+    Return what a process holds now.
+
+    Raises:
+        ProcessLookupError: it has ended.
+    """
     status = Path(f'/proc/{pid}/status').read_text()
+    if 'VmRSS' not in status:  # it has ended, and nobody has waited for it
+        raise ProcessLookupError(pid)
     memory, threads = (
         int(re.search(rf'^{name}:\s+(\d+)', status, re.MULTILINE)[1])  # type: ignore[index]
         for name in ('VmRSS', 'Threads')

@@ -62,8 +62,11 @@ def soak(duration: float, seed: int, note: Callable[[str], None]) -> tuple[list[
             while process.poll() is None:
                 time.sleep(LOOK_PERIOD)
                 now = _last_time(folder / 'saved')
-                if now > 0.0 and process.poll() is None:
-                    looks.append(look(process.pid, now))
+                if now > 0.0:
+                    try:
+                        looks.append(look(process.pid, now))
+                    except ProcessLookupError:
+                        break
                     note(f'soak: {now:.0f} of {duration:.0f} s, {looks[-1].memory / 1024:.1f} MB')
         finally:
             process.kill()

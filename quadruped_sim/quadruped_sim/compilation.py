@@ -16,6 +16,9 @@ from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 
 from quadruped_sim.leg_controller import LegController
+from quadruped_sim.leg_kinematics import all_leg_angles
+from quadruped_sim.leg_kinematics import foot_positions
+from quadruped_sim.locomotion.swing import foot_velocities
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
@@ -123,3 +126,7 @@ def warm_up(model: RobotModel) -> None:
     controller.tune(LegControllerParameters(gait=GaitParameters(step_in_place=True)))
     for _ in range(30):
         controller.step(standing, 0.002)
+    # What stages compile within themselves, other states call by itself: that is loaded, too.
+    assert controller.robot is not None
+    foot_velocities(controller.robot)
+    all_leg_angles(model.geometry, foot_positions(model.geometry, model.walking_pose))
