@@ -228,7 +228,7 @@ def test_a_blocked_way_is_drawn_anew_at_once_though_another_drawing_is_under_way
     assert np.abs(robot.driver.path - (3.2, 2.0)).max(axis=1).min() > 0.2
 
 
-@pytest.mark.parametrize('depth', [0.06, 0.07, 0.08])
+@pytest.mark.parametrize('depth', [0.03, 0.045, 0.05, 0.06, 0.07, 0.08])
 def test_a_flat_box_before_a_wall_is_not_touched_by_who_stops_beside_it(depth: float) -> None:
     robot = wheels(room(), (2.2, 0.6, 0.0))
     box = np.array(((2.8, 0.05), (3.2, 0.05 + depth)))

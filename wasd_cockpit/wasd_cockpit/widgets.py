@@ -131,9 +131,12 @@ class Widgets:
             imgui.SetTooltip(refusal)
         return pressed and not refusal
 
-    def toggle(self, name: str, label: str, is_on: bool, size: tuple[float, float]) -> bool:
+    def toggle(
+        self, name: str, label: str, is_on: bool, size: tuple[float, float], *, refusal: str = ''
+    ) -> bool:
         """Draw a button that is lit while it is on; return whether it was pressed."""
-        return self.button(name, label, size, fill=style.COMMAND if is_on else None)
+        fill = style.COMMAND if is_on else None
+        return self.button(name, label, size, fill=fill, refusal=refusal)
 
     def heading(self, text: str) -> None:
         """Draw a word above what belongs together."""

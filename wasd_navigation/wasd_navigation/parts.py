@@ -25,7 +25,7 @@ from wasd_navigation.scan import read_scan
 from wasd_navigation.scan import Scan
 
 Parts = tuple[Locator, Pilot]
-NOTICE = 'compiling, once: the navigator, which takes some 20 s of a core'
+NOTICE = 'compiling, once: the navigator, which takes up to a minute of a core'
 # The parts are warmed up with so many scans, on a tour so far along x [m] to both sides, in a room
 # that ends so far ahead and behind, to the left and to the right [m].
 WARM_UP_STEPS = 120

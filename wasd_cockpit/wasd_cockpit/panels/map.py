@@ -5,7 +5,6 @@ The panel Map: the floor from above around the robot, its trail, and what rays h
 With a navigator it is the robot's map, in its axes, and a click is a goal.
 """
 
-import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -208,11 +207,8 @@ class Map:
     def _paint_points(self, points: np.ndarray, rect: Rect, view: View) -> None:
         if not len(points):
             return
-        add, corner, fill = (
-            imgui.GetWindowDrawList().AddRectFilled,
-            imgui.Vec2,
-            style.colour(style.LIDAR),
-        )
+        add, corner = imgui.GetWindowDrawList().AddRectFilled, imgui.Vec2
+        fill = style.colour(style.LIDAR)
         places = view.all_to_page(points)
         is_seen = ((rect.left, rect.top) < places) & (places < (rect.right, rect.bottom))
         for left, top in (places[is_seen.all(axis=1)] - 2.0).tolist():
@@ -222,9 +218,7 @@ class Map:
         if len(trail) < 2:
             return
         every = max(1, -(-len(trail) // MOST_TRAIL))
-        places = list(
-            itertools.starmap(imgui.Vec2, view.all_to_page(trail[::-1][::every]).tolist())
-        )
+        places = [imgui.Vec2(*at) for at in view.all_to_page(trail[::-1][::every]).tolist()]
         imgui.GetWindowDrawList().AddPolyline(places, style.colour(style.TRUTH), 2.0)
 
     def _paint_robot(self, size: float, pose: PlanarPose, view: View) -> None:

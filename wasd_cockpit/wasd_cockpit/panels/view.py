@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panel View: from where the scene is seen, what is drawn in it, pushing by hand."""
+"""The panel View: from where the scene is seen, what is drawn in it, what a pointer does."""
 
 from typing import TYPE_CHECKING
 
@@ -75,15 +75,13 @@ class View:
         for index, name in enumerate(HANDS):
             if index:
                 imgui.SameLine()
-            no_map = name == 'goal' != scene.hand and snapshot.navigation is None
-            if widgets.button(
-                name,
-                _HAND_LABELS[name],
-                (width, _HEIGHT),
-                fill=style.COMMAND if name == scene.hand else None,
-                refusal='this robot makes no map: start with --map' if no_map else '',
-            ):
-                scene.hand = '' if name == scene.hand else name
+            is_on = name == scene.hand
+            # What is on can be put away without a map, too.
+            lacks_map = name == 'goal' and snapshot.navigation is None and not is_on
+            refusal = 'this robot makes no map: start with --map' if lacks_map else ''
+            label, size = _HAND_LABELS[name], (width, _HEIGHT)
+            if widgets.toggle(name, label, is_on, size, refusal=refusal):
+                scene.hand = '' if is_on else name
         if scene.hand:
             widgets.words(_HAND_WORDS[scene.hand], style.DIM, wrapped=True)
         if scene.force:

@@ -13,8 +13,8 @@ from wasd_navigation.se2 import transform
 # A mark is gone after so many scans whose rays go through it.
 _LIFE = 3
 # What is nearer to an obstacle of the map is that obstacle, by noise of scan and pose [m]; more is
-# allowed by an error of the heading, up to the latter. A box that is less deep than the former
-# before a wall is not seen: no goal is so near to the wall that the robot would touch it.
+# allowed by an error of the heading, up to the latter. Of a box that is less deep than the former
+# before a wall, noise of the ranges marks some cells from near by, in time to stop.
 _OF_THE_MAP, _OF_THE_MAP_FAR, _PER_METRE = 0.06, 0.12, 0.03
 # Farther hits mark nothing: a small error of the heading is a large one there [m].
 _REACH = 4.0
