@@ -211,6 +211,8 @@ class Actuation:
         self._curve = self._torque_speed_curve()
         # Views on MuJoCo's own memory: to ask for them at every step costs more than to use them.
         self._velocities = data.qvel
+        self._controls = data.ctrl[self._motors]
+        self._gains = model.actuator_biasprm[self._motors, 1:3]  # -kp, -kd
         self._force_range = model.actuator_forcerange[self._motors]
         self._effort = data.actuator_force[self._motors]
         self._magnitude = np.empty(len(parts.motor_names))
@@ -285,11 +287,10 @@ class Actuation:
     def brake(self) -> None:
         """Let the motors only resist motion; see `World.brake`."""
         self._pending.clear()
-        kept = -self._model.actuator_biasprm[self._motors, 2]
-        damping = np.where(kept > 0.0, kept, self._brake_damping)
-        self._model.actuator_biasprm[self._motors, 2] = -damping
-        self._model.actuator_biasprm[self._motors, 1] = 0.0
-        self._data.ctrl[self._motors] = 0.0
+        kept = -self._gains[:, 1]
+        self._gains[:, 1] = -np.where(kept > 0.0, kept, self._brake_damping)
+        self._gains[:, 0] = 0.0
+        self._controls[:] = 0.0
 
     def push(self, push: Push, tick: int) -> None:
         """Add a push to those in force."""
@@ -315,9 +316,9 @@ class Actuation:
 
     def _put_in_force(self, command: np.ndarray) -> None:
         position, velocity, effort, kp, kd = command
-        self._model.actuator_biasprm[self._motors, 1] = -kp * self._strength
-        self._model.actuator_biasprm[self._motors, 2] = -kd * self._strength
-        self._data.ctrl[self._motors] = (effort + kp * position + kd * velocity) * self._strength
+        self._gains[:, 0] = -kp * self._strength
+        self._gains[:, 1] = -kd * self._strength
+        self._controls[:] = (effort + kp * position + kd * velocity) * self._strength
         for motor, hold in self._holds:
             if command[:, motor].any():
                 self._data.eq_active[hold] = False

@@ -10,6 +10,7 @@ import pytest
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import DescribeParameters
 import rclpy
+from rclpy.event_handler import EventHandler
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
@@ -286,6 +287,39 @@ def test_an_exception_in_a_handler_reaches_the_loop(spawn):
     with pytest.raises(RuntimeError, match='broken'):
         for _ in range(10):
             spawn.pump.handle(0.1)
+
+
+def test_events_of_quality_of_service_are_not_looked_at_with_each_message(spawn, monkeypatch):
+    node, looks = spawn(Node('talker')), []
+    node.create_publisher(String, 'words', 10)
+    wait_for = EventHandler.add_to_wait_set
+    monkeypatch.setattr(
+        EventHandler, 'add_to_wait_set', lambda *args: (looks.append(1), wait_for(*args))
+    )
+    spawn.pump.handle()
+    assert looks
+    looks.clear()
+    spawn.pump.handle()
+    assert not looks
+    monkeypatch.setattr(spawn.pump, 'EVENT_PERIOD', 0.0)
+    spawn.pump.handle()
+    assert looks
+
+
+def test_a_topic_with_many_messages_does_not_make_the_pump_look_at_all_others(spawn, spin_until):
+    node, heard, looked = spawn(Node('busy')), [], []
+    node.create_subscription(String, 'words', heard.append, 100)
+    quiet = node.create_subscription(String, 'silence', heard.append, 100)
+    publisher = node.create_publisher(String, 'words', 100)
+    spin_until(spawn.pump, publisher.get_subscription_count)
+    for _ in range(9):
+        publisher.publish(String(data='more'))
+    time.sleep(0.2)  # all of them have arrived
+    may = spawn.pump.can_execute
+    spawn.pump.can_execute = lambda entity: bool(may(entity) and (looked.append(entity) or True))
+    spawn.pump.handle()
+    assert len(heard) == 9
+    assert looked.count(quiet) == 1
 
 
 def test_all_messages_that_wait_are_handled_in_one_go(spawn, spin_until):

@@ -71,7 +71,7 @@ class MbotStack(ControlStack):
                 'give the joint a <limit effort="..."/>'
             )
         self._motors = [world.motor_names.index(name) for name in self._wheels if not missing]
-        self._joints = [world.joint_names.index(name) for name in self._wheels]
+        self._places = world.parts.position[list(map(world.joint_names.index, self._wheels))]
         self._command = np.zeros((len(JointCommand._fields), len(world.motor_names)))
         self._wheel_links = [loaded.robot.joints[name].child for name in self._wheels]
         is_usual = options.preset == MBOT.preset
@@ -196,9 +196,11 @@ class MbotStack(ControlStack):
         if self._driver.is_fake:
             self._drive_fake()
         else:
-            left, right = self._world.joints().position[self._joints].tolist()
+            left, right = self._world.data.qpos[self._places].tolist()
             # Other motors than the wheels' stay limp: their columns are zero.
-            self._command[:, self._motors] = self._driver.control(left, right, self.period)
+            command = self._driver.control(left, right, self.period)
+            for row, part in zip(self._command, command, strict=True):
+                row[self._motors] = part
             self._world.apply(JointCommand(*self._command))
 
     def _drive_fake(self) -> None:

@@ -20,6 +20,8 @@ from wasd_bringup.robots import BOTH
 
 # Bytes that are copied at a time.
 PIECE = 1 << 20
+# Samples that are written at a time: two seconds of them.
+AT_ONCE = 100
 
 
 class Samples(Mapping[str, list[Any]]):
@@ -31,7 +33,8 @@ class Samples(Mapping[str, list[Any]]):
 
     def __init__(self, columns: tuple[str, ...]) -> None:
         self._files = {name: tempfile.TemporaryFile() for name in columns}  # noqa: SIM115
-        self._count = 0
+        self._waiting: list[Mapping[str, Any]] = []
+        self._is_empty = True
 
     def add(self, row: Mapping[str, Any]) -> None:
         """
@@ -40,17 +43,28 @@ class Samples(Mapping[str, list[Any]]):
         Raises:
             UserError: the folder for temporary files is full, or the like.
         """
-        separator = ', ' if self._count else ''
-        self._count += 1
+        self._waiting.append(row)
+        if len(self._waiting) >= AT_ONCE:
+            self._write()
+
+    def _write(self) -> None:
+        """Write what waits: many values at once cost a tenth of what they cost one by one."""
+        if not self._waiting:
+            return
+        rows, self._waiting = self._waiting, []
+        separator = '' if self._is_empty else ', '
+        self._is_empty = False
         try:
             for name, file in self._files.items():
-                file.write(f'{separator}{json.dumps(row[name])}'.encode())
+                values = json.dumps([row[name] for row in rows])[1:-1]
+                file.write(f'{separator}{values}'.encode())
         except OSError as error:
             folder = tempfile.gettempdir()
             raise UserError(f'{folder}: no room for a report: {one_line(error)}') from None
 
     def json_pieces(self) -> Iterator[bytes]:
         """Yield the bytes that json.dumps would make of the columns."""
+        self._write()
         for index, (name, file) in enumerate(self._files.items()):
             yield f'{", " if index else "{"}{json.dumps(name)}: ['.encode()
             file.seek(0)
@@ -61,6 +75,7 @@ class Samples(Mapping[str, list[Any]]):
 
     def __getitem__(self, name: str) -> list[Any]:
         """Return a column."""
+        self._write()
         file = self._files[name]
         file.seek(0)
         values: list[Any] = json.loads(b'[' + file.read() + b']')

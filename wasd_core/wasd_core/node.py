@@ -3,13 +3,16 @@
 
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
+import math
 import os
 import sys
+import time
 from typing import Any, TypeVar
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy._rclpy_pybind11 import UnknownROSArgsError
+from rclpy.event_handler import EventHandler
 from rclpy.executors import ConditionReachedException
 from rclpy.executors import Executor
 from rclpy.executors import ShutdownException
@@ -185,31 +188,68 @@ def run_node(
 
 
 class MessagePump(SingleThreadedExecutor):
-    """An executor for a loop that has other things to do: handles what is there and returns."""
+    """
+    An executor for a loop that has other things to do: handles what is there and returns.
+
+    rclpy makes what it waits for anew at each pass, a dozen microseconds for each thing. So events
+    of quality of service, one or two for each topic, wait for up to EVENT_PERIOD: rclpy has
+    nothing for them but a line of its log.
+    """
 
     # Handlers run in one go at most, so that a flood of messages cannot stop the caller's loop.
     LIMIT = 100
+    EVENT_PERIOD = 1.0  # [s of wall time]
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._looks_at_events, self._events_at = True, -math.inf
+        self._only: set[Any] | None = None  # what this pass is about; None: everything
+
+    def can_execute(self, entity: Any) -> bool:
+        """Whether this pass is about a subscription, a timer or the like."""
+        if self._only is not None and entity not in self._only:
+            return False
+        if not self._looks_at_events and isinstance(entity, EventHandler):
+            return False
+        return bool(super().can_execute(entity))
 
     def handle(self, timeout: float = 0.0) -> None:
         """Run the handlers of all waiting messages; wait up to `timeout` [s] for the first."""
-        handled_before = handled = 0
-        while handled < self.LIMIT:
+        now = time.monotonic()
+        self._looks_at_events = now >= self._events_at + self.EVENT_PERIOD
+        if self._looks_at_events:
+            self._events_at = now
+        try:
+            self._handle(timeout)
+        finally:
+            self._only = None
+
+    def _handle(self, timeout: float) -> None:
+        handled: set[Any] = set()  # in this pass
+        for _ in range(self.LIMIT):
             try:
-                handler, _, _ = self.wait_for_ready_callbacks(timeout_sec=timeout)
-            except TimeoutException:
-                # One pass takes one message of each subscription; more may be waiting.
-                if handled == handled_before:
-                    return
-                handled_before = handled
-                continue
+                while (found := self._next(timeout)) is None:
+                    if not handled:
+                        return
+                    # One pass takes one message of each subscription; of those more may wait.
+                    self._only, handled = handled, set()
             except (ShutdownException, ConditionReachedException):
                 return
-            handled += 1
+            handler, entity = found
+            handled.add(entity)
             handler()
             error = handler.exception()
             if error is not None:
                 raise error
             timeout = 0.0
+
+    def _next(self, timeout: float) -> tuple[Any, Any] | None:
+        """Return what is to be run next, and what it belongs to; None at the end of a pass."""
+        try:
+            handler, entity, _ = self.wait_for_ready_callbacks(timeout_sec=timeout)
+        except TimeoutException:
+            return None
+        return handler, entity
 
 
 def spin(executor: Executor, stop: Callable[[], bool]) -> None:
