@@ -19,6 +19,8 @@ HOLD_PERIOD = 0.002
 
 # A host that lags more than this [s] is not asked to catch up: the robot just runs slower.
 MAXIMUM_LAG = 0.1
+# With less than this share of the pace that is wanted, the host has no time to spare.
+LEAST_SHARE = 0.95
 # The factor is measured over no less than this [s]: shorter, a single physics step would show.
 MINIMUM_INTERVAL = 0.5
 
@@ -205,6 +207,11 @@ class Pacer:
             target = simulated + MAXIMUM_LAG * self.speed
             self._anchor = (wall, target)
         return target
+
+    @property
+    def is_hurried(self) -> bool:
+        """Whether the host has no time to spare: no pace is given, or it is not reached."""
+        return 0.0 < self.real_time_factor < LEAST_SHARE * self.speed or self.speed == 0.0
 
     def wait_for(self, simulated: float, wall: float) -> float:
         """Return how long [s] to wait until a simulated time may be reached; 0 if it may now."""

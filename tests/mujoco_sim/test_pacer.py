@@ -83,3 +83,16 @@ def test_too_short_an_interval_is_not_measured():
     pacer.allowed(START, 0.0)
     assert pacer.measure(START + 0.5 * MINIMUM_INTERVAL, 0.0) == 0.0
     assert pacer.measure(START + 1.0, 1.0) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ('speed', 'reached', 'is_hurried'),
+    [(1.0, 1.0, False), (1.0, 0.97, False), (1.0, 0.9, True), (0.0, 3.0, True), (4.0, 3.0, True)],
+)
+def test_a_host_is_hurried_where_the_pace_is_not_reached_or_has_no_end(speed, reached, is_hurried):
+    pacer = Pacer(1.0)
+    pacer.allowed(START, 0.0)
+    assert not pacer.is_hurried  # nothing is known yet
+    pacer.measure(START + 1.0, reached)
+    pacer.speed = speed
+    assert pacer.is_hurried == is_hurried

@@ -326,6 +326,21 @@ def test_input_that_is_none_of_studios_drives_nothing_and_is_told(view, port, ca
     assert 'the page cannot drive' in caplog.text
 
 
+def test_the_page_is_worked_on_as_often_as_somebody_looks(view, port):
+    unseen = view.period
+    with connect(f'ws://127.0.0.1:{port}/state?sid=looks') as state:
+        state.recv(timeout=10.0)
+        seen = view.period
+        view.sync(is_hurried=True)
+        assert seen < view.period < unseen
+        view.sync()
+        assert view.period == seen
+    deadline = time.monotonic() + 10.0
+    while view.period < unseen and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert view.period == unseen
+
+
 @pytest.mark.slow
 def test_a_panel_that_fails_costs_nothing_but_itself(view, caplog, monkeypatch):
     monkeypatch.setattr(STATUS, 'fails', True)

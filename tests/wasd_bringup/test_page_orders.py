@@ -8,13 +8,15 @@ from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import StateName
 from quadruped_sim.keys import ZERO_KEYS
 from wasd_bringup.cockpit.bridge import CockpitBridge
-from wasd_bringup.cockpit.bridge import PERIOD
+from wasd_bringup.cockpit.bridge import SNAPSHOT_EVERY
 from wasd_bringup.inputs import SWITCH_KEY
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Stick
 from wasd_core.output_file import OutputFile
+
+PERIOD = 1.0 / 60.0  # of the scene [s]
 
 
 class Run:
@@ -31,8 +33,8 @@ class Run:
     def look(self, stick=None, force=None):
         """Have the page hold this, and the session look at it."""
         self.bridge._link.hold(stick, force)
-        self.bridge.step(self._now)
-        self._now += PERIOD
+        self.bridge.step(self._now, PERIOD)
+        self._now += SNAPSHOT_EVERY * PERIOD
 
     def order(self, what, name=''):
         self.bridge._link.order(Order(what, name))

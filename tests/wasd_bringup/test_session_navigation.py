@@ -103,7 +103,7 @@ def test_the_stick_of_the_page_takes_over(driving, monkeypatch, tmp_path):
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
     bridge = CockpitBridge(driving)
     bridge._link.hold(Stick(forward=-1.0))
-    bridge.step(0.0)
+    bridge.step(0.0, 0.0)
     driving.simulation.advance(25)
     assert ended(driving) == ('cancelled', 'a velocity takes over')
     assert wanted(driving) < 0.0
@@ -239,18 +239,18 @@ def test_the_page_orders_goals_and_shows_the_map(session_of, monkeypatch, tmp_pa
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
     session = session_of()
     bridge = CockpitBridge(session)
-    bridge.step(0.0)
+    bridge.step(0.0, 0.0)
     assert bridge._link.snapshot.navigation is None  # no map yet
     session.simulation.advance(100)
     bridge._link.order(Order('goal', f'1.0 2.0 {math.nan}'))
-    bridge.step(1.0)
+    bridge.step(1.0, 0.0)
     shown = bridge._link.snapshot
     assert shown.navigation.state == 'driving'
     assert shown.navigation.goal == pytest.approx((1.0, 2.0, math.pi / 4.0))
     # The stand-in's map is one metre to the left of the world.
     assert shown.marks.path[1] == pytest.approx([1.0, 1.0], abs=0.01)
     bridge._link.order(Order('cancel goal'))
-    bridge.step(2.0)
+    bridge.step(2.0, 0.0)
     assert bridge._link.snapshot.navigation.goal is None
     assert ended(session) == ('cancelled', 'stopped by hand')
     bridge.close()
@@ -312,7 +312,7 @@ def test_a_stop_and_a_pause_end_the_goal_of_the_robot_that_is_not_in_turn(
     if end == 'stop':
         bridge = CockpitBridge(both)
         bridge._link.order(Order('e-stop'))
-        bridge.step(0.0)
+        bridge.step(0.0, 0.0)
         bridge.close()
     else:
         both.simulation.paused = True

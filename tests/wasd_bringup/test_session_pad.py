@@ -71,7 +71,7 @@ def test_mbot_drives_while_the_button_is_held_and_stands_after(session_of, pipe,
     elif how == 'e-stop':
         bridge = CockpitBridge(session)
         bridge._link.order(Order('e-stop'))
-        bridge.step(0.0)
+        bridge.step(0.0, 0.0)
         bridge.close()
     else:
         pipe.release(L1)
@@ -119,7 +119,7 @@ def test_halted_the_stick_of_the_page_is_let_go_in_the_last_word_on_cmd_vel(
         session.stack, 'drive', lambda velocity: (commanded.append(velocity), drive(velocity))
     )
     bridge._link.hold(Stick(forward=1.0))
-    bridge.step(0.0)
+    bridge.step(0.0, 0.0)
     assert commanded[-1][0] > 0.0
     session.halt()
     assert commanded[-1] == (0.0, 0.0, 0.0)

@@ -52,9 +52,6 @@ if TYPE_CHECKING:
     from wasd_bringup.recording.recorder import BagRecorder
     from wasd_bringup.session_foxglove import FoxgloveServer
 
-# The page gets so many pictures a second of wall time.
-FRAME_PERIOD = 1.0 / 60.0
-
 
 class Session:
     """
@@ -335,20 +332,25 @@ class Session:
             now = time.monotonic()
             took = now - started if timeout == 0.0 else 0.0
             self._message_times.looked(now, took, self.world.time)
-        if self._view is not None and now >= self._next_frame:
-            self._next_frame = now + FRAME_PERIOD
-            self._view.sync()
-            for key in self._view.pressed_keys():
+        if self._view is not None:
+            self._look_at_view(self._view, now)
+        if self._bag is not None:
+            self._bag.save_if_due()
+        self._let_notices_age(now)
+        self._status.show(self._status_line, now, self._board)
+
+    def _look_at_view(self, view: View, now: float) -> None:
+        """Show the state of now, and do what was pressed and ordered there."""
+        if now >= self._next_frame:
+            self._next_frame = now + view.period
+            view.sync(self.simulation.pacer.is_hurried)
+            for key in view.pressed_keys():
                 if key == LOST:
                     self._stop_what_the_view_moved()
                 else:
                     self.press(key, from_view=True)
         if self._cockpit is not None:
-            self._cockpit.step(now)
-        if self._bag is not None:
-            self._bag.save_if_due()
-        self._let_notices_age(now)
-        self._status.show(self._status_line, now, self._board)
+            self._cockpit.step(now, view.period)
 
     def _stop_what_the_view_moved(self) -> None:
         """Stop what moves by keys and goals of a viewer that is gone: keys as a driver would."""

@@ -18,8 +18,12 @@ from teleop_keyboard.dashboard import status_line
 class View(Protocol):
     """What a session needs of a viewer."""
 
-    def sync(self) -> None:
-        """Show the state of now."""
+    @property
+    def period(self) -> float:
+        """The time after which it is to be synchronised again [s of wall time]."""
+
+    def sync(self, is_hurried: bool = False) -> None:
+        """Show the state of now; `is_hurried` is whether the simulation has no time to spare."""
 
     def pressed_keys(self) -> list[str]:
         """Return the keys pressed in the viewer since the last call; LOST where its user went."""

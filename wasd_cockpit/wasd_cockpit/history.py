@@ -58,7 +58,9 @@ class History:
     def add(self, row: np.ndarray) -> None:
         """Add a row, shape (width,); what is not finite counts as 0: it cannot be drawn."""
         at = self._count % self._length
-        self._rows[at] = self._rows[at + self._length] = np.nan_to_num(row, posinf=0.0, neginf=0.0)
+        if not np.isfinite(row).all():
+            row = np.nan_to_num(row, posinf=0.0, neginf=0.0)
+        self._rows[at] = self._rows[at + self._length] = row
         self._count += 1
 
     def clear(self) -> None:

@@ -29,11 +29,17 @@ SLOW, SLOW_FOR = 10, 3.0
 # Not post-processing: without it colours are wrong, and too dark.
 _COSTLY = (int(mujoco.mjtRndFlag.mjRND_SHADOW), int(mujoco.mjtRndFlag.mjRND_REFLECTION))
 
-# The scene is sent at least this often [s], whatever the panels do.
-SCENE_PERIOD = 1.0 / 60.0
-# Panels are drawn no more often than so [s]: thirty times a second is enough to read, and half
-# the work. A little less than the time of two pictures of most browsers.
-PANEL_PERIOD = 0.025
+# The scene is sent no more often than so [s], panels are drawn no more often: sixty and thirty
+# times a second, a little less than the time of one and of two pictures of most browsers.
+SCENE_PERIOD, PANEL_PERIOD = 0.012, 0.025
+# ... and a third as often while the simulation wants all the time that there is: Python does one
+# thing at a time, each change of threads costs, and a frame of panels as much as several ticks of
+# a leg controller.
+HURRIED_SCENE_PERIOD, HURRIED_PANEL_PERIOD = 0.045, 0.09
+# ... and so often where nobody looks.
+UNSEEN_PERIOD = 0.1
+# A scene waits no longer than so for a picture of the browser, which may be slow or gone [s].
+PICTURE_TIMEOUT = 0.005
 # How often it is tried to reach a browser that has not been heard yet [s].
 CONNECT_PERIOD = 0.2
 
@@ -200,18 +206,44 @@ class PictureDetail:
         ]
 
 
+class Pace:
+    """
+    How often a page is worked on [s], by whoever does: the viewer's thread and the simulation's.
+
+    `is_hurried` is set by the simulation: whether it has no time to spare.
+    """
+
+    def __init__(self, page_input: PageInput) -> None:
+        self._input = page_input
+        self.is_hurried = False
+
+    @property
+    def scene(self) -> float:
+        """The time between two states of the scene."""
+        if not self._input.is_watched:
+            return UNSEEN_PERIOD
+        return HURRIED_SCENE_PERIOD if self.is_hurried else SCENE_PERIOD
+
+    @property
+    def panels(self) -> float:
+        """The time between two frames of panels."""
+        return HURRIED_PANEL_PERIOD if self.is_hurried else PANEL_PERIOD
+
+
 class PacedUi:
     """
     Studio's headless user interface, which would build a frame whether it can be shown or not.
 
     A frame of panels is begun only when the browser has drawn since the last one, so what it
     shows is never older than two of its own pictures; with no browser there is none. A fast
-    browser gets one every PANEL_PERIOD, and one for each button that goes down or up.
+    browser gets them as a Pace says, and one for each button that goes down or up.
     """
 
-    def __init__(self, ui: Any, page_input: PageInput) -> None:
+    def __init__(self, ui: Any, page_input: PageInput, pace: Pace) -> None:
         self._ui = ui
         self._input = page_input
+        self._pace = pace
+        self._next_scene = 0.0
         self._next_try = 0.0
         self._next_panels = 0.0
         self._has_drawn = False
@@ -219,12 +251,14 @@ class PacedUi:
 
     def new_frame(self) -> bool:
         """Begin a frame, of panels or only of the scene; always True."""
-        self._has_drawn |= self._input.wait_for_picture(SCENE_PERIOD)
+        self._input.rest(self._next_scene - time.monotonic())
+        self._has_drawn |= self._input.wait_for_picture(PICTURE_TIMEOUT)
         now = time.monotonic()
+        self._next_scene = now + self._pace.scene
         is_due = now >= self._next_panels or self._input.has_clicked
         if (self._has_drawn and is_due) or self._may_connect(now):
             self._has_drawn = False
-            self._next_panels = now + PANEL_PERIOD
+            self._next_panels = now + self._pace.panels
             self._input.has_clicked = False
             self.is_drawing = self._ui.new_frame()
         return True

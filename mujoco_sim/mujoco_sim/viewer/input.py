@@ -92,8 +92,8 @@ class PageInput:
     A press is proved by the packet that tells of it, whatever the rate of pictures; what lasts
     counts only while `is_alive`.
 
-    The server's thread calls `hear` and `lose`, the viewer's `wait_for_picture` and `set_typing`,
-    the simulation's `take_keys`. What the pointer holds down asks `may_hold`.
+    The server's thread calls `watch`, `hear` and `lose`, the viewer's `rest`, `wait_for_picture`
+    and `set_typing`, the simulation's `take_keys`. What the pointer holds down asks `may_hold`.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -105,6 +105,8 @@ class PageInput:
         self._keys = PageKeys()
         self._stepped = clock()
         self._source: object | None = None
+        self._watchers: set[object] = set()
+        self._is_resting = False
         self._is_typing = False
         self._pictures: deque[float] = deque(maxlen=_MOST_PICTURES)
         self._undrawn = False
@@ -139,13 +141,19 @@ class PageInput:
         return self._source is not None
 
     @property
+    def is_watched(self) -> bool:
+        """Whether any browser is there, if only to watch the scene."""
+        return self.has_source or bool(self._watchers)
+
+    @property
     def rate(self) -> int | None:
         """How many pictures the browser has drawn in the last second; None for a new one."""
         with self._lock:
-            now = self._clock()
-            if not self._pictures or now - self._pictures[0] < _WINDOW:
-                return None
-            return sum(now - at <= _WINDOW for at in self._pictures)
+            pictures, begin = self._pictures, self._clock() - _WINDOW
+            # One from before says that there was a browser all the time.
+            while len(pictures) > 1 and pictures[1] < begin:
+                pictures.popleft()
+            return len(pictures) - 1 if pictures and pictures[0] <= begin else None
 
     @property
     def is_slow(self) -> bool:
@@ -185,11 +193,19 @@ class PageInput:
                 self.turns.touch()
             self._buttons, self._place = buttons, place
             self._undrawn = True
-            self._lock.notify_all()
+            # To be woken for nothing would cost the simulation a change of threads each time.
+            if self.has_clicked or not self._is_resting:
+                self._lock.notify_all()
+
+    def watch(self, source: object) -> None:
+        """Take that a browser is shown the scene."""
+        with self._lock:
+            self._watchers.add(source)
 
     def lose(self, source: object) -> None:
         """Take that a browser's connection has ended."""
         with self._lock:
+            self._watchers.discard(source)
             if source is self._source:
                 self._end_life()
                 self._source = None
@@ -200,6 +216,13 @@ class PageInput:
             if is_typing and not self._is_typing:
                 self._keys.ignore_down()
             self._is_typing = is_typing
+
+    def rest(self, seconds: float) -> None:
+        """Wait for a time [s], or until a button of the mouse has gone down or up."""
+        with self._lock:
+            self._is_resting = True
+            self._lock.wait_for(lambda: self.has_clicked, max(seconds, 0.0))
+            self._is_resting = False
 
     def wait_for_picture(self, timeout: float) -> bool:
         """

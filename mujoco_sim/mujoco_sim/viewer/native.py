@@ -14,6 +14,7 @@ from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 
 # GLFW's codes of keys that are no characters.
+_PERIOD = 1.0 / 60.0
 _NAMED_KEYS = {256: 'ESC', 262: 'RIGHT', 263: 'LEFT', 264: 'DOWN', 265: 'UP'}
 
 
@@ -51,8 +52,13 @@ class NativeView:
             view.azimuth = camera.azimuth
             view.elevation = camera.elevation
 
-    def sync(self) -> None:
-        """Show the state of now."""
+    @property
+    def period(self) -> float:
+        """The time after which the window is to have another picture [s of wall time]."""
+        return _PERIOD
+
+    def sync(self, is_hurried: bool = False) -> None:
+        """Show the state of now, `is_hurried` or not: the window draws in a thread of its own."""
         if self._window.is_running():
             self._window.sync()
 

@@ -17,9 +17,11 @@ from mujoco.studio import messages
 from mujoco.studio import plugin
 from mujoco.studio import viewer_protocol
 from mujoco.studio import web_viewer
+import numpy as np
 from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
 
+from mujoco_sim.viewer.drawing import Pace
 from mujoco_sim.viewer.drawing import PacedUi
 from mujoco_sim.viewer.drawing import PageContent
 from mujoco_sim.viewer.drawing import Panels
@@ -30,6 +32,8 @@ from mujoco_sim.viewer.server import use_page_server
 from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0
+# What of a world's state the page is told: all that its picture is made of.
+_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 Method = TypeVar('Method', bound=Callable[..., Any])
 
@@ -61,7 +65,7 @@ class _LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has
     ) -> None:
         use_page_server(page.input, page.text)
         super().__init__(config, endpoint, plugins=[page])
-        self._headless_ui: Any = PacedUi(self._headless_ui, page.input)
+        self._headless_ui: Any = PacedUi(self._headless_ui, page.input, page.pace)
 
     @property
     def is_drawing(self) -> bool:
@@ -80,6 +84,7 @@ class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
     def __init__(self, camera: CameraView, body: int, content: PageContent) -> None:
         self.started = threading.Event()
         self.input = PageInput()
+        self.pace = Pace(self.input)
         self.port = 0
         self._camera = camera
         self.body = body
@@ -176,6 +181,7 @@ class WebView:
             self._wait_until_started()
             logging.getLogger('WebServer').setLevel(logging.WARNING)
             self._handle.set_model(_page_model(world.model))
+            self._state_size = mujoco.mj_stateSize(world.model, _STATE)
         except (RuntimeError, OSError) as error:
             reason = one_line(error)
             raise SimulationError(f'the viewer did not start: {reason}') from None
@@ -185,10 +191,20 @@ class WebView:
         """Where the page is."""
         return f'http://{HOST}:{self._page.port}/'
 
-    def sync(self) -> None:
-        """Send the state of now to the page."""
+    @property
+    def period(self) -> float:
+        """The time after which the page is to have another state [s of wall time]."""
+        return self._page.pace.scene
+
+    def sync(self, is_hurried: bool = False) -> None:
+        """Send the state of now; `is_hurried` is whether the simulation has no time to spare."""
+        self._page.pace.is_hurried = is_hurried
         if self._handle.is_running():
-            self._handle.sync(self._handle.model, self._world.data)
+            # Not the handle's own `sync`: it compares all options with those it has sent, which
+            # takes longer than a tick, and does to the world what comes from the page.
+            model, state = self._world.model, np.empty(self._state_size)
+            mujoco.mj_getState(model, self._world.data, state, _STATE)
+            self._handle.send_to_viewer(messages.StateSnapshot(state=state, state_sig=_STATE))
 
     @property
     def input(self) -> PageInput:

@@ -133,6 +133,8 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
 
     async def recv(self, decode: bool | None = None) -> Any:
         """Return the next message; hear what it says of the page."""
+        if self._path == '/state':
+            self._input.watch(self)
         message = await super().recv(decode)
         turns = self._input.turns
         if self._path == '/ui' and isinstance(message, bytes):

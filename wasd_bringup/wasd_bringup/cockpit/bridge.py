@@ -32,8 +32,8 @@ from wasd_bringup.session_robot import SessionRobot
 if TYPE_CHECKING:
     from wasd_bringup.session import Session
 
-# Snapshots are made, and a held stick is sent, so often [s of wall time].
-PERIOD = 1.0 / 30.0
+# Snapshots are made, and a held stick is sent, once in so many states of the scene.
+SNAPSHOT_EVERY = 2.5
 # A key that was pressed is lit for so long [s of wall time].
 LIT_TIME = 0.25
 # Places of the trail: one every so many samples, and how many.
@@ -140,8 +140,12 @@ class CockpitBridge:
         """End it."""
         self.content.close()
 
-    def step(self, now: float) -> None:
-        """Do what was ordered, and tell the page of a wall time [s]."""
+    def step(self, now: float, period: float) -> None:
+        """
+        Do what was ordered, and tell the page of a wall time [s].
+
+        `period` is the time between two states of the scene [s].
+        """
         self._now = now
         for order in self._link.take_orders():
             self._obey(order)
@@ -149,7 +153,7 @@ class CockpitBridge:
             if self._driven is not None and self._link.stick is None:
                 self.let_go()
             return
-        self._next = now + PERIOD
+        self._next = now + SNAPSHOT_EVERY * period
         self._follow_stick()
         self._push()
         self._link.snapshot = self._snapshot(now)

@@ -41,7 +41,6 @@ from wasd_bringup.recording.reader import TRUTH
 from wasd_bringup.recording.recorder import PublisherTap
 from wasd_bringup.recording.writer import RecordingError
 from wasd_bringup.run_command import with_own_frames
-from wasd_bringup.session import FRAME_PERIOD
 from wasd_bringup.session import Session
 from wasd_bringup.session_robot import build_worlds
 from wasd_bringup.views import start_view
@@ -119,6 +118,8 @@ def _place(data: bytes) -> tuple[float, float, float]:
 
 
 JOINTS = 'joint_states'
+# The page gets so many pictures a second of wall time.
+FRAME_PERIOD = 1.0 / 60.0
 CAMERA = CameraView(distance=2.0, azimuth=130.0, elevation=-20.0)
 
 

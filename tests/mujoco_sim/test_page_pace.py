@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How often a page is worked on: never more than somebody looks, less for a hurried simulation."""
+
+import threading
+import time
+
+from mujoco_sim.viewer.drawing import Pace
+from mujoco_sim.viewer.drawing import PacedUi
+from mujoco_sim.viewer.drawing import UNSEEN_PERIOD
+from mujoco_sim.viewer.input import PageInput
+import pytest
+
+NONE: frozenset[int] = frozenset()
+LONG = 60.0  # [s]; no test waits so long
+
+
+class Ui:
+    """A user interface that counts the frames that are begun."""
+
+    frames = 0
+
+    def new_frame(self) -> bool:
+        """Begin one."""
+        self.frames += 1
+        return True
+
+    def end_frame(self) -> None:
+        """End it."""
+
+
+@pytest.fixture
+def page() -> PageInput:
+    """Return the input of a page that nobody has opened."""
+    return PageInput()
+
+
+def test_a_page_that_nobody_sees_is_hardly_worked_on(page):
+    pace = Pace(page)
+    assert pace.scene == UNSEEN_PERIOD
+    page.watch('spectator')
+    seen = pace.scene
+    assert seen <= 1.0 / 60.0
+    page.lose('spectator')
+    assert pace.scene == UNSEEN_PERIOD
+    page.hear('driver', NONE)
+    assert pace.scene == seen
+    page.lose('driver')
+    assert pace.scene == UNSEEN_PERIOD
+
+
+def test_a_hurried_simulation_draws_a_third_of_the_page(page):
+    pace = Pace(page)
+    page.hear('driver', NONE)
+    scene, panels = pace.scene, pace.panels
+    pace.is_hurried = True
+    assert pace.scene >= 3.0 * scene
+    assert pace.panels >= 3.0 * panels
+    # Still ten times a second, whatever the simulation does.
+    assert pace.scene < pace.panels <= 0.1
+
+
+def test_a_hurried_page_has_a_frame_of_panels_for_a_click_at_once(page, monkeypatch):
+    monkeypatch.setattr('mujoco_sim.viewer.drawing.HURRIED_SCENE_PERIOD', LONG)
+    monkeypatch.setattr('mujoco_sim.viewer.drawing.HURRIED_PANEL_PERIOD', LONG)
+    pace, inner = Pace(page), Ui()
+    ui = PacedUi(inner, page, pace)
+    pace.is_hurried = True
+    page.hear('driver', NONE)
+    assert ui.new_frame()
+    ui.end_frame()
+    frame = threading.Thread(target=ui.new_frame)
+    frame.start()
+    page.hear('driver', NONE)
+    frame.join(0.2)
+    assert frame.is_alive()
+    assert inner.frames == 1
+    page.hear('driver', NONE, buttons=1)
+    frame.join(LONG)
+    assert inner.frames == 2
+
+
+def test_a_rest_ends_by_itself(page):
+    began = time.monotonic()
+    page.rest(0.02)
+    page.rest(-1.0)
+    assert time.monotonic() - began >= 0.02
