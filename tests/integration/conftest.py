@@ -177,13 +177,13 @@ def run_with_page(environment: dict[str, str], tmp_path: Path) -> Iterator[Calla
 
 @pytest.fixture
 def browser() -> Iterator[Any]:
-    """Yield a headless Chromium that renders in software."""
+    """Yield a headless Chromium that renders in software: few pixels, each costs."""
     pytest.importorskip('selenium.webdriver', reason='selenium is not installed')
     # Here, because it loads selenium.
     from page_in_browser import chromium
 
     try:
-        driver = chromium(900, 650)
+        driver = chromium(560, 430)
     except LookupError as error:
         pytest.skip(str(error))
     yield driver

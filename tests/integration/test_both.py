@@ -12,13 +12,14 @@ from rosbags.typesys import Stores
 
 # Who is driven, and which keys: go2 begins.
 PARTS = (
-    ('0.5 2\n2.6 4\n3 w*20', 4.0),
-    ('4.1 i*30\n5.2 j*6', 5.6),
-    ('5.7 a*10\n6.2 l*5', 6.6),
-    ('6.65 u*25', 7.6),
-    ('7.65 SPACE', 7.8),
+    ('0.1 2\n2.2 4\n2.4 w*20', 3.2),
+    ('3.3 i*30\n4.4 j*6', 4.7),
+    ('4.75 a*10\n5.1 l*5', 5.4),
+    ('5.45 u*15', 6.0),
+    ('6.05 SPACE', 6.1),
 )
-DURATION = '8'
+DURATION = '6.2'
+FIRST_OF_MBOT = 3.3e9  # [ns]
 SCRIPT = '\n'.join(f'{keys}\n{end} TAB' for keys, end in PARTS)
 GO2_KEYS = '\n'.join(keys for keys, _ in PARTS[0::2])
 MBOT_KEYS = '\n'.join(keys for keys, _ in PARTS[1::2])
@@ -77,12 +78,12 @@ def test_keys_and_velocities_go_to_the_robot_in_turn_only(bag: dict[str, Any]) -
     pressed = [message.data for _, message in bag['/mbot/keys']]
     assert set(pressed) == {'i', 'j', 'u'}
     # Of mbot only, and not before its first key: the Go2's sticks are no velocities.
-    assert bag['/mbot/cmd_vel'][0][0] >= 4.1e9
+    assert bag['/mbot/cmd_vel'][0][0] >= FIRST_OF_MBOT
 
 
 def test_who_is_not_driven_stays_where_it_is(both: dict[str, Any]) -> None:
     samples = both['robots']['mbot']['samples']
-    until = samples['t'].index(4.0)
+    until = samples['t'].index(PARTS[0][1])
     start = samples['position'][0]
     np.testing.assert_allclose(start[:2], [0.0, -0.6], atol=1e-6)
     np.testing.assert_allclose(samples['position'][until], start, atol=1e-3)

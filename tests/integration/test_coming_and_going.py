@@ -34,7 +34,8 @@ def test_both_robots_under_random_keys_hold_what_they_hold(
     import soak
 
     # Memory is constant to a thousandth after 5 s: a leak shows sooner by a tighter bound.
-    monkeypatch.setattr(soak, 'QUICK', 13.0)
+    monkeypatch.setattr(soak, 'QUICK', 9.0)
+    monkeypatch.setattr(soak, 'ENDING', 1.0)
     monkeypatch.setattr(soak, 'QUICK_SETTLED', 5.0)
     monkeypatch.setattr(soak, 'FLAT', 0.01)
     monkeypatch.setattr(soak, 'LOOK_PERIOD', 0.25)

@@ -168,10 +168,8 @@ def test_the_same_script_gives_the_same_samples_at_any_speed(wasd: Any) -> None:
     runner = wasd.anew()
     play = '0.05 2\n2.1 4\n2.2 w*8'
     pushed = ('--duration', '3.2', '--push', '2.6 0 60 0 0.1', '--seed', '7')
-    first, again, slow = (
-        runner.report('go2', *pushed, play=play, speed=speed) for speed in ('0', '0', '1')
-    )
-    assert first['samples'] == again['samples'] == slow['samples']
+    fast, slow = (runner.report('go2', *pushed, play=play, speed=speed) for speed in ('0', '1'))
+    assert fast['samples'] == slow['samples']
     assert slow['real_time_factor'] <= 1.05
 
 
@@ -274,10 +272,10 @@ def test_full_stick_with_guides_limits_and_the_truth_is_0_4_metres_a_second(
 
 
 def test_the_tutorials_keymap_drives_while_w_is_down(run: Callable[..., Series]) -> None:
-    held = run('--preset', 'go2', '--duration', '8', play='0.1 2\n2.2 5\n2.6 w*80')
-    released = 2.6 + 79 / 30
-    assert held.at('state', 2.5) == 'move base'
-    assert held.during('command', 0.0, 8.0)[:, 0].max() == pytest.approx(0.8)
-    velocity = held.during('velocity', 4.2, released).mean(axis=0)
+    held = run('--preset', 'go2', '--duration', '7', play='0.1 2\n2.2 5\n2.4 w*72')
+    released = 2.4 + 71 / 30
+    assert held.at('state', 2.3) == 'move base'
+    assert held.during('command', 0.0, 7.0)[:, 0].max() == pytest.approx(0.8)
+    velocity = held.during('velocity', 3.9, released).mean(axis=0)
     np.testing.assert_allclose(velocity, [0.8, 0.0, 0.0], atol=0.05)
     assert held.speed[-25:].max() < 0.05  # it stands again

@@ -35,31 +35,35 @@ def odometry_errors(report: Report) -> tuple[float, float]:
     return distance, angle
 
 
-def test_a_run_ends_by_itself_and_reports_what_the_contract_says(report_of: RunMbot) -> None:
-    report = report_of('--duration', '10', play=HOLD_I)
+@pytest.fixture(scope='module')
+def held(new_runner: Callable[[], Any]) -> Report:
+    """Return the report of 8 s in which i is held for three."""
+    report: Report = new_runner().report('mbot', '--duration', '8', play=HOLD_I)
+    return report
+
+
+def test_a_run_ends_by_itself_and_reports_what_the_contract_says(held: Report) -> None:
+    report = held
     assert report['schema'] == 1
     assert (report['robot'], report['world'], report['seed']) == ('mbot', 'flat', 0)
-    assert report['sim_time'] == 10.0
+    assert report['sim_time'] == 8.0
     assert (report['falls'], report['fell_at']) == (0, None)
     assert set(report['tick']) == {'median_us', 'p99_us', 'max_us', 'overruns'}
     samples = report['samples']
-    assert {len(column) for column in samples.values()} == {500}
+    assert {len(column) for column in samples.values()} == {400}
     np.testing.assert_allclose(np.diff(samples['t']), 0.02, atol=1e-9)
 
 
-def test_holding_i_for_three_seconds_moves_as_far_as_the_ramp_law_says(
-    report_of: RunMbot,
-) -> None:
+def test_holding_i_for_three_seconds_moves_as_far_as_the_ramp_law_says(held: Report) -> None:
     # Equal ramps up and down: distance = speed x (hold + release delay). 90 presses at 30 Hz
     # span 89/30 s, and a repeating key counts as released 0.12 s after the last one.
-    report = report_of('--duration', '8', play=HOLD_I)
     law = 0.2 * (89 / 30 + 0.12)
-    assert displacement(report) == pytest.approx(law, rel=0.03)
-    assert 0.60 <= displacement(report) <= 0.64
+    assert displacement(held) == pytest.approx(law, rel=0.03)
+    assert 0.60 <= displacement(held) <= 0.64
 
 
-def test_it_stands_still_1_3_s_after_the_key_is_let_go(report_of: RunMbot) -> None:
-    samples = report_of('--duration', '8', play=HOLD_I)['samples']
+def test_it_stands_still_1_3_s_after_the_key_is_let_go(held: Report) -> None:
+    samples = held['samples']
     released = 0.5 + 89 / 30
     late = [
         abs(velocity[0])
