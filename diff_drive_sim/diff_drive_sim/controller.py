@@ -4,7 +4,7 @@
 import math
 from typing import NamedTuple
 
-from robot_description.morphology.wheel_motor import Strength
+from robot_description.morphology.equip_wheels import Strength
 from wasd_core.timing import Watchdog
 
 from diff_drive_sim.geometry import DiffDriveGeometry

@@ -5,12 +5,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 import math
 
-from robot_description.morphology.wheel_motor import strength
+from robot_description.morphology.equip_wheels import strength
 from robot_description.robot import Robot
 
-from diff_drive_sim.arbotix.firmware import ArbotixDrive
-from diff_drive_sim.arbotix.host import LegacyController
-from diff_drive_sim.arbotix.host import setpoints_of
+from diff_drive_sim.arbotix import ArbotixDrive
+from diff_drive_sim.arbotix import LegacyController
+from diff_drive_sim.arbotix import setpoints_of
 from diff_drive_sim.controller import DiffDriveController
 from diff_drive_sim.controller import MAXIMUM_STEP
 from diff_drive_sim.geometry import DiffDriveGeometry

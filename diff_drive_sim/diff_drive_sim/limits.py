@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from robot_description.morphology.wheel_motor import Strength
+from robot_description.morphology.equip_wheels import Strength
 
 from diff_drive_sim.geometry import DiffDriveGeometry
 

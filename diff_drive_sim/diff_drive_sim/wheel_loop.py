@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from robot_description.morphology.wheel_motor import size_motor
+from robot_description.morphology.equip_wheels import size_motor
 from robot_description.morphology.wheels import Drive
 from robot_description.robot import Robot
 

@@ -9,13 +9,13 @@ import math
 from robot_description.description import Description
 from robot_description.morphology.equip_wheels import held_joints
 from robot_description.morphology.equip_wheels import lowest_point
+from robot_description.morphology.equip_wheels import rotors
 from robot_description.morphology.quadruped import FOLDED
 from robot_description.morphology.quadruped import NotAQuadruped
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.quadruped import REFLECTED_INERTIA
 from robot_description.morphology.quadruped import scale_of
 from robot_description.morphology.quadruped import similar_pose
-from robot_description.morphology.wheel_motor import rotors
 
 from mujoco_sim.sensors.noise import SensorNoise
 from mujoco_sim.untold import Drawn

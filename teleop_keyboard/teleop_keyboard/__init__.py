@@ -10,7 +10,7 @@ quiet_start(__name__, 'gamepad', 'key_publisher', 'keys_to_twist', 'teleop', 'tw
 _HOMES = {
     'Gamepad': 'gamepad_device',
     'GamepadNode': 'gamepad_node',
-    'JoyToTwist': 'joy_to_twist',
+    'JoyToTwist': 'gamepad',
     'KeyPublisherNode': 'key_publisher_node',
     'KeyReader': 'key_reader',
     'Keymap': 'keymap',

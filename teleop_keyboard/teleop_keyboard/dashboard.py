@@ -15,7 +15,7 @@ from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import SpeedFactor
 from teleop_keyboard.keymap import table_lines
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.ramp import Velocity
+from teleop_keyboard.keys_to_twist import Velocity
 
 GAP = '  '
 

@@ -48,8 +48,8 @@ gamepad = Executable(
     module='teleop_keyboard.gamepad_node',
     about='Publishes a gamepad as joy, and drives by it: cmd_vel and keys.',
     parameters=(
-        'teleop_keyboard.pad_parameters:PadParameters',
-        'teleop_keyboard.pad_parameters:JoyParameters',
+        'teleop_keyboard.parameters:PadParameters',
+        'teleop_keyboard.parameters:JoyParameters',
     ),
     notes=TWIST_NOTES,
     example='gamepad --ros-args -p preset:=go2 -r cmd_vel:=joy_vel',

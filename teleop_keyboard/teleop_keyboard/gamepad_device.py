@@ -17,11 +17,11 @@ from typing import NamedTuple
 from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 
+from teleop_keyboard.gamepad import Controls
+from teleop_keyboard.gamepad import controls_of
 from teleop_keyboard.gamepad import JoyState
 from teleop_keyboard.gamepad import Pad
-from teleop_keyboard.pad_keys import Controls
-from teleop_keyboard.pad_keys import controls_of
-from teleop_keyboard.pad_keys import USUAL_CONTROLS
+from teleop_keyboard.gamepad import USUAL_CONTROLS
 
 FOLDER = Path('/dev/input')
 # Where there is no pad one is looked for so often [s].

@@ -24,14 +24,14 @@ from wasd_core.topics import RELIABLE
 
 from teleop_keyboard.executables import gamepad
 from teleop_keyboard.gamepad import JoyState
+from teleop_keyboard.gamepad import JoyToTwist
+from teleop_keyboard.gamepad import JoyTwist
+from teleop_keyboard.gamepad import PadKeys
+from teleop_keyboard.gamepad import USUAL_CONTROLS
 from teleop_keyboard.gamepad_device import Gamepad
-from teleop_keyboard.joy_to_twist import JoyToTwist
-from teleop_keyboard.joy_to_twist import JoyTwist
-from teleop_keyboard.pad_keys import PadKeys
-from teleop_keyboard.pad_keys import USUAL_CONTROLS
-from teleop_keyboard.pad_parameters import JoyParameters
-from teleop_keyboard.pad_parameters import PAD_PRESETS
-from teleop_keyboard.pad_parameters import PadParameters
+from teleop_keyboard.parameters import JoyParameters
+from teleop_keyboard.parameters import PAD_PRESETS
+from teleop_keyboard.parameters import PadParameters
 from teleop_keyboard.twist_messages import declare_stamped
 from teleop_keyboard.twist_messages import TwistOutput
 

@@ -17,9 +17,9 @@ from wasd_core.topics import PublisherWatch
 from teleop_keyboard.executables import keys_to_twist
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from teleop_keyboard.keys_to_twist import STANDSTILL
+from teleop_keyboard.keys_to_twist import Velocity
 from teleop_keyboard.parameters import TeleopParameters
-from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.twist_messages import declare_stamped
 from teleop_keyboard.twist_messages import to_twist
 from teleop_keyboard.twist_messages import TwistOutput

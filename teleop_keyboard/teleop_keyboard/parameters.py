@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the teleoperation's nodes, under the names that the tutorials use."""
+"""
+Parameters of the teleoperation's nodes, under the names that the tutorials use.
+
+The gamepad's are named as in teleop_twist_joy and joy_linux.
+"""
 
 from dataclasses import dataclass
 from typing import Any
 
+from wasd_core.parameters import group
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
@@ -103,3 +108,155 @@ class TeleopParameters(Parameters):
         choices=(AS_PRESET, *IDLE_POLICIES),
     )
     frame_id: str = parameter('base_footprint', doc='Frame of stamped messages.')
+
+
+# An event's number has eight bits.
+HIGHEST = 255
+# No robot is meant to be faster [m/s], [rad/s].
+LARGEST_SCALE = 100.0
+
+
+def _button(number: int, doc: str) -> Any:
+    return parameter(number, doc=f'{doc}; -1: none.', minimum=-1, maximum=HIGHEST)
+
+
+def _axis(number: int, doc: str) -> Any:
+    return parameter(number, doc=f'Axis of {doc}; -1: none.', minimum=-1, maximum=HIGHEST)
+
+
+def _scale(value: float, doc: str, unit: str) -> Any:
+    return parameter(value, doc=doc, unit=unit, minimum=-LARGEST_SCALE, maximum=LARGEST_SCALE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearAxes(Parameters):
+    """Which axes drive along."""
+
+    x: int = _axis(1, 'driving ahead')
+    y: int = _axis(-1, 'going left')
+    z: int = _axis(-1, 'rising')
+
+
+@dataclass(frozen=True, kw_only=True)
+class AngularAxes(Parameters):
+    """Which axes turn."""
+
+    yaw: int = _axis(3, 'turning left')
+    pitch: int = _axis(-1, 'pitching')
+    roll: int = _axis(-1, 'rolling')
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearScales(Parameters):
+    """Full speeds."""
+
+    x: float = _scale(0.3, 'Full speed ahead.', 'm/s')
+    y: float = _scale(0.0, 'Full speed to the left.', 'm/s')
+    z: float = _scale(0.0, 'Full speed up.', 'm/s')
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearTurbo(Parameters):
+    """Full speeds with the turbo button."""
+
+    x: float = _scale(0.6, 'Full speed ahead with the turbo button.', 'm/s')
+    y: float = _scale(0.0, 'Full speed to the left with the turbo button.', 'm/s')
+    z: float = _scale(0.0, 'Full speed up with the turbo button.', 'm/s')
+
+
+@dataclass(frozen=True, kw_only=True)
+class AngularScales(Parameters):
+    """Full turn rates."""
+
+    yaw: float = _scale(1.0, 'Full turn rate.', 'rad/s')
+    pitch: float = _scale(0.0, 'Full pitch rate.', 'rad/s')
+    roll: float = _scale(0.0, 'Full roll rate.', 'rad/s')
+
+
+@dataclass(frozen=True, kw_only=True)
+class AngularTurbo(Parameters):
+    """Full turn rates with the turbo button."""
+
+    yaw: float = _scale(2.0, 'Full turn rate with the turbo button.', 'rad/s')
+    pitch: float = _scale(0.0, 'Full pitch rate with the turbo button.', 'rad/s')
+    roll: float = _scale(0.0, 'Full roll rate with the turbo button.', 'rad/s')
+
+
+@dataclass(frozen=True, kw_only=True)
+class JoyParameters(Parameters):
+    """What sticks and buttons mean; as they stand here, the preset mbot."""
+
+    require_enable_button: bool = parameter(
+        True, doc='Drive only while enable_button is down: the dead-man button.'
+    )
+    enable_button: int = _button(4, 'Held, the sticks drive')
+    enable_turbo_button: int = _button(5, 'Held, they drive at the turbo scales')
+    inverted_reverse: bool = parameter(False, doc='Turn the other way while reversing.')
+    keys: tuple[str, ...] = parameter(
+        ('B=STOP', 'SELECT=TAB'),
+        doc='What buttons press on keys: BUTTON=KEY, or BUTTON+BUTTON=KEY for both at once.',
+        read_only=True,
+    )
+    axis_linear: LinearAxes = group(LinearAxes)
+    axis_angular: AngularAxes = group(AngularAxes)
+    scale_linear: LinearScales = group(LinearScales)
+    scale_linear_turbo: LinearTurbo = group(LinearTurbo)
+    scale_angular: AngularScales = group(AngularScales)
+    scale_angular_turbo: AngularTurbo = group(AngularTurbo)
+
+
+PAD_PRESETS = {
+    'mbot': JoyParameters(),
+    # Unitree's remote: the left stick goes, the right one turns, L2 with A stands and with B lets
+    # go, START begins to walk. Its dead-man button is ours.
+    'go2': JoyParameters(
+        keys=('L2+A=2', 'L2+B=1', 'START=5', 'SELECT=TAB'),
+        axis_linear=LinearAxes(y=0),
+        scale_linear=LinearScales(x=0.6, y=0.3),
+        scale_linear_turbo=LinearTurbo(x=1.5, y=0.6),
+    ),
+    # Its own defaults.
+    'teleop_twist_joy': JoyParameters(
+        enable_button=0,
+        enable_turbo_button=-1,
+        keys=(),
+        axis_linear=LinearAxes(x=5),
+        axis_angular=AngularAxes(yaw=2),
+        scale_linear=LinearScales(x=0.5),
+        scale_linear_turbo=LinearTurbo(x=1.0),
+        scale_angular=AngularScales(yaw=0.5),
+        scale_angular_turbo=AngularTurbo(yaw=1.0),
+    ),
+}
+
+# What a driver must know to begin.
+PAD_HELP = {
+    'mbot': 'hold L1 to drive, R1 to drive faster; B stops, SELECT goes to the next robot',
+    'go2': 'L2+A stands, START begins to walk; hold L1 to drive, R1 to drive faster; L2+B lets go',
+    'teleop_twist_joy': 'hold A to drive',
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PadParameters(Parameters):
+    """Which pad, and how it is told of."""
+
+    device: str = parameter(
+        '', doc="The pad's file, as /dev/input/js0; '': the first that comes.", read_only=True
+    )
+    preset: str = parameter(
+        'mbot',
+        doc='What the parameters below are where they are not given.',
+        choices=tuple(PAD_PRESETS),
+        read_only=True,
+    )
+    deadzone: float = parameter(
+        0.05, doc='Share of an axis around its middle that is 0.', minimum=0.0, maximum=0.9
+    )
+    autorepeat_rate: float = parameter(
+        20.0,
+        doc='How often a state that stays is told; 0: never.',
+        unit='Hz',
+        minimum=0.0,
+        maximum=1000.0,
+    )

@@ -34,8 +34,8 @@ from teleop_keyboard.key_publisher_node import open_keyboard
 from teleop_keyboard.key_publisher_node import wait_for_subscriber
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.keymap import table_lines
+from teleop_keyboard.keys_to_twist import Velocity
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
-from teleop_keyboard.ramp import Velocity
 from teleop_keyboard.screen import Screen
 from teleop_keyboard.terminal import tolerate_any_text
 from teleop_keyboard.twist_messages import from_twist

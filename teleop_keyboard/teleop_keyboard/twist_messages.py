@@ -19,7 +19,7 @@ from visualization_msgs.msg import Marker
 from wasd_core.parameters import InvalidParameter
 from wasd_core.topics import RELIABLE
 
-from teleop_keyboard.ramp import Velocity
+from teleop_keyboard.keys_to_twist import Velocity
 
 # The marker floats so high above the robot, as twist_mux's, and is so thick [m].
 MARKER_HEIGHT = 2.0

@@ -3,7 +3,7 @@
 
 import math
 
-from diff_drive_sim.arbotix.host import ArbotixHost
+from diff_drive_sim.arbotix import ArbotixHost
 import pytest
 
 MS = 1_000_000

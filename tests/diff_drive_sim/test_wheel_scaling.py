@@ -12,13 +12,13 @@ from diff_drive_sim.wheel_loop import wheel_motor
 import numpy as np
 import pytest
 from robot_description.description import load_robot
-from robot_description.morphology.wheel_motor import axle_inertia
-from robot_description.morphology.wheel_motor import QUICKEST
-from robot_description.morphology.wheel_motor import size_motor
-from robot_description.morphology.wheel_motor import SLOWEST
-from robot_description.morphology.wheel_motor import Strength
-from robot_description.morphology.wheel_motor import strength
-from robot_description.morphology.wheel_motor import yaw_inertia
+from robot_description.morphology.equip_wheels import axle_inertia
+from robot_description.morphology.equip_wheels import QUICKEST
+from robot_description.morphology.equip_wheels import size_motor
+from robot_description.morphology.equip_wheels import SLOWEST
+from robot_description.morphology.equip_wheels import Strength
+from robot_description.morphology.equip_wheels import strength
+from robot_description.morphology.equip_wheels import yaw_inertia
 from robot_description.morphology.wheels import find_drive
 from robot_description.urdf import parse_urdf
 import wasd

@@ -18,7 +18,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 import starting
 from std_msgs.msg import String
-from teleop_keyboard.ramp import STANDSTILL
+from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.twist_messages import from_twist
 from terminals import fill
 from terminals import wait_until

@@ -4,7 +4,7 @@ import math
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
 import pytest
-from teleop_keyboard.ramp import Velocity
+from teleop_keyboard.keys_to_twist import Velocity
 from teleop_keyboard.twist_messages import from_twist
 from teleop_keyboard.twist_messages import is_finite
 from teleop_keyboard.twist_messages import to_marker

@@ -13,7 +13,7 @@ from teleop_keyboard.keymap import table_lines
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keymap_file import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.ramp import Velocity
+from teleop_keyboard.keys_to_twist import Velocity
 from teleop_keyboard.screen import CLOSE
 from teleop_keyboard.screen import OPEN
 from teleop_keyboard.screen import Screen

@@ -6,7 +6,7 @@ import signal
 import time
 
 import pytest
-from teleop_keyboard.ramp import STANDSTILL
+from teleop_keyboard.keys_to_twist import STANDSTILL
 from terminals import END_AFTER
 from terminals import name_of
 from terminals import usual_statuses

@@ -11,13 +11,13 @@ from rclpy.serialization import deserialize_message
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Joy
 from std_msgs.msg import String
+from teleop_keyboard.gamepad import JoyToTwist
+from teleop_keyboard.gamepad import JoyTwist
 from teleop_keyboard.gamepad_node import from_joy
 from teleop_keyboard.gamepad_node import GamepadNode
 from teleop_keyboard.gamepad_node import PadOutput
-from teleop_keyboard.joy_to_twist import JoyToTwist
-from teleop_keyboard.joy_to_twist import JoyTwist
-from teleop_keyboard.pad_parameters import PAD_PRESETS
-from teleop_keyboard.pad_parameters import PadParameters
+from teleop_keyboard.parameters import PAD_PRESETS
+from teleop_keyboard.parameters import PadParameters
 from wasd_core.errors import UserError
 
 L1, START = 4, 7

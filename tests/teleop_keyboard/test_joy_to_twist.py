@@ -7,11 +7,11 @@ import random
 
 import pytest
 from teleop_keyboard.gamepad import JoyState
+from teleop_keyboard.gamepad import JoyToTwist
+from teleop_keyboard.gamepad import JoyTwist
 from teleop_keyboard.gamepad import Pad
-from teleop_keyboard.joy_to_twist import JoyToTwist
-from teleop_keyboard.joy_to_twist import JoyTwist
-from teleop_keyboard.pad_parameters import JoyParameters
-from teleop_keyboard.pad_parameters import PAD_PRESETS
+from teleop_keyboard.parameters import JoyParameters
+from teleop_keyboard.parameters import PAD_PRESETS
 
 LINEAR, ANGULAR = ('x', 'y', 'z'), ('roll', 'pitch', 'yaw')
 

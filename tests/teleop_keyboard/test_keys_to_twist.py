@@ -7,8 +7,8 @@ from teleop_keyboard.keymap import IDLE_POLICIES
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keymap_file import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
-from teleop_keyboard.ramp import STANDSTILL
 from wasd_core.parameters import InvalidParameter
 
 STEP = 0.002

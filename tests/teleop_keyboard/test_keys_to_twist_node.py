@@ -11,8 +11,8 @@ from rclpy.parameter import Parameter
 import starting
 from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
-from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.twist_messages import from_twist
 from wasd_core.parameters import InvalidParameter
 

@@ -4,11 +4,11 @@ import math
 import pytest
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from teleop_keyboard.keys_to_twist import Pace
+from teleop_keyboard.keys_to_twist import ramped_twist
+from teleop_keyboard.keys_to_twist import STANDSTILL
+from teleop_keyboard.keys_to_twist import Velocity
 from teleop_keyboard.parameters import TeleopParameters
-from teleop_keyboard.ramp import Pace
-from teleop_keyboard.ramp import ramped_twist
-from teleop_keyboard.ramp import STANDSTILL
-from teleop_keyboard.ramp import Velocity
 
 
 def pace(**changes):

@@ -12,8 +12,8 @@ import pytest
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
-from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.twist_messages import from_twist
 
 # The step and the period of the messages of a node of its own [s].

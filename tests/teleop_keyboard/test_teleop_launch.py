@@ -7,8 +7,8 @@ from pathlib import Path
 import time
 
 import pytest
+from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
-from teleop_keyboard.ramp import STANDSTILL
 from teleop_keyboard.twist_messages import from_twist
 
 PATH = Path(__file__).parents[2] / 'wasd_bringup' / 'launch' / 'teleop.launch.py'

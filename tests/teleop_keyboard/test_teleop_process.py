@@ -13,8 +13,8 @@ from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import ListParameters
 from rcl_interfaces.srv import SetParameters
+from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
-from teleop_keyboard.ramp import STANDSTILL
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,7 @@ Press 2 and 5 first: it stands up and follows velocities then.
 """
 
 from launch import LaunchDescription
-from wasd_bringup.launch_navigation import navigation
+from wasd_bringup.launch_parts import navigation
 from wasd_bringup.robots import GO2
 
 

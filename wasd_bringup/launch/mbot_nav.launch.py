@@ -8,7 +8,7 @@ Simulates mbot in a flat, maps it, and drives to where RViz or a client of Nav2 
 """
 
 from launch import LaunchDescription
-from wasd_bringup.launch_navigation import navigation
+from wasd_bringup.launch_parts import navigation
 from wasd_bringup.robots import MBOT
 
 

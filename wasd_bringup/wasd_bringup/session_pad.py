@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from rclpy.node import Node
+from teleop_keyboard.gamepad import JoyTwist
 from teleop_keyboard.gamepad_node import GamepadNode
 from teleop_keyboard.gamepad_node import PadOutput
-from teleop_keyboard.joy_to_twist import JoyTwist
-from teleop_keyboard.pad_parameters import PAD_HELP
-from teleop_keyboard.pad_parameters import PadParameters
+from teleop_keyboard.parameters import PAD_HELP
+from teleop_keyboard.parameters import PadParameters
 
 
 class Driven(Protocol):

@@ -14,10 +14,10 @@ from wasd_core.safe_files import read_file
 
 from robot_description.xacro.bounded import OutOfBounds
 from robot_description.xacro.bounded import run_bounded
-from robot_description.xacro.documents import describe_document
-from robot_description.xacro.documents import unlisted
-from robot_description.xacro.formats import check_format
+from robot_description.xacro.processor import describe_document
 from robot_description.xacro.processor import process
+from robot_description.xacro.processor import unlisted
+from robot_description.xacro.source import check_format
 
 
 class Node(NamedTuple):
