@@ -3,18 +3,20 @@
 
 from collections import deque
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 import mujoco
 import numpy as np
 from robot_description.mujoco.builder import holding
 from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
-from wasd_core.robot_io import FULL_TORQUE_SHARE
 from wasd_core.robot_io import JointCommand
 
 from mujoco_sim.moving_boxes import MovingBoxes
 from mujoco_sim.robot_setup import RobotSetup
+
+if TYPE_CHECKING:
+    from mujoco_sim.motor_curve import TorqueSpeedCurve
 
 # Damping of motors that brake without having been commanded any [N m s/rad]: a Go2 sinks down.
 BRAKE_DAMPING = 3.0
@@ -69,12 +71,13 @@ class Physics:
         """
         last = self.tick + count
         while self.tick < last:
-            changes = [robot.take_due(self.tick) for robot in self.robots]
-            until = min(last, *(tick for tick in changes if tick is not None), last)
+            until = last
+            for robot in self.robots:
+                until = min(until, robot.take_due(self.tick, last))
             self._advance(until - self.tick)
             for robot in self.robots:
                 robot.drop_ended(self.tick)
-        if self._divergences.any():
+        if any(self._divergences.tolist()):
             raise SimulationError(
                 f'the physics diverged at {self.tick * self.time_step:.3f} s: '
                 'a push, a load, a speed or a mass is beyond what a rigid body can take'
@@ -150,31 +153,6 @@ class RobotParts:
         return name.removeprefix(self.prefix) if name.startswith(self.prefix) else ''
 
 
-class TorqueSpeedCurve:
-    """
-    Limits of motors with a torque limit and a no-load speed.
-
-    A motor that drives gives its full torque up to FULL_TORQUE_SHARE of its no-load speed and
-    none at it; one that brakes gives its full torque at any speed.
-    """
-
-    def __init__(self, torque: np.ndarray, speed: np.ndarray) -> None:
-        """Take torque limits [N m] and no-load speeds [rad/s], both of shape (n,) and > 0."""
-        zero = np.zeros_like(torque)
-        self._lowest = np.column_stack((-torque, zero))
-        self._highest = np.column_stack((zero, torque))
-        # The falling line of one that drives forward, or backward, goes on until it is cut.
-        at_rest = torque / (1.0 - FULL_TORQUE_SHARE)
-        self._at_rest = np.column_stack((-at_rest, at_rest))
-        self._slope = (at_rest / speed)[:, None]
-
-    def limits(self, velocity: np.ndarray) -> np.ndarray:
-        """Return the least and the largest torque [N m] at joint velocities [rad/s], (n, 2)."""
-        limits = self._at_rest - self._slope * velocity[:, None]
-        np.maximum(limits, self._lowest, out=limits)
-        return np.asarray(np.minimum(limits, self._highest, out=limits))
-
-
 class Push(NamedTuple):
     """
     A world-frame force [N], shape (3,), for so long [s].
@@ -205,6 +183,7 @@ class Actuation:
         self.rejected_commands = 0
         self.is_kinematic = False
         self._time_step = float(model.opt.timestep)
+        self._command_shape = (5, len(parts.motor_names))
         self._delay = round(setup.command_delay / self._time_step)
         strength = setup.drawn.strength
         self._strength = np.array([strength.get(name, 1.0) for name in parts.motor_names])
@@ -229,14 +208,13 @@ class Actuation:
         self._pending: deque[tuple[int, np.ndarray]] = deque()
         self._put_in_force(np.zeros((5, len(self._parts.motor_names))))
 
-    def take_due(self, tick: int) -> int | None:
-        """Put in force the commands that are due; return when one or a push changes next."""
+    def take_due(self, tick: int, last: int) -> int:
+        """Put in force the commands that are due; return when one or a push changes, or `last`."""
         while self._pending and self._pending[0][0] <= tick:
             self._put_in_force(self._pending.popleft()[1])
-        ends = [end for end, _ in self._pushes]
         if self._pending:
-            ends.append(self._pending[0][0])
-        return min(ends, default=None)
+            last = min(last, self._pending[0][0])
+        return min((end for end, _ in self._pushes), default=last) if self._pushes else last
 
     def drop_ended(self, tick: int) -> None:
         """Drop the pushes that are over."""
@@ -252,8 +230,7 @@ class Actuation:
     def begin_step(self) -> None:
         """Limit the motors as their speeds allow, and turn pushes off the centre with the root."""
         if self._curve is not None:
-            velocity = self._velocities.take(self._motor_velocity)
-            self._force_range[:] = self._curve.limits(velocity)
+            self._curve.write_limits(self._velocities, self._motor_velocity, self._force_range)
         if self._pushes:
             self._sum_pushes()
 
@@ -274,7 +251,7 @@ class Actuation:
             stacked = np.array(command, dtype=float)
         except ValueError:  # parts of different lengths
             stacked = np.empty(0)
-        if stacked.shape != (5, len(self._parts.motor_names)) or not np.isfinite(stacked).all():
+        if stacked.shape != self._command_shape or not _is_finite(stacked):
             self.rejected_commands += 1
             self.brake()
             return False
@@ -332,12 +309,20 @@ class Actuation:
                 found.append((motor, int(self._model.eq(name).id)))
         return found
 
-    def _torque_speed_curve(self) -> TorqueSpeedCurve | None:
+    def _torque_speed_curve(self) -> 'TorqueSpeedCurve | None':
         limits, names = self._setup.speed_limits, self._parts.motor_names
         if not limits or not all(limits.get(name, math.inf) > 0.0 for name in names):
             return None
+        # Here, because only legs have such motors, and what compiles takes a while to load.
+        from mujoco_sim.motor_curve import TorqueSpeedCurve
+
         torque = self._model.actuator_forcerange[self._motors, 1] * self._strength
         return TorqueSpeedCurve(torque, np.array([limits.get(name, math.inf) for name in names]))
+
+
+def _is_finite(numbers: np.ndarray) -> bool:
+    # A product tells in one call of most, but overflows where numbers are large.
+    return math.isfinite(float(np.vdot(numbers, numbers))) or bool(np.isfinite(numbers).all())
 
 
 def put_at_start(

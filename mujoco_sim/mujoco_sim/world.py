@@ -74,6 +74,7 @@ class World:
         self.joint_names, self.motor_names = self.parts.joint_names, self.parts.motor_names
         self.seed = seed
         self.setup = setup or RobotSetup()
+        self._place = np.array((*self.setup.place, 0.0))
         self.time_step = self.physics.time_step
         gyro = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SENSOR, f'{prefix}gyro')
         self.has_imu = gyro >= 0
@@ -138,7 +139,7 @@ class World:
         if now != self._read_at:
             joints = self.joints()
             # A motor knows its current: what its torque would be if it were as strong as it says.
-            joints = joints._replace(effort=joints.effort / self._strength)
+            np.divide(joints.effort, self._strength, out=joints.effort)
             true = Reading(joints, self._true_imu() if self.has_imu else None)
             reading = true if self._sensors is None else self._sensors.measure(true, self.time)
             self._late.append((self.tick, reading))
@@ -166,8 +167,8 @@ class World:
 
     def base_since_start(self) -> BaseState:
         """Return `base` as a perfect odometry has it: counted from the place of the start."""
-        base = self.base()
-        return base._replace(position=base.position - (*self.setup.place, 0.0))
+        position, *rest = self._views.base
+        return BaseState(position - self._place, *[part.copy() for part in rest])
 
     def apply(self, command: JointCommand) -> bool:
         """

@@ -6,8 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from quadruped_sim.algebra import plain
-
 
 class Dynamics(NamedTuple):
     """
@@ -39,24 +37,20 @@ def blank_dynamics() -> Dynamics:
     return Dynamics(*(np.zeros(shape) for shape in ((18, 18), 18, 12, 12, 3)))
 
 
-def put_in_order(
-    terms: PinocchioTerms, order: np.ndarray, signs: np.ndarray, out: Dynamics
-) -> None:
-    """
-    Write the dynamics in variables of which number i is `signs[i]` times Pinocchio's `order[i]`.
-
-    The first six are the base's in both; `order` and `signs` are (18,).
-    """
-    _put_in_order(plain(terms), order, signs, plain(out))
-
-
 @jit
-def _put_in_order(
-    terms: PinocchioTerms, order: np.ndarray, signs: np.ndarray, out: Dynamics
+def put_in_order(
+    terms: PinocchioTerms, order: np.ndarray, signs: np.ndarray, robot: np.ndarray
 ) -> None:
-    """Write into `out`; variable i there is `signs[i]` times Pinocchio's `order[i]`."""
+    """
+    Write the dynamics of a flat `RobotState`.
+
+    Variable i there is `signs[i]` times Pinocchio's `order[i]`; the first six are the base's in
+    both, `order` and `signs` are (18,).
+    """
     M, h, C, v = terms
-    mass, bias, momentum, momentum_drift, com = out
+    out = robot[0].dynamics
+    mass, bias, com = out.mass, out.bias, out.com
+    momentum, momentum_drift = out.momentum, out.momentum_drift
     for i in range(18):
         row, sign = order[i], signs[i]
         bias[i] = sign * h[row]

@@ -2,6 +2,7 @@
 """The leg controller: keys and velocity commands in, joint commands and odometry out."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from wasd_core.robot_io import BaseState
@@ -13,11 +14,13 @@ from quadruped_sim.algebra import write_rotation
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.estimation.contacts import ContactDetector
+from quadruped_sim.estimation.ground_touch import feel_ground
 from quadruped_sim.estimation.heading import Heading
 from quadruped_sim.estimation.kalman import ImuSample
 from quadruped_sim.estimation.kalman import KalmanEstimator
 from quadruped_sim.estimation.load import Loaded
 from quadruped_sim.estimation.load import LoadObserver
+from quadruped_sim.estimation.load import LoadState
 from quadruped_sim.keys import GAIT_KEYS
 from quadruped_sim.keys import GET_UP_KEYS
 from quadruped_sim.keys import KeyWords
@@ -27,17 +30,15 @@ from quadruped_sim.keys import StateName
 from quadruped_sim.keys import Sticks
 from quadruped_sim.keys import SUCCESSORS
 from quadruped_sim.keys import TRANSITIONS
-from quadruped_sim.leg_kinematics import LegMotion
-from quadruped_sim.leg_kinematics import write_contact_points
-from quadruped_sim.leg_kinematics import write_leg_motion
 from quadruped_sim.locomotion.locomotion import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import LegOdometry
 from quadruped_sim.robot_state import make_odometry
-from quadruped_sim.robot_state import place_base
+from quadruped_sim.robot_state import read_legs
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.robot_state import turn_base
 from quadruped_sim.safety import Safety
 from quadruped_sim.scaling import scale_parameters
 from quadruped_sim.states import ControllerParts
@@ -46,6 +47,9 @@ from quadruped_sim.states.driving import damping_command
 from quadruped_sim.states.lying import obstacle
 
 _UP = np.array((0.0, 0.0, 1.0))
+_NO_LOAD = plain(
+    LoadState(np.zeros(3), np.zeros(3))
+)  # of one that carries nothing that could be felt
 # How high the base of a Go2 is that lies [m], and how fast its estimate sinks to that [m/s].
 _LYING_HEIGHT, _SINKING_SPEED = 0.06, 0.5
 
@@ -99,6 +103,8 @@ class LegController:
         )
         self._states = make_states(self._parts)
         self._robot, self._geometry = RobotState.blank(), plain(model.geometry)
+        self._measured = np.empty((3, 3))  # from base axes to the world's, as the IMU says
+        self._touch_rules = self._rules_of_touch()
         self.obstacle = obstacle(model)  # what keeps it from getting up, '' if nothing does
         self.reset()
 
@@ -110,6 +116,7 @@ class LegController:
         self.locomotion.tune(own)
         self.safety.params = own.safety
         self._detector.params = own.contact
+        self._touch_rules = self._rules_of_touch()
         self._kalman.tune(own.kalman)
         self._heading.params = own.kalman
 
@@ -279,55 +286,64 @@ class LegController:
 
     def _estimate(self, reading: Reading, dt: float, truth: BaseState | None) -> RobotState:
         """Base, feet, contacts and dynamics at this reading."""
-        model, robot, detector = self.model, self._robot, self._detector
-        robot.joint_position[:], robot.joint_velocity[:], efforts = reading.joints
-        motion, base = robot.motion, robot.base
-        write_leg_motion(self._geometry, robot.joint_position, robot.joint_velocity, plain(motion))
+        robot, base, joints = self._robot, self._robot.base, reading.joints
+        read_legs(self._geometry, robot.flat, (joints.position, joints.velocity))
         is_trotting = self._machine.state in (StateName.TROTTING, StateName.MOVE_BASE)
         normal = self.locomotion.ground.normal() if is_trotting else _UP
         if truth is None or not self._uses_truth:
-            truth = self._filter(reading, motion, normal, dt)
-        base.position[:], robot.orientation[:], base.velocity[:], base.omega[:] = truth
-        place_base(robot.flat)
-        model.update_dynamics(robot)
-        up = base.R.T @ normal
-        detector.step(efforts, motion, robot.dynamics, up, dt)
-        robot.forces[:], robot.is_contact[:] = detector.forces, detector.is_contact
-        robot.normal_forces[:] = detector.normal_forces
-        contact = robot.contact
-        write_contact_points(plain(motion), up, model.geometry.foot_radius, plain(contact))
-        if self._machine.state is StateName.PASSIVE or self._states[self._machine.state].is_lying:
-            self._load.reset()
+            self._filter(reading, normal, dt)
         else:
-            moves = base.R.T @ base.velocity, base.omega
-            down = Loaded(plain(robot.dynamics), robot.forces, contact.position, base.R[2], *moves)
-            self._load.step(down, self._params.contact.load_time, dt)
+            base.position[:], robot.orientation[:], base.velocity[:], base.omega[:] = truth
+        self.model.update_dynamics(robot)
+        self._feel(joints.effort, normal, dt)
         return robot
 
-    def _filter(
-        self, reading: Reading, motion: LegMotion, normal: np.ndarray, dt: float
-    ) -> BaseState:
+    def _feel(self, efforts: np.ndarray, normal: np.ndarray, dt: float) -> None:
+        """Forces, contacts and the load by the joints' torques (12,) [N m]."""
+        robot, base, detector = self._robot, self._robot.base, self._detector
+        up, moves = base.R.T @ normal, base.R.T @ base.velocity
+        state, load = self._machine.state, self._load
+        is_up = not (state is StateName.PASSIVE or self._states[state].is_lying)
+        if not is_up:
+            load.reset()
+        elif load.felt is None:
+            points = robot.contact.position
+            load.start(Loaded(robot.dynamics, robot.forces, points, base.R[2], moves, base.omega))
+        detector.start(robot.dynamics)
+        seen, tick = (efforts, up, moves), (dt, is_up)
+        felt = load.felt or _NO_LOAD
+        feel_ground(robot.flat, detector.flat, felt, seen, self._touch_rules, tick)
+
+    def _rules_of_touch(self) -> tuple[Any, ...]:
+        """Return what `feel_ground` takes."""
+        load, radius = (
+            self._load.rule(self._params.contact.load_time),
+            self.model.geometry.foot_radius,
+        )
+        return plain(self._detector.rule), load, radius
+
+    def _filter(self, reading: Reading, normal: np.ndarray, dt: float) -> None:
         """Base by the Kalman filter; orientation by the IMU, less the drift known."""
         assert reading.imu is not None  # `filter_reading` lets none without one through
         measured, omega, acceleration = reading.imu
-        state = self._states[self._machine.state]
-        R = np.empty((3, 3))
+        robot, base, motion = self._robot, self._robot.base, self._robot.motion
+        state, kalman, R = self._states[self._machine.state], self._kalman, self._measured
         write_rotation(measured, R)
         is_passive = self._machine.state is StateName.PASSIVE
         is_down = is_passive and (self._level is not None or self._is_down(R))
         lies = state.is_lying or is_down
         stands = np.zeros(4) if lies else state.trust
         self._heading.step(R, motion.position, stands, dt)
-        orientation, omega = self._heading.orientation(measured), omega - self._heading.bias * R[2]
-        write_rotation(orientation, R)
+        turn_base(robot.flat, measured, omega, self._heading.drift)
         if not self._is_started:
-            self._start(motion.position @ R.T)
+            self._start(motion.position @ base.R.T)
         if lies:
-            self._rest(motion.position @ R.T, dt)
+            self._rest(motion.position @ base.R.T, dt)
         else:
             self._level = None
-            self._kalman.step(ImuSample(R, omega, acceleration), motion, state.trust, normal, dt)
-        return BaseState(self._kalman.position, orientation, self._kalman.velocity, omega)
+            imu = ImuSample(base.R, base.omega, acceleration)
+            kalman.step(imu, motion, state.trust, normal, dt)
+        base.position[:], base.velocity[:] = kalman.position, kalman.velocity
 
     def _is_down(self, R: np.ndarray) -> bool:
         """Whether something else than the feet carries the robot; `R` turns base axes to world."""

@@ -66,7 +66,12 @@ def write_leg_motion(
     leg: LegGeometry, angles: np.ndarray, rates: np.ndarray, out: LegMotion
 ) -> None:
     """Compiled `leg_motion`, which writes into `out`."""
-    leg, out = LegGeometry(*leg), LegMotion(*out)
+    move_legs(LegGeometry(*leg), angles, rates, LegMotion(*out))
+
+
+@jit
+def move_legs(leg: LegGeometry, angles: np.ndarray, rates: np.ndarray, out: LegMotion) -> None:
+    """Write what `leg_motion` says."""
     position, velocity, jacobian = out.position, out.velocity, out.jacobian
     bias, spin, axis = out.bias, out.calf_rate, out.axis
     for i in range(4):
@@ -120,13 +125,20 @@ class ContactPoints(NamedTuple):
 def write_contact_points(
     motion: LegMotion, normal: np.ndarray, foot_radius: float, out: ContactPoints
 ) -> None:
+    """Write where balls of `foot_radius` [m] touch ground with `normal` (3,), base axes."""
+    find_contact_points(LegMotion(*motion), normal, foot_radius, ContactPoints(*out))
+
+
+@jit
+def find_contact_points(
+    motion: LegMotion, normal: np.ndarray, foot_radius: float, out: ContactPoints
+) -> None:
     """
-    Write where balls of `foot_radius` [m] touch ground with `normal` (3,), base axes.
+    Write what `write_contact_points` does.
 
     The Jacobian has (joint axis) x (arm to the contact) more than that of the centre; the hip's
     axis is (1, 0, 0), the others' (0, c1, s1).
     """
-    motion, out = LegMotion(*motion), ContactPoints(*out)
     J = out.jacobian
     x, y, z = -foot_radius * normal[0], -foot_radius * normal[1], -foot_radius * normal[2]
     for i in range(4):

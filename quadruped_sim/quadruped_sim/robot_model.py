@@ -122,6 +122,8 @@ class RobotModel:
         self._neutral = pin.neutral(self._model)
         self._q = self._neutral.copy()
         self._v = np.zeros(self._model.nv)
+        data = self._data  # its matrices stay where they are
+        self._terms = plain(PinocchioTerms(data.M, data.nle, data.C, self._v))
 
     def _check_geometry(self) -> None:
         """Compare the closed form with Pinocchio in a bent pose."""
@@ -251,14 +253,13 @@ class RobotModel:
         return robot.dynamics
 
     def update_dynamics(self, robot: RobotState) -> None:
-        """Write the equations of motion at a state into it."""
+        """Write into a state what follows of the base's, equations of motion among it."""
         model, data, q, v = self._model, self._data, self._q, self._v
         _to_pinocchio(robot.flat, self._joints, q, v)
         pin.crba(model, data, q)
         pin.nonLinearEffects(model, data, q, v)
-        coriolis = pin.computeCoriolisMatrix(model, data, q, v)
-        terms = PinocchioTerms(data.M, data.nle, coriolis, v)
-        put_in_order(terms, self._order, self._signs, robot.dynamics)
+        pin.computeCoriolisMatrix(model, data, q, v)
+        put_in_order(self._terms, self._order, self._signs, robot.flat)
 
 
 class _PinocchioJoints(NamedTuple):
@@ -274,7 +275,8 @@ class _PinocchioJoints(NamedTuple):
 def _to_pinocchio(
     robot: np.ndarray, joints: _PinocchioJoints, q: np.ndarray, v: np.ndarray
 ) -> None:
-    """Write Pinocchio's configuration and velocity of a flat `RobotState`, but for its place."""
+    """Place a flat `RobotState`; write Pinocchio's configuration, but for the place, and rates."""
+    place_base(robot)
     state, joints = robot[0], _PinocchioJoints(*joints)
     turn, base = state.orientation, state.base
     q[3], q[4], q[5], q[6] = turn[1], turn[2], turn[3], turn[0]
@@ -354,11 +356,16 @@ class JointMap:
             [names.index(name) if name in names else others for name in motor_names]
         )
         self._has_others = others in self._motors
+        own = np.arange(others)
+        orders = self._joints, self._motors
+        self._is_same = quadruped.is_plain and all(np.array_equal(own, each) for each in orders)
         self._sign, self._zero = quadruped.sign, quadruped.zero
         self._is_plain = quadruped.is_plain
 
     def reading(self, reading: Reading) -> Reading:
         """Return a reading of joints as one of leg angles."""
+        if self._is_same:
+            return reading
         position, velocity, effort = (part[self._joints] for part in reading.joints)
         if not self._is_plain:
             position = self._sign * position + self._zero
@@ -367,6 +374,8 @@ class JointMap:
 
     def command(self, command: JointCommand) -> JointCommand:
         """Return a command of leg angles as one of motors."""
+        if self._is_same:
+            return command
         position, velocity, effort, kp, kd = command
         if not self._is_plain:
             position = self._sign * (position - self._zero)

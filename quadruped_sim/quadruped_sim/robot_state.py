@@ -17,7 +17,9 @@ from quadruped_sim.algebra import write_rotation
 from quadruped_sim.dynamics import blank_dynamics
 from quadruped_sim.dynamics import Dynamics
 from quadruped_sim.leg_kinematics import ContactPoints
+from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.leg_kinematics import move_legs
 
 
 class BaseMotion(NamedTuple):
@@ -97,6 +99,36 @@ class RobotState:
     def mass(self) -> float:
         """What the legs carry [kg], a load as it is felt among it."""
         return float(self.dynamics.mass[0, 0])
+
+
+@jit
+def read_legs(leg: LegGeometry, robot: np.ndarray, joints: tuple[np.ndarray, np.ndarray]) -> None:
+    """Write positions and velocities (12,) of joints into a flat `RobotState`, and the feet's."""
+    state = robot[0]
+    for i in range(12):
+        state.joint_position[i], state.joint_velocity[i] = joints[0][i], joints[1][i]
+    move_legs(LegGeometry(*leg), state.joint_position, state.joint_velocity, state.motion)
+
+
+@jit
+def turn_base(
+    robot: np.ndarray, measured: np.ndarray, omega: np.ndarray, drift: tuple[float, float]
+) -> None:
+    """
+    Write orientation (4,) and angular velocity (3,) into a flat `RobotState`, less their drift.
+
+    That is how far the heading is off [rad], and how fast it goes on [rad/s].
+    """
+    state = robot[0]
+    turned, R, rate = state.orientation, state.base.R, state.base.omega
+    c, s = math.cos(0.5 * drift[0]), -math.sin(0.5 * drift[0])
+    w, x, y, z = measured[0], measured[1], measured[2], measured[3]
+    turned[0], turned[1] = c * w - s * z, c * x - s * y
+    turned[2], turned[3] = c * y + s * x, c * z + s * w
+    write_rotation(measured, R)
+    for k in range(3):
+        rate[k] = omega[k] - drift[1] * R[2, k]
+    write_rotation(turned, R)
 
 
 @jit

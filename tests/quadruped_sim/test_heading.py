@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from quadruped_sim.estimation.heading import Heading
 from quadruped_sim.parameters import EstimatorParameters
-from wasd_core.rotations import matrix_from_quaternion
+from quadruped_sim.robot_state import RobotState
+from quadruped_sim.robot_state import turn_base
 from wasd_core.rotations import yaw_matrix
 
 DT = 0.002
@@ -45,8 +46,10 @@ def test_on_the_way_the_drift_that_was_found_is_taken_off():
         heading.step(yaw_matrix(drift), FEET, WALKS, DT)
     assert heading.offset == pytest.approx(drift, rel=1e-9)
     quaternion = np.array((math.cos(0.5 * drift), 0.0, 0.0, math.sin(0.5 * drift)))
-    R = matrix_from_quaternion(heading.orientation(quaternion))
-    np.testing.assert_allclose(R, np.eye(3), atol=1e-12)
+    robot = RobotState.blank()
+    turn_base(robot.flat, quaternion, np.zeros(3), heading.drift)
+    np.testing.assert_allclose(robot.base.R, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(robot.base.omega, (0.0, 0.0, -DRIFT))
 
 
 def test_a_robot_that_turns_over_its_feet_has_not_drifted():

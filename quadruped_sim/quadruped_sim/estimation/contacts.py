@@ -18,11 +18,26 @@ from quadruped_sim.parameters import ContactParameters
 from quadruped_sim.parameters import GroundParameters
 
 
-class Observer(NamedTuple):
-    """State of the momentum observer, both (12,): its integral and J'f as far as it is seen."""
+class Felt(NamedTuple):
+    """
+    State of the momentum observer, both (12,): its integral and J'f as far as it is seen.
+
+    Of that follow the feet's forces (4, 3) [N], what they bear (4,) [N] and which touch (4,).
+    """
 
     integral: np.ndarray
     residual: np.ndarray
+    forces: np.ndarray
+    normal_forces: np.ndarray
+    is_contact: np.ndarray
+
+
+class TouchRule(NamedTuple):
+    """Bandwidth of the observer [1/s]; touch ends below the force `off` and begins at `on` [N]."""
+
+    bandwidth: float
+    off: float
+    on: float
 
 
 class ContactDetector:
@@ -36,14 +51,19 @@ class ContactDetector:
 
     def __init__(self, params: ContactParameters) -> None:
         self.params = params
+        flags = np.zeros(4, dtype=bool)
+        blank = Felt(np.zeros(12), np.zeros(12), np.zeros((4, 3)), np.zeros(4), flags)
+        self.flat = flatten(blank)
+        self._felt: Felt = view_of(self.flat, blank)
+        self.forces, self.normal_forces = self._felt.forces, self._felt.normal_forces
+        self.is_contact = self._felt.is_contact
         self.reset()
 
     def reset(self) -> None:
         """Forget the past; the next step starts from zero force."""
-        self._observer: Observer | None = None
-        self.forces = np.zeros((4, 3))
-        self.normal_forces = np.zeros(4)
-        self.is_contact = np.zeros(4, dtype=bool)
+        self._is_started = False
+        for part in self._felt:
+            part[:] = 0
 
     def step(
         self,
@@ -54,28 +74,56 @@ class ContactDetector:
         dt: float,
     ) -> None:
         """Update by the measured joint `torque` (12,) [N m]; `normal` (3,) is up in base axes."""
-        if self._observer is None:
-            self._observer = Observer(dynamics.momentum.copy(), np.zeros(12))
+        self.start(dynamics)
         moving = torque, dynamics.momentum_drift, dynamics.momentum, motion.jacobian
-        _observe(plain(self._observer), moving, self.params.bandwidth, dt, self.forces)
-        thresholds = self.params.force_off, self.params.force_on
-        _touch(self.forces, normal, thresholds, self.normal_forces, self.is_contact)
+        feel_touch(self.flat, moving, normal, plain(self.rule), dt)
+
+    def start(self, dynamics: Dynamics) -> None:
+        """Take the present momentum for all that is known, in the first step."""
+        if not self._is_started:
+            self._is_started, self._felt.integral[:] = True, dynamics.momentum
+
+    @property
+    def rule(self) -> TouchRule:
+        """What forces are felt by."""
+        params = self.params
+        return TouchRule(params.bandwidth, params.force_off, params.force_on)
+
+
+@jit
+def feel_touch(
+    flat_felt: np.ndarray,
+    moving: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    normal: np.ndarray,
+    rule: TouchRule,
+    dt: float,
+) -> None:
+    """
+    Advance a flat `Felt`, with `normal` (3,) up in base axes.
+
+    `moving` are torque, momentum drift and momentum of the joints, and the feet's Jacobian.
+    """
+    bandwidth, off, on = rule
+    felt = flat_felt[0]
+    _observe(flat_felt, moving, bandwidth, dt)
+    for i in range(4):
+        bears = 0.0
+        for k in range(3):
+            bears += felt.forces[i, k] * normal[k]
+        felt.normal_forces[i] = bears
+        felt.is_contact[i] = bears > (off if felt.is_contact[i] else on)
 
 
 @jit
 def _observe(
-    observer: Observer,
+    flat_felt: np.ndarray,
     moving: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     bandwidth: float,
     dt: float,
-    forces: np.ndarray,
 ) -> None:
-    """
-    Advance the observer in place; writes the foot forces (4, 3) [N].
-
-    `moving` are torque, momentum drift and momentum of the joints, and the feet's Jacobian.
-    """
-    integral, residual = observer
+    """Advance the observer in place; writes the foot forces (4, 3) [N]."""
+    felt = flat_felt[0]
+    integral, residual, forces = felt.integral, felt.residual, felt.forces
     torque, drift, momentum, jacobian = moving
     for k in range(12):
         integral[k] += dt * (torque[k] + drift[k] + residual[k])
@@ -95,23 +143,6 @@ def _observe(
         solve_in_place(damped, pull)
         for k in range(3):
             forces[i, k] = pull[k, 0]
-
-
-@jit
-def _touch(
-    forces: np.ndarray,
-    normal: np.ndarray,
-    thresholds: tuple[float, float],
-    normal_forces: np.ndarray,
-    is_contact: np.ndarray,
-) -> None:
-    """Write what the feet bear along `normal`, and which touch: more than one of (off, on) [N]."""
-    off, on = thresholds
-    for i in range(4):
-        normal_forces[i] = 0.0
-        for k in range(3):
-            normal_forces[i] += forces[i, k] * normal[k]
-        is_contact[i] = normal_forces[i] > (off if is_contact[i] else on)
 
 
 class Plane(NamedTuple):
@@ -168,13 +199,16 @@ class Ground:
 
     def step(self, contacts: np.ndarray, is_contact: np.ndarray, dt: float) -> None:
         """Move the plane toward the contact points (4, 3) of the feet that stand, world [m]."""
+        follow_plane(self.flat, contacts, is_contact, plain(self.rule(dt)))
+
+    def rule(self, dt: float) -> PlaneFilter:
+        """Return how the plane is followed in ticks of `dt` [s]."""
         params = self.params
-        low_pass = PlaneFilter(
+        return PlaneFilter(
             math.tan(params.slope_max),
             min(1.0, dt / params.slope_time),
             min(1.0, dt / params.height_time),
         )
-        _follow_plane(self.flat, contacts, is_contact, plain(low_pass))
 
     def normal(self) -> np.ndarray:
         """Unit normal in world axes, pointing up, shape (3,)."""
@@ -193,7 +227,7 @@ def height_at(plane: Plane, x: float, y: float) -> float:
 
 
 @jit
-def _follow_plane(
+def follow_plane(
     ground: np.ndarray, contacts: np.ndarray, is_contact: np.ndarray, low_pass: PlaneFilter
 ) -> None:
     """Update a flat `Plane`."""

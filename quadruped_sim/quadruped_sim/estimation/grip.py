@@ -2,6 +2,7 @@
 """How much friction the feet find: by the forces felt, and by which of the feet slip."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
@@ -16,6 +17,17 @@ from quadruped_sim.robot_state import RobotState
 _OPPOSED = -0.9
 
 
+class GripRule(NamedTuple):
+    """See `GripParameters`; the share of a tick to fall by, how far it rises, and its ends."""
+
+    slip_speed: float
+    share: float
+    fall: float
+    rise: float
+    least: float
+    most: float
+
+
 class Grip:
     """
     Friction coefficient that forces may use: a guess at first, then what is felt.
@@ -27,6 +39,7 @@ class Grip:
     """
 
     def __init__(self, params: GripParameters, guess: float) -> None:
+        self.flat = np.empty(1)
         self.tune(params, guess)
         self.reset()
 
@@ -41,6 +54,15 @@ class Grip:
         self.friction = self._guess
 
     @property
+    def friction(self) -> float:
+        """The coefficient."""
+        return float(self.flat[0])
+
+    @friction.setter
+    def friction(self, friction: float) -> None:
+        self.flat[0] = friction
+
+    @property
     def share(self) -> float:
         """Share of the guess that is there, at most 1: what speeding up must keep to."""
         return min(1.0, self.friction / self._guess)
@@ -51,14 +73,27 @@ class Grip:
 
         `frame` (3, 3) turns ground axes, whose z is the normal, into the world.
         """
+        feel_grip(state.flat, stands, frame, self.flat, self.rule(dt))
+
+    def rule(self, dt: float) -> GripRule:
+        """Return how friction is felt in ticks of `dt` [s]."""
         params = self._params
-        slips, used = _feel(state.flat, stands, frame, params.slip_speed)
-        if slips < math.inf:
-            lower = min(params.share * slips - self.friction, 0.0)
-            self.friction += min(1.0, dt / params.fall_time) * lower
-        elif used > params.share * self.friction:
-            self.friction += dt * params.rise
-        self.friction = min(max(self._least, self.friction), self._most)
+        fall, rise = min(1.0, dt / params.fall_time), dt * params.rise
+        return GripRule(params.slip_speed, params.share, fall, rise, self._least, self._most)
+
+
+@jit
+def feel_grip(
+    robot: np.ndarray, stands: np.ndarray, frame: np.ndarray, own: np.ndarray, rule: GripRule
+) -> None:
+    """Advance the coefficient `own` (1,) by a tick; see `Grip.step`."""
+    slips, used = _feel(robot, stands, frame, rule.slip_speed)
+    friction = own[0]
+    if slips < math.inf:
+        friction += rule.fall * min(rule.share * slips - friction, 0.0)
+    elif used > rule.share * friction:
+        friction += rule.rise
+    own[0] = min(max(rule.least, friction), rule.most)
 
 
 @jit

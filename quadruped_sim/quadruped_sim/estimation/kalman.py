@@ -13,6 +13,7 @@ from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import put
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
+from quadruped_sim.algebra import view_of
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import EstimatorParameters
 
@@ -102,6 +103,9 @@ class KalmanEstimator:
     ) -> None:
         self._radius = foot_radius
         self._imu_offset = imu_offset
+        blank = Gaussian(*(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4)))
+        self._flat = flatten(blank)
+        self._estimate: Gaussian = view_of(self._flat, blank)
         self.tune(params)
         self.reset(np.zeros(3), np.zeros((4, 3)))
 
@@ -125,10 +129,10 @@ class KalmanEstimator:
 
     def reset(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Start at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]."""
-        x = np.vstack((position, np.zeros(3), feet, np.zeros(3)))
-        bias = self._params.bias**2
-        P = np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, bias))
-        self._estimate = Gaussian(x, P, np.zeros(3), np.zeros(3), np.ones(4))
+        estimate, bias = self._estimate, self._params.bias**2
+        estimate.x[:] = np.vstack((position, np.zeros(3), feet, np.zeros(3)))
+        estimate.P[:] = np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, bias))
+        estimate.lever[:], estimate.whirl[:], estimate.belief[:] = 0.0, 0.0, 1.0
         self._is_placed = False  # whether it is known where the IMU is, seen from the world
 
     def hold(self, position: np.ndarray, feet: np.ndarray) -> None:
@@ -176,7 +180,7 @@ class KalmanEstimator:
             self._estimate.x[0] += rotate(imu.R, self._imu_offset)
             self._is_placed = True
         footing = plain(Footing(trust, normal))
-        _filter_step(plain(self._estimate), plain(imu), plain(motion), footing, self._sensors, dt)
+        _filter_step(self._flat, plain(imu), plain(motion), footing, self._sensors, dt)
 
 
 @jit
@@ -202,15 +206,15 @@ def _anchor(estimate: Gaussian, trust: np.ndarray, sensors: SensorModel, dt: flo
 
 @jit
 def _filter_step(
-    estimate: Gaussian,
+    flat_estimate: np.ndarray,
     imu: ImuSample,
     motion: LegMotion,
     footing: Footing,
     flat_sensors: np.ndarray,
     dt: float,
 ) -> None:
-    """Predict and correct `estimate` in place."""
-    estimate, footing, sensors = Gaussian(*estimate), Footing(*footing), flat_sensors[0]
+    """Predict and correct a flat `Gaussian`."""
+    estimate, footing, sensors = flat_estimate[0], Footing(*footing), flat_sensors[0]
     imu = ImuSample(*imu)
     x, P, R = estimate.x, estimate.P, imu.R
     put(estimate.lever, rotate(R, sensors.imu_offset))

@@ -43,13 +43,32 @@ class LoadObserver:
 
     def reset(self) -> None:
         """Believe the model again."""
-        self._felt: LoadState | None = None
+        self.felt: LoadState | None = None  # plain
 
     def step(self, state: 'Loaded', time: float, dt: float) -> None:
         """Update by `dt` [s] with a time constant [s], and correct `state.dynamics` in place."""
-        if self._felt is None:
-            self._felt = LoadState(_momentum(plain(state), self._inertia), np.zeros(3))
-        _feel(plain(self._felt), plain(state), self._inertia, self._shift_most, 1.0 / time, dt)
+        felt = self.felt or self.start(state)
+        state = state._replace(dynamics=plain(state.dynamics))
+        _feel(felt, plain(state), self.rule(time), dt)
+
+    def start(self, state: 'Loaded') -> LoadState:
+        """Return the state as it begins at this moment, plain."""
+        state = state._replace(dynamics=plain(state.dynamics))
+        momentum = _momentum_of(plain(state), self._inertia)
+        self.felt = plain(LoadState(momentum, np.zeros(3)))
+        return self.felt
+
+    def rule(self, time: float) -> 'LoadRule':
+        """Return how a load is felt with a time constant [s], plain."""
+        return plain(LoadRule(self._inertia, self._shift_most, 1.0 / time))
+
+
+class LoadRule(NamedTuple):
+    """Inertia (3, 3) [kg m^2] about the CoM, its largest shift [m], and a rate [1/s]."""
+
+    inertia: np.ndarray
+    most: float
+    rate: float
 
 
 class Loaded(NamedTuple):
@@ -68,10 +87,20 @@ class Loaded(NamedTuple):
 
 
 @jit
+def _momentum_of(state: Loaded, inertia: np.ndarray) -> np.ndarray:
+    return _momentum(_named(state), inertia)
+
+
+@jit
+def _named(state: Loaded) -> Loaded:
+    dynamics, forces, points, up, velocity, omega = state
+    return Loaded(Dynamics(*dynamics), forces, points, up, velocity, omega)
+
+
+@jit
 def _momentum(state: Loaded, inertia: np.ndarray) -> np.ndarray:
     """Momentum along `up` and angular about x and y (3,)."""
-    state = Loaded(*state)
-    mass = Dynamics(*state.dynamics).mass[0, 0]
+    mass = state.dynamics.mass[0, 0]
     result = np.zeros(3)
     for k in range(3):
         result[0] += mass * state.up[k] * state.velocity[k]
@@ -83,8 +112,7 @@ def _momentum(state: Loaded, inertia: np.ndarray) -> np.ndarray:
 @jit
 def _observe(felt: LoadState, state: Loaded, inertia: np.ndarray, rate: float, dt: float) -> None:
     momentum = _momentum(state, inertia)
-    felt, state = LoadState(*felt), Loaded(*state)
-    dynamics = Dynamics(*state.dynamics)
+    dynamics = state.dynamics
     known = np.zeros(3)
     known[0] = -GRAVITY * dynamics.mass[0, 0]
     arm = np.empty(3)
@@ -101,19 +129,22 @@ def _observe(felt: LoadState, state: Loaded, inertia: np.ndarray, rate: float, d
 
 
 @jit
-def _feel(
-    felt: LoadState, state: Loaded, inertia: np.ndarray, most: float, rate: float, dt: float
-) -> None:
+def _feel(felt: LoadState, state: Loaded, rule: LoadRule, dt: float) -> None:
+    feel_load(felt, _named(state), rule, dt)
+
+
+@jit
+def feel_load(felt: LoadState, state: Loaded, rule: LoadRule, dt: float) -> None:
     """Observe, and correct the dynamics by what is felt."""
-    _observe(felt, state, inertia, rate, dt)
-    _carry(state, LoadState(*felt).residual, most)
+    own, load = LoadState(*felt), LoadRule(*rule)
+    _observe(own, state, load.inertia, load.rate, dt)
+    _carry(state, own.residual, load.most)
 
 
 @jit
 def _carry(state: Loaded, load: np.ndarray, most: float) -> None:
     """Give the dynamics the mass and centre of mass that `load` (3,) tells of."""
-    state = Loaded(*state)
-    dynamics = Dynamics(*state.dynamics)
+    dynamics = state.dynamics
     mass, bias, com = dynamics.mass, dynamics.bias, dynamics.com
     before = mass[0, 0]
     after = before - load[0] / GRAVITY

@@ -10,6 +10,7 @@ from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import cross
 from wasd_core.rotations import yaw_matrix
 
+from quadruped_sim.algebra import plain
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.grip import Grip
 from quadruped_sim.locomotion.convex_mpc import ConvexMpc
@@ -18,15 +19,23 @@ from quadruped_sim.locomotion.feedback import base_acceleration
 from quadruped_sim.locomotion.feedback import BaseTracking
 from quadruped_sim.locomotion.feedback import joint_command
 from quadruped_sim.locomotion.feedback import standing_forces
+from quadruped_sim.locomotion.footwork import blank_feet
+from quadruped_sim.locomotion.footwork import FootAims
+from quadruped_sim.locomotion.footwork import FootRules
+from quadruped_sim.locomotion.footwork import FootStages
+from quadruped_sim.locomotion.footwork import stance_rule
+from quadruped_sim.locomotion.footwork import step_feet
 from quadruped_sim.locomotion.gait import Gait
 from quadruped_sim.locomotion.reference import BaseReference
+from quadruped_sim.locomotion.reference import blank_reference
 from quadruped_sim.locomotion.reference import horizon
 from quadruped_sim.locomotion.reference import Reference
 from quadruped_sim.locomotion.reference import travel
 from quadruped_sim.locomotion.reference import turned
 from quadruped_sim.locomotion.step_height import StepHeight
+from quadruped_sim.locomotion.swing import blank_targets
 from quadruped_sim.locomotion.swing import SwingLegs
-from quadruped_sim.locomotion.swing import Tread
+from quadruped_sim.locomotion.swing import SwingTargets
 from quadruped_sim.locomotion.whole_body import WholeBody
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
@@ -43,8 +52,6 @@ _REST = (0.08, 0.05)
 _UNREST = (0.25, 0.10)
 # Below this share of its height a robot is still standing up, and goes nowhere.
 _UP = 0.85
-# Share of a stance after which a foot has come to rest.
-_SETTLED = 0.15
 
 
 class Locomotion:
@@ -75,18 +82,22 @@ class Locomotion:
         self._params = params
         self._nominal_height = self._height_of(params)
         self.schedule = self.gait.state()
-        self.is_stance = np.ones(4, dtype=bool)
+        self._flat_feet, self._feet = blank_feet()
+        self.is_stance, self.trust = self._feet.is_stance, self._feet.trust
+        stages = FootStages(
+            self.ground.flat, self.reference.flat, self.grip.flat, self.step_height.flat
+        )
+        self._stages = plain(stages)
+        # What the stages go by, in ticks of so long [s].
+        self._rules: tuple[FootRules | None, float] = None, 0.0
         self._forces = np.zeros((4, 3))
-        self._early = np.zeros(4, dtype=bool)  # what touched before its time
-        self._is_loaded = np.zeros(4, dtype=bool)  # what tells of the ground
-        self._points = np.zeros((4, 3))  # where feet touch or would touch, world axes [m]
-        self._frame = np.eye(3)  # from the axes in which feet have friction to the world
+        self._frame = self.ground.frame()  # from the axes in which feet have friction to the world
         self._since_solution = math.inf
         self._height = self._nominal_height
 
     def tune(self, params: LegControllerParameters) -> None:
         """Go on with other parameters, from the next step."""
-        self._params = params
+        self._params, self._rules = params, (None, 0.0)
         self._nominal_height = self._height_of(params)
         self.gait.params = params.gait
         self.ground.params = params.ground
@@ -114,11 +125,10 @@ class Locomotion:
         self.ground.reset(state.feet - (0.0, 0.0, self._model.geometry.foot_radius))
         self._height = float(state.base.position[2]) - self.ground.height
         self.schedule = self.gait.state()
-        self.is_stance = np.ones(4, dtype=bool)
+        self.is_stance[:], self._feet.is_early[:] = True, False
         self.swing_legs.reset(state.feet)
         self.step_height.reset()
         self.forget_grip()
-        self._early[:] = False
         self._forces = standing_forces(GRAVITY * state.mass, self.is_stance)
         self._since_solution = math.inf
 
@@ -138,19 +148,8 @@ class Locomotion:
         wants_steps = is_driven or self._is_unsteady(state)
         error = self._velocity_error(state, command)
         self.schedule = self.gait.step(dt, speed, wants_steps, error, is_ending=not is_driven)
-        self._update_stance(state)
-        points, loaded = self._points, self._is_loaded
-        self.ground.step(points, loaded, dt)
-        height_of_step = self.step_height.step(state, self.schedule, points, self.ground, dt)
-        self._frame = self.ground.frame()
-        self.grip.step(state, loaded, self._frame, dt)
+        reference, swing = self._step_feet(state, command, dt)
         self._use_grip()
-        tread = Tread(height_of_step, max(self.schedule.pace, self.step_height.roughness))
-        height = self._settle_height(dt)
-        reference = self.reference.step(state, command, self.ground, height, dt)
-        swing = self.swing_legs.step(
-            state, self.schedule, self.is_stance, reference, self.ground, tread
-        )
         if self.gait.is_stepping:
             self._plan_forces(state, reference, dt)
             acceleration = self._tracking.acceleration(state, reference, self._forces)
@@ -203,34 +202,43 @@ class Locomotion:
         """Where feet stand below a base at rest, yaw frame (4, 3) [m]."""
         return self.swing_legs.nominal * (*self.schedule.footprint, 0.0)
 
-    def trust(self, state: RobotState) -> np.ndarray:
-        """How surely each foot stands (4,) in [0, 1]: by schedule, phase and felt force."""
-        contact = self._params.contact
-        trust = np.empty(4)
-        window = max(self._params.kalman.phase_window, 1e-6) if self.gait.is_stepping else 0.0
-        legs = self.is_stance, self._early, self.schedule.phase
-        _find_trust(state.flat, legs, (contact.force_off, contact.force_on), window, trust)
-        return trust
-
-    def _update_stance(self, state: RobotState) -> None:
-        """Stance by schedule, or from a touch late in the swing on; remembers lift-off points."""
-        stance, lifted = np.empty(4, dtype=bool), np.empty(4, dtype=bool)
-        legs = self.schedule.is_stance, self.schedule.phase, self.is_stance
-        late = self._params.gait.early_contact_phase
-        feel = stance, lifted, self._early, self._is_loaded, self._points
-        _feel_stance(state.flat, legs, late, self._model.geometry.foot_radius, feel)
-        if any(lifted.tolist()):
-            self.swing_legs.lift(lifted, state.feet)
-        if stance.tolist() != self.is_stance.tolist():
+    def _step_feet(
+        self, state: RobotState, command: np.ndarray, dt: float
+    ) -> tuple[BaseReference, SwingTargets]:
+        """Find who stands, on what, and what base and feet in the air shall do."""
+        legs, schedule = self.swing_legs, plain(self.schedule)
+        wanted, targets = blank_reference(float(command[2])), blank_targets(self.is_stance)
+        aims = FootAims(plain(wanted), plain(targets), legs.lift_off, legs.hips, legs.room)
+        asked = command, self._settle_height(dt), dt, self.gait.is_stepping
+        stages = self._stages, self._rules_of(dt)
+        if step_feet(state.flat, self._flat_feet, schedule, stages, plain(aims), asked):
             self._since_solution = math.inf
-        self.is_stance = stance
+        legs.aims = self._feet.landing
+        return wanted, targets
+
+    def _rules_of(self, dt: float) -> FootRules:
+        """Return `FootRules` for ticks of `dt` [s], plain."""
+        rules, tick = self._rules
+        if rules is None or tick != dt:
+            legs, reference = self.swing_legs, self.reference
+            radius = self._model.geometry.foot_radius
+            rules = FootRules(
+                plain(stance_rule(self._params, radius)),
+                plain(self.ground.rule(dt)),
+                plain(self.grip.rule(dt)),
+                plain(self.step_height.rule(dt)),
+                *(reference.rule, legs.rule, plain(legs.gains)),
+            )
+            rules = plain(rules)
+            self._rules = rules, dt
+        return rules
 
     def _plan_forces(self, state: RobotState, reference: BaseReference, dt: float) -> None:
         """Ask the MPC when its time has come; a foot that has just lifted pushes no more."""
         self._since_solution += dt
         if self._since_solution >= self._params.mpc.period - 0.5 * dt:
             self._solve_mpc(state, reference)
-        self._forces[~self.is_stance] = 0.0
+            self._forces[~self.is_stance] = 0.0
 
     def _solve_mpc(self, state: RobotState, reference: BaseReference) -> None:
         """New forces from the MPC; the old ones stay when it fails."""
@@ -320,49 +328,3 @@ def _place_arms(
             dx, dy = turned(left * vx, left * vy, rate * (times[n] + 0.5 * left))
             arms[n, leg, 0], arms[n, leg, 1] = x + dx - com[0], y + dy - com[1]
             arms[n, leg, 2] = height
-
-
-@jit
-def _feel_stance(
-    robot: np.ndarray,
-    legs: tuple[np.ndarray, np.ndarray, np.ndarray],
-    late: float,
-    radius: float,
-    feel: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-) -> None:
-    """
-    Write which feet stand, have just lifted, touched early, bear load, and where all may touch.
-
-    `legs` are the schedule's stance and phases, and which stood before. A foot bears load that
-    stands and is felt to, once it has settled: only these say where the ground is.
-    """
-    state = robot[0]
-    scheduled, phase, before = legs
-    stance, lifted, early, loaded, points = feel
-    for i in range(4):
-        touches = state.is_contact[i] != 0
-        early[i] = not scheduled[i] and (early[i] or (phase[i] > late and touches))
-        stance[i] = scheduled[i] or early[i]
-        lifted[i] = before[i] and not stance[i]
-        loaded[i] = stance[i] and touches and (phase[i] > _SETTLED or early[i])
-        for k in range(3):
-            points[i, k] = state.feet[i, k] - (radius if k == 2 else 0.0)
-
-
-@jit
-def _find_trust(
-    robot: np.ndarray,
-    legs: tuple[np.ndarray, np.ndarray, np.ndarray],
-    thresholds: tuple[float, float],
-    window: float,
-    trust: np.ndarray,
-) -> None:
-    """Write `Locomotion.trust`; near the ends of a stance, by share `window`, it is less."""
-    is_stance, early, phase = legs
-    off, on = thresholds
-    for i in range(4):
-        felt = (robot[0].normal_forces[i] - off) / (on - off)
-        trust[i] = min(max(felt, 0.0), 1.0) if is_stance[i] else 0.0
-        if window > 0.0:
-            edge = min(phase[i], 1.0 - phase[i]) / window
-            trust[i] *= 0.5 if early[i] else min(edge, 1.0)

@@ -36,6 +36,11 @@ class BaseReference(NamedTuple):
     yaw_rate: float
 
 
+def blank_reference(yaw_rate: float) -> BaseReference:
+    """Return a reference to be written into."""
+    return BaseReference(np.empty(3), np.empty(3), np.empty(3), yaw_rate)
+
+
 class ReferenceState(NamedTuple):
     """What `Reference` keeps: see there. Its `height` is NaN before the first step."""
 
@@ -67,19 +72,19 @@ class Reference:
 
     def __init__(self, params: ReferenceParameters, scale: Scale) -> None:
         self._limits = _STEADY_ERROR * scale.of('m/s'), _HEIGHT_INTEGRAL_LIMIT * scale.of('m')
-        self._state = flatten(ReferenceState(np.zeros(2), np.zeros(2)))
+        self.flat = flatten(ReferenceState(np.zeros(2), np.zeros(2)))
         self.tune(params)
 
     def tune(self, params: ReferenceParameters) -> None:
         """Take other gains and limits."""
         velocity = params.velocity_integral, params.velocity_integral_limit, self._limits[0]
         height = params.height_integral, self._limits[1]
-        self._rule = flatten(ReferenceRule(params.position_leash, *velocity, *height))
+        self.rule = flatten(ReferenceRule(params.position_leash, *velocity, *height))
 
     def reset(self, state: RobotState) -> None:
         """Desire the present place and heading, without integrals."""
         here, yaw = state.base.position[:2], float(state.base.rpy[2])
-        self._state = flatten(ReferenceState(here, np.zeros(2), yaw))
+        self.flat[:] = flatten(ReferenceState(here, np.zeros(2), yaw))
 
     def step(
         self, state: RobotState, command: np.ndarray, ground: Ground, height: float, dt: float
@@ -90,14 +95,14 @@ class Reference:
         The base is kept `height` [m] above the ground plane, moves with it as it changes, and is
         parallel to the plane.
         """
-        wanted = BaseReference(np.empty(3), np.empty(3), np.empty(3), float(command[2]))
+        wanted = blank_reference(float(command[2]))
         asked = command, height, dt
-        _advance(self._state, self._rule, state.flat, ground.flat, asked, plain(wanted))
+        advance(self.flat, self.rule, state.flat, ground.flat, asked, plain(wanted))
         return wanted
 
 
 @jit
-def _advance(
+def advance(
     flat_own: np.ndarray,
     flat_rule: np.ndarray,
     robot: np.ndarray,
@@ -105,6 +110,7 @@ def _advance(
     asked: tuple[np.ndarray, float, float],
     wanted: BaseReference,
 ) -> None:
+    """Advance a flat `ReferenceState`, and write the reference: see `Reference.step`."""
     own, rule, base, plane = flat_own[0], flat_rule[0], robot[0].base, ground[0]
     command, height, dt = asked
     wanted = BaseReference(*wanted)

@@ -2,6 +2,7 @@
 """How high the feet are lifted: by what the ground has felt like."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
@@ -22,6 +23,21 @@ _FLAT, _ROUGH = 0.012, 0.035
 _MID_SWING = (0.15, 0.85)
 
 
+class StepRule(NamedTuple):
+    """
+    A force that is a stumble [N], flat and rough [m], what of the roughness a tick leaves.
+
+    Steps have a height on flat ground, and so much more on rough [m].
+    """
+
+    force: float
+    flat: float
+    rough: float
+    left: float
+    height: float
+    higher: float
+
+
 class StepHeight:
     """
     Steps are low on flat ground, high after a stumble [Focchi2013] or where footholds are uneven.
@@ -31,6 +47,7 @@ class StepHeight:
 
     def __init__(self, params: GaitParameters, contact: ContactParameters, model: RobotModel):
         self._scale = model.scale.of('m')
+        self.flat = np.zeros(1)
         self.tune(params, contact)
         self.reset()
 
@@ -42,7 +59,12 @@ class StepHeight:
 
     def reset(self) -> None:
         """Expect flat ground."""
-        self.roughness = 0.0
+        self.flat[0] = 0.0
+
+    @property
+    def roughness(self) -> float:
+        """How rough the ground is, from 0 to 1."""
+        return float(self.flat[0])
 
     def step(
         self, state: RobotState, schedule: GaitState, points: np.ndarray, ground: Ground, dt: float
@@ -52,12 +74,30 @@ class StepHeight:
 
         `points` (4, 3) are where the feet touch or would touch, world axes [m].
         """
+        legs, rule = (schedule.is_stance, schedule.phase), self.rule(dt)
+        return find_step_height(state.flat, ground.flat, legs, points, self.flat, rule)
+
+    def rule(self, dt: float) -> StepRule:
+        """Return how the ground is felt in ticks of `dt` [s]."""
         params, scale = self._params, self._scale
+        left = math.exp(-dt / params.terrain_time)
         limits = self._force, _FLAT * scale, _ROUGH * scale
-        legs = schedule.is_stance, schedule.phase
-        felt = _feel_steps(state.flat, ground.flat, legs, points, limits)
-        self.roughness = max(self.roughness * math.exp(-dt / params.terrain_time), felt)
-        return params.step_height + self.roughness * self._higher
+        return StepRule(*limits, left, params.step_height, self._higher)
+
+
+@jit
+def find_step_height(
+    robot: np.ndarray,
+    ground: np.ndarray,
+    legs: tuple[np.ndarray, np.ndarray],
+    points: np.ndarray,
+    own: np.ndarray,
+    rule: StepRule,
+) -> float:
+    """Advance the roughness `own` (1,) by a tick; return the height of a step [m]."""
+    limits = rule.force, rule.flat, rule.rough
+    own[0] = max(own[0] * rule.left, _feel_steps(robot, ground, legs, points, limits))
+    return float(rule.height + own[0] * rule.higher)
 
 
 @jit

@@ -209,6 +209,11 @@ class SwingTargets(NamedTuple):
     is_stance: np.ndarray
 
 
+def blank_targets(is_stance: np.ndarray) -> SwingTargets:
+    """Return targets to be written into."""
+    return SwingTargets(np.empty((4, 3)), np.empty((4, 3)), np.empty((4, 3)), is_stance)
+
+
 class SwingGains(NamedTuple):
     """Acceleration of a foot per error of position [1/s^2] and of velocity [1/s]."""
 
@@ -227,9 +232,9 @@ class SwingLegs:
         self.nominal = model.geometry.hip.copy()
         self.nominal[:, 1] += model.geometry.offset
         self.nominal[:, 2] = 0.0
-        self._lift_off = np.zeros((4, 3))
-        self._hips = model.geometry.hip
-        self._room = _ROOM * model.scale.of('m'), _LEAST * model.scale.of('m')
+        self.lift_off = np.zeros((4, 3))
+        self.hips = model.geometry.hip
+        self.room = _ROOM * model.scale.of('m'), _LEAST * model.scale.of('m')
         self.tune(params)
 
     def tune(self, params: LegControllerParameters) -> None:
@@ -240,15 +245,11 @@ class SwingLegs:
         self.rule = flatten(
             FootholdRule(self.nominal, *reach, *self._landing, self._foot_radius, self._apart)
         )
-        self._gains = SwingGains(gains.swing_position_gain, gains.swing_velocity_gain)
+        self.gains = SwingGains(gains.swing_position_gain, gains.swing_velocity_gain)
 
     def reset(self, feet: np.ndarray) -> None:
         """Take the present feet (4, 3), world, as lift-off points."""
-        self._lift_off = feet.copy()
-
-    def lift(self, legs: np.ndarray, feet: np.ndarray) -> None:
-        """Note where the feet of the mask `legs` (4,) leave the ground."""
-        self._lift_off[legs] = feet[legs]
+        self.lift_off[:] = feet
 
     def step(
         self,
@@ -264,9 +265,9 @@ class SwingLegs:
         asked = plain(schedule._replace(is_stance=is_stance)), plain(reference), tread.firmness
         find_landing(self.rule, state.flat, ground.flat, asked, landing)
         self.aims = landing
-        targets = SwingTargets(state.feet.copy(), np.zeros((4, 3)), np.zeros((4, 3)), is_stance)
-        paths = plain(FootPaths(self._lift_off, landing, *tread, self._hips, self._room))
-        _lead(state.flat, paths, asked[0], plain(self._gains), plain(targets))
+        targets = blank_targets(is_stance)
+        paths = plain(FootPaths(self.lift_off, landing, *tread, self.hips, self.room))
+        lead(state.flat, paths, asked[0], plain(self.gains), plain(targets))
         return targets
 
 
@@ -339,20 +340,22 @@ def headroom(base: BaseMotion, hip: np.ndarray, x: float, y: float, room: float)
 
 
 @jit
-def _lead(
+def lead(
     robot: np.ndarray,
     paths: FootPaths,
     schedule: GaitState,
     gains: SwingGains,
     targets: SwingTargets,
 ) -> None:
-    """Write the targets of the feet in the air; those that stand keep theirs."""
+    """Write the targets of the feet in the air; those that stand stay where they are."""
     lift_off, landing, height, firmness, hips, room = paths
     schedule, gains, targets = GaitState(*schedule), SwingGains(*gains), SwingTargets(*targets)
     position, velocity, acceleration = targets.position, targets.velocity, targets.acceleration
     moves, feet, base = _foot_velocities(robot), robot[0].feet, robot[0].base
     arrival = _ARRIVAL + firmness * (1.0 - _ARRIVAL)
     for leg in range(4):
+        for k in range(3):
+            position[leg, k], velocity[leg, k], acceleration[leg, k] = feet[leg, k], 0.0, 0.0
         if targets.is_stance[leg]:
             continue
         phase = schedule.phase[leg]

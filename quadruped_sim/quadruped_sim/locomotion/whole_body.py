@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whole-body QP: joint torques whose base acceleration and foot forces are the ones asked for."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -41,8 +40,7 @@ class WholeBodyTask(NamedTuple):
     ground: np.ndarray
 
 
-@dataclass(frozen=True)
-class WholeBodyResult:
+class WholeBodyResult(NamedTuple):
     """`torque` (12,) [N m]; `forces` (4, 3) [N] on the feet, world axes; whether the QP solved."""
 
     torque: np.ndarray
@@ -124,28 +122,25 @@ class WholeBody:
         """
         asked = plain(task)
         costs = self._costs[task.is_stance.tolist().count(True)]
-        _reduce(state.flat, asked, self._legs)
-        _weigh(state.flat, asked, self._legs, self._weights, plain(costs))
+        _pose(state.flat, asked, self._legs, self._weights, plain(costs))
         bounds = self.pyramids.bounds(len(costs.g) // 3)
         forces, is_solved = self._forces(costs, bounds)
 
-        def outcome(forces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            torque, in_world = np.empty(12), np.zeros((4, 3))
-            _find_torque(state.flat, asked, self._legs, forces, torque, in_world)
-            return torque, in_world
+        limits = self._limits
 
-        torque, in_world = outcome(forces)
-        limits, rates = self._limits, state.joint_velocity
-        if spares_motors and _overtaxes(
-            limits.effort, limits.velocity, rates, torque, task.is_stance
-        ):
+        def outcome(forces: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+            out, motors = (np.empty(12), np.zeros((4, 3))), (limits.effort, limits.velocity)
+            return *out, _answer(state.flat, asked, self._legs, forces, out, motors)
+
+        torque, in_world, overtaxes = outcome(forces)
+        if spares_motors and overtaxes:
             joints = np.flatnonzero(task.is_stance.repeat(3))
-            motors = motor_range(limits, rates)[:, joints]
+            motors = motor_range(limits, state.joint_velocity)[:, joints]
             free = outcome(np.zeros_like(forces))[0]
             slopes = np.array([outcome(unit)[0] - free for unit in np.eye(len(forces))])
             rows = slopes[:, joints].T, *(motors - free[joints])
             forces, is_solved = self._forces(costs, bounds.with_soft(*rows))
-            torque, in_world = outcome(forces)
+            torque, in_world, _ = outcome(forces)
         return WholeBodyResult(torque, in_world, is_solved)
 
     def _forces(self, costs: Costs, bounds: ForceBounds) -> tuple[np.ndarray, bool]:
@@ -220,9 +215,42 @@ def _find_legs(state: RobotState, task: WholeBodyTask, legs: LegTerms) -> None:
 
 
 @jit
+def _pose(
+    robot: np.ndarray,
+    task: WholeBodyTask,
+    flat_legs: np.ndarray,
+    flat_weights: np.ndarray,
+    costs: Costs,
+) -> None:
+    """Write `LegTerms`, flat, and the costs of the QP."""
+    named = WholeBodyTask(*task)
+    _reduce(robot, named, flat_legs)
+    _weigh(robot, named, flat_legs, flat_weights, Costs(*costs))
+
+
+@jit
+def _answer(
+    robot: np.ndarray,
+    task: WholeBodyTask,
+    flat_legs: np.ndarray,
+    forces: np.ndarray,
+    out: tuple[np.ndarray, np.ndarray],
+    motors: tuple[np.ndarray, np.ndarray],
+) -> bool:
+    """
+    Write torques and the forces in world axes: see `_find_torque`.
+
+    Return whether they overtax `motors` of efforts and no-load speeds, (12,).
+    """
+    named, (torque, in_world) = WholeBodyTask(*task), out
+    _find_torque(robot, named, flat_legs, forces, torque, in_world)
+    return _overtaxes(motors[0], motors[1], robot[0].joint_velocity, torque, named.is_stance)
+
+
+@jit
 def _reduce(robot: np.ndarray, task: WholeBodyTask, flat_legs: np.ndarray) -> None:
     """Eliminate the joints' accelerations: write `LegTerms`, flat."""
-    state, legs, task = robot[0], flat_legs[0], WholeBodyTask(*task)
+    state, legs = robot[0], flat_legs[0]
     base, dynamics, is_stance = state.base, state.dynamics, task.is_stance
     _find_legs(state, task, legs)
     ground = np.zeros((3, 3))  # from ground axes to the base's
@@ -271,7 +299,6 @@ def _weigh(
 ) -> None:
     """Write the costs of the QP."""
     base, legs, weights = robot[0].base, flat_legs[0], flat_weights[0]
-    task, costs = WholeBodyTask(*task), Costs(*costs)
     T, R = legs.T, base.R
     linear = rotate_back(R, task.base_acceleration[:3])
     angular = rotate_back(R, task.base_acceleration[3:])
@@ -309,7 +336,6 @@ def _find_torque(
 ) -> None:
     """Write joint torques (12,) [N m] by the joint rows, and the forces (4, 3) in world axes."""
     legs, base, dynamics = flat_legs[0], robot[0].base, robot[0].dynamics
-    task = WholeBodyTask(*task)
     v = np.empty(18)
     for k in range(6):
         v[k] = legs.t[k]

@@ -84,7 +84,7 @@ class AfterTrot(State):
         locomotion, command_filter = self._parts.locomotion, self._parts.command_filter
         command_filter.request(0.0, 0.0, 0.0)
         command = locomotion.step(robot, command_filter.step(dt), dt, is_halting=True)
-        self.trust = locomotion.trust(robot)
+        self.trust = locomotion.trust
         self._halting -= dt
         if not locomotion.gait.is_stepping or self._halting <= 0.0:
             locomotion.gait.reset()
@@ -174,7 +174,7 @@ class Trotting(State):
         self._parts.command_filter.grip = locomotion.grip.share
         command = self._parts.command_filter.step(dt, may_go=locomotion.is_up)
         result = locomotion.step(robot, command, dt)
-        self.trust = locomotion.trust(robot)
+        self.trust = locomotion.trust
         return result
 
     def _read_command(self) -> None:

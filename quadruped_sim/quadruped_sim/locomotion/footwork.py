@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The feet of one tick, in one compiled call: who stands, on what, and where the others go."""
+
+from typing import NamedTuple
+
+import numpy as np
+from wasd_core.jit import jit
+
+from quadruped_sim.algebra import flatten
+from quadruped_sim.algebra import view_of
+from quadruped_sim.estimation.contacts import follow_plane
+from quadruped_sim.estimation.contacts import PlaneFilter
+from quadruped_sim.estimation.grip import feel_grip
+from quadruped_sim.estimation.grip import GripRule
+from quadruped_sim.locomotion.gait import GaitState
+from quadruped_sim.locomotion.reference import advance
+from quadruped_sim.locomotion.reference import BaseReference
+from quadruped_sim.locomotion.step_height import find_step_height
+from quadruped_sim.locomotion.step_height import StepRule
+from quadruped_sim.locomotion.swing import find_landing
+from quadruped_sim.locomotion.swing import FootPaths
+from quadruped_sim.locomotion.swing import lead
+from quadruped_sim.locomotion.swing import SwingGains
+from quadruped_sim.locomotion.swing import SwingTargets
+from quadruped_sim.parameters import LegControllerParameters
+
+# Share of a stance after which a foot has come to rest.
+_SETTLED = 0.15
+
+
+class Feet(NamedTuple):
+    """
+    What is kept of the feet, each (4,) or (4, 3).
+
+    `points` is where they touch or would touch and `landing` where they are to land, world axes
+    [m], `trust` in [0, 1] how surely they stand. Flags are who stands, has just left the ground,
+    touched before its time, and bears load, so that it tells of the ground.
+    """
+
+    points: np.ndarray
+    landing: np.ndarray
+    trust: np.ndarray
+    is_stance: np.ndarray
+    has_lifted: np.ndarray
+    is_early: np.ndarray
+    is_loaded: np.ndarray
+
+
+def blank_feet() -> tuple[np.ndarray, Feet]:
+    """Return feet that all stand, flat and as a view on that."""
+    three, flags = np.zeros((4, 3)), np.zeros(4, dtype=bool)
+    blank = Feet(three, three, np.ones(4), ~flags, flags, flags, flags)
+    flat = flatten(blank)
+    return flat, view_of(flat, blank)
+
+
+class StanceRule(NamedTuple):
+    """
+    When a foot stands, and how surely.
+
+    One that touches from the phase `late` of its swing on does; feet are balls of `radius` [m].
+    Trust grows from the force `off` to `on` [N], and near the ends of a stance by share `window`.
+    """
+
+    late: float
+    radius: float
+    off: float
+    on: float
+    window: float
+
+
+def stance_rule(params: LegControllerParameters, radius: float) -> StanceRule:
+    """Return the rule by parameters, of feet of a radius [m]."""
+    contact, window = params.contact, max(params.kalman.phase_window, 1e-6)
+    late = params.gait.early_contact_phase
+    return StanceRule(late, radius, contact.force_off, contact.force_on, window)
+
+
+class FootRules(NamedTuple):
+    """The rules of all stages, flat ones among them: see each."""
+
+    stance: StanceRule
+    plane: PlaneFilter
+    grip: GripRule
+    step: StepRule
+    reference: np.ndarray
+    foothold: np.ndarray
+    gains: SwingGains
+
+
+class FootStages(NamedTuple):
+    """What the stages keep: `Plane` and `ReferenceState`, flat; of others a number each, (1,)."""
+
+    plane: np.ndarray
+    reference: np.ndarray
+    grip: np.ndarray
+    roughness: np.ndarray
+
+
+class FootAims(NamedTuple):
+    """The base's reference and the targets to be written; what `FootPaths` has of each leg."""
+
+    wanted: BaseReference
+    targets: SwingTargets
+    lift_off: np.ndarray
+    hips: np.ndarray
+    room: tuple[float, float]
+
+
+@jit
+def step_feet(
+    robot: np.ndarray,
+    feet: np.ndarray,
+    schedule: GaitState,
+    stages: tuple[FootStages, FootRules],
+    aims: FootAims,
+    asked: tuple[np.ndarray, float, float, bool],
+) -> bool:
+    """
+    Advance all stages of a tick and write `Feet`, flat, and `aims`; whether others stand now.
+
+    `asked` are the velocity command (3,), the base's height [m], dt [s] and if the legs step.
+    """
+    legs, schedule, aims = feet[0], GaitState(*schedule), FootAims(*aims)
+    own, rules = FootStages(*stages[0]), FootRules(*stages[1])
+    command, height, dt, is_stepping = asked
+    stance = StanceRule(*rules.stance)
+    is_new = _feel_stance(robot, feet, schedule, stance, aims.lift_off)
+    follow_plane(own.plane, legs.points, legs.is_loaded, rules.plane)
+    scheduled = schedule.is_stance, schedule.phase
+    rise = find_step_height(
+        robot, own.plane, scheduled, legs.points, own.roughness, StepRule(*rules.step)
+    )
+    feel_grip(robot, legs.is_loaded, own.plane[0].frame, own.grip, GripRule(*rules.grip))
+    wanted = aims.wanted
+    advance(own.reference, rules.reference, robot, own.plane, (command, height, dt), wanted)
+    firmness = max(schedule.pace, own.roughness[0])
+    times = schedule.stance_time, schedule.swing_time, schedule.pace, schedule.footprint
+    steps = GaitState(legs.is_stance, schedule.phase, *times)
+    find_landing(rules.foothold, robot, own.plane, (steps, wanted, firmness), legs.landing)
+    paths = FootPaths(aims.lift_off, legs.landing, rise, firmness, aims.hips, aims.room)
+    lead(robot, paths, steps, rules.gains, aims.targets)
+    _find_trust(robot, feet, schedule.phase, stance, is_stepping)
+    return is_new
+
+
+@jit
+def _feel_stance(
+    robot: np.ndarray,
+    feet: np.ndarray,
+    schedule: GaitState,
+    rule: StanceRule,
+    lift_off: np.ndarray,
+) -> bool:
+    """
+    Write which feet stand, have just lifted and from where, touched early, and bear load.
+
+    A foot stands by schedule, or from a touch late in the swing on. It bears load if it is felt
+    to, once it has settled: only these say where the ground is. Return if others stand now.
+    """
+    state, legs, is_new = robot[0], feet[0], False
+    for i in range(4):
+        touches, phase = state.is_contact[i] != 0, schedule.phase[i]
+        scheduled = schedule.is_stance[i]
+        early = not scheduled and (legs.is_early[i] != 0 or (phase > rule.late and touches))
+        stands, stood = scheduled or early, legs.is_stance[i] != 0
+        legs.is_early[i], legs.is_stance[i] = early, stands
+        legs.has_lifted[i] = stood and not stands
+        is_new = is_new or stood != stands
+        legs.is_loaded[i] = stands and touches and (phase > _SETTLED or early)
+        for k in range(3):
+            legs.points[i, k] = state.feet[i, k] - (rule.radius if k == 2 else 0.0)
+            if legs.has_lifted[i]:
+                lift_off[i, k] = state.feet[i, k]
+    return is_new
+
+
+@jit
+def _find_trust(
+    robot: np.ndarray, feet: np.ndarray, phase: np.ndarray, rule: StanceRule, is_stepping: bool
+) -> None:
+    """Write how surely each foot stands: by schedule, phase and felt force."""
+    legs = feet[0]
+    for i in range(4):
+        felt = (robot[0].normal_forces[i] - rule.off) / (rule.on - rule.off)
+        legs.trust[i] = min(max(felt, 0.0), 1.0) if legs.is_stance[i] else 0.0
+        if is_stepping:
+            edge = min(phase[i], 1.0 - phase[i]) / rule.window
+            legs.trust[i] *= 0.5 if legs.is_early[i] else min(edge, 1.0)
