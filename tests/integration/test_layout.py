@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rules that hold the packages together: layers, names, versions, sizes, the wheel."""
+"""The rules that hold the packages together: layers, names, versions, manifests."""
 
 import ast
-from collections.abc import Iterator
-import configparser
 from fnmatch import fnmatch
 import functools
 import importlib.metadata
@@ -11,19 +9,21 @@ import importlib.util
 from pathlib import Path
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import textwrap
-import tomllib
 from xml.etree import ElementTree
-import zipfile
 
 from executables import SCRIPTS
 import pytest
-
-ROOT = Path(__file__).resolve().parents[2]
-PROJECT = tomllib.loads((ROOT / 'pyproject.toml').read_text())
+from source_trees import ALSO_IN
+from source_trees import data_files
+from source_trees import imports
+from source_trees import modules
+from source_trees import nodes
+from source_trees import PACKAGES
+from source_trees import PROJECT
+from source_trees import ROOT
 
 # What a package may import: arrows point down only, and the keyboard knows no simulation. One that
 # does not stand here simulates or controls.
@@ -61,27 +61,7 @@ ROSDEP_KEYS = {
     'yaml': 'python3-yaml',
     'yourdfpy': None,
 }
-# Import packages beside the one that a package is named after: `import wasd`.
-ALSO_IN = {'wasd_bringup': ('wasd',)}
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
-LONGEST_FUNCTION = 50  # lines
-MOST_KERNEL_ARGUMENTS = 6
-KERNEL_DECORATORS = {'jit', 'fast'}
-# They hear what numba compiles, and compile nothing.
-LISTENS_TO_NUMBA = {'quadruped_sim.compilation', 'wasd_navigation.parts'}
-
-PACKAGES = sorted(path.parent.name for path in ROOT.glob('*/package.xml'))
-
-
-@functools.cache
-def modules(package: str) -> dict[str, Path]:
-    """Return the modules of a package, by dotted name."""
-    folder = ROOT / package
-    return {
-        '.'.join(path.relative_to(folder).with_suffix('').parts): path
-        for name in (package, *ALSO_IN.get(package, ()))
-        for path in (folder / name).rglob('*.py')
-    }
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -89,35 +69,6 @@ def _forget_syntax_trees():
     """Let half a million nodes go: later tests fork, and collect garbage."""
     yield
     nodes.cache_clear()
-
-
-@functools.cache
-def nodes(path: Path) -> tuple[ast.AST, ...]:
-    """Return every node of a module's syntax tree."""
-    return tuple(ast.walk(ast.parse(path.read_text())))
-
-
-@functools.cache
-def imports(path: Path) -> tuple[str, ...]:
-    """Return the dotted names that a module imports anywhere in it, also by `import_module`."""
-    return tuple(_imports(path))
-
-
-def _imports(path: Path) -> Iterator[str]:
-    for node in nodes(path):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f'{path}: imports are absolute here'
-            yield from (f'{node.module}.{alias.name}' for alias in node.names)
-        elif isinstance(node, ast.Call) and is_import_module(node.func):
-            yield from (a.value for a in node.args if isinstance(a, ast.Constant))
-
-
-def is_import_module(function: ast.expr) -> bool:
-    """Return whether what is called is `import_module`, by that name or as importlib's."""
-    name = getattr(function, 'attr', None) or getattr(function, 'id', '')
-    return bool(name == 'import_module')
 
 
 def roots(package: str) -> set[str]:
@@ -309,16 +260,6 @@ def test_every_executable_leads_to_what_runs(target):
     assert function in callables
 
 
-def data_files(package: str) -> set[str]:
-    """Return the files of an import package that are not Python, relative to it."""
-    folder = ROOT / package / package
-    return {
-        path.relative_to(folder).as_posix()
-        for path in folder.rglob('*')
-        if path.is_file() and path.suffix != '.py' and '__pycache__' not in path.parts
-    }
-
-
 @pytest.mark.parametrize('package', PACKAGES)
 def test_colcon_installs_every_data_file(package):
     patterns = colcon_setup(package)['package_data']
@@ -340,208 +281,7 @@ def test_every_python_file_says_its_licence():
     assert len((ROOT / 'wasd').read_text().splitlines()) <= 200
 
 
-# Facts of which some code has to know all values: the module in whose literals they stand.
-ONE_HOME = {
-    'worlds': ({'flat', 'room'}, 'mujoco_sim.scene'),
-    'terrains': ({'slope', 'stairs', 'step', 'boxes'}, 'mujoco_sim.scene'),
-    'drive modes': ({'float', 'arbotix', 'fake'}, 'diff_drive_sim.__init__'),
-    'opposite sides': ({'left', 'right', 'front', 'back'}, 'robot_description.joint_names'),
-}
-
-
-@functools.cache
-def literals(path: Path) -> tuple[set[object], ...]:
-    """Return the constants of each tuple, list and set in a module, and the keys of each dict."""
-    found = []
-    for node in nodes(path):
-        if isinstance(node, ast.Dict | ast.Tuple | ast.List | ast.Set):
-            values = node.keys if isinstance(node, ast.Dict) else node.elts
-            found.append({value.value for value in values if isinstance(value, ast.Constant)})
-    return tuple(found)
-
-
-def homes(words: set[str]) -> set[str]:
-    """Return the modules in which three or all of these words stand in one literal."""
-    return {
-        module
-        for package in PACKAGES
-        for module, path in modules(package).items()
-        if any(len(literal & words) >= min(3, len(words)) for literal in literals(path))
-    }
-
-
-@pytest.mark.parametrize('fact', ONE_HOME)
-def test_a_fact_has_one_home(fact):
-    words, home = ONE_HOME[fact]
-    assert homes(words) == {home}
-
-
-def test_gravity_has_one_home():
-    known = {
-        module
-        for package in PACKAGES
-        for module, path in modules(package).items()
-        for node in nodes(path)
-        if isinstance(node, ast.Constant) and node.value in (9.81, -9.81, 9.8, 9.80665)
-    }
-    assert known == {'wasd_core.robot_io'}
-
-
-def test_the_words_for_keys_that_are_down_have_one_home():
-    words = {'HELD', 'RELEASE', 'HELD+', 'RELEASE+'}
-    known = {
-        module
-        for package in PACKAGES
-        for module, path in modules(package).items()
-        for node in nodes(path)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in words
-    }
-    assert known == {'wasd_core.key_events'}
-
-
-def library_functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
-    """Yield each function of the packages with the module that it stands in."""
-    for package in PACKAGES:
-        for module, path in modules(package).items():
-            for node in nodes(path):
-                if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                    yield module, node
-
-
-def test_no_function_is_longer_than_a_page():
-    long = {
-        f'{module}.{node.name}': length
-        for module, node in library_functions()
-        if (length := (node.end_lineno or 0) - node.lineno + 1) > LONGEST_FUNCTION
-    }
-    assert not long
-
-
-def test_no_compiled_kernel_takes_more_than_six_arguments():
-    wide = {
-        f'{module}.{node.name}': len(node.args.args)
-        for module, node in library_functions()
-        if any(ast.unparse(decorator) in KERNEL_DECORATORS for decorator in node.decorator_list)
-        and len(node.args.args) > MOST_KERNEL_ARGUMENTS
-    }
-    assert not wide
-
-
-def test_kernels_are_compiled_in_one_way():
-    compiling = {
-        module
-        for package in PACKAGES
-        for module, path in modules(package).items()
-        if re.search(r'\b(njit|numba\.jit)\b', path.read_text())
-    }
-    assert compiling == {'wasd_core.jit'}
-    importing = {
-        module
-        for package in PACKAGES
-        for module, path in modules(package).items()
-        if any(name.partition('.')[0] == 'numba' for name in imports(path))
-    }
-    assert importing == {'wasd_core.jit', *LISTENS_TO_NUMBA}
-
-
-def test_what_compiles_has_the_names_by_which_kernels_are_counted():
-    names = {
-        (target, ast.unparse(node.value).partition(',')[0])
-        for package in PACKAGES
-        for path in modules(package).values()
-        for node in nodes(path)
-        if isinstance(node, ast.Assign) and re.search(r'\bjit\b', ast.unparse(node.value))
-        for target in map(ast.unparse, node.targets)
-    }
-    assert names == {('fast', 'functools.partial(jit')}
-    renamed = [
-        path
-        for package in PACKAGES
-        for path in modules(package).values()
-        for node in nodes(path)
-        if isinstance(node, ast.alias) and node.asname and node.name in KERNEL_DECORATORS
-    ]
-    assert renamed == []
-
-
-def build_wheel(root: Path, folder: Path) -> zipfile.ZipFile:
-    """Return the wheel of a checkout, built into a folder."""
-    if importlib.util.find_spec('hatchling') is None:
-        pytest.skip('hatchling is not installed')
-    command = [sys.executable, '-m', 'hatchling', 'build', '-t', 'wheel', '-d', str(folder)]
-    subprocess.run(command, cwd=root, check=True, capture_output=True, text=True)
-    (path,) = folder.glob('*.whl')
-    return zipfile.ZipFile(path)
-
-
-@pytest.fixture(scope='module')
-def wheel(tmp_path_factory) -> Iterator[zipfile.ZipFile]:
-    """The wheel, built from the checkout."""
-    with build_wheel(ROOT, tmp_path_factory.mktemp('wheel')) as opened:
-        yield opened
-
-
-@pytest.mark.parametrize('package', PACKAGES)
-def test_the_wheel_holds_every_file_of_a_package(package, wheel):
-    wanted = {path.relative_to(ROOT / package).as_posix() for path in modules(package).values()}
-    wanted |= {f'{package}/{name}' for name in data_files(package)}
-    tops = (package, *ALSO_IN.get(package, ()))
-    held = {name for name in wheel.namelist() if name.partition('/')[0] in tops}
-    assert held - {f'{top}/py.typed' for top in tops} == wanted - {f'{package}/py.typed'}
-    assert {f'{top}/py.typed' for top in tops} <= held
-
-
-@pytest.mark.parametrize('package', PACKAGES)
-def test_the_wheel_makes_its_environment_an_ament_prefix(package, wheel):
-    shared = {name.partition('.data/data/')[2] for name in wheel.namelist()}
-    assert f'share/{package}/package.xml' in shared
-    assert f'share/ament_index/resource_index/packages/{package}' in shared
-    descriptions = {name for name in data_files(package) if fnmatch(name, 'urdf/*')}
-    assert {f'share/{package}/{name}' for name in descriptions} <= shared
-    for folder in ('config', 'foxglove', 'launch', 'rviz'):
-        names = {path.name for path in (ROOT / package).glob(f'{folder}/*.*')}
-        assert {f'share/{package}/{folder}/{name}' for name in names} <= shared
-
-
-def test_the_wheel_holds_the_executables_and_nothing_foreign(wheel):
-    (listed,) = (name for name in wheel.namelist() if name.endswith('entry_points.txt'))
-    parser = configparser.ConfigParser()
-    parser.read_string(wheel.read(listed).decode())
-    assert dict(parser['console_scripts']) == SCRIPTS
-    tops = {name.partition('/')[0] for name in wheel.namelist()}
-    assert {top for top in tops if not top.startswith('wasd-')} == {*PACKAGES, 'wasd'}
-
-
-def test_a_controller_of_another_kind_is_its_package_and_a_name_in_one_list(tmp_path):
-    for name in ('pyproject.toml', 'hatch_build.py', 'LICENSE', 'README.md'):
-        shutil.copy(ROOT / name, tmp_path)
-    listed = tmp_path / 'pyproject.toml'
-    listed.write_text(
-        re.sub('dev-mode-dirs = .*', 'dev-mode-dirs = ["spin_sim"]', listed.read_text())
-    )
-    written = {
-        'wasd_bringup/package.xml': '<package><version>1.0</version></package>',
-        'spin_sim/package.xml': '<package/>',
-        'spin_sim/setup.cfg': '[options.entry_points]\nconsole_scripts = spin = spin_sim.go:main',
-        'spin_sim/resource/spin_sim': '',
-        'spin_sim/config/spin.yaml': '',
-        'spin_sim/spin_sim/__init__.py': '',
-    }
-    for name, text in written.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
-    wheel = build_wheel(tmp_path, tmp_path / 'dist')
-    names = {name.partition('.data/data/')[2] or name for name in wheel.namelist()}
-    assert {
-        'spin_sim/__init__.py',
-        'share/spin_sim/package.xml',
-        'share/spin_sim/config/spin.yaml',
-        'share/ament_index/resource_index/packages/spin_sim',
-    } <= names
-    assert wheel.read('wasd-1.0.dist-info/entry_points.txt') == (
-        b'[console_scripts]\nspin = spin_sim.go:main\n'
-    )
-    # What it may import and which of its modules know ROS follows from what it is.
+def test_what_a_controller_of_another_kind_may_import_follows_from_what_it_is():
     assert below('spin_sim') == {'robot_description', 'wasd_core'}
     patterns = PROJECT['tool']['wasd']['ros_modules']
     assert any(fnmatch('spin_sim.spin_node', pattern) for pattern in patterns)

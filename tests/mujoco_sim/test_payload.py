@@ -92,7 +92,9 @@ def test_a_payload_is_a_mass_and_where_it_is():
     assert Payload.parse('.5@0.1,-.2,3e-2') == Payload(0.5, (0.1, -0.2, 0.03))
 
 
-@pytest.mark.parametrize('text', ['', '0', '-1', 'heavy', 'inf', '8@', '8@1,2', '8@0,0,nan', '@'])
+@pytest.mark.parametrize(
+    'text', ['', '0', '-1', '101', 'heavy', 'inf', '8@', '8@1,2', '8@0,0,nan', '@']
+)
 def test_anything_else_is_no_payload(text):
     with pytest.raises(UserError, match='payload: got .*, wanted KG or KG@X,Y,Z'):
         Payload.parse(text)

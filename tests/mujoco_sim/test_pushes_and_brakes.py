@@ -30,11 +30,16 @@ def test_a_push_gives_its_momentum_and_ends(ball, force, steps):
     np.testing.assert_allclose(ball.base().linear_velocity, expected, rtol=1e-9, atol=1e-15)
 
 
-def test_a_push_beyond_what_can_be_solved_ends_the_run_and_says_when(ball):
+def test_a_push_beyond_what_can_be_solved_ends_the_run_and_says_when(
+    ball, tmp_path, monkeypatch, capfd
+):
+    monkeypatch.chdir(tmp_path)
     ball.step(3)
     ball.push((1e12, 0.0, 0.0), 0.1)
     with pytest.raises(SimulationError, match=r'the physics diverged at 0\.00[45] s'):
         ball.step(2)
+    # MuJoCo by itself says it once more, and writes a log into the user's folder.
+    assert (capfd.readouterr().err, list(tmp_path.iterdir())) == ('', [])
 
 
 def test_a_push_acts_at_the_centre_of_mass(ball):

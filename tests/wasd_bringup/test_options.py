@@ -70,6 +70,13 @@ def test_a_scripted_run_ends_a_moment_after_its_last_line(read, tmp_path):
     assert read('--play', 'k', '--duration', '1').duration == 1.0
 
 
+def test_a_script_may_begin_with_the_mark_that_some_editors_write(read, tmp_path):
+    (tmp_path / 'k').write_text('0 2', encoding='utf-8-sig')
+    (tmp_path / 't').write_text('1 0.5 0 0', encoding='utf-8-sig')
+    options = read('--play', 'k', '--twist', 't')
+    assert (options.keys[0].key, options.twists[0].time) == ('2', 1.0)
+
+
 def test_an_empty_script_is_a_script(read, tmp_path):
     (tmp_path / 'k').write_text('# nothing yet\n')
     options = read('--play', 'k')
@@ -114,6 +121,10 @@ def test_what_is_recorded_of_a_run_are_its_options(read):
         (('--imu-drift', 'much'), "--imu-drift: got 'much', wanted a number >= 0"),
         (('--randomise', '1.5'), '--randomise must be >= 0 and <= 1, got 1.5'),
         (('--payload', 'heavy'), "--payload: got 'heavy', wanted KG or KG@X,Y,Z with KG > 0"),
+        (
+            ('--payload', '1e9'),
+            "--payload: got '1e9', wanted KG or KG@X,Y,Z with KG > 0 and <= 100",
+        ),
         (('--speed', 'inf'), "--speed: got 'inf'"),
         (('--play', 'gone'), '--play gone: No such file'),
         (('--twist', 'bytes'), '--twist bytes: not a text file'),

@@ -1,27 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """The navigator over topics: what it publishes, what it drives to, to whom it gives way."""
 
-import array
 import math
 
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
-from geometry_msgs.msg import PoseWithCovarianceStamped
 from geometry_msgs.msg import TransformStamped
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.msg import Odometry
 from navigation_stand_ins import StandInLocator
-from navigation_stand_ins import StandInPilot
+from navigator_rig import goal_at
+from navigator_rig import LEVEL
+from navigator_rig import located
+from navigator_rig import odometry_at
+from navigator_rig import Rig
+from navigator_rig import scan_at
 import numpy as np
 import pytest
-from rclpy.node import Node
 from rclpy.parameter import Parameter
-from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from wasd_core.rotations import Pose
 from wasd_core.topics import LATCHED
 from wasd_core.topics import tf_message_type
 from wasd_core.topics import TF_STATIC
@@ -29,85 +28,6 @@ from wasd_navigation.messages import from_pose
 from wasd_navigation.messages import to_occupancy
 from wasd_navigation.messages import to_path
 from wasd_navigation.messages import to_planar
-from wasd_navigation.messages import to_pose_stamped
-from wasd_navigation.navigator_node import NavigatorNode
-
-LEVEL = Pose(np.array([0.1, 0.0, 0.2]), np.eye(3))
-
-
-def odometry_at(stamp, x=0.0, yaw=0.0):
-    message = Odometry(child_frame_id='base')
-    message.header.frame_id = 'odom'
-    message.header.stamp = stamp
-    message.pose.pose.position.x = x
-    message.pose.pose.orientation.z = math.sin(0.5 * yaw)
-    message.pose.pose.orientation.w = math.cos(0.5 * yaw)
-    return message
-
-
-def scan_at(stamp):
-    message = LaserScan(angle_min=-1.0, angle_max=1.0, angle_increment=1.0, ranges=[1.0, 2.0, 3.0])
-    message.range_min, message.range_max = 0.1, 6.0
-    message.header.frame_id, message.header.stamp = 'laser', stamp
-    return message
-
-
-class Rig:
-    """A navigator in lock-step that has seen a scan, and what it commands and says."""
-
-    def __init__(self, node):
-        self.node, self.sent, self.said = node, [], []
-        node.send = lambda velocity: self.sent.append(velocity.tolist())
-        node.say = self.said.append
-        node.place_frame('laser', 'base', LEVEL)
-        self.look()
-
-    def look(self):
-        stamp = self.node.get_clock().now().to_msg()
-        self.node.take_odometry(odometry_at(stamp))
-        self.node.take_scan(scan_at(stamp))
-
-
-@pytest.fixture
-def make(spawn):
-    """Return a function that makes a navigator of stand-ins with parameters."""
-
-    def make(lock_step=True, **values):
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
-        parts = StandInLocator(), StandInPilot()
-        node = NavigatorNode(lock_step=lock_step, parameter_overrides=overrides, parts=parts)
-        return spawn(node)
-
-    return make
-
-
-@pytest.fixture
-def rig(make):
-    return Rig(make())
-
-
-@pytest.fixture
-def peer(spawn, spin_until):
-    """Return a node of somebody else's."""
-    return spawn(Node('peer'))
-
-
-@pytest.fixture
-def publish(peer, spawn, spin_until):
-    """Return a function that publishes a message to whoever has the topic."""
-    publishers = {}
-
-    def publish(topic, message):
-        if topic not in publishers:
-            publishers[topic] = peer.create_publisher(type(message), topic, LATCHED)
-            spin_until(spawn.pump, lambda: publishers[topic].get_subscription_count() > 0)
-        publishers[topic].publish(message)
-
-    return publish
-
-
-def goal_at(x, y, yaw, frame='map'):
-    return to_pose_stamped(np.array([x, y, yaw]), Odometry().header.stamp, frame)
 
 
 def test_alone_it_maps_from_topics_and_drives_by_cmd_vel(make, publish, peer, spawn, spin_until):
@@ -327,141 +247,6 @@ def test_initialpose_is_for_who_has_a_map(rig):
     rig.node._on_initial_pose(broken)
     assert rig.said[-1] == 'initialpose: wanted a covariance of finite numbers: ignored'
     assert len(started) == 1
-
-
-def located(x, y):
-    message = PoseWithCovarianceStamped()
-    message.header.frame_id = 'map'
-    message.pose.pose.position.x, message.pose.pose.position.y = x, y
-    message.pose.covariance[0] = 0.25
-    return message
-
-
-def test_time_that_jumps_back_begins_anew_and_standing(rig):
-    rig.node.step()
-    rig.node.go(FAR)
-    rig.node._stepped_at += 1e6
-    rig.node.step()
-    assert rig.node.navigator.scans == 0
-    assert rig.said[-1] == 'goal cancelled: time has jumped back by 1e+06 s'
-    assert rig.sent[-1] == [0.0, 0.0, 0.0]
-
-
-def test_a_scan_that_waits_keeps_the_frame_that_was_said(make):
-    node = make()
-    stamp = node.get_clock().now().to_msg()
-    node.place_frame('tag', 'base', Pose(np.array([0.3, 0.0, 0.2]), np.eye(3)))
-    node.take_scan(scan_at(stamp), 'tag')
-    node.take_odometry(odometry_at(stamp))
-    scan, _, _ = node.navigator.locator.steps[0]
-    assert scan.origin == pytest.approx([0.3, 0.0])
-
-
-def test_a_scan_from_before_all_odometry_is_ignored(rig):
-    rig.node.take_scan(scan_at(Time(sec=1)))
-    assert rig.node.navigator.scans == 1
-    assert rig.node._waiting is None
-
-
-def test_odometry_that_is_said_again_is_no_sign_of_life(rig):
-    moved = []
-    rig.node.navigator.move = moved.append
-    stamp = rig.node.get_clock().now().to_msg()
-    for _ in range(3):
-        rig.node.take_odometry(odometry_at(stamp))
-    assert len(moved) == 1
-
-
-def test_odometry_without_stamps_is_told_of(make, publish, spawn, spin_until):
-    node, said = make(lock_step=False), []
-    node._warn = said.append
-    publish('odom', odometry_at(Time()))
-    spin_until(spawn.pump, lambda: node.navigator.pose is not None)
-    assert said == []
-    publish('odom', odometry_at(Time(), x=0.1))
-    spin_until(spawn.pump, lambda: said)
-    assert said == ['odom: the same stamp again: ignored']
-    assert node.navigator.pose == pytest.approx([0.0, 1.0, 0.0])
-
-
-def test_odometry_that_is_set_anew_ends_the_goal(rig):
-    rig.node.go(FAR)
-    for x in (5.0, 5.1):
-        rig.node.navigator.step(0.4)
-        rig.node.take_odometry(odometry_at(rig.node.get_clock().now().to_msg(), x))
-    assert rig.node.navigator.goal is not None
-    rig.node.take_odometry(odometry_at(rig.node.get_clock().now().to_msg(), 0.0))
-    assert rig.said[-1] == 'goal cancelled: odometry has leapt'
-    assert rig.sent[-1] == [0.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize('base', ['', 'map', '/base'])
-def test_no_frame_of_the_robot_is_taken_for_the_map(rig, base):
-    stamp = rig.node.get_clock().now().to_msg()
-    message = odometry_at(stamp, x=0.5)
-    message.child_frame_id = base
-    rig.node.take_odometry(message)
-    for frame in ('', 'map', '/map'):
-        assert rig.node.in_map(goal_at(1.0, 2.0, 0.0, frame)) == pytest.approx([1.0, 2.0, 0.0])
-    if base != 'map':
-        assert rig.node.in_map(goal_at(1.0, 2.0, 0.0, 'base'))[0] == pytest.approx(1.5)
-
-
-def test_frames_that_go_round_in_a_circle_lead_nowhere(rig):
-    for child, parent in (('a', 'b'), ('b', 'a'), ('c', 'c')):
-        rig.node.place_frame(child, parent, LEVEL)
-        assert rig.node._mount_of(child) is None
-
-
-def test_a_frame_that_is_no_number_is_ignored(rig):
-    place = TransformStamped(child_frame_id='laser')
-    place.header.frame_id = 'base'
-    place.transform.translation.x = math.nan
-    rig.node._on_fixed_frames(tf_message_type()(transforms=[place]))
-    assert rig.node._mount_of('laser').position == pytest.approx(LEVEL.position)
-
-
-@pytest.mark.parametrize(
-    'broken',
-    [
-        {'range_max': math.nan},
-        {'range_max': math.inf},
-        {'range_max': 0.0},
-        {'range_min': math.nan},
-        {'angle_min': math.inf},
-        {'angle_increment': math.nan},
-        {'ranges': array.array('f', bytes(4 * 100_001))},
-    ],
-    ids=lambda broken: str(*broken),
-)
-def test_a_scan_that_is_none_is_ignored(rig, broken):
-    message = scan_at(rig.node.get_clock().now().to_msg())
-    for name, value in broken.items():
-        setattr(message, name, value)
-    rig.node.take_odometry(odometry_at(message.header.stamp))
-    rig.node.take_scan(message)
-    assert rig.node.navigator.scans == 1
-
-
-def test_a_scan_reaches_no_farther_than_a_lidar_can_see(rig):
-    message = scan_at(rig.node.get_clock().now().to_msg())
-    message.range_max, message.ranges = 1e38, [1e37, math.inf, 99.0]
-    rig.node.take_odometry(odometry_at(message.header.stamp))
-    rig.node.take_scan(message)
-    scan, _, _ = rig.node.navigator.locator.steps[-1]
-    assert scan.hits.tolist() == [False, False, True]
-    lengths = np.hypot(*(scan.ends - scan.origin).T)
-    assert lengths == pytest.approx([30.0, 30.0, 99.0])
-
-
-def test_what_a_localiser_has_to_say_is_said_once(rig):
-    rig.node.navigator.locator.notice = 'was moved by hand'
-    for _ in range(3):
-        rig.node.step()
-    assert rig.said == ['was moved by hand']
-    rig.node.navigator.locator.notice = None
-    rig.node.step()
-    assert rig.said == ['was moved by hand']
 
 
 def test_a_grid_is_a_message_row_by_row_from_its_lowest_corner():

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rules of the code: a fact has one home, functions are short, kernels are compiled in one way."""
+
+import ast
+from collections.abc import Iterator
+import functools
+from pathlib import Path
+import re
+
+import pytest
+from source_trees import imports
+from source_trees import modules
+from source_trees import nodes
+from source_trees import PACKAGES
+
+LONGEST_FUNCTION = 50  # lines
+MOST_KERNEL_ARGUMENTS = 6
+KERNEL_DECORATORS = {'jit', 'fast'}
+# They hear what numba compiles, and compile nothing.
+LISTENS_TO_NUMBA = {'quadruped_sim.compilation', 'wasd_navigation.parts'}
+# Facts of which some code has to know all values: the module in whose literals they stand.
+ONE_HOME = {
+    'worlds': ({'flat', 'room'}, 'mujoco_sim.scene'),
+    'terrains': ({'slope', 'stairs', 'step', 'boxes'}, 'mujoco_sim.scene'),
+    'drive modes': ({'float', 'arbotix', 'fake'}, 'diff_drive_sim.__init__'),
+    'opposite sides': ({'left', 'right', 'front', 'back'}, 'robot_description.joint_names'),
+}
+
+
+@pytest.fixture(scope='module', autouse=True)
+def _forget_syntax_trees():
+    """Let half a million nodes go: later tests fork, and collect garbage."""
+    yield
+    nodes.cache_clear()
+
+
+@functools.cache
+def literals(path: Path) -> tuple[set[object], ...]:
+    """Return the constants of each tuple, list and set in a module, and the keys of each dict."""
+    found = []
+    for node in nodes(path):
+        if isinstance(node, ast.Dict | ast.Tuple | ast.List | ast.Set):
+            values = node.keys if isinstance(node, ast.Dict) else node.elts
+            found.append({value.value for value in values if isinstance(value, ast.Constant)})
+    return tuple(found)
+
+
+def homes(words: set[str]) -> set[str]:
+    """Return the modules in which three or all of these words stand in one literal."""
+    return {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        if any(len(literal & words) >= min(3, len(words)) for literal in literals(path))
+    }
+
+
+@pytest.mark.parametrize('fact', ONE_HOME)
+def test_a_fact_has_one_home(fact):
+    words, home = ONE_HOME[fact]
+    assert homes(words) == {home}
+
+
+def test_gravity_has_one_home():
+    known = {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        for node in nodes(path)
+        if isinstance(node, ast.Constant) and node.value in (9.81, -9.81, 9.8, 9.80665)
+    }
+    assert known == {'wasd_core.robot_io'}
+
+
+def test_the_words_for_keys_that_are_down_have_one_home():
+    words = {'HELD', 'RELEASE', 'HELD+', 'RELEASE+'}
+    known = {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        for node in nodes(path)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in words
+    }
+    assert known == {'wasd_core.key_events'}
+
+
+def library_functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
+    """Yield each function of the packages with the module that it stands in."""
+    for package in PACKAGES:
+        for module, path in modules(package).items():
+            for node in nodes(path):
+                if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                    yield module, node
+
+
+def test_no_function_is_longer_than_a_page():
+    long = {
+        f'{module}.{node.name}': length
+        for module, node in library_functions()
+        if (length := (node.end_lineno or 0) - node.lineno + 1) > LONGEST_FUNCTION
+    }
+    assert not long
+
+
+def test_no_compiled_kernel_takes_more_than_six_arguments():
+    wide = {
+        f'{module}.{node.name}': len(node.args.args)
+        for module, node in library_functions()
+        if any(ast.unparse(decorator) in KERNEL_DECORATORS for decorator in node.decorator_list)
+        and len(node.args.args) > MOST_KERNEL_ARGUMENTS
+    }
+    assert not wide
+
+
+def test_kernels_are_compiled_in_one_way():
+    compiling = {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        if re.search(r'\b(njit|numba\.jit)\b', path.read_text())
+    }
+    assert compiling == {'wasd_core.jit'}
+    importing = {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        if any(name.partition('.')[0] == 'numba' for name in imports(path))
+    }
+    assert importing == {'wasd_core.jit', *LISTENS_TO_NUMBA}
+
+
+def test_what_compiles_has_the_names_by_which_kernels_are_counted():
+    names = {
+        (target, ast.unparse(node.value).partition(',')[0])
+        for package in PACKAGES
+        for path in modules(package).values()
+        for node in nodes(path)
+        if isinstance(node, ast.Assign) and re.search(r'\bjit\b', ast.unparse(node.value))
+        for target in map(ast.unparse, node.targets)
+    }
+    assert names == {('fast', 'functools.partial(jit')}
+    renamed = [
+        path
+        for package in PACKAGES
+        for path in modules(package).values()
+        for node in nodes(path)
+        if isinstance(node, ast.alias) and node.asname and node.name in KERNEL_DECORATORS
+    ]
+    assert renamed == []
