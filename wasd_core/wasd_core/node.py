@@ -246,10 +246,10 @@ class MessagePump(SingleThreadedExecutor):
     def _next(self, timeout: float) -> tuple[Any, Any] | None:
         """Return what is to be run next, and what it belongs to; None at the end of a pass."""
         try:
-            handler, entity, _ = self.wait_for_ready_callbacks(timeout_sec=timeout)
+            ready: tuple[Any, Any, Any] = self.wait_for_ready_callbacks(timeout_sec=timeout)
         except TimeoutException:
             return None
-        return handler, entity
+        return ready[:2]
 
 
 def spin(executor: Executor, stop: Callable[[], bool]) -> None:
