@@ -3,6 +3,7 @@
 
 from collections import deque
 import math
+import sys
 from typing import NamedTuple, TYPE_CHECKING
 
 import mujoco
@@ -25,6 +26,14 @@ BRAKE_DAMPING = 3.0
 STABLE_SHARE = 0.5
 # The warnings of MuJoCo that say so, of positions to accelerations.
 _DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
+# How these begin; `Physics.step` says it in words of its own.
+_UNSTABLE = 'Nan, Inf or huge value'
+
+
+def _warn(text: str) -> None:
+    """Say a warning as MuJoCo does, which would write MUJOCO_LOG.TXT where the user is, too."""
+    if not text.startswith(_UNSTABLE):
+        print(f'WARNING: {text}', file=sys.stderr)
 
 
 class Physics:
@@ -41,6 +50,8 @@ class Physics:
         Raises:
             SimulationError: what the compiler says, in one line.
         """
+        if mujoco.get_mju_user_warning() is None:
+            mujoco.set_mju_user_warning(_warn)
         try:
             self.model = spec.compile()
         except ValueError as error:

@@ -13,6 +13,9 @@ from wasd_core.parameters import InvalidParameter
 from mujoco_sim.parameters import FRICTION
 from mujoco_sim.parameters import SimulatorParameters
 
+# The most that a robot is loaded with [kg]. A Go2 carries 8, at most 12; others here weigh more.
+HEAVIEST = 100.0
+
 
 class Payload(NamedTuple):
     """A load of a mass [kg] with its centre at `place` [m] in the base's frame, welded on."""
@@ -26,7 +29,7 @@ class Payload(NamedTuple):
         Return the load that `KG` or `KG@X,Y,Z` says.
 
         Raises:
-            UserError: it is not a mass > 0 and three finite lengths.
+            UserError: it is not a mass that a robot is loaded with and three finite lengths.
         """
         mass, at, place = text.partition('@')
         try:
@@ -35,14 +38,14 @@ class Payload(NamedTuple):
             if not payload.is_possible:
                 raise ValueError
         except ValueError:
-            wanted = 'wanted KG or KG@X,Y,Z with KG > 0'
+            wanted = f'wanted KG or KG@X,Y,Z with KG > 0 and <= {HEAVIEST:g}'
             raise UserError(f'payload: got {text!r}, {wanted}') from None
         return payload
 
     @property
     def is_possible(self) -> bool:
         """Whether there is such a load."""
-        return 0.0 < self.mass < math.inf and all(map(math.isfinite, self.place))
+        return 0.0 < self.mass <= HEAVIEST and all(map(math.isfinite, self.place))
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,8 @@ class Untold:
         for name in ('randomise', 'imu_drift'):
             SimulatorParameters.checked(name, float(getattr(self, name)))
         if self.payload is not None and not self.payload.is_possible:
-            raise UserError(f'payload: got {tuple(self.payload)}, wanted a mass > 0 at a place')
+            wanted = f'wanted a mass > 0 and <= {HEAVIEST:g} kg at a place'
+            raise UserError(f'payload: got {tuple(self.payload)}, {wanted}')
 
     @classmethod
     def from_parameters(cls, settings: SimulatorParameters) -> Self:

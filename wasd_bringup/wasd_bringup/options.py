@@ -249,7 +249,8 @@ def _check_navigation(arguments: argparse.Namespace) -> None:
 
 def _read(path: str, option: str) -> str:
     try:
-        return Path(path).read_text(encoding='utf-8')
+        # As some editors save it, a text begins with a byte order mark.
+        return Path(path).read_text(encoding='utf-8-sig')
     except UnicodeDecodeError:
         raise UserError(f'{option} {path}: not a text file') from None
     except OSError as error:

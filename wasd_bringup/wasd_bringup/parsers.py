@@ -111,8 +111,8 @@ def add_run_options(parser: argparse.ArgumentParser, row: RobotRow) -> None:
     parser.add_argument(
         '--payload',
         metavar='KG[@X,Y,Z]',
-        help='a load on the base, in its frame [m], unknown to the controller (default: none; at '
-        'the origin)',
+        help='a load on the base, <= 100 kg (a Go2 carries 8), in its frame [m], unknown to '
+        'the controller (default: none; at the origin)',
     )
     _add_shared_options(parser)
     row.kind.add_options(parser)
