@@ -140,8 +140,11 @@ class World:
             joints = self.joints()
             # A motor knows its current: what its torque would be if it were as strong as it says.
             np.divide(joints.effort, self._strength, out=joints.effort)
-            true = Reading(joints, self._true_imu() if self.has_imu else None)
-            reading = true if self._sensors is None else self._sensors.measure(true, self.time)
+            imu = ImuReading(*self._views.imu) if self.has_imu else None
+            if self._sensors is not None:
+                reading = self._sensors.measure(Reading(joints, imu), self.time)
+            else:
+                reading = Reading(joints, imu and ImuReading(*[part.copy() for part in imu]))
             self._late.append((self.tick, reading))
             while len(self._late) > 1 and self._late[1][0] <= self.tick - self._sensor_delay:
                 self._late.popleft()
@@ -248,9 +251,6 @@ class World:
     def _strength_of_joints(self) -> np.ndarray:
         strength = self.setup.drawn.strength
         return np.array([strength.get(name, 1.0) for name in self.joint_names])
-
-    def _true_imu(self) -> ImuReading:
-        return ImuReading(*[part.copy() for part in self._views.imu])
 
 
 class _Views:

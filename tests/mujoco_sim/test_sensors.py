@@ -6,9 +6,10 @@ import math
 from descriptions import robot_named
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.sensors.imu_noise import add_noise
+from mujoco_sim.sensors.imu_noise import ImuSizes
 from mujoco_sim.sensors.noise import NoisySensors
 from mujoco_sim.sensors.noise import SensorNoise
-from mujoco_sim.sensors.noise import turn_by
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
@@ -30,6 +31,15 @@ TRUE = Reading(JOINTS, IMU)
 def readings():
     sensors = NoisySensors(NOISE, 3)
     return [sensors.measure(TRUE) for _ in range(COUNT)]
+
+
+def turn_by(orientation, rotation):
+    """Return a quaternion as an IMU reads it whose only noise is a rotation vector [rad]."""
+    none = np.zeros(3)
+    sizes = ImuSizes(1.0, 0.0, 0.0, 0.0, 0.0, False)
+    drawn = np.concatenate((rotation, np.zeros(6))), np.zeros(6)
+    true = ImuReading(orientation, none, none)
+    return add_noise(true, (none, none, np.zeros(1)), sizes, drawn, 0.0).orientation
 
 
 def angle_between(one, other):
@@ -64,7 +74,7 @@ def test_the_accelerometer_has_a_constant_bias_besides(readings):
 
 
 def test_another_seed_has_another_bias():
-    biases = [NoisySensors(NOISE, seed)._bias for seed in range(5)]
+    biases = [NoisySensors(NOISE, seed)._errors[1] for seed in range(5)]
     assert len({tuple(bias) for bias in biases}) == 5
     for bias in biases:
         assert np.linalg.norm(bias) == pytest.approx(NOISE.acceleration_bias)
