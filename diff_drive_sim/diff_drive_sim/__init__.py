@@ -13,11 +13,11 @@ _HOMES = {
     'DiffDrive': 'drive',
     'DiffDriveController': 'controller',
     'DiffDriveControllerNode': 'diff_drive_controller_node',
-    'DiffDriveError': 'geometry',
-    'DiffDriveGeometry': 'geometry',
+    'DiffDriveError': 'odometry',
+    'DiffDriveGeometry': 'odometry',
     'DiffDriveParameters': 'parameters',
     'WheelOdometry': 'odometry',
-    'find_wheels': 'geometry',
+    'find_wheels': 'odometry',
     'read_controller_file': 'controller_file',
 }
 __all__ = ['MODES', *_HOMES]  # noqa: PLE0604

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import math
 
 from diff_drive_sim.controller import Velocity
-from diff_drive_sim.geometry import DiffDriveGeometry
-from diff_drive_sim.geometry import Pair
+from diff_drive_sim.odometry import DiffDriveGeometry
 from diff_drive_sim.odometry import OdometryState
+from diff_drive_sim.odometry import Pair
 from diff_drive_sim.odometry import PlanarCovariance
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.wheel_loop import count_ticks

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diff_drive_sim.geometry import DiffDriveError
+from diff_drive_sim.odometry import DiffDriveError
 
 QUARTER_TURN = 0.5 * math.pi
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from robot_description.morphology.equip_wheels import Strength
 from wasd_core.timing import Watchdog
 
-from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.limits import PlanarRamp
+from diff_drive_sim.odometry import DiffDriveGeometry
 from diff_drive_sim.odometry import Growth
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.odometry import PlanarCovariance

@@ -13,11 +13,11 @@ from diff_drive_sim.arbotix import LegacyController
 from diff_drive_sim.arbotix import setpoints_of
 from diff_drive_sim.controller import DiffDriveController
 from diff_drive_sim.controller import MAXIMUM_STEP
-from diff_drive_sim.geometry import DiffDriveGeometry
-from diff_drive_sim.geometry import find_pair
-from diff_drive_sim.geometry import geometry_of
-from diff_drive_sim.geometry import Pair
+from diff_drive_sim.odometry import DiffDriveGeometry
+from diff_drive_sim.odometry import find_pair
+from diff_drive_sim.odometry import geometry_of
 from diff_drive_sim.odometry import OdometryState
+from diff_drive_sim.odometry import Pair
 from diff_drive_sim.odometry import WheelOdometry
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.parameters import WheelParameters

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from robot_description.morphology.equip_wheels import Strength
 
-from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.odometry import DiffDriveGeometry
 
 NAN = float('nan')
 # What easing off may change a velocity that counts as reached [m/s or rad/s].

@@ -24,7 +24,7 @@ from wasd_core.topics import LoopbackSubscription
 from wasd_core.topics import RELIABLE
 
 from diff_drive_sim.controller import Velocity
-from diff_drive_sim.geometry import DiffDriveError
+from diff_drive_sim.odometry import DiffDriveError
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.odometry import PlanarCovariance
 from diff_drive_sim.parameters import OdometryParameters

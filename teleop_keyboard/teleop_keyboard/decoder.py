@@ -7,7 +7,7 @@ from typing import NamedTuple
 from wasd_core.key_events import RELEASE
 from wasd_core.key_events import with_event
 
-from teleop_keyboard.key_names import with_modifiers
+from teleop_keyboard.keymap import with_modifiers
 
 ESC = 0x1B
 # No key sends a longer sequence; whatever does is dropped up to its end [bytes].

@@ -17,7 +17,7 @@ from wasd_core.key_events import with_event
 
 from teleop_keyboard.decoder import CharacterDecoder
 from teleop_keyboard.decoder import KeyDecoder
-from teleop_keyboard.key_names import SIGNAL_KEYS
+from teleop_keyboard.keymap import SIGNAL_KEYS
 from teleop_keyboard.terminal import NoTerminal
 from teleop_keyboard.terminal import open_terminal
 from teleop_keyboard.terminal import read_ready

@@ -14,7 +14,7 @@ from wasd_core.errors import UserError
 from wasd_core.key_events import REPEAT_RATE
 from wasd_core.output_file import OutputFile
 
-from teleop_keyboard.key_names import canonical_key
+from teleop_keyboard.keymap import canonical_key
 
 # More presses of one key than this are a slip of the pen: 9 hours of holding it.
 MOST_PRESSES = 1_000_000

@@ -21,9 +21,7 @@ from wasd_core.parameter_file import compose_yaml
 from wasd_core.parameter_file import read_text
 import yaml
 
-from teleop_keyboard.key_names import canonical_key
-from teleop_keyboard.key_names import on_layout
-from teleop_keyboard.key_names import SIGNAL_KEYS
+from teleop_keyboard.keymap import canonical_key
 from teleop_keyboard.keymap import Direction
 from teleop_keyboard.keymap import help_table
 from teleop_keyboard.keymap import HIGHEST_ACCEL
@@ -35,7 +33,9 @@ from teleop_keyboard.keymap import KeymapError
 from teleop_keyboard.keymap import Limits
 from teleop_keyboard.keymap import LINE_WIDTH
 from teleop_keyboard.keymap import MODES
+from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap import OTHER_KEYS
+from teleop_keyboard.keymap import SIGNAL_KEYS
 from teleop_keyboard.keymap import SpeedFactor
 from teleop_keyboard.keymap import table_lines
 

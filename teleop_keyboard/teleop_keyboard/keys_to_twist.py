@@ -11,9 +11,9 @@ from wasd_core.parameters import InvalidParameter
 
 from teleop_keyboard.hold import Motion
 from teleop_keyboard.hold import NOWHERE
-from teleop_keyboard.key_names import STOP_KEY
 from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import Limits
+from teleop_keyboard.keymap import STOP_KEY
 from teleop_keyboard.parameters import AS_PRESET
 from teleop_keyboard.parameters import SPEED_NAMES
 from teleop_keyboard.parameters import TeleopParameters

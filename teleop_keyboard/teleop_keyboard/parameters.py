@@ -12,11 +12,11 @@ from wasd_core.parameters import group
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
-from teleop_keyboard.key_names import LAYOUTS
 from teleop_keyboard.keymap import HIGHEST_ACCEL
 from teleop_keyboard.keymap import HIGHEST_RATE
 from teleop_keyboard.keymap import HIGHEST_SPEED
 from teleop_keyboard.keymap import IDLE_POLICIES
+from teleop_keyboard.keymap import LAYOUTS
 from teleop_keyboard.keymap import MODES
 
 # A preset's value is in force where a number is 0 or a word is this.

@@ -2,7 +2,7 @@
 """mbot's wheels."""
 
 from descriptions import robot_named
-from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.odometry import DiffDriveGeometry
 import pytest
 from robot_description.robot import Robot
 

@@ -4,9 +4,9 @@ import math
 from descriptions import robot_named
 from diff_drive_sim.drive import configure_wheels
 from diff_drive_sim.drive import DiffDrive
-from diff_drive_sim.geometry import DiffDriveError
-from diff_drive_sim.geometry import DiffDriveGeometry
-from diff_drive_sim.geometry import find_wheels
+from diff_drive_sim.odometry import DiffDriveError
+from diff_drive_sim.odometry import DiffDriveGeometry
+from diff_drive_sim.odometry import find_wheels
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.parameters import WheelParameters
 import pytest

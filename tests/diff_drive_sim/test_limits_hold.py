@@ -5,9 +5,9 @@ import math
 import random
 
 from diff_drive_sim.controller import DiffDriveController
-from diff_drive_sim.geometry import DiffDriveGeometry
 from diff_drive_sim.limits import AxisLimits
 from diff_drive_sim.limits import PlanarRamp
+from diff_drive_sim.odometry import DiffDriveGeometry
 from diff_drive_sim.parameters import DiffDriveParameters
 import numpy as np
 import pytest

@@ -9,7 +9,7 @@ import pytest
 from wasd_core.key_events import HELD
 from wasd_core.key_events import RELEASE
 
-from teleop_keyboard import key_names
+from teleop_keyboard import keymap
 
 W, A, SPACE = (int(key.value) for key in (imgui.Key.W, imgui.Key.A, imgui.Key.Space))
 SHIFT, CTRL = int(imgui.Key.LeftShift.value), int(imgui.Key.RightCtrl.value)
@@ -128,7 +128,7 @@ def test_events_are_named_as_the_keyboard_names_them(keys):
 
 def test_every_name_of_a_page_key_is_one_of_a_keyboard():
     names = {name for pair in PAGE_KEYS.values() for name in pair}
-    assert {key_names.canonical_key(name) for name in names} == names
+    assert {keymap.canonical_key(name) for name in names} == names
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Line
 from teleop_keyboard.dashboard import plain_line
 from teleop_keyboard.dashboard import Surroundings
-from teleop_keyboard.key_names import LAYOUTS
+from teleop_keyboard.keymap import LAYOUTS
 from teleop_keyboard.keymap import table_lines
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keymap_file import preset_names

@@ -4,8 +4,8 @@ from teleop_keyboard.dashboard import driving_keys
 from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.dashboard import status_line
-from teleop_keyboard.key_names import LAYOUTS
-from teleop_keyboard.key_names import NAMED_KEYS
+from teleop_keyboard.keymap import LAYOUTS
+from teleop_keyboard.keymap import NAMED_KEYS
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keymap_file import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from teleop_keyboard.key_names import canonical_key
+from teleop_keyboard.keymap import canonical_key
 
 
 @pytest.mark.parametrize(

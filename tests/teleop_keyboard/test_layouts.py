@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from teleop_keyboard.key_names import LAYOUTS
-from teleop_keyboard.key_names import on_layout
-from teleop_keyboard.key_names import on_qwerty
-from teleop_keyboard.key_names import places
 from teleop_keyboard.keymap import KeymapError
+from teleop_keyboard.keymap import LAYOUTS
+from teleop_keyboard.keymap import on_layout
+from teleop_keyboard.keymap import on_qwerty
+from teleop_keyboard.keymap import places
 from teleop_keyboard.keymap_file import describe_keymap
 from teleop_keyboard.keymap_file import list_presets
 from teleop_keyboard.keymap_file import load_preset

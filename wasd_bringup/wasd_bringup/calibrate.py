@@ -17,8 +17,8 @@ from diff_drive_sim.calibration import umbmark
 from diff_drive_sim.calibration import Wheels
 from diff_drive_sim.controller_file import NODE_NAME
 from diff_drive_sim.controller_file import read_controller_file
-from diff_drive_sim.geometry import DiffDriveGeometry
-from diff_drive_sim.geometry import find_wheels
+from diff_drive_sim.odometry import DiffDriveGeometry
+from diff_drive_sim.odometry import find_wheels
 import numpy as np
 import rclpy
 import rclpy.logging

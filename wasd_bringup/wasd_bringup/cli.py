@@ -10,7 +10,7 @@ import subprocess
 import sys
 from typing import Any
 
-from teleop_keyboard.key_names import LAYOUTS
+from teleop_keyboard.keymap import LAYOUTS
 from teleop_keyboard.keymap_file import describe_keymap
 from teleop_keyboard.keymap_file import list_presets
 from teleop_keyboard.terminal import tolerate_any_text

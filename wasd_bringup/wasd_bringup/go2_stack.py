@@ -24,9 +24,9 @@ from teleop_keyboard.dashboard import driving_keys
 from teleop_keyboard.dashboard import HELP_KEY
 from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Status
-from teleop_keyboard.key_names import on_layout
-from teleop_keyboard.key_names import on_qwerty
-from teleop_keyboard.key_names import STOP_KEY
+from teleop_keyboard.keymap import on_layout
+from teleop_keyboard.keymap import on_qwerty
+from teleop_keyboard.keymap import STOP_KEY
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.key_events import is_press
 from wasd_core.rotations import matrix_from_quaternion

@@ -4,7 +4,7 @@
 from typing import Any, TYPE_CHECKING
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
-from diff_drive_sim.geometry import DiffDriveGeometry
+from diff_drive_sim.odometry import DiffDriveGeometry
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 from mujoco_sim.simulation import Schedule

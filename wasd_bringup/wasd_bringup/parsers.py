@@ -7,7 +7,7 @@ import os
 from typing import Any
 
 from mujoco_sim.parameters import WORLD_NAMES
-from teleop_keyboard.key_names import LAYOUTS
+from teleop_keyboard.keymap import LAYOUTS
 
 from wasd_bringup.inputs import KEY_LINE
 from wasd_bringup.inputs import SWITCH_LINE

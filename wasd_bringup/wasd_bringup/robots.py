@@ -15,7 +15,7 @@ from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import STICK_KEYS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.presets import LIMITS
-from teleop_keyboard.key_names import on_layout
+from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap_file import load_preset
 
 from diff_drive_sim import MODES as DRIVE_MODES

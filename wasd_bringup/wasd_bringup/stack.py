@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Status
-from teleop_keyboard.key_names import STOP_KEY
+from teleop_keyboard.keymap import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.timing import Notice
 from wasd_core.topics import RELIABLE

@@ -12,7 +12,7 @@ from quadruped_sim.keys import ZERO_KEYS
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_state import RobotState
-from teleop_keyboard.key_names import on_layout
+from teleop_keyboard.keymap import on_layout
 from wasd_cockpit.snapshot import Choice
 from wasd_cockpit.snapshot import KeyCap
 from wasd_cockpit.snapshot import Marks
