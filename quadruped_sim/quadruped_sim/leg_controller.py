@@ -221,9 +221,18 @@ class LegController:
     def _lies_fallen(self) -> bool:
         return self.is_fallen and self._machine.coming is StateName.PASSIVE
 
+    @property
+    def _lies_sprawled(self) -> bool:
+        """Whether it lies with a foot above its trunk's middle: a straight way up tips it over."""
+        if self.robot is None or self._machine.coming is not StateName.PASSIVE or self.obstacle:
+            return False
+        heights = self.robot.motion.position @ self.robot.base.R[2]
+        return float(heights.max()) > 0.0
+
     def _meaning(self, key: str) -> str:
         """Return what a state's key stands for: whoever has fallen must get up to stand."""
-        return GET_UP_KEYS[-1] if self._lies_fallen and key in GET_UP_KEYS else key
+        must_fold = self._lies_fallen or self._lies_sprawled
+        return GET_UP_KEYS[-1] if must_fold and key in GET_UP_KEYS else key
 
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Velocity command for move base [m/s, m/s, rad/s]; a text when not driven so."""

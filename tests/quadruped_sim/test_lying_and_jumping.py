@@ -96,6 +96,22 @@ def test_it_stands_within_six_seconds_from_any_pose_knows_where_and_drives(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize('seed', [11, 13])
+def test_key_2_folds_legs_first_that_a_level_robot_lies_upon(floor, model, seed):
+    """Led straight into the stand, a leg above the trunk tips it over on its way down."""
+    dog = Dropped(floor, model, (0.0, 0.0, 0.0), seed)
+    dog.run(LIES)
+    robot = dog.controller.robot
+    assert not dog.controller.is_fallen
+    assert (robot.motion.position @ robot.base.R[2]).max() > 0.05
+    assert dog.controller.press('2') is None
+    assert dog.run(4.0, until=lambda: dog.controller.state == 'fixed stand') < 4.0
+    dog.run(2.0)
+    assert dog.controller.event is None
+    assert dog.controller.robot.is_contact.all()
+
+
+@pytest.mark.slow
 def test_key_1_and_an_emergency_stop_end_getting_up_at_once(floor, model):
     dog = Dropped(floor, model, (3.1, 0.0, 0.0), 5)
     dog.run(LIES)
