@@ -19,6 +19,7 @@ class TorqueSpeedCurve:
         # The falling line of one that drives forward, or backward, goes on until it is cut.
         at_rest = torque / (1.0 - FULL_TORQUE_SHARE)
         self._curve = np.stack((torque, at_rest, at_rest / speed))
+        self.limits(np.zeros(len(torque)))  # loaded before the first step
 
     def limits(self, velocity: np.ndarray) -> np.ndarray:
         """Return the least and the largest torque [N m] at joint velocities [rad/s], (n, 2)."""

@@ -38,6 +38,11 @@ from mujoco_sim.untold import Payload
 # Of a payload, a bag of sand [kg/m^3].
 PAYLOAD_DENSITY = 1600.0
 FALL_TILT = np.deg2rad(60.0)
+# Of an IMU alone.
+_UPRIGHT = Reading(
+    JointStates(*np.zeros((3, 0))),
+    ImuReading(np.array((1.0, 0.0, 0.0, 0.0)), np.zeros(3), np.zeros(3)),
+)
 
 
 class World:
@@ -83,6 +88,8 @@ class World:
         self._strength = self._strength_of_joints()
         # Readings, each with its tick, that are not yet known; the first is.
         self._late: deque[tuple[int, Reading]] = deque()
+        if self.has_imu and self.setup.noise is not None:
+            NoisySensors(self.setup.noise, seed).measure(_UPRIGHT)  # loads what compiles
         self._sensor_delay = round(self.setup.drawn.sensor_delay / self.time_step)
         _change_base(self.model, self.data, self.root, self.setup.drawn)
         # How often was reset, and the tick, when the sensors were read last.
@@ -137,19 +144,21 @@ class World:
             self._sensors = NoisySensors(noise, self.seed) if noise is not None else None
             self._late.clear()
         if now != self._read_at:
-            joints = self.joints()
-            # A motor knows its current: what its torque would be if it were as strong as it says.
-            np.divide(joints.effort, self._strength, out=joints.effort)
-            imu = ImuReading(*self._views.imu) if self.has_imu else None
-            if self._sensors is not None:
-                reading = self._sensors.measure(Reading(joints, imu), self.time)
-            else:
-                reading = Reading(joints, imu and ImuReading(*[part.copy() for part in imu]))
-            self._late.append((self.tick, reading))
-            while len(self._late) > 1 and self._late[1][0] <= self.tick - self._sensor_delay:
+            reading = self._measure(self._sensors)
+            self._late.append((now[1], reading))
+            while len(self._late) > 1 and self._late[1][0] <= now[1] - self._sensor_delay:
                 self._late.popleft()
             self._read_at = now
         return self._late[0][1]
+
+    def _measure(self, sensors: NoisySensors | None) -> Reading:
+        joints = self.joints()
+        # A motor knows its current: what its torque would be if it were as strong as it says.
+        np.divide(joints.effort, self._strength, out=joints.effort)
+        imu = ImuReading(*self._views.imu) if self.has_imu else None
+        if sensors is not None:
+            return sensors.measure(Reading(joints, imu), self.time)
+        return Reading(joints, imu and ImuReading(*[part.copy() for part in imu]))
 
     def joints(self) -> JointStates:
         """Return the joints without noise; the efforts are those in the last physics step."""

@@ -39,7 +39,7 @@ def turn_by(orientation, rotation):
     sizes = ImuSizes(1.0, 0.0, 0.0, 0.0, 0.0, False)
     drawn = np.concatenate((rotation, np.zeros(6))), np.zeros(6)
     true = ImuReading(orientation, none, none)
-    return add_noise(true, (none, none, np.zeros(1)), sizes, drawn, 0.0).orientation
+    return add_noise(sizes[:], true, (none, none, np.zeros(1)), drawn, 0.0).orientation
 
 
 def angle_between(one, other):

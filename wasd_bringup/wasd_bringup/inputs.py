@@ -199,8 +199,10 @@ class Player(Generic[Event]):
 
     def due(self, time: float) -> list[Event]:
         """Return the events up to a simulated time [s] that were not returned before."""
-        first = self._next
-        while self._next < len(self._events) and self._events[self._next].time <= time + SLACK:
+        first, end = self._next, len(self._events)
+        if first == end or self._events[first].time > time + SLACK:
+            return []  # in almost every instant
+        while self._next < end and self._events[self._next].time <= time + SLACK:
             self._next += 1
         return list(self._events[first : self._next])
 

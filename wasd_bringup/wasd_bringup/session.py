@@ -259,16 +259,17 @@ class Session:
             robot.schedule_publishing(schedule)
 
     def _begin_instant(self) -> None:
-        now = Time(nanoseconds=round(1e9 * self.world.time), clock_type=ClockType.ROS_TIME)
+        instant = self.world.time
+        now = Time(nanoseconds=round(1e9 * instant), clock_type=ClockType.ROS_TIME)
         for clock in self._clocks:
             clock.set_ros_time_override(now)
         for robot in self.robots:
             robot.begin_instant()
-        for box in self._boxes.step(self.world.time):
+        for box in self._boxes.step(instant):
             self.stack.notice.say(f'no box at {box.x:g} {box.y:g}: a robot is there')
-        for command in self._commands.due(self.world.time):
+        for command in self._commands.due(instant):
             self._repeat(command)
-        for press in self._key_player.due(self.world.time):
+        for press in self._key_player.due(instant):
             self.press(press.key)
 
     def _repeat(self, command: Command) -> None:

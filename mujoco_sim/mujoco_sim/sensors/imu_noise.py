@@ -24,20 +24,21 @@ class ImuSizes(NamedTuple):
 
 
 def add_noise(
+    sizes: tuple[float, float, float, float, float, bool],
     true: ImuReading,
     errors: ImuErrors,
-    sizes: ImuSizes,
     drawn: tuple[np.ndarray, np.ndarray],
     elapsed: float,
 ) -> ImuReading:
     """
     Return a noisy reading, `elapsed` [s] after the one before; `errors` go on until now.
 
+    `sizes` are `ImuSizes`, a plain tuple as all here: numba takes long to see what others hold.
+
     `drawn` from a normal distribution are the white noises (9,) and steps of the biases (6,).
     """
     out = np.empty(10)
-    # As plain tuples: numba takes long to see what a NamedTuple holds.
-    _add_noise(true[:], errors, sizes[:], drawn, elapsed, out)
+    _add_noise(true[:], errors, sizes, drawn, elapsed, out)
     turned = out[:4]
     turned /= math.hypot(*turned.tolist())
     return ImuReading(turned, out[4:7], out[7:])

@@ -3,6 +3,7 @@
 
 from dataclasses import dataclass
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from wasd_core.robot_io import JointStates
@@ -55,6 +56,7 @@ class NoisySensors:
         # Of gyro, accelerometer and heading: see `ImuErrors`.
         self._errors = noise.gyro_bias * _direction(self._walks), bias, np.zeros(1)
         self._time: float | None = None
+        self._imu: _ImuNoise | None = None
 
     def measure(self, true: Reading, time: float = 0.0) -> Reading:
         """Return a noisy reading of the truth at a time [s], which never runs back."""
@@ -68,18 +70,26 @@ class NoisySensors:
         )
         if true.imu is None:
             return Reading(joints, None)
-        # Here, because only legs have an IMU, and what compiles takes a while to load.
+        elapsed = 0.0 if self._time is None else time - self._time
+        self._time = time
+        if self._imu is None:
+            self._imu = _ImuNoise(noise)
+        steps = self._walks.standard_normal(6) if self._imu.drifts else _NO_STEPS
+        drawn = white[2 * count :], steps
+        return Reading(joints, self._imu.add(true.imu, self._errors, drawn, elapsed))
+
+
+class _ImuNoise:
+    """The compiled part, loaded with the first IMU: only legs have one, and it takes a while."""
+
+    def __init__(self, noise: SensorNoise) -> None:
         from mujoco_sim.sensors.imu_noise import add_noise
         from mujoco_sim.sensors.imu_noise import ImuSizes
 
-        elapsed = 0.0 if self._time is None else time - self._time
-        self._time = time
-        drifts = bool(noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk)
-        white_sizes = noise.orientation, noise.angular_velocity, noise.acceleration
-        sizes = ImuSizes(*white_sizes, noise.gyro_walk, noise.acceleration_walk, drifts)
-        steps = self._walks.standard_normal(6) if drifts else _NO_STEPS
-        drawn = white[2 * count :], steps
-        return Reading(joints, add_noise(true.imu, self._errors, sizes, drawn, elapsed))
+        self.drifts = bool(noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk)
+        white = noise.orientation, noise.angular_velocity, noise.acceleration
+        sizes = ImuSizes(*white, noise.gyro_walk, noise.acceleration_walk, self.drifts)
+        self.add = partial(add_noise, sizes[:])
 
 
 def _direction(random: np.random.Generator) -> np.ndarray:
