@@ -13,6 +13,7 @@ import contextlib
 import json
 import os
 from pathlib import Path
+import random
 import statistics
 import subprocess
 import sys
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 TESTS = Path(__file__).parents[1] / 'tests'
 CLIENT = Path(__file__).with_name('cockpit_client.py')
 CLICK, FACTOR, PANELS, BANDWIDTH = 150.0, 0.85, 2.5, 1.5  # [ms], share, [ms], [MB/s]
+# What a click at random may leave in memory is a few times this, as some things are none [kB].
+GROWTH, PRESSES = 0.5, 0.6
 WINDOW = 3.0  # of wall time, in which a real-time factor is measured [s]
 # A picture of a panel has more than one colour: its pixels' standard deviation.
 LEAST_DEVIATION = 3.0
@@ -123,6 +126,20 @@ def factors(page: 'Page', pairs: int) -> list[dict[str, float]]:
     return found
 
 
+def handle(page: 'Page', count: int) -> tuple[float, set[str]]:
+    """
+    Return what each of so many things on each panel left in memory [kB], and panels that failed.
+
+    Most are clicks; what is made once is made before.
+    """
+    from mbot_scenarios import scribble_everywhere
+
+    chance = random.Random(1)
+    scribble_everywhere(page, 50, chance, PRESSES)
+    sizes = scribble_everywhere(page, count, chance, PRESSES)
+    return 1e-3 * (max(sizes) - sizes[0]) / (count * (len(sizes) - 1)), page.failed()
+
+
 def walk(page: 'Page') -> None:
     """Have the Go2 trot ahead: a page that was closed has stopped it."""
     for key in (ZERO_KEYS[0], 'w', 'w', 'w'):
@@ -157,6 +174,10 @@ def on_a_page(quick: bool, note: Callable[[str], None]) -> dict[str, Any]:
             walk(page)
             time.sleep(3.0 if quick else 10.0)
         found['rates'] = [1e-6 * rate for rate in rates]
+        note('page: a hand that does anything')
+        page.open()
+        found['things'] = 200 if quick else 1000
+        found['grown'], found['failed'] = handle(page, found['things'])
 
     run_with_hand(['go2', '--viewer', 'web'], play)
     return found
@@ -268,5 +289,12 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
             trials=[found['panels']],
         ),
         at_most('... panels and scene, without pictures', sum(found['rates']), 'MB/s', BANDWIDTH),
+        Row(
+            what=f'... {found["things"]} clicks and keys at random a panel: failed, growth each',
+            measured=f'{len(found["failed"])}, {found["grown"]:.2f} kB',
+            must=f'0, <= {GROWTH} kB',
+            passed=not found['failed'] and found['grown'] <= GROWTH,
+            trials=[],
+        ),
         *chromium_rows(note),
     ]

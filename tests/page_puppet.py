@@ -161,24 +161,24 @@ class PagePuppet:
         self.buttons = 0
         self.draw()
 
-    def scribble(self, count: int, rect: Any, chance: random.Random) -> None:
+    def scribble(self, count: int, rect: Any, chance: random.Random, presses: float = 0.1) -> None:
         """
         Do so many things at random in a rectangle: move, press, drag, type, hold keys.
 
-        Of a hundred, 10 are a button up or down, 3 keys held or let go, 2 a character, and the
-        rest moves: a frame of panels takes any number, but one press, of which Studio makes sixty
-        a second.
+        Of a hundred, 10 (`presses`, a share) are a button up or down, 3 keys held or let go, 2 a
+        character, and the rest moves: a frame of panels takes any number, but one press, of which
+        Studio makes sixty a second.
         """
         keys = sorted(PAGE_KEYS)
         for _ in range(count):
             x, y = chance.uniform(rect.left, rect.right), chance.uniform(rect.top, rect.bottom)
             self.mouse = round(x), round(y)
             what, text = chance.random(), ''
-            if what < 0.10:
+            if what < presses:
                 self.buttons = chance.choice((0, 0, 1, 1, 2))
-            elif what < 0.13:
+            elif what < 1.3 * presses:
                 self.keys = set(chance.sample(keys, chance.choice((0, 1, 2))))
-            elif what < 0.15:
+            elif what < 1.5 * presses:
                 text = chance.choice('x7')
             with self._sending:
                 self.socket.send(

@@ -2,18 +2,21 @@
 """What a hand does on the page of the Go2 and mbot together; see run_scenarios.py."""
 
 import math
+import random
 
 from map_scenarios import goal
 from mbot_scenarios import column
 from mbot_scenarios import top_of
 import numpy as np
 from page_puppet import code
+from page_puppet import input_packet
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.presets import GAITS
 from run_scenarios import Page
 from wasd_cockpit.history import Columns
 from wasd_cockpit.scene import axes_of
+from websockets.sync.client import connect
 
 
 def enter(page: Page, state: str) -> None:
@@ -62,6 +65,30 @@ def scenario_the_stick_walks_in_trotting_and_letting_go_is_stop(page: Page) -> N
     )
     page.wait(1.0)
     assert column(page, Columns.COMMAND, page.session.world.time - 0.2)[1].max() == 0.0
+
+
+def scenario_whatever_a_spectator_sends_the_go2_walks_on(page: Page) -> None:
+    controller = page.session.stack.legs.controller
+    stand(page)
+    enter(page, 'trotting')
+    page.tap('W')
+    page.wait(0.5)
+    chance, sticks = random.Random(1), controller.sticks.values
+    words = ('force_control', 'request_control', 'leave_queue', 'grant', 'theme=light', 'w', '')
+    driver = page.puppet
+    with connect(f'{page.url.replace("http", "ws")}state?sid=spectator') as spectator:
+        for _ in range(1000):
+            keys = {code(chance.choice(('W', 'N1', 'N2', 'Space')))}
+            packet = input_packet(keys, buttons=chance.choice((0, 1)))
+            spectator.send(chance.choice((*words, 'max_spectators=0', packet)))
+        spectator.send('leave_queue')
+        page.wait(0.5)
+    assert controller.state == 'trotting'
+    assert controller.sticks.values == sticks
+    assert page.session.world.base().tilt < 0.3
+    frames = driver.frames
+    page.wait_until(lambda: driver.frames > frames + 3, 'the driver still drives')
+    page.tap('Space')
 
 
 def scenario_gaits_are_chosen_by_name(page: Page) -> None:
