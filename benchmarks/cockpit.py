@@ -135,7 +135,7 @@ def handle(page: 'Page', count: int) -> tuple[float, set[str]]:
     from mbot_scenarios import scribble_everywhere
 
     chance = random.Random(1)
-    scribble_everywhere(page, 50, chance, PRESSES)
+    scribble_everywhere(page, 200, chance, PRESSES)
     sizes = scribble_everywhere(page, count, chance, PRESSES)
     return 1e-3 * (max(sizes) - sizes[0]) / (count * (len(sizes) - 1)), page.failed()
 
