@@ -120,7 +120,8 @@ LINE_PERIOD = 0.1
 
 class StatusLine:
     """
-    A line at the cursor that always shows the last text; nothing where the output is no terminal.
+    A line at the cursor that always shows the last text; where nothing can be rewritten, as on a
+    dumb terminal or in a pipe, a plain line for each that is new of what seldom changes.
 
     It is written in one piece and only when it changed, so it does not flicker; a text that is
     wider than the window is cut, so it stays one line; control characters are shown, not done.
@@ -133,6 +134,7 @@ class StatusLine:
         self._is_terminal = understands_escapes(stream)
         self._in_ascii = not _encodes(stream, FULL)
         self._shown = ''
+        self._told = ''
         self._below = 0  # lines below the cursor
         self._shown_at = -math.inf
 
@@ -141,14 +143,19 @@ class StatusLine:
         compose: Callable[[int], str],
         now: float,
         board: Callable[[int, int], Sequence[Line]] = lambda width, height: (),
+        plain: Callable[[], str] = str,
     ) -> None:
         """
         Show a text, unless the last one is younger than the refresh period; `now` in [s].
 
         `compose` is asked for a text of so many columns at most, `board` for the lines above it in
-        a window of so many columns and lines.
+        a window of so many columns and lines; `plain` is asked where nothing can be rewritten.
         """
-        if not self._is_terminal or now - self._shown_at < LINE_PERIOD:
+        if now - self._shown_at < LINE_PERIOD:
+            return
+        if not self._is_terminal:
+            self._shown_at = now
+            self._tell(visible(plain()))
             return
         if not may_draw_on(self._stream):
             return
@@ -166,6 +173,11 @@ class StatusLine:
         if text == self._shown or offer(self._stream, text):
             self._shown, self._below = text, len(above) + 1 if above else 0
         self._shown_at = now
+
+    def _tell(self, text: str) -> None:
+        """Write a text as a line of its own, if it is one and is new."""
+        if text and text != self._told and offer(self._stream, f'{text}\n'):
+            self._told = text
 
     def print(self, lines: Sequence[str]) -> None:
         """Write lines above the status, which comes again below them."""

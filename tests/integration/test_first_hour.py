@@ -9,6 +9,7 @@ import pty
 import re
 import select
 import struct
+import subprocess
 import sys
 import termios
 import time
@@ -52,7 +53,7 @@ class Window:
             stdin=self.slave,
             stdout=self.slave,
             stderr=self.slave,
-            env={**kept, 'TERM': 'xterm'},
+            env=kept,
             start_new_session=True,
         )
 
@@ -108,7 +109,8 @@ def window(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[...
 
     def open_window(*words: str, columns: int = 80, **variables: str) -> Window:
         viewer = () if '--viewer' in words else ('--viewer', 'none')
-        opened.append(Window([*words, *viewer], {**environment, **variables}, columns))
+        own = {**environment, 'TERM': 'xterm', **variables}
+        opened.append(Window([*words, *viewer], own, columns))
         return opened[-1]
 
     yield open_window
@@ -134,6 +136,41 @@ def test_w_in_every_state_says_what_to_press_and_hides_neither_state_nor_time(
     assert max(map(len, run.statuses)) <= columns - 1
     if columns == 80:  # a line alone; what a wider window has above it, the next test says
         assert all(CLOCK.search(line) for line in run.lines[run.lines.index(run.statuses[0]) :])
+
+
+@pytest.mark.parametrize('robot', ['mbot', 'both'])
+def test_in_a_pipe_the_state_is_told_in_plain_lines(
+    environment: dict[str, str], tmp_path: Path, robot: str
+) -> None:
+    run = starting.Popen(
+        [sys.executable, '-m', 'wasd_bringup.cli', robot, '--viewer', 'none'],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+        cwd=tmp_path,
+        start_new_session=True,
+    )
+    told, _ = run.communicate(b'i' if robot == 'mbot' else b'\ti', timeout=120.0)
+    assert b'\x1b' not in told
+    assert b'\r' not in told
+    lines = told.decode().splitlines()
+    states = [line for line in lines if 'driving' in line or 'stopped' in line]
+    name = '[mbot] ' if robot == 'both' else ''
+    assert states[-3:] == [f'{name}{state}' for state in ('stopped', 'driving', 'stopped')]
+
+
+def test_on_a_dumb_terminal_state_and_refusal_are_told_in_plain_lines(
+    window: Callable[..., Window],
+) -> None:
+    run = window('go2', TERM='dumb')
+    for keys, told in (('', 'passive\r\n'), ('w', f'passive: {CURE}'), ('2', 'fixed stand\r\n')):
+        run.type(keys)
+        deadline = time.monotonic() + 60.0
+        while told not in run.shown:
+            assert time.monotonic() < deadline, run.shown
+            run.read(0.1)
+    assert '\x1b' not in run.shown
 
 
 def test_a_window_with_room_shows_a_dashboard_above_the_status_line(
@@ -307,6 +344,10 @@ def test_the_page_opens_itself_where_somebody_sits_in_front_of_a_desktop(
     path = f'{tools}{os.pathsep}{os.environ["PATH"]}'
     run = window('mbot', '--viewer', 'web', *more, columns=120, PATH=path, **variables)
     run.wait_for(lambda line: line.startswith('stopped'))
+    # With the install's lines (tests/bootstrap) at most 15 until the address.
+    before, found, _ = run.shown.partition('viewer: ')
+    assert found
+    assert before.count('\n') <= 9
     if opens:
         deadline = time.monotonic() + 20.0
         while not asked.exists() and time.monotonic() < deadline:

@@ -56,6 +56,19 @@ def test_nothing_is_written_where_no_terminal_is():
     assert stream.getvalue() == ''
 
 
+def test_what_is_new_is_told_in_plain_lines_where_nothing_can_be_drawn():
+    stream = io.StringIO()
+    line = StatusLine(stream)
+    for now, text in enumerate(('one', 'one', '', 'two\x1b[2J', 'one')):
+        line.show(lambda _: 'never', float(now), plain=lambda text=text: text)
+        line.show(lambda _: 'never', now + 0.01, plain=lambda: 'too soon')
+    line.close()
+    first, second, third = stream.getvalue().splitlines()
+    assert (first, third) == ('one', 'one')
+    assert second.startswith('two')
+    assert '\x1b' not in second
+
+
 def test_the_text_is_made_for_the_window(monkeypatch):
     monkeypatch.setenv('COLUMNS', '20')
     screen = Screen()

@@ -9,6 +9,7 @@ import random
 import urllib.request
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
+from mujoco_sim.viewer.drawing import SLOW_PAGE
 import numpy as np
 from page_puppet import code
 from page_puppet import PagePuppet
@@ -222,10 +223,22 @@ def scenario_a_page_without_panels_still_has_the_emergency_stop(page: Page) -> N
     page.show('pad')
 
 
-def scenario_the_mode_of_the_drive_is_shown(page: Page) -> None:
+def scenario_a_page_that_draws_few_pictures_is_told_so(page: Page) -> None:
+    usual, page.puppet.rate = page.puppet.rate, 5.0
+    page.wait_until(lambda: SLOW_PAGE in page.cockpit._slow_words, 'it is told')
+    page.puppet.rate = usual
+    page.wait_until(lambda: not page.cockpit._slow_words, 'it is told no more')
+
+
+def scenario_the_mode_of_the_drive_and_its_limits_are_shown(page: Page) -> None:
     (setting,) = page.snapshot.settings
     assert setting.chosen == 'sim'
     assert 'mode arbotix' in page.rects
+    full = page.session.stack.logic
+    words = f'full {full.speed:.2f} m/s {full.turn:.2f} rad/s'
+    assert words in page.snapshot.facts
+    with urllib.request.urlopen(f'{page.url}status') as answer:
+        assert words.encode() in answer.read()
 
 
 def scenario_the_map_shows_what_rays_hit_and_where_the_robot_was(page: Page) -> None:

@@ -119,6 +119,12 @@ class RunOptions:
         return self.map is not None
 
     @property
+    def prints_data(self) -> bool:
+        """Whether standard output is a file of data, between which no words may come."""
+        outputs = (self.record, self.report, self.save_keys)
+        return any(output is not None and output.is_standard_output for output in outputs)
+
+    @property
     def has_guests(self) -> bool:
         """Whether somebody may drive who comes and goes."""
         return self.gamepad is not None or self.foxglove is not None

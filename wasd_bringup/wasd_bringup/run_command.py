@@ -172,9 +172,7 @@ def show_page(url: str, environment: Mapping[str, str] = os.environ) -> bool:
 
 def _where_to_say(options: RunOptions) -> TextIO:
     """Return where words go: not between the data of an output that is sent to standard output."""
-    outputs = (options.record, options.report, options.save_keys)
-    is_taken = any(output is not None and output.is_standard_output for output in outputs)
-    return sys.stderr if is_taken else sys.stdout
+    return sys.stderr if options.prints_data else sys.stdout
 
 
 def _open_keys(options: RunOptions) -> KeyReader | None:

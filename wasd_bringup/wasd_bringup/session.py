@@ -15,7 +15,6 @@ from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.time_source import TimeSource
 from teleop_keyboard.dashboard import HELP_KEYS
-from teleop_keyboard.dashboard import Line
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.screen import StatusLine
@@ -42,8 +41,7 @@ from wasd_bringup.session_guests import make_guests
 from wasd_bringup.session_robot import build_robots
 from wasd_bringup.session_robot import SessionRobot
 from wasd_bringup.stack import ControlStack
-from wasd_bringup.views import draw_board
-from wasd_bringup.views import say_status
+from wasd_bringup.views import show_status
 from wasd_bringup.views import start_view
 from wasd_bringup.views import View
 
@@ -338,7 +336,9 @@ class Session:
         if self._bag is not None:
             self._bag.save_if_due()
         self._let_notices_age(now)
-        self._status.show(self._status_line, now, self._board)
+        name = self.robot.name if len(self.robots) > 1 else ''
+        is_told = self._reader is not None and not self.options.prints_data
+        show_status(self._status, self.robot, name, self.simulation, now, is_told)
 
     def _look_at_view(self, view: View, now: float) -> None:
         """Show the state of now, and do what was pressed and ordered there."""
@@ -393,10 +393,3 @@ class Session:
         for robot in self.robots:
             robot.stack.notice.step(now - self._polled_at)
         self._polled_at = now
-
-    def _status_line(self, width: int) -> str:
-        name = self.robot.name if len(self.robots) > 1 else ''
-        return say_status(self.stack.status(), name, self.simulation, width)
-
-    def _board(self, *size: int) -> list[Line]:
-        return draw_board(self.stack.status(), self.world, self.stack.first_keys, *size)

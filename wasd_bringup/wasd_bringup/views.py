@@ -13,6 +13,30 @@ from teleop_keyboard.dashboard import board
 from teleop_keyboard.dashboard import Line
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.dashboard import status_line
+from teleop_keyboard.screen import StatusLine
+
+
+class Driven(Protocol):
+    """What a terminal needs of what drives a robot."""
+
+    @property
+    def first_keys(self) -> str:
+        """What a driver presses first."""
+
+    def status(self) -> Status:
+        """Return what a driver wants to see."""
+
+
+class Shown(Protocol):
+    """What a terminal needs of a robot."""
+
+    @property
+    def stack(self) -> Driven:
+        """What drives it."""
+
+    @property
+    def world(self) -> World:
+        """Where it is."""
 
 
 class View(Protocol):
@@ -55,12 +79,40 @@ def start_view(
     return web, web.url
 
 
+def show_status(
+    line: StatusLine,
+    robot: Shown,
+    name: str,
+    simulation: Simulation,
+    now: float,
+    is_told: bool,
+) -> None:
+    """
+    Show how the robot is that the keys drive, by its `name` where that helps; `now` in [s].
+
+    `is_told` is whether somebody reads what is written where nothing can be drawn.
+    """
+    stack = robot.stack
+    line.show(
+        lambda width: say_status(stack.status(), name, simulation, width),
+        now,
+        lambda *size: draw_board(stack.status(), robot.world, stack.first_keys, *size),
+        lambda: say_plainly(stack.status(), name) if is_told else '',
+    )
+
+
 def say_status(status: Status, name: str, simulation: Simulation, width: int) -> str:
     """Return a terminal's line on the robot that the keys drive, by its name where that helps."""
     pace = f'x{simulation.pacer.real_time_factor:.2f}' if not simulation.paused else 'paused'
     if name:
         status = status._replace(state=f'[{name}] {status.state}')
     return status_line(status, f'{simulation.world.time:.1f} s {pace}', width)
+
+
+def say_plainly(status: Status, name: str) -> str:
+    """Return what seldom changes of a status, for an output in which nothing is rewritten."""
+    words = f'[{name}] {status.state}' if name else status.state
+    return f'{words}: {status.message}' if status.message else words
 
 
 def draw_board(
