@@ -46,11 +46,14 @@ def load() -> None:
     """Load what the programs load: modules, the leg controller's compiled functions."""
     for name in MODULES:
         importlib.import_module(name)
-    from quadruped_sim.compilation import warm_up
     from quadruped_sim.robot_model import RobotModel
     from robot_description.description import load_robot
 
-    warm_up(RobotModel(load_robot('go2')))
+    from quadruped_sim import leg_controller_node
+
+    leg_controller_node.warm_up(RobotModel(load_robot('go2')))
+    # What that loads is loaded once; of the model it keeps nothing.
+    leg_controller_node.warm_up = lambda model: None
     _load_type_supports()
     gc.collect()
     gc.freeze()

@@ -41,10 +41,23 @@ def run(seconds, robot='mbot', listens=False, **more):
         session.close()
 
 
+@pytest.fixture(scope='module')
+def drives(tmp_path_factory):
+    """Return a folder, and what is kept of a drive that several tests look at."""
+    return tmp_path_factory.mktemp('house'), []
+
+
 @pytest.fixture
-def map_of(ros, tmp_path):
-    """Return a function that drives to a goal and saves the map under a name."""
-    return lambda name, **more: run(7.0, goals=(NEAR,), save_map=str(tmp_path / name), **more)
+def house(ros, drives):
+    """Return the map that a drive to a goal has saved, and the drive's report."""
+    folder, reports = drives
+    if not reports:
+        reports.append(map_and_save(folder / 'house'))
+    return folder / 'house', reports[0]
+
+
+def map_and_save(path, **more):
+    return run(7.0, goals=(NEAR,), save_map=str(path), **more)
 
 
 def error_of(goal, place):
@@ -54,13 +67,16 @@ def error_of(goal, place):
 
 
 def test_the_same_seed_makes_the_same_map_and_path_to_the_last_byte_whoever_listens(
-    map_of, tmp_path
+    house, tmp_path
 ):
-    first, second = map_of('first'), map_of('second', listens=True)
+    path, first = house
+    second = map_and_save(tmp_path / 'second', listens=True)
     assert second['heard'] > 0
     for ending in ('pgm', 'yaml'):
-        texts = [(tmp_path / f'{name}.{ending}').read_bytes() for name in ('first', 'second')]
-        assert texts[0] == texts[1].replace(b'second', b'first')
+        one, other = (
+            each.with_suffix(f'.{ending}').read_bytes() for each in (path, tmp_path / 'second')
+        )
+        assert one == other.replace(b'second', b'house')
     assert first['samples'] == second['samples']
     assert first['navigation'] == second['navigation']
     (goal,) = first['navigation']['goals']
@@ -70,9 +86,9 @@ def test_the_same_seed_makes_the_same_map_and_path_to_the_last_byte_whoever_list
     assert turn <= math.radians(3.0)
 
 
-def test_a_robot_finds_its_place_in_a_saved_map_and_drives_there(map_of, tmp_path):
-    map_of('house')
-    report = run(9.0, map=str(tmp_path / 'house.yaml'), goals=(NEAR,))['navigation']
+def test_a_robot_finds_its_place_in_a_saved_map_and_drives_there(house):
+    path, _ = house
+    report = run(9.0, map=str(path.with_suffix('.yaml')), goals=(NEAR,))['navigation']
     (goal,) = report['goals']
     assert goal['state'] == 'arrived'
     assert error_of(goal, goal['truth'])[0] <= 0.05
