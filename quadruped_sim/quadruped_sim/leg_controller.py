@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 from wasd_core.robot_io import BaseState
+from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
 
 from quadruped_sim.algebra import plain
-from quadruped_sim.algebra import write_rotation
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.estimation.contacts import ContactDetector
@@ -296,11 +296,13 @@ class LegController:
     def _estimate(self, reading: Reading, dt: float, truth: BaseState | None) -> RobotState:
         """Base, feet, contacts and dynamics at this reading."""
         robot, base, joints = self._robot, self._robot.base, reading.joints
-        read_legs(self._geometry, robot.flat, (joints.position, joints.velocity))
+        assert reading.imu is not None  # `filter_reading` lets none without one through
+        measured, moves = reading.imu.orientation, (joints.position, joints.velocity)
+        read_legs(self._geometry, robot.flat, moves, measured, self._measured)
         is_trotting = self._machine.state in (StateName.TROTTING, StateName.MOVE_BASE)
         normal = self.locomotion.ground.normal() if is_trotting else _UP
         if truth is None or not self._uses_truth:
-            self._filter(reading, normal, dt)
+            self._filter(reading.imu, normal, dt)
         else:
             base.position[:], robot.orientation[:], base.velocity[:], base.omega[:] = truth
         self.model.update_dynamics(robot)
@@ -331,13 +333,11 @@ class LegController:
         )
         return plain(self._detector.rule), load, radius
 
-    def _filter(self, reading: Reading, normal: np.ndarray, dt: float) -> None:
+    def _filter(self, imu: ImuReading, normal: np.ndarray, dt: float) -> None:
         """Base by the Kalman filter; orientation by the IMU, less the drift known."""
-        assert reading.imu is not None  # `filter_reading` lets none without one through
-        measured, omega, acceleration = reading.imu
+        measured, omega, acceleration = imu
         robot, base, motion = self._robot, self._robot.base, self._robot.motion
         state, kalman, R = self._states[self._machine.state], self._kalman, self._measured
-        write_rotation(measured, R)
         is_passive = self._machine.state is StateName.PASSIVE
         is_down = is_passive and (self._level is not None or self._is_down(R))
         lies = state.is_lying or is_down
@@ -350,8 +350,8 @@ class LegController:
             self._rest(motion.position @ base.R.T, dt)
         else:
             self._level = None
-            imu = ImuSample(base.R, base.omega, acceleration)
-            kalman.step(imu, motion, state.trust, normal, dt)
+            sample = ImuSample(base.R, base.omega, acceleration)
+            kalman.step(sample, motion, state.trust, normal, dt)
         base.position[:], base.velocity[:] = kalman.position, kalman.velocity
 
     def _is_down(self, R: np.ndarray) -> bool:

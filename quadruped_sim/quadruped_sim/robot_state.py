@@ -102,9 +102,20 @@ class RobotState:
 
 
 @jit
-def read_legs(leg: LegGeometry, robot: np.ndarray, joints: tuple[np.ndarray, np.ndarray]) -> None:
-    """Write positions and velocities (12,) of joints into a flat `RobotState`, and the feet's."""
+def read_legs(
+    leg: LegGeometry,
+    robot: np.ndarray,
+    joints: tuple[np.ndarray, np.ndarray],
+    measured: np.ndarray,
+    R: np.ndarray,
+) -> None:
+    """
+    Write positions and velocities (12,) of joints into a flat `RobotState`, and the feet's.
+
+    `R` (3, 3) becomes the rotation matrix of the orientation `measured` (4,).
+    """
     state = robot[0]
+    write_rotation(measured, R)
     for i in range(12):
         state.joint_position[i], state.joint_velocity[i] = joints[0][i], joints[1][i]
     move_legs(LegGeometry(*leg), state.joint_position, state.joint_velocity, state.motion)

@@ -73,7 +73,7 @@ class Safety:
 
     def filter_command(self, command: JointCommand) -> JointCommand | None:
         """Command with efforts inside the motors' limits; None instead of one with NaN."""
-        parts = np.array(command)
+        parts = np.concatenate(command).reshape(5, -1)
         if not _limit(parts, self._limits.effort):
             self.broken_commands += 1
             return None

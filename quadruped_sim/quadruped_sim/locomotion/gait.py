@@ -114,7 +114,8 @@ class Gait:
         """Take period and duty of a speed, and of as much `more` as haste is beyond it [m/s]."""
         params = self.params
         self._pace = share = self._pace_of(speed + more)
-        period, longer = self._shape[:2].tolist()
+        period, longer, *footprint = self._shape.tolist()
+        self._footprint = footprint[0], footprint[1]
         self._period = period * (
             params.slow_period + share * (params.fast_period - params.slow_period)
         )
@@ -132,8 +133,7 @@ class Gait:
     def state(self) -> GaitState:
         """Schedule now."""
         stance_time = self._duty * self._period
-        length, width = self._shape[2:].tolist()
-        rest = stance_time, self._period - stance_time, self._pace, (length, width)
+        rest = stance_time, self._period - stance_time, self._pace, self._footprint
         if not self.is_stepping:
             return GaitState(np.ones(4, dtype=bool), np.full(4, 0.5), *rest)
         legs, duty = self._leg_phases(), self._duty

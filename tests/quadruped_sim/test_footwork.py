@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All that is found of the feet in one compiled call is what the stages find one by one."""
+
+import numpy as np
+from quadruped_sim.leg_controller import LegController
+from quadruped_sim.locomotion.locomotion import Locomotion
+from quadruped_sim.locomotion.swing import Tread
+from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.parameters import LegControllerParameters
+from wasd_core.robot_io import JointStates
+
+PARAMETERS = LegControllerParameters(gait=GaitParameters(step_in_place=True))
+COMMAND, DT = np.array((0.5, 0.1, 0.3)), 0.002
+
+
+def test_one_call_does_what_the_stages_do_one_by_one(model, standing, rng):
+    controller, alone = LegController(model, PARAMETERS), Locomotion(model, PARAMETERS)
+    legs, ticks_in_air = controller.locomotion, 0
+    for tick in range(90):
+        if tick in (0, 30):
+            controller.press('2' if tick == 0 else '4')
+        # Torques that the ground would not give: feet touch and let go at any time.
+        joints = JointStates(*standing.joints[:2], rng.normal(scale=8.0, size=12))
+        controller.step(standing._replace(joints=joints), DT)
+        if tick < 32:
+            continue
+        legs.schedule = legs.gait.state()
+        for stage in ('ground', 'reference', 'grip', 'step_height'):
+            getattr(alone, stage).flat[:] = getattr(legs, stage).flat
+        wanted, targets = legs._step_feet(controller.robot, COMMAND, DT)
+        alone.swing_legs.lift_off[:] = legs.swing_legs.lift_off
+        expected = by_stages(alone, legs, controller.robot)
+        for got, by_stage in zip((*wanted, *targets), expected, strict=True):
+            np.testing.assert_array_equal(got, by_stage)
+        assert alone.grip.friction == legs.grip.friction
+        ticks_in_air += not legs.is_stance.all()
+    assert ticks_in_air > 20
+
+
+def by_stages(alone, legs, robot):
+    """Return the reference and the targets by stages that are asked one by one."""
+    feet, schedule, ground = legs._feet, legs.schedule, alone.ground
+    ground.step(feet.points, feet.is_loaded, DT)
+    rise = alone.step_height.step(robot, schedule, feet.points, ground, DT)
+    alone.grip.step(robot, feet.is_loaded, ground.frame(), DT)
+    wanted = alone.reference.step(robot, COMMAND, ground, legs._height, DT)
+    tread = Tread(rise, max(schedule.pace, alone.step_height.roughness))
+    swing = alone.swing_legs.step(robot, schedule, legs.is_stance, wanted, ground, tread)
+    return *wanted, *swing
