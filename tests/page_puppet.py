@@ -134,11 +134,15 @@ class PagePuppet:
         time.sleep(0.3)
 
     def draw(self, pictures: int = 3) -> None:
-        """Wait until so many pictures more were drawn, and panels know of them, or the end."""
+        """
+        Wait until so many pictures more were drawn, and panels know of them.
+
+        Raises:
+            AssertionError: the connection has ended.
+        """
         until, frames = self.pictures + pictures, self.frames + 2
         while self.pictures < until or self.frames < frames:
-            if not all(thread.is_alive() for thread in self._threads):
-                return
+            assert all(thread.is_alive() for thread in self._threads), 'the page was cut off'
             time.sleep(0.002)
 
     def press_at(self, place: tuple[int, int]) -> None:
