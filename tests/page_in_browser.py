@@ -113,8 +113,8 @@ def open_page(browser: Any, url: str) -> None:
 def rate_of(browser: Any) -> float:
     """Return how many pictures a second the browser draws."""
     before = browser.execute_script('return window.told')
-    time.sleep(3.0)
-    return float(browser.execute_script('return window.told') - before) / 3.0
+    time.sleep(2.0)
+    return float(browser.execute_script('return window.told') - before) / 2.0
 
 
 def skip_unless_alive(browser: Any) -> None:

@@ -90,7 +90,7 @@ def test_a_browser_is_not_sent_panels_that_it_cannot_show(
     open_page(browser, run.url)
     browser.execute_cdp_cmd('Emulation.setCPUThrottlingRate', {'rate': 4})
     ahead = []
-    for _ in range(20):
+    for _ in range(12):
         told, sent = browser.execute_script('return [window.told, window.sent]')
         ahead.append(sent - told)
         time.sleep(0.3)
