@@ -19,6 +19,7 @@ from wasd_navigation.planning.driver import Driver
 FIRST_SEED = 1000
 EACH = 5  # goals in a flat
 LONGEST = 1.15  # way, as a share of the shortest
+LONGEST_STEP = 25.0  # [ms]
 SOON = 1.0  # a way is another one so long after something was put into it [s]
 AT_ONCE = 0.2  # a goal is refused within this time [s]
 FAR = 4.0  # goals in trouble are no nearer [m]
@@ -102,10 +103,10 @@ def _cost(name: str, drives: Sequence[tuple[int, Drive]]) -> Row:
     share = 0.1 * float(steps.mean()) * 20.0
     return Row(
         what=f'goals, {name}: CPU time of a step, 20 a second',
-        measured=f'{np.median(steps):.2f} ms, p99 {np.percentile(steps, 99):.1f} ms; '
-        f'{share:.0f} % of a core',
-        must='<= 20 % of a core',
-        passed=share <= 20.0,
+        measured=f'{np.median(steps):.2f} ms, p99 {np.percentile(steps, 99):.1f} ms, longest '
+        f'{steps.max():.1f} ms; {share:.0f} % of a core',
+        must=f'<= 20 % of a core, <= {LONGEST_STEP:g} ms: so long a key may wait',
+        passed=share <= 20.0 and float(steps.max()) <= LONGEST_STEP,
     )
 
 

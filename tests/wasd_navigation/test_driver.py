@@ -3,16 +3,19 @@
 
 from collections.abc import Callable
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from wasd_navigation.grid import Grid
 from wasd_navigation.parameters import DriveLimits
 from wasd_navigation.parameters import PlanningParameters
+from wasd_navigation.planning import heading_field
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.motion import move
+from wasd_navigation.planning.route import SLICE
 from wasd_navigation.scan import Scan
 
 DT = 0.05
@@ -204,6 +207,34 @@ def test_a_box_that_appears_is_driven_around() -> None:
     assert robot.run(30.0) == 'arrived'
     apart = np.abs(np.array(robot.places)[:, :2] - (3.0, 2.0)) - 0.2
     assert np.hypot(*np.maximum(apart, 0.0).T).min() > ROUND.radius
+
+
+def test_no_step_draws_more_than_a_slice_so_that_whoever_presses_a_key_need_not_wait(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    counts: list[int] = []
+
+    def count(name: str, work: Callable[..., int]) -> None:
+        kernel = getattr(heading_field, name)
+
+        def counting(*args: Any) -> Any:
+            counts.append(work(*args))
+            return kernel(*args)
+
+        monkeypatch.setattr(heading_field, name, counting)
+
+    count('set_prices', lambda *args: args[-1][1] - args[-1][0])
+    count('spread', lambda _, budget: budget)
+    robot = legs(room((2.9, 0.0, 3.05, 2.4)), (1.0, 1.0, 0.0))
+    robot.driver.set_goal(np.array((5.0, 1.0, 0.0)))
+    robot.run(DT)
+    assert not counts  # it is looked first whether the goal is one
+    for _ in range(60):
+        robot.run(DT)
+        assert sum(counts) <= SLICE
+        counts.clear()
+    assert robot.driver.state == 'driving'
+    assert robot.state[0] > 1.3
 
 
 def test_a_blocked_way_is_drawn_anew_at_once_though_another_drawing_is_under_way(

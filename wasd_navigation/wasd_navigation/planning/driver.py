@@ -253,7 +253,7 @@ class Driver:
         """Return the velocity that leads on, by the state of things."""
         route = self._route
         assert route is not None
-        if self._is_new and not self._begin(state[:3]):
+        if self._is_new and not self._begin(state[:3], dt):
             return self._bridge(state, dt)
         self._before = None
         left = self._redraw(state[:3], dt)
@@ -287,7 +287,7 @@ class Driver:
         self._before.lead_from(state[:3])
         return self._sample(self._before, state, dt)
 
-    def _begin(self, pose: np.ndarray) -> bool:
+    def _begin(self, pose: np.ndarray, dt: float) -> bool:
         """Return whether there is a way to a new goal, as soon as that is known."""
         route = self._route
         assert route is not None
@@ -303,12 +303,11 @@ class Driver:
         if route.values is None and not route.is_drawing:
             route.draw(self._around)
             self._drawn = self._around.revision
-            route.work(pose, 0)
-        else:
-            route.work(pose)
+        route.work(pose)
         if route.is_drawing:
             return False
-        self._is_new, self._since_drawn = False, 0.0
+        # What has been drawn in this step is enough for it.
+        self._is_new, self._since_drawn = False, -dt
         if route.left(pose) == math.inf:
             self._end('refused', self._no_way(route.goal))
             return False

@@ -18,10 +18,9 @@ from wasd_navigation.planning.heap import make_heap
 from wasd_navigation.planning.heap import pop
 from wasd_navigation.planning.heap import push
 from wasd_navigation.planning.motion import Base
-from wasd_navigation.planning.motion import clearance
 from wasd_navigation.planning.surroundings import Surroundings
 
-HEADINGS = 16
+HEADINGS = 16  # a power of 2
 # So many cells of the map are one place each way.
 COARSE = 2
 # Steps to other places (rows, columns): by these directions ways are at most 2.7 % too long.
@@ -34,13 +33,17 @@ _BACKWARD = 1.5
 _DEEPEST, _ESCAPE_PRICE = 0.1, 20.0
 # Beyond all that is reached [m].
 _BEYOND = 10.0
-# A way is good when all is known that is nearer to the goal than this times what is left from
-# the robot, and this more [m]: it may go around.
-_FARTHER, _AROUND = 1.2, 1.5
+# A way is good when all is known that is nearer to the goal than what is left from the robot and
+# this [m]: it may go around. What is farther is drawn while it drives.
+_AROUND = 1.5
 # A way has no more points than this, and so often each is moved to the mean of its neighbours.
 _MOST_POINTS, _SMOOTHINGS = 4000, 3
 # Turning is cheaper than its time: most of it is done under way.
 _TURNING = 0.35
+
+
+# To give a place its prices takes as long as to look at so many states.
+PLACE = 1
 
 
 class Lattice(NamedTuple):
@@ -49,64 +52,127 @@ class Lattice(NamedTuple):
 
     `values` and `price`, shape (headings, rows, columns), float32: what is left [m of free way],
     and what a metre costs; infinite where nobody can be, negative where nobody may be, but from
-    which one finds out, at so much: no way leads through. `moves`, shape
-    (headings, m, 4): change of heading, row, column, and what it costs at a price of 1.
+    which one finds out, at so much: no way leads through. `moves`, shape (m, 3): change of
+    heading, row, column. `costs`, shape (headings, m): what each costs at a price of 1.
     """
 
     values: np.ndarray
     price: np.ndarray
     moves: np.ndarray
+    costs: np.ndarray
     heap: Heap
 
 
-def make_moves(base: Base, length: float) -> np.ndarray:
-    """Return the moves of a lattice whose places are `length` [m] apart, shape (16, m, 4)."""
+class Prices(NamedTuple):
+    """What makes the price of a place: room wanted, and what less of it costs."""
+
+    margin: float  # [m]
+    comfort: float  # [m]
+    lack: float  # what a metre costs more without any comfort
+    unknown: float  # what one costs more where nobody has looked
+
+
+def make_moves(base: Base, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return moves and costs of a lattice whose places are `length` [m] apart; see Lattice."""
     turn = 2.0 * math.pi / HEADINGS
-    turning = _turn_price(base) * turn
-    moves = []
-    for heading in range(HEADINGS):
-        own = [(1.0, 0.0, 0.0, turning), (-1.0, 0.0, 0.0, turning)]
-        for up, right in _STEPS:
-            # One comes from there, as what is left spreads from the goal: the other way round.
-            bearing = math.atan2(-up, -right) - heading * turn
-            own.append((0.0, up, right, length * math.hypot(up, right) * _dearness(base, bearing)))
-        moves.append(own)
-    return np.array(moves)
+    moves = np.array([(1, 0, 0), (-1, 0, 0), *((0, up, right) for up, right in _STEPS)])
+    ups, rights = moves[2:, 1], moves[2:, 2]
+    # One comes from there, as what is left spreads from the goal: the other way round.
+    bearings = np.arctan2(-ups, -rights) - turn * np.arange(HEADINGS)[:, None]
+    costs = np.full((HEADINGS, len(moves)), _turn_price(base) * turn)
+    costs[:, 2:] = length * np.hypot(ups, rights) * _dearness(base, bearings)
+    return moves, costs
 
 
-def _dearness(base: Base, bearing: float) -> float:
-    """Return what a metre in a direction of the base frame costs, ahead being 1."""
-    ahead, side = math.cos(bearing), math.sin(bearing)
-    full = base.most[0] if ahead > 0.0 else -base.least[0]
-    if ahead < -1e-9:
-        ahead *= _BACKWARD
+def _dearness(base: Base, bearings: np.ndarray) -> np.ndarray:
+    """Return what a metre in directions of the base frame costs, ahead being 1."""
+    ahead, side = np.cos(bearings), np.sin(bearings)
+    full = np.where(ahead > 0.0, base.most[0], -base.least[0])
+    ahead = np.where(ahead < -1e-9, ahead * _BACKWARD, ahead)
     if base.most[1] <= 0.0:
-        return 1.0 / max(ahead, 0.05)
-    return float(base.most[0] * math.hypot(ahead / full, side / base.most[1]))
+        return np.asarray(1.0 / ahead.clip(0.05))
+    return np.asarray(base.most[0] * np.hypot(ahead / full, side / base.most[1]))
+
+
+class Covers(NamedTuple):
+    """
+    The circles of a footprint at each heading of the first half turn, in a grid's cells.
+
+    `cells`, shape (headings / 2, n, 2): rows and columns from the footprint's middle to the lowest
+    of the four cells around a circle's middle; `shares`, shape (headings / 2, n, 4): what each of
+    them counts there, by rows; `radii`, shape (n,) [m]; `reach`: from the footprint's middle to
+    the end of the farthest circle [m].
+    """
+
+    cells: np.ndarray
+    shares: np.ndarray
+    radii: np.ndarray
+    reach: float
+
+
+def cover(circles: np.ndarray, resolution: float) -> Covers:
+    """Return circles (x, y, radius) [m]; the other way round a footprint covers the same."""
+    angles = 2.0 * math.pi / HEADINGS * np.arange(HEADINGS // 2)[:, None]
+    cos, sin = np.cos(angles), np.sin(angles)
+    x, y, radii = circles.T
+    places = np.stack((sin * x + cos * y, cos * x - sin * y), axis=-1) / resolution
+    cells = np.floor(places)
+    above, right = np.moveaxis(places - cells, -1, 0)
+    shares = (
+        (1.0 - above) * (1.0 - right), (1.0 - above) * right, above * (1.0 - right), above * right
+    )  # fmt: skip
+    reach = float((np.hypot(x, y) + radii).max())
+    return Covers(cells.astype(np.int64), np.stack(shares, axis=-1), radii.copy(), reach)
 
 
 @jit
-def measure_room(distances: Field, circles: np.ndarray, enough: float) -> np.ndarray:
+def set_prices(
+    lattice: Lattice,
+    distances: np.ndarray,
+    is_unknown: np.ndarray,
+    covers: Covers,
+    prices: Prices,
+    places: tuple[int, int],
+) -> None:
     """
-    Return the clearance [m] of a footprint at all places and headings of a lattice.
+    Give places, from one number to before another, their prices; their values are infinite then.
 
-    Shape (headings, rows, columns), float32; exact up to `enough`.
+    `distances` [m] are of all cells, `is_unknown`, shape (rows, columns), of the places.
     """
-    rows = (distances.values.shape[1] + COARSE - 1) // COARSE
-    columns = (distances.values.shape[2] + COARSE - 1) // COARSE
-    room = np.empty((HEADINGS, rows, columns), np.float32)
-    state = np.zeros(3)
-    for row in range(rows):
-        state[1] = distances.y + row * COARSE * distances.resolution
-        for column in range(columns):
-            state[0] = distances.x + column * COARSE * distances.resolution
-            # The other way round it covers the same.
-            for heading in range(HEADINGS // 2):
-                state[2] = heading * 2.0 * math.pi / HEADINGS
-                here = clearance(distances, circles, state, enough)
-                room[heading, row, column] = here
-                room[heading + HEADINGS // 2, row, column] = here
-    return room
+    columns = lattice.price.shape[2]
+    enough = prices.margin + prices.comfort + covers.reach
+    for place in range(places[0], places[1]):
+        row, column = place // columns, place % columns
+        more = prices.unknown * is_unknown[row, column]
+        is_free = distances[COARSE * row, COARSE * column] >= enough
+        for heading in range(HEADINGS // 2):
+            price = 1.0
+            if not is_free:
+                room = _room(distances, covers, (COARSE * row, COARSE * column), heading)
+                lack = min(max(1.0 - (room - prices.margin) / prices.comfort, 0.0), 1.0)
+                price += prices.lack * lack * lack
+                if room < prices.margin:
+                    price = -_ESCAPE_PRICE if room > -_DEEPEST else math.inf
+            price += more if price > 0.0 else 0.0
+            for at in (heading, heading + HEADINGS // 2):
+                lattice.price[at, row, column] = price
+                lattice.values[at, row, column] = math.inf
+
+
+@jit
+def _room(distances: np.ndarray, covers: Covers, cell: tuple[int, int], heading: int) -> float:
+    """Return the clearance [m] of a footprint whose middle is a cell's."""
+    most_row, most_column = distances.shape[0] - 2, distances.shape[1] - 2
+    least = float(distances[cell])
+    for index in range(covers.radii.shape[0]):
+        row = min(max(cell[0] + covers.cells[heading, index, 0], 0), most_row)
+        column = min(max(cell[1] + covers.cells[heading, index, 1], 0), most_column)
+        shares = covers.shares[heading, index]
+        there = shares[0] * distances[row, column] + shares[1] * distances[row, column + 1]
+        there += shares[2] * distances[row + 1, column]
+        there += shares[3] * distances[row + 1, column + 1]
+        least = min(least, there - covers.radii[index])
+    return least
 
 
 class HeadingField:
@@ -120,15 +186,18 @@ class HeadingField:
         base: Base,
         margin: float,
     ) -> None:
-        room = measure_room(around.distances, circles, margin + around.comfort)
-        price = around.price_of(room - margin, COARSE)
-        price[(room < margin) & (room > -_DEEPEST)] = -_ESCAPE_PRICE
-        values = np.full(price.shape, np.inf, np.float32)
+        # What is around may be another by the time that all is drawn.
+        self._distances = around.distances.values[0]
+        self._is_unknown = around.is_unknown[::COARSE, ::COARSE]
+        self._prices = Prices(margin, *around.prices)
+        self._covers = cover(circles, around.distances.resolution)
+        shape = (HEADINGS, *self._is_unknown.shape)
+        values, price = np.empty(shape, np.float32), np.empty(shape, np.float32)
         self.values = around.field_of(values, COARSE)
-        moves = make_moves(base, self.values.resolution)
-        self._lattice = Lattice(values, price, moves, make_heap(8 * price.size))
-        self._goal = goal
-        _begin(self._lattice, goal, self.values, _turn_price(base))
+        moves, costs = make_moves(base, self.values.resolution)
+        self._lattice = Lattice(values, price, moves, costs, make_heap(8 * price.size))
+        self._goal, self._turning = goal, _turn_price(base)
+        self._priced = 0  # places
         self.is_done = False
         self.beyond = 0.0
 
@@ -136,17 +205,29 @@ class HeadingField:
         """Look at up to so many states; return whether the way from a pose is among them."""
         if self.is_done:
             return True
+        budget -= PLACE * self._set_prices(budget // PLACE)
+        if self._priced < self._is_unknown.size or budget <= 0:
+            return False
         heap = self._lattice.heap
         self.is_done = spread(self._lattice, budget)
         there = self._lattice.values[self._nearest(pose)]
-        if not self.is_done and not heap.keys[0] > _FARTHER * there + _AROUND:
+        if not self.is_done and not heap.keys[0] > there + _AROUND:
             return False
-        drawn = self._lattice.values
-        is_reached = drawn < np.inf
-        self.beyond = (float(drawn[is_reached].max()) if is_reached.any() else 0.0) + _BEYOND
-        values = np.where(is_reached, drawn, np.float32(self.beyond))
-        self.values = self.values._replace(values=values)
+        shown = np.empty_like(self._lattice.values)
+        self.beyond = show(self._lattice.values, shown)
+        self.values = self.values._replace(values=shown)
         return True
+
+    def _set_prices(self, most: int) -> int:
+        """Give up to so many places their prices, after the last the goal its value; say many."""
+        places = (self._priced, min(self._priced + most, self._is_unknown.size))
+        if places[0] < places[1]:
+            around = (self._distances, self._is_unknown, self._covers)
+            set_prices(self._lattice, *around, self._prices, places)
+            self._priced = places[1]
+            if self._priced == self._is_unknown.size:
+                _begin(self._lattice, self._goal, self.values, self._turning)
+        return places[1] - places[0]
 
     def _nearest(self, pose: np.ndarray) -> tuple[int, int, int]:
         """Return the state with the least value around a pose: heading, row, column."""
@@ -220,8 +301,8 @@ def _begin(lattice: Lattice, goal: np.ndarray, places: Field, turning: float) ->
 @jit
 def spread(lattice: Lattice, budget: int) -> bool:
     """Look at up to so many states, nearest first; return whether all are done."""
-    values, price, moves = lattice.values, lattice.price, lattice.moves
-    headings, rows, columns = values.shape
+    values, price, moves, costs = lattice.values, lattice.price, lattice.moves, lattice.costs
+    _, rows, columns = values.shape
     while lattice.heap.held[0] > 0:
         if budget == 0:
             return False
@@ -232,21 +313,37 @@ def spread(lattice: Lattice, budget: int) -> bool:
         if value > values[heading, row, column]:
             continue
         budget -= 1
-        for move in range(moves.shape[1]):
-            at = (heading + int(moves[heading, move, 0])) % headings
-            at_row = row + int(moves[heading, move, 1])
-            at_column = column + int(moves[heading, move, 2])
+        here = price[heading, row, column]
+        for move in range(moves.shape[0]):
+            at_row, at_column = row + moves[move, 1], column + moves[move, 2]
             if not (0 <= at_row < rows and 0 <= at_column < columns):
                 continue
-            if price[heading, row, column] < 0.0 < price[at, at_row, at_column]:
+            at = (heading + moves[move, 0]) & (HEADINGS - 1)
+            there = price[at, at_row, at_column]
+            # Most of what is around is nearer to the goal, or an obstacle.
+            if values[at, at_row, at_column] <= value or there == math.inf or here < 0.0 < there:
                 continue
             # Both ends count: a step from a dear place into a cheap one is not cheap.
-            mean = 0.5 * (abs(price[at, at_row, at_column]) + abs(price[heading, row, column]))
-            new = float(np.float32(value + moves[heading, move, 3] * mean))
+            mean = 0.5 * (abs(there) + abs(here))
+            new = float(np.float32(value + costs[heading, move] * mean))
             if new < values[at, at_row, at_column]:
                 values[at, at_row, at_column] = new
                 push(lattice.heap, new, (at * rows + at_row) * columns + at_column)
     return True
+
+
+@jit
+def show(values: np.ndarray, shown: np.ndarray) -> float:
+    """Write values to `shown`, the infinite ones as what is beyond all others; return that [m]."""
+    most = 0.0
+    for value in values.flat:
+        if most < value < math.inf:
+            most = value
+    beyond = most + _BEYOND
+    flat = shown.ravel()
+    for index, value in enumerate(values.flat):
+        flat[index] = min(value, beyond)
+    return beyond
 
 
 @jit
@@ -256,7 +353,7 @@ def trace(lattice: Lattice, start: tuple[int, int, int], states: np.ndarray) -> 
 
     Each is the one by which the one before it got its value.
     """
-    values, price, moves = lattice.values, lattice.price, lattice.moves
+    values, price, moves, costs = lattice.values, lattice.price, lattice.moves, lattice.costs
     headings, rows, columns = values.shape
     heading, row, column = start
     count = 0
@@ -266,17 +363,16 @@ def trace(lattice: Lattice, start: tuple[int, int, int], states: np.ndarray) -> 
         best = values[heading, row, column]
         found = (-1, 0, 0)
         least = math.inf
-        for move in range(moves.shape[1]):
-            # A move is the same from all headings but for its price.
-            at = (heading - int(moves[heading, move, 0])) % headings
-            at_row = row - int(moves[heading, move, 1])
-            at_column = column - int(moves[heading, move, 2])
+        for move in range(moves.shape[0]):
+            # A move is the same from all headings but for its cost.
+            at = (heading - moves[move, 0]) % headings
+            at_row, at_column = row - moves[move, 1], column - moves[move, 2]
             if not (0 <= at_row < rows and 0 <= at_column < columns):
                 continue
             if values[at, at_row, at_column] >= best:
                 continue
             mean = 0.5 * (abs(price[at, at_row, at_column]) + abs(price[heading, row, column]))
-            total = values[at, at_row, at_column] + moves[heading, move, 3] * mean
+            total = values[at, at_row, at_column] + costs[heading, move] * mean
             if total < least:
                 least, found = total, (at, at_row, at_column)
         if found[0] < 0:

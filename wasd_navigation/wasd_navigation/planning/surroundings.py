@@ -71,9 +71,14 @@ class Surroundings:
         return self._distances
 
     @property
-    def comfort(self) -> float:
-        """Room beyond which there is no more than enough [m]."""
-        return self._parameters.comfort
+    def prices(self) -> tuple[float, float, float]:
+        """
+        Room beyond which there is no more than enough [m], and what a metre costs more.
+
+        That without any such room, and that where nobody has looked.
+        """
+        parameters = self._parameters
+        return parameters.comfort, parameters.comfort_price, parameters.unknown_price
 
     @property
     def map_(self) -> Grid:
@@ -81,16 +86,16 @@ class Surroundings:
         assert self.grid is not None
         return self.grid
 
-    def price_of(self, room: np.ndarray, step: int = 1) -> np.ndarray:
+    def price_of(self, room: np.ndarray) -> np.ndarray:
         """
         Return what a metre costs where there is so much `room` [m], float32; infinite below 0.
 
-        `room`, shape (..., rows, columns), is of every `step`th cell each way.
+        `room` has the map's shape.
         """
-        parameters = self._parameters
-        lack = np.clip(1.0 - room / parameters.comfort, 0.0, 1.0)
-        price = 1.0 + parameters.comfort_price * lack * lack
-        price += parameters.unknown_price * self.is_unknown[::step, ::step]
+        comfort, dearer, unknown = self.prices
+        lack = np.clip(1.0 - room / comfort, 0.0, 1.0)
+        price = 1.0 + dearer * lack * lack
+        price += unknown * self.is_unknown
         return np.where(room >= 0.0, price, np.inf).astype(np.float32)
 
     def field_of(self, values: np.ndarray, step: int = 1) -> Field:
