@@ -132,7 +132,7 @@ def handle(page: 'Page', count: int) -> tuple[float, set[str]]:
 
     Most are clicks; what is made once is made before.
     """
-    from mbot_scenarios import scribble_everywhere
+    from scribbling import scribble_everywhere
 
     chance = random.Random(1)
     scribble_everywhere(page, 200, chance, PRESSES)

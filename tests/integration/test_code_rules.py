@@ -12,6 +12,7 @@ from source_trees import imports
 from source_trees import modules
 from source_trees import nodes
 from source_trees import PACKAGES
+from source_trees import ROOT
 
 LONGEST_FUNCTION = 50  # lines
 MOST_KERNEL_ARGUMENTS = 6
@@ -147,3 +148,18 @@ def test_what_compiles_has_the_names_by_which_kernels_are_counted():
         if isinstance(node, ast.alias) and node.asname and node.name in KERNEL_DECORATORS
     ]
     assert renamed == []
+
+
+def test_the_benchmark_needs_nothing_that_only_tests_install():
+    """`wasd bench` runs where nobody has run `wasd test`; the part for a Chromium does without."""
+    folders = [ROOT / name for name in ('benchmarks', 'tests', 'tests/wasd_cockpit')]
+    own = {path.stem: path for folder in folders for path in folder.glob('*.py')}
+    waiting, seen = sorted(path.stem for path in folders[0].glob('*.py')), set()
+    while waiting:
+        name = waiting.pop()
+        if name not in seen and name in own:
+            seen.add(name)
+            waiting += {found.split('.')[0] for found in imports(own[name])}
+    assert {'scribbling', 'page_puppet'} <= seen
+    users = {name for name in seen for found in imports(own[name]) if found.startswith('pytest')}
+    assert users == {'page_in_browser'}

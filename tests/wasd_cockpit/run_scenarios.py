@@ -132,15 +132,19 @@ def run_with_hand(words: list[str], play: Callable[[Page], None], visuals: bool 
     """
     Run `wasd` with words until a hand has done something on its page, in another thread.
 
-    `visuals` are what only a picture needs.
+    `visuals` are what only a picture needs. What fails the hand is raised at the end of the run.
     """
     init_ros([])
     session = Session(read_options(make_parser().parse_args(words)), visuals=visuals)
     page = Page(session, session.open_view('web'))
 
+    failures: list[BaseException] = []
+
     def play_and_leave() -> None:
         try:
             play(page)
+        except BaseException as error:
+            failures.append(error)
         finally:
             page.close()
 
@@ -150,6 +154,8 @@ def run_with_hand(words: list[str], play: Callable[[Page], None], visuals: bool 
     type(stop).requested = property(lambda _: not hand.is_alive())
     session.run(stop)
     session.close()
+    for failure in failures:
+        raise failure
 
 
 if __name__ == '__main__':
