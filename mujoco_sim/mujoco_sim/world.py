@@ -9,11 +9,6 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from robot_description.description import Description
-from robot_description.morphology.quadruped import find_imu
-from robot_description.mujoco.builder import add_imu
-from robot_description.mujoco.builder import hold_joints
-from robot_description.mujoco.builder import to_mujoco
-from wasd_core.errors import DescriptionError
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointCommand
@@ -27,16 +22,13 @@ from mujoco_sim.physics import Actuation
 from mujoco_sim.physics import Physics
 from mujoco_sim.physics import Push
 from mujoco_sim.physics import RobotParts
-from mujoco_sim.robot_setup import foot_links
 from mujoco_sim.robot_setup import RobotSetup
+from mujoco_sim.robot_spec import robot_spec
 from mujoco_sim.scene import add_scene
 from mujoco_sim.scene import lead_sun
 from mujoco_sim.sensors.noise import NoisySensors
 from mujoco_sim.untold import Drawn
-from mujoco_sim.untold import Payload
 
-# Of a payload, a bag of sand [kg/m^3].
-PAYLOAD_DENSITY = 1600.0
 FALL_TILT = np.deg2rad(60.0)
 # Of an IMU alone.
 _UPRIGHT = Reading(
@@ -293,56 +285,6 @@ def _change_base(model: mujoco.MjModel, data: mujoco.MjData, root: int, drawn: D
     model.body_inertia[root] *= ratio
     model.body_ipos[root] += drawn.centre
     mujoco.mj_setConst(model, data)
-
-
-def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) -> mujoco.MjSpec:
-    """
-    Return a robot with what its setup adds to it, nothing around it.
-
-    Raises:
-        DescriptionError: MuJoCo cannot read the robot.
-    """
-    try:
-        spec = to_mujoco(loaded.robot, loaded.meshes.files.get, visuals)
-    except DescriptionError as error:
-        raise DescriptionError(f'{loaded.path}: {error}') from None
-    for joint, inertia in setup.reflected_inertia.items():
-        spec.joint(joint).armature = inertia
-    hold_joints(spec, loaded.robot, setup.held)
-    friction = setup.drawn.friction if setup.untold.friction is None else setup.untold.friction
-    if friction is not None:
-        _set_friction(spec, foot_links(loaded), friction)
-    if setup.untold.payload is not None:
-        _add_payload(spec.body(loaded.robot.base), setup.untold.payload)
-    if setup.imu and find_imu(loaded.robot) is None:
-        add_imu(spec, loaded.robot)
-    return spec
-
-
-def _set_friction(spec: mujoco.MjSpec, feet: Sequence[str], friction: float) -> None:
-    """Let this friction count on any ground, of the feet, or of what is not free of friction."""
-    for geom in spec.geoms:
-        if geom.name.partition('/')[0] in feet or (not feet and geom.condim > 1):
-            geom.priority = 1
-            geom.friction[0] = friction
-
-
-def _add_payload(base: mujoco.MjsBody, payload: Payload) -> None:
-    """Weld a cube of the payload's mass to the base; it is to be seen and touches nothing."""
-    edge = (payload.mass / PAYLOAD_DENSITY) ** (1.0 / 3.0)
-    load = base.add_body(pos=payload.place)  # a link may have any name, also `payload`
-    load.explicitinertial = True
-    load.mass, load.ipos = payload.mass, np.zeros(3)
-    load.inertia = np.full(3, payload.mass * edge**2 / 6.0)
-    load.add_geom(
-        name=f'{base.name}/payload',
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=np.full(3, edge / 2.0),
-        contype=0,
-        conaffinity=0,
-        mass=0.0,
-        rgba=[0.85, 0.65, 0.25, 1.0],
-    )
 
 
 def build_world(

@@ -223,11 +223,12 @@ class LegController:
 
     @property
     def _lies_sprawled(self) -> bool:
-        """Whether it lies with a foot above its trunk's middle: a straight way up tips it over."""
+        """Whether it lies with a foot above its trunk, at its hips: a straight way up tips it."""
         if self.robot is None or self._machine.coming is not StateName.PASSIVE or self.obstacle:
             return False
-        heights = self.robot.motion.position @ self.robot.base.R[2]
-        return float(heights.max()) > 0.0
+        up, hips = self.robot.base.R[2], self.model.geometry.hip
+        heights = self.robot.motion.position @ up
+        return float(heights.max()) > float(hips[:, 2].mean() * up[2])
 
     def _meaning(self, key: str) -> str:
         """Return what a state's key stands for: whoever has fallen must get up to stand."""

@@ -358,7 +358,8 @@ class JointMap:
         self._has_others = others in self._motors
         own = np.arange(others)
         orders = self._joints, self._motors
-        self._is_same = quadruped.is_plain and all(np.array_equal(own, each) for each in orders)
+        is_in_order = all(np.array_equal(own, each) for each in orders)
+        self._is_same = quadruped.is_plain and is_in_order and len(joint_names) == others
         self._sign, self._zero = quadruped.sign, quadruped.zero
         self._is_plain = quadruped.is_plain
 

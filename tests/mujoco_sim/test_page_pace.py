@@ -79,6 +79,21 @@ def test_a_hurried_page_has_a_frame_of_panels_for_a_click_at_once(page, monkeypa
     assert inner.frames == 2
 
 
+def test_what_a_click_does_is_shown_without_waiting_for_a_hurried_page(page, monkeypatch):
+    """Panels may see a press or its end only in the frame after the one that is begun for it."""
+    monkeypatch.setattr('mujoco_sim.viewer.drawing.HURRIED_PANEL_PERIOD', LONG)
+    pace, inner = Pace(page), Ui()
+    ui = PacedUi(inner, page, pace)
+    pace.is_hurried = True
+    begun = []
+    for buttons in (0, 1, 1, 1):
+        page.hear('driver', NONE, buttons=buttons)
+        ui.new_frame()
+        ui.end_frame()
+        begun.append(inner.frames)
+    assert begun == [1, 2, 3, 3]
+
+
 def test_a_rest_ends_by_itself(page):
     began = time.monotonic()
     page.rest(0.02)

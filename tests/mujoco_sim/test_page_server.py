@@ -12,6 +12,7 @@ from pathlib import Path
 import socket
 import time
 
+from mujoco.studio import messages
 from mujoco_sim.viewer import server as page_server
 from mujoco_sim.viewer import turns
 from mujoco_sim.viewer.drawing import Panel
@@ -335,10 +336,22 @@ def test_the_page_is_worked_on_as_often_as_somebody_looks(view, port):
         assert seen < view.period < unseen
         view.sync()
         assert view.period == seen
+    # Who says so and is gone at once is nobody who looks, either.
+    for _ in range(20):
+        with connect(f'ws://127.0.0.1:{port}/state?sid=goes') as state:
+            state.send(page_server.LEAVE)
     deadline = time.monotonic() + 10.0
     while view.period < unseen and time.monotonic() < deadline:
         time.sleep(0.01)
     assert view.period == unseen
+
+
+def test_what_the_page_says_to_studio_does_not_gather(view):
+    events = view._handle._sim_endpoint._v2s_events
+    for _ in range(3):
+        events.put(messages.SingleStepEvent())
+        view.sync()
+        assert events.get() == []
 
 
 @pytest.mark.slow

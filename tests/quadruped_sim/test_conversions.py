@@ -64,6 +64,16 @@ def test_a_reading_is_put_into_the_controllers_order_by_name(reading, model):
     assert ordered.imu is reading[1]
 
 
+def test_a_joint_that_is_none_of_the_legs_is_left_out_wherever_it_stands(reading, model):
+    names = model.quadruped.joint_names
+    for at in (0, 5, 12):
+        theirs = (*names[:at], 'antenna', *names[at:])
+        more = JointStates(*(np.insert(part, at, np.nan) for part in reading[0]))
+        legs = JointMap(model.quadruped, theirs, names).reading(Reading(more, reading[1]))
+        for one, other in zip(legs.joints, reading[0], strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
 def test_a_command_is_put_into_the_motors_order_by_name(rng, model):
     names = model.quadruped.joint_names
     command = JointCommand(*(rng.normal(size=12) for _ in range(5)))

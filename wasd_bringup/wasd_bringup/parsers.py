@@ -7,6 +7,7 @@ import os
 from typing import Any
 
 from mujoco_sim.parameters import WORLD_NAMES
+from mujoco_sim.untold import HEAVIEST
 from teleop_keyboard.keymap import LAYOUTS
 
 from wasd_bringup.inputs import KEY_LINE
@@ -111,8 +112,8 @@ def add_run_options(parser: argparse.ArgumentParser, row: RobotRow) -> None:
     parser.add_argument(
         '--payload',
         metavar='KG[@X,Y,Z]',
-        help='a load on the base, <= 100 kg (a Go2 carries 8), in its frame [m], unknown to '
-        'the controller (default: none; at the origin)',
+        help=f'a load on the base, <= {HEAVIEST:g} kg (a Go2 carries 8), in its frame [m], '
+        'unknown to the controller (default: none; at the origin)',
     )
     _add_shared_options(parser)
     row.kind.add_options(parser)

@@ -38,10 +38,10 @@ class Samples(Mapping[str, list[Any]]):
 
     def add(self, row: Mapping[str, Any]) -> None:
         """
-        Add a value to each column.
+        Add a value to each column; they are written some at a time, then and before a look.
 
         Raises:
-            UserError: the folder for temporary files is full, or the like.
+            UserError: the folder for temporary files is full, or the like; so does a look.
         """
         self._waiting.append(row)
         if len(self._waiting) >= AT_ONCE:

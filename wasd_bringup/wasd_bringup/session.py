@@ -344,7 +344,7 @@ class Session:
         """Show the state of now, and do what was pressed and ordered there."""
         if now >= self._next_frame:
             self._next_frame = now + view.period
-            view.sync(self.simulation.pacer.is_hurried)
+            view.sync(self.simulation.pacer.is_hurried and not self.simulation.paused)
             for key in view.pressed_keys():
                 if key == LOST:
                     self._stop_what_the_view_moved()

@@ -258,7 +258,9 @@ class PacedUi:
         is_due = now >= self._next_panels or self._input.has_clicked
         if (self._has_drawn and is_due) or self._may_connect(now):
             self._has_drawn = False
-            self._next_panels = now + self._pace.panels
+            # Panels may see a press, or its end, only in the frame after the one begun for it.
+            has_clicked = self._input.has_clicked
+            self._next_panels = now + (PANEL_PERIOD if has_clicked else self._pace.panels)
             self._input.has_clicked = False
             self.is_drawing = self._ui.new_frame()
         return True

@@ -13,8 +13,9 @@ from mujoco_sim.viewer.input import LOST
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 
-# GLFW's codes of keys that are no characters.
+# Between two pictures [s].
 _PERIOD = 1.0 / 60.0
+# GLFW's codes of keys that are no characters.
 _NAMED_KEYS = {256: 'ESC', 262: 'RIGHT', 263: 'LEFT', 264: 'DOWN', 265: 'UP'}
 
 

@@ -205,6 +205,7 @@ class WebView:
             model, state = self._world.model, np.empty(self._state_size)
             mujoco.mj_getState(model, self._world.data, state, _STATE)
             self._handle.send_to_viewer(messages.StateSnapshot(state=state, state_sig=_STATE))
+            self._handle._sim_endpoint.get_viewer_events()  # or they would gather
 
     @property
     def input(self) -> PageInput:

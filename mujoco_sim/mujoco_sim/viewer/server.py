@@ -118,6 +118,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         super().__init__(*arguments, **options)
         self._input = page_input
         self._packets: InputPackets | None = InputPackets()
+        self._is_lost = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Wait for a request, but not for ever."""
@@ -126,6 +127,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Tell that nothing more will come."""
+        self._is_lost = True
         self._input.lose(self)
         if self._path == '/state':
             self._input.turns.leave(self._session)
@@ -133,7 +135,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
 
     async def recv(self, decode: bool | None = None) -> Any:
         """Return the next message; hear what it says of the page."""
-        if self._path == '/state':
+        if self._path == '/state' and not self._is_lost:
             self._input.watch(self)
         message = await super().recv(decode)
         turns = self._input.turns

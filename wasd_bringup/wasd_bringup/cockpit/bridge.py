@@ -38,7 +38,8 @@ SNAPSHOT_EVERY = 2.5
 LIT_TIME = 0.25
 # Places of the trail: one every so many samples, and how many.
 TRAIL_EVERY, TRAIL_LENGTH = 10, 600
-# The states that can follow are looked at in one of so many snapshots: ten times a second.
+# The states that can follow are looked at in one of so many snapshots: ten times a second, or
+# three where the page's pace is that of a hurried simulation.
 CHOICES_EVERY = 3
 # The fastest that time may be asked to go; 0 is as fast as it goes.
 FASTEST = 100.0
@@ -115,6 +116,7 @@ class CockpitBridge:
         self._now = 0.0
         # The robot that the stick moves, and what it was told last.
         self._driven: int | None = None
+        self._pushed: int | None = None
 
     def sample(self) -> None:
         """Remember this instant of all robots."""
@@ -149,9 +151,8 @@ class CockpitBridge:
         self._now = now
         for order in self._link.take_orders():
             self._obey(order)
+        self._release()
         if now < self._next:
-            if self._driven is not None and self._link.stick is None:
-                self.let_go()
             return
         self._next = now + SNAPSHOT_EVERY * period
         self._follow_stick()
@@ -214,18 +215,26 @@ class CockpitBridge:
         for number, watched in enumerate(self._watched):
             session.press_for(number, watched.described.stop_keys, from_view=True)
 
-    def _follow_stick(self) -> None:
-        """Do what the stick says; where nobody holds it any more, stop what it moved."""
-        stick = self._link.stick
-        if self._driven is not None and (stick is None or self._driven != self._session.active):
+    def _release(self) -> None:
+        """End, without waiting for a snapshot, what a hand no longer does to the robot in turn."""
+        active, link = self._session.active, self._link
+        if self._driven is not None and (link.stick is None or self._driven != active):
             self.let_go()
+        if self._pushed is not None and (link.force is None or self._pushed != active):
+            self._push()
+
+    def _follow_stick(self) -> None:
+        """Do what the stick says."""
+        stick = self._link.stick
         if stick is not None:
             self._driven = self._session.active
             self._move(self._driven, stick)
 
     def _push(self) -> None:
         """Push the robot in turn as the hand does on the page, and no other one."""
-        force = self._link.force or (0.0, 0.0, 0.0)
+        given = self._link.force
+        self._pushed = None if given is None else self._session.active
+        force = given or (0.0, 0.0, 0.0)
         for watched in self._watched:
             is_active = watched is self._active
             watched.robot.world.keep_pushing(force if is_active else (0.0, 0.0, 0.0))

@@ -42,10 +42,6 @@ _MOST_POINTS, _SMOOTHINGS = 4000, 3
 _TURNING = 0.35
 
 
-# To give a place its prices takes as long as to look at so many states.
-PLACE = 1
-
-
 class Lattice(NamedTuple):
     """
     Places and headings with their values.
@@ -202,10 +198,14 @@ class HeadingField:
         self.beyond = 0.0
 
     def work(self, pose: np.ndarray, budget: int) -> bool:
-        """Look at up to so many states; return whether the way from a pose is among them."""
+        """
+        Look at up to so many states; return whether the way from a pose is among them.
+
+        To give a place its prices takes as long as to look at a state, and counts as one.
+        """
         if self.is_done:
             return True
-        budget -= PLACE * self._set_prices(budget // PLACE)
+        budget -= self._set_prices(budget)
         if self._priced < self._is_unknown.size or budget <= 0:
             return False
         heap = self._lattice.heap
