@@ -136,10 +136,20 @@ def of_odometry(sizes: Sizes) -> list[Experiment]:
     ]
 
 
-def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
-    """Run everything and return the rows; `note` is told how far it is."""
+# Parts of the names of rows to be measured; none means all.
+only: list[str] = []
+
+
+def experiments(quick: bool, *texts: str) -> list[Experiment]:
+    """Return all experiments, or those whose names contain one of some texts."""
     sizes = QUICK if quick else FULL
     parts = [*on_the_flat(sizes), *in_trouble(sizes), *of_states(sizes), *of_odometry(sizes)]
+    return [part for part in parts if not texts or any(text in part.what for text in texts)]
+
+
+def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
+    """Run everything that is chosen and return the rows; `note` is told how far it is."""
+    parts = experiments(quick, *only)
     results = simulate_all([run for part in parts for run in part.runs], note)
     rows = [part.row(results) for part in parts]
     return [replace(row, what=f'legs: {row.what}') for row in rows]

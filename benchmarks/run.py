@@ -80,6 +80,7 @@ def measure(name: str, arguments: argparse.Namespace) -> list[Row]:
 
 def _measure_here(name: str, arguments: argparse.Namespace) -> list[Row]:
     quadrupeds.more += arguments.description
+    legs.only += arguments.only
     cores.cluster = arguments.dask
     return PARTS[name](arguments.quick, note)
 
@@ -128,6 +129,13 @@ def make_parser() -> argparse.ArgumentParser:
         help='another robot to walk with the quadrupeds (repeatable)',
     )
     parser.add_argument(
+        '--only',
+        action='append',
+        default=[],
+        metavar='TEXT',
+        help='of legs, the rows whose names contain this (repeatable)',
+    )
+    parser.add_argument(
         '--dask',
         default='',
         metavar='ADDRESS',
@@ -149,6 +157,11 @@ def main() -> int:
         return draw(parser, arguments)
     if arguments.write and arguments.description:
         parser.error('--write is of our robots: leave out --description')
+    if arguments.only and (arguments.part != 'legs' or arguments.write):
+        parser.error('--only is of legs, and to look at: leave out --write')
+    for text in arguments.only:
+        if not legs.experiments(arguments.quick, text):
+            parser.error(f'--only {text!r}: no row of legs has that in its name')
     if arguments.dask and importlib.util.find_spec('distributed') is None:
         parser.error("--dask: no `distributed` here: .venv/bin/pip install -e '.[cluster]'")
     begin = time.monotonic()

@@ -104,6 +104,34 @@ def test_without_the_extra_a_cluster_is_refused_in_a_line(
     assert capsys.readouterr().err.endswith("pip install -e '.[cluster]'\n")
 
 
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (['legs', '--only', 'flying'], "--only 'flying': no row of legs has that in its name\n"),
+        (['mbot', '--only', 'stairs'], '--only is of legs, and to look at: leave out --write\n'),
+        (['legs', '--only', 'stairs', '--write'], 'leave out --write\n'),
+    ],
+)
+def test_rows_that_cannot_be_chosen_are_refused_in_a_line(
+    bench: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    said: str,
+) -> None:
+    monkeypatch.setattr('sys.argv', ['bench', *words])
+    with pytest.raises(SystemExit):
+        bench('run').main()
+    assert capsys.readouterr().err.endswith(said)
+
+
+def test_rows_of_the_legs_are_chosen_by_their_names(bench: Any) -> None:
+    legs = bench('legs')
+    chosen = [part.what for part in legs.experiments(True, 'stairs of 12', 'jump')]
+    assert chosen == ['blind at 0.5 m/s: stairs of 12 cm', 'jump: in place', 'jump: ahead']
+    assert len(legs.experiments(True)) > len(chosen)
+
+
 def test_every_gait_has_a_row(bench: Any) -> None:
     from quadruped_sim.presets import GAITS
 
