@@ -7,7 +7,7 @@ from dataclasses import field
 import functools
 from pathlib import Path
 import time
-from typing import Any, Protocol
+from typing import Any
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.drawing import SLOW_PAGE
@@ -17,8 +17,9 @@ from wasd_cockpit import style
 from wasd_cockpit.layout import Layout
 from wasd_cockpit.layout import Place
 from wasd_cockpit.layout import TOUCH_SCALE
-from wasd_cockpit.link import Force
 from wasd_cockpit.link import Link
+from wasd_cockpit.page_state import PagePanel
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.panels.drive import Drive
 from wasd_cockpit.panels.drive import LEAST_SHARE
 from wasd_cockpit.panels.eyes import Eyes
@@ -37,8 +38,6 @@ from wasd_cockpit.settings import load
 from wasd_cockpit.settings import save
 from wasd_cockpit.sight import Sight
 from wasd_cockpit.snapshot import Order
-from wasd_cockpit.snapshot import Snapshot
-from wasd_cockpit.snapshot import Stick
 from wasd_cockpit.snapshot import words_of
 from wasd_cockpit.widgets import columns
 from wasd_cockpit.widgets import Widgets
@@ -63,39 +62,6 @@ _CHIP = _FIXED | int(imgui.WindowFlags.AlwaysAutoResize.value)
 _TAB_HEIGHT = 26.0
 # What may be longer than its place: it moves below the tabs.
 _SCROLLED = ('robot', 'drive', 'keys', 'view', 'world')
-
-
-@dataclass
-class PageState:
-    """
-    What panels have of the page in the frame that is drawn.
-
-    `held` is what the stick says, `push` with what a hand pushes; `is_live` is whether what is
-    held down counts: the browser is alive, and what is down went down since it is.
-    """
-
-    link: Link
-    widgets: Widgets
-    layout: Layout
-    sight: Sight
-    viewer: Any = None
-    input: PageInput | None = None
-    snapshot: Snapshot | None = None
-    held: Stick | None = None
-    push: Force | None = None
-    is_live: bool = False
-
-    def beside_tabs(self, gap: float) -> None:
-        """Put what comes next beside the tabs, so far [pixels], where they leave room."""
-        if self.layout.is_desk:
-            imgui.SameLine(0.0, gap)
-
-
-class PagePanel(Protocol):
-    """A panel."""
-
-    def draw(self, page: PageState, snapshot: Snapshot) -> None:
-        """Draw it in the window that is open."""
 
 
 @dataclass

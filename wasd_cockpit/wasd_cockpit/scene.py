@@ -3,7 +3,7 @@
 
 from collections.abc import Iterator
 import math
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import mujoco
 from mujoco.studio import ux
@@ -12,14 +12,12 @@ import numpy as np
 from wasd_core.rotations import rpy_from_matrix
 
 from wasd_cockpit import style
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.snapshot import Marks
 from wasd_cockpit.snapshot import moved
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.widgets import Dragging
-
-if TYPE_CHECKING:
-    from wasd_cockpit.cockpit import PageState
 
 CAMERAS = ('follow', 'free', 'first person')
 # What a pointer may do in the scene instead of turning the camera.
@@ -120,7 +118,7 @@ class Scene:
         self._scale = 1.0
         self._dragging = Dragging()
 
-    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw what is chosen."""
         self._pool.begin()
         draw_marks(self._pool, self.shown, snapshot, page)
@@ -136,7 +134,7 @@ class Scene:
         """See it from another side, by an angle [degrees]."""
         viewer.camera.azimuth = (viewer.camera.azimuth + angle + 180.0) % 360.0 - 180.0
 
-    def _aim(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def _aim(self, page: PageState, snapshot: Snapshot) -> None:
         camera = page.viewer.camera
         if self._home is None:
             self._home = camera.distance, camera.azimuth, camera.elevation
@@ -160,7 +158,7 @@ class Scene:
         elif self.camera == 'first person':
             self._look_ahead(camera, snapshot.marks)
 
-    def _lift(self, page: 'PageState', camera: Any) -> np.ndarray:
+    def _lift(self, page: PageState, camera: Any) -> np.ndarray:
         """Return how far above the page's middle that of the scene is, at the robot [m]."""
         rect, height = page.layout.scene, imgui.GetIO().DisplaySize.y
         share = 0.5 - 0.5 * (rect.top + rect.bottom) / height
@@ -175,7 +173,7 @@ class Scene:
         camera.lookat[:] = eye + 0.05 * ahead
         camera.azimuth, camera.elevation = math.degrees(yaw), -math.degrees(pitch)
 
-    def _hold(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def _hold(self, page: PageState, snapshot: Snapshot) -> None:
         """Have the pointer push the robot, or point where it is to drive."""
         self.force = 0.0
         page.push = None
@@ -200,7 +198,7 @@ class Scene:
         else:
             self._grabbed = None
 
-    def _point(self, page: 'PageState', snapshot: Snapshot, is_held: bool) -> None:
+    def _point(self, page: PageState, snapshot: Snapshot, is_held: bool) -> None:
         """Order a goal where the scene is clicked; a drag from there is the way to look."""
         drag, navigation = self._dragging.step(is_held), snapshot.navigation
         if drag is None or navigation is None or not page.is_live:
@@ -213,7 +211,7 @@ class Scene:
         is_plain = drag.is_click or end is None
         page.link.order(Order.goal(place, None if is_plain else toward))
 
-    def _push(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def _push(self, page: PageState, snapshot: Snapshot) -> None:
         """Pull the robot where the pointer drags it."""
         mouse, place = imgui.GetMousePos(), snapshot.marks.place
         if self._grabbed is None:
@@ -264,7 +262,7 @@ def pull(viewer: Any, moved: tuple[float, float], followed: np.ndarray, mass: fl
     return np.asarray(force * (most / strength) if strength > most else force)
 
 
-def draw_marks(pool: Pool, shown: set[str], snapshot: Snapshot, page: 'PageState') -> None:
+def draw_marks(pool: Pool, shown: set[str], snapshot: Snapshot, page: PageState) -> None:
     """Put what is shown beside the robot into a pool."""
     marks = snapshot.marks
     if 'motion' in shown:

@@ -2,18 +2,15 @@
 """The panel Drive: a stick for mouse and finger, turning, the share of full stick."""
 
 import math
-from typing import TYPE_CHECKING
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.snapshot import Stick
 from wasd_cockpit.widgets import columns
 from wasd_cockpit.widgets import Rect
-
-if TYPE_CHECKING:
-    from wasd_cockpit.cockpit import PageState
 
 # What is nearer to the middle than this share of the way is no wish.
 DEAD_ZONE = 0.08
@@ -44,7 +41,7 @@ class Drive:
         self.share = 0.5
         self.turns_sideways = False
 
-    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         use = snapshot.stick
         turns = self.turns_sideways or not use.sideways
@@ -70,7 +67,7 @@ class Drive:
         if self._is_held:
             page.held = scaled
 
-    def _draw_pad(self, page: 'PageState') -> tuple[float, float]:
+    def _draw_pad(self, page: PageState) -> tuple[float, float]:
         """Return where the knob is: to the right and up, in [-1, 1]."""
         room = imgui.GetContentRegionAvail()
         size = max(min(room.x, room.y - page.widgets.scale * _BELOW, _LARGEST_PAD), _SMALLEST_PAD)
@@ -102,7 +99,7 @@ class Drive:
         fill = style.COMMAND if self._is_held else style.FRAME_HOVERED
         drawing.AddCircleFilled(place, _KNOB, style.colour(fill), 24)
 
-    def _draw_turn(self, page: 'PageState') -> float:
+    def _draw_turn(self, page: PageState) -> float:
         """Return how much the bar below the pad turns, counter-clockwise, in [-1, 1]."""
         width = columns(1)
         imgui.InvisibleButton('turning', imgui.Vec2(width, page.widgets.scale * _BAR))

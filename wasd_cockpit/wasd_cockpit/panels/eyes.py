@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The panel Eyes: what the front of the robot sees, the depth in a corner."""
 
-from typing import TYPE_CHECKING
-
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.sight import SIZE
 from wasd_cockpit.snapshot import Snapshot
-
-if TYPE_CHECKING:
-    from wasd_cockpit.cockpit import PageState
 
 
 class Eyes:
@@ -21,7 +17,7 @@ class Eyes:
         self._texture = 0
         self._shown = 0
 
-    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         page.beside_tabs(16.0)
         label = 'pictures on' if self.is_on else 'pictures off'

@@ -1,16 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The panel Keys: what each key does, the pressed ones lit; a click is a press."""
 
-from typing import TYPE_CHECKING
-
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Snapshot
-
-if TYPE_CHECKING:
-    from wasd_cockpit.cockpit import PageState
 
 _CAP, _HEIGHT = 58.0, 22.0
 _NAMES = {' ': 'SPACE'}
@@ -19,7 +15,7 @@ _NAMES = {' ': 'SPACE'}
 class Keys:
     """Shows the keymap."""
 
-    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         page.widgets.words('Click the scene, then press; or click a key.', style.DIM, wrapped=True)
         for cap in snapshot.keys:

@@ -6,12 +6,12 @@ With a navigator it is the robot's map, in its axes, and a click is a goal.
 """
 
 import math
-from typing import TYPE_CHECKING
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 import numpy as np
 
 from wasd_cockpit import style
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.snapshot import moved
 from wasd_cockpit.snapshot import Navigation
 from wasd_cockpit.snapshot import navigation_words
@@ -20,9 +20,6 @@ from wasd_cockpit.snapshot import PlanarPose
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.widgets import Dragging
 from wasd_cockpit.widgets import Rect
-
-if TYPE_CHECKING:
-    from wasd_cockpit.cockpit import PageState
 
 # How much of the floor is seen [m], from middle to edge.
 REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)
@@ -82,7 +79,7 @@ class Map:
         self._painted: int | None = None
         self._dragging = Dragging()
 
-    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         navigation = snapshot.navigation
         page.beside_tabs(8.0)
@@ -117,7 +114,7 @@ class Map:
         self._paint_robot(snapshot.marks.size, pose, view)
         imgui.PopClipRect()
 
-    def _draw_orders(self, page: 'PageState', navigation: Navigation) -> None:
+    def _draw_orders(self, page: PageState, navigation: Navigation) -> None:
         """Draw the buttons of a navigator, and what it does."""
         for what, refusal in (
             ('save map', ''),
@@ -132,7 +129,7 @@ class Map:
         is_bad = navigation.state in ('refused', 'failed')
         page.widgets.words(words, style.ODOMETRY if is_bad else style.DIM, wrapped=True)
 
-    def _draw_floor(self, page: 'PageState') -> tuple[Rect, bool]:
+    def _draw_floor(self, page: PageState) -> tuple[Rect, bool]:
         """Draw the empty floor; return where it is, and whether a pointer is down on it."""
         room = imgui.GetContentRegionAvail()
         imgui.InvisibleButton('floor', imgui.Vec2(max(room.x, 40.0), max(room.y, 40.0)))
@@ -142,16 +139,14 @@ class Map:
         imgui.GetWindowDrawList().AddRectFilled(low, high, style.colour(style.BACKGROUND), 4.0)
         return Rect(low.x, low.y, high.x, high.y), is_held
 
-    def _take_goal(self, page: 'PageState', view: View, is_held: bool) -> None:
+    def _take_goal(self, page: PageState, view: View, is_held: bool) -> None:
         """Order a goal where the floor is clicked; a drag from there is the way to look."""
         drag = self._dragging.step(is_held)
         if drag is not None and page.is_live:
             end = None if drag.is_click else view.to_floor(*drag.end)
             page.link.order(Order.goal(view.to_floor(*drag.start), end))
 
-    def _paint_map(
-        self, page: 'PageState', navigation: Navigation, rect: Rect, view: View
-    ) -> None:
+    def _paint_map(self, page: PageState, navigation: Navigation, rect: Rect, view: View) -> None:
         """Paint what of the map is in sight."""
         rows, columns = navigation.cells.shape
         if self._painted != navigation.number:

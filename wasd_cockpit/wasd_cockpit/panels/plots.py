@@ -2,7 +2,6 @@
 """The panel Plots: the last seconds of velocities, torques, feet, and pace."""
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco.studio.implot import implot
@@ -11,11 +10,9 @@ import numpy as np
 from wasd_cockpit import style
 from wasd_cockpit.history import Columns
 from wasd_cockpit.history import SPAN
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.widgets import Rect
-
-if TYPE_CHECKING:
-    from wasd_cockpit.cockpit import PageState
 
 PAGES = ('velocity', 'torque', 'feet', 'pace')
 # Points of a line, at most: more are not seen.
@@ -63,7 +60,7 @@ class Plots:
     def __init__(self) -> None:
         self.page = PAGES[0]
 
-    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         for index, name in enumerate(PAGES):
             if index:
@@ -91,7 +88,7 @@ class Plots:
         implot.PopStyleVar(1)
         implot.PopStyleColor(len(_BACKGROUND))
 
-    def _draw_legend(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def _draw_legend(self, page: PageState, snapshot: Snapshot) -> None:
         """Say which colour is what, beside the pages' names."""
         words: tuple[str, ...] = snapshot.columns.feet
         if self.page == 'velocity':
@@ -109,7 +106,7 @@ class Plots:
             page.widgets.words(word.removesuffix('_joint'), rgb)
 
     def _draw_velocity(
-        self, page: 'PageState', snapshot: Snapshot, width: float, height: float
+        self, page: PageState, snapshot: Snapshot, width: float, height: float
     ) -> None:
         rows = thin(snapshot.history)
         names = ('forward m/s', 'left m/s', 'turn rad/s')
@@ -127,7 +124,7 @@ class Plots:
             page.widgets.note(f'plot of {name}')
 
     def _draw_torque(
-        self, page: 'PageState', snapshot: Snapshot, width: float, height: float
+        self, page: PageState, snapshot: Snapshot, width: float, height: float
     ) -> None:
         rows, columns = thin(snapshot.history), snapshot.columns
         count = len(columns.motors)
@@ -141,9 +138,7 @@ class Plots:
             _plot(words, size, rows[:, 0], lines, (-1.05, 1.05))
             page.widgets.note(f'plot of torque {group}')
 
-    def _draw_feet(
-        self, page: 'PageState', snapshot: Snapshot, width: float, height: float
-    ) -> None:
+    def _draw_feet(self, page: PageState, snapshot: Snapshot, width: float, height: float) -> None:
         columns = snapshot.columns
         if not columns.feet:
             page.widgets.words('this robot has no feet', style.DIM)
@@ -187,9 +182,7 @@ class Plots:
                 3.0,
             )
 
-    def _draw_pace(
-        self, page: 'PageState', snapshot: Snapshot, width: float, height: float
-    ) -> None:
+    def _draw_pace(self, page: PageState, snapshot: Snapshot, width: float, height: float) -> None:
         rows = thin(snapshot.history)
         shown = (('controller ms', Columns.TICK, 1.0), ('real-time factor', Columns.PACE, 1.2))
         for index, size in enumerate(_cells(len(shown), width, height)):

@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The panel Robot: stop, pause, states, what can be chosen, how fast time goes."""
 
-from typing import TYPE_CHECKING
-
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.snapshot import Choice
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Setting
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.widgets import columns
-
-if TYPE_CHECKING:
-    from wasd_cockpit.cockpit import PageState
 
 _ENTER = int(imgui.InputTextFlags.EnterReturnsTrue.value)
 _HEIGHT = 24.0
@@ -25,7 +21,7 @@ _PAUSE, _RUN, _STEP, _RESET = '\uf04c', '\uf04b', '\uf051', '\uf0e2'
 class Robot:
     """Gives the orders that are not motion."""
 
-    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         self._draw_stop(page, snapshot)
         if len(snapshot.robots) > 1:
@@ -40,7 +36,7 @@ class Robot:
         for fact in () if snapshot.choices else snapshot.facts:
             page.widgets.words(fact, style.DIM)
 
-    def _draw_stop(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def _draw_stop(self, page: PageState, snapshot: Snapshot) -> None:
         widgets, order = page.widgets, page.link.order
         width = imgui.GetContentRegionAvail().x
         if widgets.button('e-stop', STOP_LABEL, (width, 30.0), fill=style.ALARM):
@@ -58,7 +54,7 @@ class Robot:
         if widgets.button('reset', f'{_RESET}  reset', (third, _HEIGHT)):
             order(Order('reset'))
 
-    def _draw_robots(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def _draw_robots(self, page: PageState, snapshot: Snapshot) -> None:
         width = columns(len(snapshot.robots))
         for index, name in enumerate(snapshot.robots):
             if index:
@@ -67,7 +63,7 @@ class Robot:
             if page.widgets.toggle(f'robot {name}', name, is_on, (width, _HEIGHT)):
                 page.link.order(Order('robot', name))
 
-    def _draw_choices(self, page: 'PageState', choices: tuple[Choice, ...]) -> None:
+    def _draw_choices(self, page: PageState, choices: tuple[Choice, ...]) -> None:
         across = 2 if page.layout.is_desk else 3
         width = columns(across)
         for index, choice in enumerate(choices):
@@ -82,7 +78,7 @@ class Robot:
             ):
                 page.link.order(choice.order)
 
-    def _draw_setting(self, page: 'PageState', setting: Setting) -> None:
+    def _draw_setting(self, page: PageState, setting: Setting) -> None:
         page.widgets.heading(setting.name.upper())
         width = columns(min(len(setting.options), 3))
         for index, option in enumerate(setting.options):
@@ -98,7 +94,7 @@ class Robot:
             ):
                 page.link.order(Order('choose', f'{setting.name}={option}'))
 
-    def _draw_speed(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def _draw_speed(self, page: PageState, snapshot: Snapshot) -> None:
         imgui.Spacing()
         width = columns(2)
         imgui.SetNextItemWidth(width)

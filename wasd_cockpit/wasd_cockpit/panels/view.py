@@ -1,20 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The panel View: from where the scene is seen, what is drawn in it, what a pointer does."""
 
-from typing import TYPE_CHECKING
-
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.scene import CAMERAS
 from wasd_cockpit.scene import HANDS
 from wasd_cockpit.scene import OVERLAYS
 from wasd_cockpit.scene import Scene
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.widgets import columns
-
-if TYPE_CHECKING:
-    from wasd_cockpit.cockpit import PageState
 
 _HEIGHT = 28.0
 _ABOUT = 15.0  # [degrees]
@@ -31,7 +27,7 @@ class View:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
 
-    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         widgets, scene = page.widgets, self._scene
         widgets.heading('CAMERA')
@@ -67,7 +63,7 @@ class View:
                 scene.shown ^= {name}
         self._draw_pointer(page, snapshot)
 
-    def _draw_pointer(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def _draw_pointer(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw what a pointer does in the scene, besides turning the camera."""
         widgets, scene = page.widgets, self._scene
         widgets.heading('POINTER')

@@ -1,17 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The panel World: another robot or another world, for which the run starts anew."""
 
-from typing import TYPE_CHECKING
-
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
+from wasd_cockpit.page_state import PageState
 from wasd_cockpit.snapshot import Order
 from wasd_cockpit.snapshot import Snapshot
 from wasd_cockpit.widgets import columns
-
-if TYPE_CHECKING:
-    from wasd_cockpit.cockpit import PageState
 
 _HEIGHT = 24.0
 
@@ -22,7 +18,7 @@ class World:
     def __init__(self) -> None:
         self._chosen: dict[str, str] = {}
 
-    def draw(self, page: 'PageState', snapshot: Snapshot) -> None:
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
         """Draw it in the window that is open."""
         start = snapshot.start
         now = {'robot': start.robot, 'world': start.world}
@@ -46,7 +42,7 @@ class World:
         page.widgets.words(why, style.DIM, wrapped=True)
 
     def _draw_options(
-        self, page: 'PageState', what: str, options: tuple[str, ...], now: str
+        self, page: PageState, what: str, options: tuple[str, ...], now: str
     ) -> None:
         width = columns(3)
         for index, option in enumerate(options):
