@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped's nodes in one process: leg controller, and keys to velocity where a preset asks."""
 
-from typing import TYPE_CHECKING
-
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
@@ -40,9 +38,6 @@ from wasd_bringup.robots import unitree_first_keys
 from wasd_bringup.robots import unitree_help
 from wasd_bringup.robots import UNITREE_PRESET
 from wasd_bringup.stack import ControlStack
-
-if TYPE_CHECKING:
-    from wasd_bringup.cockpit.described import Described
 
 # States in which the robot is being driven.
 DRIVEN = ('trotting', 'move base')
@@ -85,13 +80,6 @@ class Go2Stack(ControlStack):
     def logic(self) -> KeysToTwist | None:
         """What makes keys velocities, None where they are sticks."""
         return None if self._teleop is None else self._teleop.logic
-
-    def described(self) -> 'Described':
-        """Return what the cockpit shows of it."""
-        # Here, because only a page needs it.
-        from wasd_bringup.cockpit.legs import Legs
-
-        return Legs(self)
 
     @property
     def refusal(self) -> str:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """mbot's nodes in one process: keys, velocity commands, drive controller, in lock-step."""
 
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.odometry import DiffDriveGeometry
@@ -35,9 +35,6 @@ from wasd_bringup.robots import MODES
 from wasd_bringup.stack import ControlStack
 from wasd_bringup.stack import Velocity
 
-if TYPE_CHECKING:
-    from wasd_bringup.cockpit.described import Described
-
 WASD_ADVICE = 'or start with --preset wasd'
 
 
@@ -60,7 +57,7 @@ class MbotStack(ControlStack):
         self.start = world.setup.place
         mode = self._driver.settings.mode
         # The usual one by the word that asked for it.
-        self._mode = (options.mode or MODES[0]) if mode == DRIVE_MODES[0] else mode
+        self.mode = (options.mode or MODES[0]) if mode == DRIVE_MODES[0] else mode
         geometry = self._driver.controller.geometry
         self._wheels = (geometry.left_joint, geometry.right_joint)
         world.is_kinematic = self._driver.is_fake
@@ -83,13 +80,6 @@ class MbotStack(ControlStack):
     def driver(self) -> DiffDriveControllerNode:
         """The node that drives."""
         return self._driver
-
-    def described(self) -> 'Described':
-        """Return what the cockpit shows of it."""
-        # Here, because only a page needs it.
-        from wasd_bringup.cockpit.wheels import Wheels
-
-        return Wheels(self, self._mode)
 
     @property
     def period(self) -> float:

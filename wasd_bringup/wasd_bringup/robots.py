@@ -9,6 +9,8 @@ its place beside others. This module loads neither ROS nor the simulator.
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
+import importlib
+from typing import Any
 
 from quadruped_sim.keys import GAIT_KEYS
 from quadruped_sim.keys import STATE_KEYS
@@ -94,15 +96,33 @@ def _add_wheel_options(parser: Parser) -> None:
 
 @dataclass(frozen=True)
 class Kind:
-    """What robots of one build share: the class of their nodes, and options of their commands."""
+    """
+    What robots of one build share: classes as `module:name`, and options of their commands.
 
-    stack: str  # module:class, loaded when such a robot runs
+    `stack` has their nodes and is loaded when such a robot runs, `cockpit` is what a page shows.
+    """
+
+    stack: str
+    cockpit: str
     pad_preset: str  # what a gamepad means to it
     add_options: Callable[[Parser], None]
 
 
-LEGGED = Kind('wasd_bringup.go2_stack:Go2Stack', 'go2', _add_leg_options)
-WHEELED = Kind('wasd_bringup.mbot_stack:MbotStack', 'mbot', _add_wheel_options)
+LEGGED = Kind(
+    'wasd_bringup.go2_stack:Go2Stack', 'wasd_bringup.cockpit.legs:Legs', 'go2', _add_leg_options
+)
+WHEELED = Kind(
+    'wasd_bringup.mbot_stack:MbotStack',
+    'wasd_bringup.cockpit.wheels:Wheels',
+    'mbot',
+    _add_wheel_options,
+)
+
+
+def load(name: str) -> Any:
+    """Return the class that a row names as `module:class`."""
+    module, _, found = name.partition(':')
+    return getattr(importlib.import_module(module), found)
 
 
 @dataclass(frozen=True, kw_only=True)

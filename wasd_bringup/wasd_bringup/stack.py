@@ -4,9 +4,8 @@
 from abc import ABC
 from abc import abstractmethod
 from collections.abc import Callable
-import importlib
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from geometry_msgs.msg import Twist
 from mujoco_sim.simulation import Schedule
@@ -26,10 +25,8 @@ from wasd_core.topics import RELIABLE
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
+from wasd_bringup.robots import load
 from wasd_bringup.robots import ROBOTS
-
-if TYPE_CHECKING:
-    from wasd_bringup.cockpit.described import Described
 
 Velocity = tuple[float, float, float]
 
@@ -69,10 +66,6 @@ class ControlStack(ABC):
         self._is_released = False
         self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
         self.ticks = TickStatistics(self.period)
-
-    @abstractmethod
-    def described(self) -> 'Described':
-        """Return what the cockpit shows of it."""
 
     @property
     @abstractmethod
@@ -234,6 +227,5 @@ def make_stack(loaded: Description, world: World, options: RunOptions) -> Contro
         UserError: the description is not such a robot.
     """
     # Here, because the controllers of the other robots take a second to load.
-    module, _, name = ROBOTS[options.robot].kind.stack.partition(':')
-    made: ControlStack = getattr(importlib.import_module(module), name)(loaded, world, options)
+    made: ControlStack = load(ROBOTS[options.robot].kind.stack)(loaded, world, options)
     return made

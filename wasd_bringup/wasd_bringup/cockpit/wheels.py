@@ -19,10 +19,8 @@ from wasd_bringup.robots import MODES
 class Wheels(Described):
     """A drive controller on two wheels."""
 
-    def __init__(self, stack: MbotStack, mode: str) -> None:
-        """Take the stack and the drive's mode, one of MODES."""
+    def __init__(self, stack: MbotStack) -> None:
         self._stack = stack
-        self._mode = mode
         self.stop_keys = (stack.stop_key,)
 
     def choices(self) -> tuple[Choice, ...]:
@@ -31,7 +29,7 @@ class Wheels(Described):
 
     def settings(self) -> tuple[Setting, ...]:
         """Return the drive's mode."""
-        return (Setting('mode', MODES, self._mode, 'is chosen at the start: --mode'),)
+        return (Setting('mode', MODES, self._stack.mode, 'is chosen at the start: --mode'),)
 
     def keys_to_choose(self, setting: str, option: str) -> tuple[str, ...]:
         """Return no keys: nothing can be chosen."""
