@@ -167,16 +167,6 @@ def _watch_ros() -> None:
     context.init = init
 
 
-def _is_import_of_glfw() -> bool:
-    """Whether glfw, which mujoco imports, asks a process of its own for its library's version."""
-    frame = sys._getframe()
-    while frame is not None:
-        if frame.f_globals.get('__name__') == 'glfw.library':
-            return True
-        frame = frame.f_back  # type: ignore[assignment]
-    return False
-
-
 def _refuse_processes(event: str, arguments: tuple[Any, ...]) -> None:
-    if _running_quick and event in _PROCESS_EVENTS and not _is_import_of_glfw():
+    if _running_quick and event in _PROCESS_EVENTS:
         raise RuntimeError(f'{_running_quick[0]} is marked quick, but causes {event}')

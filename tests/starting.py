@@ -22,7 +22,7 @@ from typing import Any
 # Variables that a process may have otherwise than the one it is forked from: they are read when
 # they are needed. All others are read by imports, or may be.
 LATE = ('ROS_', 'FASTRTPS_', 'PYTHON_COLORS', 'TERM', 'COLUMNS', 'LINES', 'HOME', 'XDG_', 'TMPDIR')
-LATE += ('PYTEST_', 'WASD_')
+LATE += ('PYTEST_', 'WASD_', 'PYGLFW_')
 # Makes the pseudo-terminal on standard input the controlling terminal, as a shell's terminal is:
 # then Ctrl-C, typed, is a signal.
 TAKE_TERMINAL = (

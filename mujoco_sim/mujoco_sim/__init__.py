@@ -6,6 +6,8 @@ from wasd_core import quiet_start
 
 quiet_start(__name__, 'simulator')
 
+import robot_description.mujoco  # noqa: E402, F401  it prepares the import of mujoco
+
 # Where each name is defined; loaded when it is asked for, as MuJoCo and ROS take a while.
 _HOMES = {
     'CameraView': 'viewer.page',

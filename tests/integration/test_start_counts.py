@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""At a start a description is parsed once, its legs are found once, Pinocchio builds one model."""
+"""
+At a start a description is parsed once, its legs are found once, Pinocchio builds one model.
+
+Nothing else of Python's is started for it, and no compiler of ROS' interfaces is loaded.
+"""
 
 import json
 import subprocess
@@ -13,13 +17,19 @@ from robot_description.description import load_robot
 # Before anything else takes these functions by their names. The robots in the argument are built,
 # and what was called meanwhile is printed.
 COUNT = """
-import collections, json
+import collections, json, sys
+
+counts = collections.Counter()
+
+def count_pythons(event, arguments):
+    if event == 'subprocess.Popen' and sys.executable in (arguments[0], *arguments[1]):
+        counts['started'] += 1
+
+sys.addaudithook(count_pythons)
 import pinocchio
 from robot_description import urdf
 from robot_description.morphology import quadruped
 from robot_description.xacro import expand
-
-counts = collections.Counter()
 
 def count(module, name, what):
     real = getattr(module, name)
@@ -54,6 +64,11 @@ wasd.Go2()
 """
 
 
+GENERATORS = """
+counts['generators'] = sum(name in sys.modules for name in ('em', 'lark', 'rosidl_pycommon'))
+"""
+
+
 @pytest.fixture(scope='module')
 def compiled() -> None:
     """Have the leg controller in numba's cache: who compiles it models the robot once more."""
@@ -63,10 +78,11 @@ def compiled() -> None:
 @pytest.mark.usefixtures('compiled')
 @pytest.mark.parametrize('build', [SESSION, NODE, SCRIPT], ids=['session', 'node', 'script'])
 def test_a_go2_is_read_parsed_recognised_and_modelled_once(isolated_ros, build):
-    code = f'{COUNT}{build}print(json.dumps(counts))'
+    code = f'{COUNT}{build}{GENERATORS}print(json.dumps(counts))'
     done = subprocess.run(
         [sys.executable, '-c', code], check=False, capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stderr
     counts = json.loads(done.stdout.splitlines()[-1])
-    assert counts == {'read': 1, 'parsed': 1, 'recognised': 1, 'modelled': 1}
+    once = {'read': 1, 'parsed': 1, 'recognised': 1, 'modelled': 1}
+    assert counts == {**once, 'generators': 0}

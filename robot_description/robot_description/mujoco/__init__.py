@@ -2,12 +2,34 @@
 """A robot as a MuJoCo model: tree, masses, shapes, contacts; and what renders it."""
 
 import ctypes.util
+import importlib.util
 import os
+from pathlib import Path
 
 NO_RENDERER = 'no EGL or OSMesa library (Debian, Ubuntu: apt install libegl1 libosmesa6)'
 # MUJOCO_GL's word for each library, the faster one first.
 _LIBRARIES = {'EGL': 'egl', 'OSMesa': 'osmesa'}
+# X11 or Wayland, where the user says which.
+_GLFW_VARIANT = 'PYGLFW_LIBRARY_VARIANT'
 _OFF = ('disable', 'disabled', 'off', 'false', '0')
+
+
+def _use_own_window_library() -> None:
+    """
+    Have mujoco, when it is imported, take the glfw that came with it, unless the user has chosen.
+
+    It would start a Python to ask each that this machine has for its version.
+    """
+    glfw = importlib.util.find_spec('glfw')
+    if glfw is not None and glfw.origin is not None:
+        is_wayland = os.environ.get('XDG_SESSION_TYPE') == 'wayland'
+        system = os.environ.get(_GLFW_VARIANT, '') or ('wayland' if is_wayland else 'x11')
+        library = Path(glfw.origin).parent / system.lower() / 'libglfw.so'
+        if library.is_file():
+            os.environ.setdefault('PYGLFW_LIBRARY', str(library))
+
+
+_use_own_window_library()
 
 
 def find_renderer() -> str | None:
