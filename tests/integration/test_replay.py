@@ -102,7 +102,9 @@ def test_unseen_it_says_what_is_in_it(run: Any) -> None:
 
 
 class Film:
-    """A viewer that keeps where the robot was in each picture."""
+    """A viewer with a picture for each instant, which keeps where the robot was in it."""
+
+    period = 0.0
 
     def __init__(self, world: Any) -> None:
         self.world = world
@@ -116,12 +118,11 @@ class Film:
 
 
 @pytest.fixture
-def shown(run: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Film]:
+def shown(run: Any) -> Iterator[Film]:
     """Show the recording, a picture for each instant; yield what was seen."""
     bag = BagReader(run[0].folder / 'run.mcap')
     ((_, _, world),) = build_worlds(recorded_options(bag.run), visuals=False)
     film = Film(world)
-    monkeypatch.setattr('wasd_bringup.recording.replay.FRAME_PERIOD', 0.0)
     view = ReplayView(bag, [world], speed=0.0)
     view._view = film
     view.run(lambda: len(film.places) >= 250)

@@ -118,8 +118,6 @@ def _place(data: bytes) -> tuple[float, float, float]:
 
 
 JOINTS = 'joint_states'
-# The page gets so many pictures a second of wall time.
-FRAME_PERIOD = 1.0 / 60.0
 CAMERA = CameraView(distance=2.0, azimuth=130.0, elevation=-20.0)
 
 
@@ -141,7 +139,7 @@ class ReplayView:
         self._truths = {topic: by_name[name] for name, topic in robot_topics(bag, TRUTH).items()}
         self._joints = {topic: by_name[name] for name, topic in robot_topics(bag, JOINTS).items()}
         self._shown = bag.start
-        self._view: View | None = None
+        self._view: View
 
     def open(self, kind: str, port: int) -> str:
         """
@@ -163,8 +161,8 @@ class ReplayView:
                 self._shown = message.time
                 due = self._due(started)
                 while not stop() and time.monotonic() < due:
-                    time.sleep(min(FRAME_PERIOD, max(0.0, due - time.monotonic())))
-                if time.monotonic() - drawn >= FRAME_PERIOD:
+                    time.sleep(min(self._view.period, max(0.0, due - time.monotonic())))
+                if time.monotonic() - drawn >= self._view.period:
                     drawn = time.monotonic()
                     self._draw()
             if stop():
@@ -173,12 +171,11 @@ class ReplayView:
             self._apply(message)
         while not stop():
             self._draw()
-            time.sleep(FRAME_PERIOD)
+            time.sleep(self._view.period)
 
     def close(self) -> None:
         """Close the viewer."""
-        if self._view is not None:
-            self._view.close()
+        self._view.close()
 
     def _apply(self, message: RecordedMessage) -> None:
         if message.topic in self._truths:
@@ -192,8 +189,7 @@ class ReplayView:
 
     def _draw(self) -> None:
         update_bodies(self._world)
-        if self._view is not None:
-            self._view.sync()
+        self._view.sync()
 
     def _due(self, started: float) -> float:
         """Return the wall time [s] at which the present message is to be shown."""
@@ -241,8 +237,9 @@ def _show(
 ) -> int:
     worlds = [world for _, _, world in build_worlds(options, visuals=True)]
     view = ReplayView(bag, worlds, speed, options.boxes)
+    where = view.open(viewer, options.port)
     with contextlib.closing(view):
-        print(f'viewer: {view.open(viewer, options.port)}', flush=True)
+        print(f'viewer: {where}', flush=True)
         view.run(lambda: stop.requested)
     return stop.exit_status
 
