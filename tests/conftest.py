@@ -8,6 +8,7 @@ import itertools
 import os
 from pathlib import Path
 import signal
+import subprocess
 import sys
 import time
 from typing import Any
@@ -42,6 +43,17 @@ for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP):
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """Return how many workers `-n auto` means: two more than processors, for tests wait, too."""
     return len(os.sched_getaffinity(0)) + 2
+
+
+@pytest.hookimpl(tryfirst=True)  # before xdist starts its workers
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile once what each of several workers would compile by itself after a change."""
+    if session.config.getoption('numprocesses', None):
+        words = [[sys.executable, '-m', name] for name in ('quadruped_sim', 'wasd_navigation')]
+        # Who cannot compile says so in a test.
+        silent = subprocess.DEVNULL
+        for process in [subprocess.Popen(each, stdout=silent, stderr=silent) for each in words]:
+            process.wait()
 
 
 def pytest_collection() -> None:
