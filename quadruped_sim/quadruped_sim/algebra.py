@@ -4,6 +4,7 @@ Small algebra of one tick: loops that numba compiles.
 
 numba compiles `numpy.linalg` and `@` for seconds per function, and for as long what fills a slice,
 with its error messages; these loops take a tenth of that and are as fast for sizes up to 6.
+An array that a function returns costs 50 ns, more than what is in it, so vectors are three numbers.
 """
 
 from collections.abc import Mapping
@@ -13,6 +14,7 @@ import numpy as np
 from wasd_core.jit import jit
 
 _T = TypeVar('_T', bound=tuple[Any, ...])
+Three = tuple[float, float, float]
 
 
 if TYPE_CHECKING:
@@ -78,25 +80,27 @@ def view_of(flat: np.ndarray, record: Any) -> Any:
 
 
 @jit
-def rotate(R: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """R v for a (3, 3) matrix and a (3,) vector."""
-    out = np.empty(3)
-    for i in range(3):
-        out[i] = R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2]
-    return out
+def rotate(R: np.ndarray, v: np.ndarray | Three) -> Three:
+    """R v for a (3, 3) matrix and three numbers."""
+    return (
+        R[0, 0] * v[0] + R[0, 1] * v[1] + R[0, 2] * v[2],
+        R[1, 0] * v[0] + R[1, 1] * v[1] + R[1, 2] * v[2],
+        R[2, 0] * v[0] + R[2, 1] * v[1] + R[2, 2] * v[2],
+    )
 
 
 @jit
-def rotate_back(R: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """R' v for a (3, 3) matrix and a (3,) vector."""
-    out = np.empty(3)
-    for i in range(3):
-        out[i] = R[0, i] * v[0] + R[1, i] * v[1] + R[2, i] * v[2]
-    return out
+def rotate_back(R: np.ndarray, v: np.ndarray | Three) -> Three:
+    """R' v for a (3, 3) matrix and three numbers."""
+    return (
+        R[0, 0] * v[0] + R[1, 0] * v[1] + R[2, 0] * v[2],
+        R[0, 1] * v[0] + R[1, 1] * v[1] + R[2, 1] * v[2],
+        R[0, 2] * v[0] + R[1, 2] * v[1] + R[2, 2] * v[2],
+    )
 
 
 @jit
-def put(into: np.ndarray, v: np.ndarray) -> None:
+def put(into: np.ndarray, v: np.ndarray | Three) -> None:
     """Copy a vector into one of its length."""
     for i in range(len(into)):
         into[i] = v[i]
@@ -113,19 +117,14 @@ def write_rotation(q: np.ndarray, R: np.ndarray) -> None:
 
 
 @jit
-def cross3(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a x b, (3,)."""
-    out = np.empty(3)
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
-    return out
+def cross3(a: np.ndarray | Three, b: np.ndarray | Three) -> Three:
+    """Return a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @jit
-def invert3(A: np.ndarray) -> np.ndarray:
-    """Inverse of a (3, 3) matrix by cofactors; a singular one gives infinities."""
-    out = np.empty((3, 3))
+def invert3(A: np.ndarray, out: np.ndarray) -> None:
+    """Write the inverse of a (3, 3) matrix by cofactors; a singular one gives infinities."""
     for i in range(3):
         for j in range(3):
             a, b = (i + 1) % 3, (i + 2) % 3
@@ -136,7 +135,6 @@ def invert3(A: np.ndarray) -> np.ndarray:
     for i in range(3):
         for j in range(3):
             out[i, j] *= scale
-    return out
 
 
 @jit

@@ -103,18 +103,18 @@ def _feel(
     """Least ratio of tangential to normal force on feet that slip, and the largest on any."""
     state = robot[0]
     base, contact = state.base, state.contact
-    slips, used = math.inf, 0.0
+    slips, used, relative = math.inf, 0.0, np.empty(3)
     for i in range(4):
         if not stands[i]:
             continue
-        relative = cross3(base.omega, contact.position[i])
+        turned = cross3(base.omega, contact.position[i])
         swept = rotate(contact.jacobian[i], state.joint_velocity[3 * i : 3 * i + 3])
         for k in range(3):
-            relative[k] += swept[k]
-        moves = rotate(base.R, relative)
+            relative[k] = turned[k] + swept[k]
+        slides = rotate(base.R, relative)
         for k in range(3):
-            moves[k] += base.velocity[k]
-        moves = rotate_back(frame, moves)
+            relative[k] = slides[k] + base.velocity[k]
+        moves = rotate_back(frame, relative)
         force = rotate_back(frame, rotate(base.R, state.forces[i]))
         ratio = math.hypot(force[0], force[1]) / max(force[2], 1e-6)
         speed = math.hypot(moves[0], moves[1])

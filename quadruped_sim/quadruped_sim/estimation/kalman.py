@@ -258,19 +258,19 @@ def _legs(
     for k in range(3):
         radius[k] = sensors.radius * normal[k]
     reach, velocity, rolling = np.empty((4, 3)), np.empty((4, 3)), np.empty((4, 3))
-    arm, calf = np.empty(3), np.empty(3)
+    arm, calf, relative = np.empty(3), np.empty(3), np.empty(3)
     for i in range(4):
         for k in range(3):
             arm[k] = motion.position[i, k] - sensors.imu_offset[k]
             calf[k] = motion.calf_rate[i, k] + omega[k]
         swept = cross3(omega, arm)
         for k in range(3):
-            swept[k] += motion.velocity[i, k]
+            relative[k] = swept[k] + motion.velocity[i, k]
         put(reach[i], rotate(R, arm))
         put(rolling[i], cross3(rotate(R, calf), radius))
-        swept = rotate(R, swept)
+        moves = rotate(R, relative)
         for k in range(3):
-            velocity[i, k] = rolling[i, k] - swept[k]
+            velocity[i, k] = rolling[i, k] - moves[k]
     return reach, velocity, rolling
 
 
@@ -303,11 +303,9 @@ def _believe(estimate: Gaussian, trust: np.ndarray, velocity: np.ndarray, slip: 
 def _predict_base(estimate: Gaussian, imu: ImuSample, sensors: SensorModel, dt: float) -> None:
     """Move the IMU by what its accelerometer feels, less the bias."""
     x, P = estimate.x, estimate.P
-    force = rotate(imu.R, imu.acceleration)
-    force[2] -= GRAVITY
-    square = 0.0
+    felt, force, square = rotate(imu.R, imu.acceleration), np.empty(3), 0.0
     for k in range(3):
-        force[k] -= x[6, k]
+        force[k] = (felt[k] - GRAVITY if k == 2 else felt[k]) - x[6, k]
         square += force[k] * force[k]
         x[0, k] += dt * x[1, k] + 0.5 * dt * dt * force[k]
         x[1, k] += dt * force[k]

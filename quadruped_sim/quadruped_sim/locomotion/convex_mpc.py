@@ -41,12 +41,14 @@ class Horizon(NamedTuple):
     """
     How N steps of acceleration make N poses and rates, and what errors of these cost.
 
-    `pose_map` and `rate_map` are (N, N), `pose_weights` and `rate_weights` (6,). The body is known
+    `pose_map` and `rate_map` are (N, N), `pose_weights` and `rate_weights` (6,); accelerations of
+    steps s and r together cost the diagonal matrix of `costs[s, r]`, (N, N, 6). The body is known
     by its inverse inertia (3, 3); `force_weight` is the price of a force.
     """
 
     pose_map: np.ndarray
     rate_map: np.ndarray
+    costs: np.ndarray
     pose_weights: np.ndarray
     rate_weights: np.ndarray
     inverse_inertia: np.ndarray
@@ -74,15 +76,12 @@ class ConvexMpc:
         self.times = dt * np.arange(n)
         end = np.arange(1, n + 1)[:, None]
         start = np.arange(n)[None, :]
+        poses = np.where(start < end, dt * dt * (end - start - 0.5), 0.0)
+        rates = np.where(start < end, dt, 0.0)
+        pose, rate = np.array(params.pose_weights), np.array(params.rate_weights)
+        costs = _squares(poses)[:, :, None] * pose + _squares(rates)[:, :, None] * rate
         self._horizon = flatten(
-            Horizon(
-                np.where(start < end, dt * dt * (end - start - 0.5), 0.0),
-                np.where(start < end, dt, 0.0),
-                np.array(params.pose_weights),
-                np.array(params.rate_weights),
-                self._inverse_inertia,
-                params.force_weight,
-            )
+            Horizon(poses, rates, costs, pose, rate, self._inverse_inertia, params.force_weight)
         )
 
     def solve(self, problem: MpcProblem) -> np.ndarray | None:
@@ -105,49 +104,48 @@ class ConvexMpc:
         return first
 
 
+def _squares(steps: np.ndarray) -> np.ndarray:
+    """S'S (N, N) for S (N, N), summed in the order of the rows."""
+    return np.asarray(sum(np.multiply.outer(row, row) for row in steps))
+
+
 @jit
 def _condense(flat_horizon: np.ndarray, problem: MpcProblem, H: np.ndarray, g: np.ndarray) -> None:
     """
     Write Hessian and gradient of the cost of stance forces, in ground axes.
 
-    The force of a foot in step s accelerates the body by its block of B, in that step alone; the
-    accelerations of steps s and r together cost a matrix K_sr, which is diagonal.
+    The force of a foot in step s accelerates the body by its columns of B, in that step alone, so
+    that H = B' K B + R, with a matrix K_sr of steps s and r that is diagonal.
     """
     horizon, problem = flat_horizon[0], MpcProblem(*problem)
-    pose_map, rate_map = horizon.pose_map, horizon.rate_map
-    N, count = len(problem.is_stance), len(g) // 3
+    count = len(g)
     B, steps = _input_map(problem, horizon.inverse_inertia, count)
     slope = _slope(problem, horizon)
-    K = np.empty((N, N, 6))
-    for s in range(N):
-        for r in range(N):
-            pose = rate = 0.0
-            for n in range(N):
-                pose += pose_map[n, s] * pose_map[n, r]
-                rate += rate_map[n, s] * rate_map[n, r]
+    costs, cost = horizon.costs, np.empty((6, count))  # of the force of a row with those of columns
+    for row in range(count):
+        step = steps[row]
+        if row == 0 or step != steps[row - 1]:
             for k in range(6):
-                K[s, r, k] = pose * horizon.pose_weights[k] + rate * horizon.rate_weights[k]
-    for c in range(count):
-        for i in range(3):
-            g[3 * c + i] = 0.0
-            for k in range(6):
-                g[3 * c + i] += B[c, k, i] * slope[steps[c], k]
-        for d in range(count):
-            cost = K[steps[c], steps[d]]
-            for i in range(3):
-                for j in range(3):
-                    total = horizon.force_weight if c == d and i == j else 0.0
-                    for k in range(6):
-                        total += B[c, k, i] * cost[k] * B[d, k, j]
-                    H[3 * c + i, 3 * d + j] = total
+                for column in range(count):
+                    cost[k, column] = costs[step, steps[column], k]
+        total, line = 0.0, H[row]
+        for column in range(count):
+            line[column] = 0.0
+        line[row] = horizon.force_weight
+        for k in range(6):
+            push, prices, pushes = B[k, row], cost[k], B[k]
+            total += push * slope[step, k]
+            for column in range(count):  # the innermost, as of these several are done at once
+                line[column] += push * prices[column] * pushes[column]
+        g[row] = total
 
 
 @jit
 def _input_map(
     problem: MpcProblem, inverse_inertia: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the blocks (m, 6, 3) from stance forces to accelerations, and the steps (m,)."""
-    B, steps = np.empty((count, 6, 3)), np.empty(count, dtype=np.int64)
+    """Return B (6, m) from stance forces, three to a foot, to accelerations; the steps (m,)."""
+    B, steps = np.empty((6, count)), np.empty(count, dtype=np.int64)
     c, axis = 0, np.empty(3)
     for n in range(len(problem.is_stance)):
         for leg in range(4):
@@ -158,9 +156,9 @@ def _input_map(
                     axis[k] = problem.ground[k, i]
                 turn = rotate(inverse_inertia, cross3(problem.arms[n, leg], axis))
                 for k in range(3):
-                    B[c, k, i], B[c, 3 + k, i] = turn[k], axis[k] / problem.mass
-            steps[c] = n
-            c += 1
+                    B[k, c], B[3 + k, c] = turn[k], axis[k] / problem.mass
+                steps[c] = n
+                c += 1
     return B, steps
 
 

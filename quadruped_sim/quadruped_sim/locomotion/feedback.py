@@ -194,7 +194,7 @@ def _find_joint_targets(
     R = base.R
     position, rates = parts[0], parts[1]
     put(position, robot[0].joint_position)
-    turn, relative = np.empty(3), np.empty(3)
+    turn, relative, inverse = np.empty(3), np.empty(3), np.empty((3, 3))
     for i in range(4):
         if swing.is_stance[i]:
             for k in range(3):
@@ -212,7 +212,8 @@ def _find_joint_targets(
         swept = cross3(turn, motion.position[i])
         for k in range(3):
             relative[k] = seen[k] - swept[k]
-        joint_rates = rotate(invert3(motion.jacobian[i]), relative)
+        invert3(motion.jacobian[i], inverse)
+        joint_rates = rotate(inverse, relative)
         for k in range(3):
             rates[3 * i + k] = joint_rates[k]
             parts[2, 3 * i + k] = 0.0 if swing.is_stance[i] else swing_kp

@@ -304,14 +304,14 @@ def foot_velocities(state: RobotState) -> np.ndarray:
 @jit
 def _foot_velocities(robot: np.ndarray) -> np.ndarray:
     base, motion = robot[0].base, robot[0].motion
-    velocity = np.empty((4, 3))
+    velocity, relative = np.empty((4, 3)), np.empty(3)
     for i in range(4):
-        relative = cross3(base.omega, motion.position[i])
+        swept = cross3(base.omega, motion.position[i])
         for k in range(3):
-            relative[k] += motion.velocity[i, k]
-        relative = rotate(base.R, relative)
+            relative[k] = swept[k] + motion.velocity[i, k]
+        moves = rotate(base.R, relative)
         for k in range(3):
-            velocity[i, k] = base.velocity[k] + relative[k]
+            velocity[i, k] = base.velocity[k] + moves[k]
     return velocity
 
 

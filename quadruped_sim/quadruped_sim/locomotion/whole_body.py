@@ -192,22 +192,21 @@ def _find_legs(state: RobotState, task: WholeBodyTask, legs: LegTerms) -> None:
     """Write all of `LegTerms` but T and t."""
     base, motion, contact = state.base, state.motion, state.contact
     omega, centre = base.omega, motion.position
-    velocity = rotate_back(base.R, base.velocity)
+    velocity, inner = rotate_back(base.R, base.velocity), np.empty(3)
     for i in range(4):
         stands = task.is_stance[i]
         arm = contact.position[i] if stands else centre[i]
         source = contact.jacobian[i] if stands else motion.jacobian[i]
-        inverted = invert3(source)
-        inner = cross3(omega, centre[i])
+        invert3(source, legs.inverse[i])
+        turn = cross3(omega, centre[i])
         for k in range(3):
-            inner[k] += velocity[k] + 2.0 * motion.velocity[i, k]
+            inner[k] = turn[k] + (velocity[k] + 2.0 * motion.velocity[i, k])
         drift, Jb = cross3(omega, inner), legs.Jb
         goal = rotate_back(base.R, task.foot_acceleration[i])
         for k in range(3):
             legs.wanted[i, k] = (0.0 if stands else goal[k]) - drift[k] - motion.bias[i, k]
             for m in range(3):
                 legs.J[i, k, m] = source[k, m]
-                legs.inverse[i, k, m] = inverted[k, m]
                 Jb[i, k, m] = 1.0 if k == m else 0.0
         Jb[i, 0, 4], Jb[i, 0, 5] = arm[2], -arm[1]
         Jb[i, 1, 3], Jb[i, 1, 5] = -arm[2], arm[0]
