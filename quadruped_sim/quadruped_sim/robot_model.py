@@ -4,7 +4,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -26,11 +25,11 @@ from wasd_core.robot_io import JointStates
 from wasd_core.robot_io import Reading
 from wasd_core.streams import visible
 
-from quadruped_sim.algebra import plain
-from quadruped_sim.algebra import rotate_back
+from quadruped_sim.algebra import flatten
+from quadruped_sim.dynamics import blank_links
+from quadruped_sim.dynamics import Bodies
 from quadruped_sim.dynamics import Dynamics
-from quadruped_sim.dynamics import PinocchioTerms
-from quadruped_sim.dynamics import put_in_order
+from quadruped_sim.dynamics import find_dynamics
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.leg_kinematics import LegGeometry
@@ -110,20 +109,32 @@ class RobotModel:
         self._ids = [self._model.getJointId(name) for name in self.quadruped.joint_names]
         joints = [self._model.joints[index] for index in self._ids]
         self._to_q = np.array([joint.idx_q for joint in joints])
-        self._to_v = np.array([joint.idx_v for joint in joints])
-        armatures = np.zeros(self._model.nv)
-        armatures[6:] = REFLECTED_INERTIA * self.scale.of('kg m^2')
-        self._model.armature = armatures
         self._sign, self._zero = self.quadruped.sign, self.quadruped.zero
-        self._order = np.concatenate((np.arange(6), self._to_v))
-        self._signs = np.concatenate((np.ones(6), self._sign))
-        self._joints = plain(_PinocchioJoints(self._to_q, self._to_v, self._sign, self._zero))
         self._is_plain = self.quadruped.is_plain
         self._neutral = pin.neutral(self._model)
-        self._q = self._neutral.copy()
-        self._v = np.zeros(self._model.nv)
-        data = self._data  # its matrices stay where they are
-        self._terms = plain(PinocchioTerms(data.M, data.nle, data.C, self._v))
+        self._bodies, self._links = flatten(self._find_bodies()), flatten(blank_links())
+
+    def _find_bodies(self) -> Bodies:
+        """Return what Pinocchio knows of the bodies, for leg angles."""
+        model, ids = self._model, self._ids
+        pin.computeJointJacobians(model, self._data, self._neutral)
+        columns = [
+            pin.getJointJacobian(model, self._data, index, pin.ReferenceFrame.LOCAL)
+            for index in ids
+        ]
+        rates = [model.joints[index].idx_v for index in ids]
+        axes = [column[3:, rate] for column, rate in zip(columns, rates, strict=True)]
+        bodies = [model.inertias[index] for index in (1, *ids)]
+        return Bodies(
+            np.array([model.jointPlacements[index].rotation for index in ids]),
+            np.array([model.jointPlacements[index].translation for index in ids]),
+            self._sign[:, None] * np.array(axes),
+            self._zero.copy(),
+            np.full(12, REFLECTED_INERTIA * self.scale.of('kg m^2')),
+            np.array([body.mass for body in bodies]),
+            np.array([body.lever for body in bodies]),
+            np.array([body.inertia for body in bodies]),
+        )
 
     def _check_geometry(self) -> None:
         """Compare the closed form with Pinocchio in a bent pose."""
@@ -254,39 +265,13 @@ class RobotModel:
 
     def update_dynamics(self, robot: RobotState) -> None:
         """Write into a state what follows of the base's, equations of motion among it."""
-        model, data, q, v = self._model, self._data, self._q, self._v
-        _to_pinocchio(robot.flat, self._joints, q, v)
-        pin.crba(model, data, q)
-        pin.nonLinearEffects(model, data, q, v)
-        pin.computeCoriolisMatrix(model, data, q, v)
-        put_in_order(self._terms, self._order, self._signs, robot.flat)
-
-
-class _PinocchioJoints(NamedTuple):
-    """Where Pinocchio has the joints' positions and velocities; their signs and zeros (12,)."""
-
-    to_q: np.ndarray
-    to_v: np.ndarray
-    sign: np.ndarray
-    zero: np.ndarray
+        _move(self._bodies, self._links, robot.flat)
 
 
 @jit
-def _to_pinocchio(
-    robot: np.ndarray, joints: _PinocchioJoints, q: np.ndarray, v: np.ndarray
-) -> None:
-    """Place a flat `RobotState`; write Pinocchio's configuration, but for the place, and rates."""
+def _move(bodies: np.ndarray, links: np.ndarray, robot: np.ndarray) -> None:
     place_base(robot)
-    state, joints = robot[0], _PinocchioJoints(*joints)
-    turn, base = state.orientation, state.base
-    q[3], q[4], q[5], q[6] = turn[1], turn[2], turn[3], turn[0]
-    velocity = rotate_back(base.R, base.velocity)
-    for k in range(3):
-        v[k], v[3 + k] = velocity[k], base.omega[k]
-    for i in range(12):
-        sign = joints.sign[i]
-        q[joints.to_q[i]] = sign * (state.joint_position[i] - joints.zero[i])
-        v[joints.to_v[i]] = sign * state.joint_velocity[i]
+    find_dynamics(bodies, links, robot)
 
 
 def _check_feet(robot: Robot, quadruped: Quadruped) -> None:
