@@ -4,7 +4,7 @@ Small algebra of one tick: loops that numba compiles.
 
 numba compiles `numpy.linalg` and `@` for seconds per function, and for as long what fills a slice,
 with its error messages; these loops take a tenth of that and are as fast for sizes up to 6.
-An array that a function returns costs 50 ns, more than what is in it, so vectors are three numbers.
+An array that a function returns costs 50 ns, more than what is in it: vectors are three numbers.
 """
 
 from collections.abc import Mapping

@@ -2,7 +2,6 @@
 """The leg controller: keys and velocity commands in, joint commands and odometry out."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from wasd_core.robot_io import BaseState
@@ -10,17 +9,17 @@ from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
 
+from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import plain
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.command_filter import velocity_limits
 from quadruped_sim.estimation.contacts import ContactDetector
 from quadruped_sim.estimation.ground_touch import feel_ground
+from quadruped_sim.estimation.ground_touch import TouchRules
 from quadruped_sim.estimation.heading import Heading
-from quadruped_sim.estimation.kalman import ImuSample
+from quadruped_sim.estimation.kalman import Footing
 from quadruped_sim.estimation.kalman import KalmanEstimator
-from quadruped_sim.estimation.load import Loaded
 from quadruped_sim.estimation.load import LoadObserver
-from quadruped_sim.estimation.load import LoadState
 from quadruped_sim.keys import GAIT_KEYS
 from quadruped_sim.keys import GET_UP_KEYS
 from quadruped_sim.keys import KeyWords
@@ -47,9 +46,6 @@ from quadruped_sim.states.driving import damping_command
 from quadruped_sim.states.lying import obstacle
 
 _UP = np.array((0.0, 0.0, 1.0))
-_NO_LOAD = plain(
-    LoadState(np.zeros(3), np.zeros(3))
-)  # of one that carries nothing that could be felt
 # How high the base of a Go2 is that lies [m], and how fast its estimate sinks to that [m/s].
 _LYING_HEIGHT, _SINKING_SPEED = 0.06, 0.5
 
@@ -306,37 +302,25 @@ class LegController:
             self._filter(reading.imu, normal, dt)
         else:
             base.position[:], robot.orientation[:], base.velocity[:], base.omega[:] = truth
-        self.model.update_dynamics(robot)
         self._feel(joints.effort, normal, dt)
         return robot
 
     def _feel(self, efforts: np.ndarray, normal: np.ndarray, dt: float) -> None:
-        """Forces, contacts and the load by the joints' torques (12,) [N m]."""
-        robot, base, detector = self._robot, self._robot.base, self._detector
-        up, moves = base.R.T @ normal, base.R.T @ base.velocity
-        state, load = self._machine.state, self._load
+        """Dynamics, and forces, contacts and the load by the joints' torques (12,) [N m]."""
+        state = self._machine.state
         is_up = not (state is StateName.PASSIVE or self._states[state].is_lying)
         if not is_up:
-            load.reset()
-        elif load.felt is None:
-            points = robot.contact.position
-            load.start(Loaded(robot.dynamics, robot.forces, points, base.R[2], moves, base.omega))
-        detector.start(robot.dynamics)
-        seen, tick = (efforts, up, moves), (dt, is_up)
-        felt = load.felt or _NO_LOAD
-        feel_ground(robot.flat, detector.flat, felt, seen, self._touch_rules, tick)
+            self._load.reset()
+        stages, seen, tick = (self._detector.flat, self._load.flat), (efforts, normal), (dt, is_up)
+        feel_ground(self._robot.flat, self.model.rigid, stages, seen, self._touch_rules, tick)
 
-    def _rules_of_touch(self) -> tuple[Any, ...]:
-        """Return what `feel_ground` takes."""
-        load, radius = (
-            self._load.rule(self._params.contact.load_time),
-            self.model.geometry.foot_radius,
-        )
-        return plain(self._detector.rule), load, radius
+    def _rules_of_touch(self) -> np.ndarray:
+        """Return flat `TouchRules`."""
+        load = self._load.rule(self._params.contact.load_time)
+        return flatten(TouchRules(self._detector.rule, load, self.model.geometry.foot_radius))
 
     def _filter(self, imu: ImuReading, normal: np.ndarray, dt: float) -> None:
         """Base by the Kalman filter; orientation by the IMU, less the drift known."""
-        measured, omega, acceleration = imu
         robot, base, motion = self._robot, self._robot.base, self._robot.motion
         state, kalman, R = self._states[self._machine.state], self._kalman, self._measured
         is_passive = self._machine.state is StateName.PASSIVE
@@ -344,16 +328,16 @@ class LegController:
         lies = state.is_lying or is_down
         stands = np.zeros(4) if lies else state.trust
         self._heading.step(R, motion.position, stands, dt)
-        turn_base(robot.flat, measured, omega, self._heading.drift)
         if not self._is_started:
-            self._start(motion.position @ base.R.T)
+            self._start(motion.position @ R.T)
+        drift = self._heading.drift
         if lies:
+            turn_base(robot.flat, imu.orientation, imu.angular_velocity, drift)
             self._rest(motion.position @ base.R.T, dt)
+            base.position[:], base.velocity[:] = kalman.position, kalman.velocity
         else:
             self._level = None
-            sample = ImuSample(base.R, base.omega, acceleration)
-            kalman.step(sample, motion, state.trust, normal, dt)
-        base.position[:], base.velocity[:] = kalman.position, kalman.velocity
+            kalman.step(robot.flat, imu, drift, Footing(state.trust, normal), dt)
 
     def _is_down(self, R: np.ndarray) -> bool:
         """Whether something else than the feet carries the robot; `R` turns base axes to world."""

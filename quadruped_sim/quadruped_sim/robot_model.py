@@ -18,7 +18,6 @@ from robot_description.pinocchio_model import to_pinocchio
 from robot_description.robot import Robot
 from wasd_core.errors import DescriptionError
 from wasd_core.errors import RobotModelError
-from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import JointStates
@@ -70,7 +69,8 @@ class RobotModel:
     Mass, inertia, leg geometry and dynamics of a quadruped, in leg angles leg by leg.
 
     Leg angles are those of `robot_description.morphology`: zero when a leg hangs straight down.
-    Keeps Pinocchio's model and data and the way from leg angles to its joint positions. `scale`
+    Keeps Pinocchio's model and data and the way from leg angles to its joint positions; `rigid`
+    are its `Bodies` and the `Links` of a tick, flat, by which the dynamics are found. `scale`
     compares the robot with the Go2; the rotors' inertia reflected through the gears, which a
     URDF leaves out, is taken to grow as it does. `friction` is the feet's, infinite if not given.
 
@@ -112,7 +112,7 @@ class RobotModel:
         self._sign, self._zero = self.quadruped.sign, self.quadruped.zero
         self._is_plain = self.quadruped.is_plain
         self._neutral = pin.neutral(self._model)
-        self._bodies, self._links = flatten(self._find_bodies()), flatten(blank_links())
+        self.rigid = flatten(self._find_bodies()), flatten(blank_links())
 
     def _find_bodies(self) -> Bodies:
         """Return what Pinocchio knows of the bodies, for leg angles."""
@@ -260,18 +260,8 @@ class RobotModel:
         robot.joint_position[:], robot.joint_velocity[:] = angles, rates
         place_base(robot.flat)
         robot.base.velocity[:], robot.base.omega[:] = robot.base.R @ velocity, angular_velocity
-        self.update_dynamics(robot)
+        find_dynamics(*self.rigid, robot.flat)
         return robot.dynamics
-
-    def update_dynamics(self, robot: RobotState) -> None:
-        """Write into a state what follows of the base's, equations of motion among it."""
-        _move(self._bodies, self._links, robot.flat)
-
-
-@jit
-def _move(bodies: np.ndarray, links: np.ndarray, robot: np.ndarray) -> None:
-    place_base(robot)
-    find_dynamics(bodies, links, robot)
 
 
 def _check_feet(robot: Robot, quadruped: Quadruped) -> None:

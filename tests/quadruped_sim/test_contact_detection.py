@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from quadruped_sim.estimation.contacts import ContactDetector
+from quadruped_sim.estimation.contacts import feel_touch
+from quadruped_sim.estimation.contacts import find_touch
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.parameters import ContactParameters
+from quadruped_sim.robot_state import RobotState
 
 DT = 0.002
 LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
@@ -16,8 +21,10 @@ def hold(model, detector, forces, seconds=0.2):
     motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
     dynamics = model.dynamics(LEVEL, np.zeros(3), np.zeros(3), ANGLES, np.zeros(12))
     torque = dynamics.bias[6:] - np.einsum('lji,lj->li', motion.jacobian, forces).ravel()
+    robot, rule = replace(RobotState.blank(), motion=motion, dynamics=dynamics), detector.rule
     for _ in range(round(seconds / DT)):
-        detector.step(torque, motion, dynamics, UP, DT)
+        feel_touch(detector.flat, robot.flat, torque, rule, DT)
+        find_touch(detector.flat, UP, rule)
 
 
 @pytest.mark.slow

@@ -9,10 +9,11 @@ from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from quadruped_sim.estimation.load import Loaded
+from quadruped_sim.estimation.load import feel_load
 from quadruped_sim.estimation.load import LoadObserver
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.robot_model import JointMap
+from quadruped_sim.robot_state import RobotState
 from robot_description.description import load_robot
 from wasd_core.robot_io import GRAVITY
 
@@ -47,10 +48,17 @@ def balanced(mass, com):
 def felt(observer, dynamics, mass, com, seconds=5.0):
     """Return the dynamics that a robot at rest believes in after so long [s]."""
     for _ in range(round(seconds / DT)):
-        found = dynamics()
-        seen = Loaded(found, balanced(mass, com), POINTS, LEVEL, np.zeros(3), np.zeros(3))
-        observer.step(seen, TIME, DT)
-    return found
+        robot = resting(dynamics(), balanced(mass, com), np.zeros(3))
+        feel_load(observer.flat, robot.flat, observer.rule(TIME), DT)
+    return robot.dynamics
+
+
+def resting(dynamics, forces, velocity):
+    """Return a level robot with these forces (4, 3) [N] on its feet."""
+    robot = RobotState.blank()
+    base = robot.base._replace(R=np.eye(3), velocity=velocity)
+    contact = robot.contact._replace(position=POINTS)
+    return replace(robot, base=base, contact=contact, dynamics=dynamics, forces=forces)
 
 
 def test_a_robot_that_carries_nothing_is_what_its_model_says(model, observer, dynamics):
@@ -100,11 +108,10 @@ def test_no_more_is_believed_than_a_robot_can_carry(model, observer, dynamics):
 
 def test_a_robot_in_flight_carries_nothing(model, observer, dynamics):
     for step in range(200):
-        found = dynamics()
         falling = np.array((0.0, 0.0, -GRAVITY * DT * step))
-        seen = Loaded(found, np.zeros((4, 3)), POINTS, LEVEL, falling, np.zeros(3))
-        observer.step(seen, TIME, DT)
-    assert found.mass[0, 0] == pytest.approx(model.mass, rel=0.01)
+        robot = resting(dynamics(), np.zeros((4, 3)), falling)
+        feel_load(observer.flat, robot.flat, observer.rule(TIME), DT)
+    assert robot.mass == pytest.approx(model.mass, rel=0.01)
 
 
 @pytest.mark.slow

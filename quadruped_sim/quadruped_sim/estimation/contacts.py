@@ -11,9 +11,8 @@ from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import solve_in_place
+from quadruped_sim.algebra import Three
 from quadruped_sim.algebra import view_of
-from quadruped_sim.dynamics import Dynamics
-from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import ContactParameters
 from quadruped_sim.parameters import GroundParameters
 
@@ -23,6 +22,7 @@ class Felt(NamedTuple):
     State of the momentum observer, both (12,): its integral and J'f as far as it is seen.
 
     Of that follow the feet's forces (4, 3) [N], what they bear (4,) [N] and which touch (4,).
+    The first step, before it `is_started`, takes the present momentum for all that is known.
     """
 
     integral: np.ndarray
@@ -30,6 +30,7 @@ class Felt(NamedTuple):
     forces: np.ndarray
     normal_forces: np.ndarray
     is_contact: np.ndarray
+    is_started: np.ndarray
 
 
 class TouchRule(NamedTuple):
@@ -51,8 +52,8 @@ class ContactDetector:
 
     def __init__(self, params: ContactParameters) -> None:
         self.params = params
-        flags = np.zeros(4, dtype=bool)
-        blank = Felt(np.zeros(12), np.zeros(12), np.zeros((4, 3)), np.zeros(4), flags)
+        flags, flag = np.zeros(4, dtype=bool), np.zeros(1, dtype=bool)
+        blank = Felt(np.zeros(12), np.zeros(12), np.zeros((4, 3)), np.zeros(4), flags, flag)
         self.flat = flatten(blank)
         self._felt: Felt = view_of(self.flat, blank)
         self.forces, self.normal_forces = self._felt.forces, self._felt.normal_forces
@@ -61,27 +62,8 @@ class ContactDetector:
 
     def reset(self) -> None:
         """Forget the past; the next step starts from zero force."""
-        self._is_started = False
         for part in self._felt:
             part[:] = 0
-
-    def step(
-        self,
-        torque: np.ndarray,
-        motion: LegMotion,
-        dynamics: Dynamics,
-        normal: np.ndarray,
-        dt: float,
-    ) -> None:
-        """Update by the measured joint `torque` (12,) [N m]; `normal` (3,) is up in base axes."""
-        self.start(dynamics)
-        moving = torque, dynamics.momentum_drift, dynamics.momentum, motion.jacobian
-        feel_touch(self.flat, moving, normal, plain(self.rule), dt)
-
-    def start(self, dynamics: Dynamics) -> None:
-        """Take the present momentum for all that is known, in the first step."""
-        if not self._is_started:
-            self._is_started, self._felt.integral[:] = True, dynamics.momentum
 
     @property
     def rule(self) -> TouchRule:
@@ -92,46 +74,25 @@ class ContactDetector:
 
 @jit
 def feel_touch(
-    flat_felt: np.ndarray,
-    moving: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    normal: np.ndarray,
-    rule: TouchRule,
-    dt: float,
+    flat_felt: np.ndarray, robot: np.ndarray, torque: np.ndarray, rule: TouchRule, dt: float
 ) -> None:
     """
-    Advance a flat `Felt`, with `normal` (3,) up in base axes.
+    Advance a flat `Felt` by the joints' torques (12,) [N m] in a flat `RobotState`.
 
-    `moving` are torque, momentum drift and momentum of the joints, and the feet's Jacobian.
+    What feet bear is left to be found: see `find_touch`.
     """
-    bandwidth, off, on = rule
-    felt = flat_felt[0]
-    _observe(flat_felt, moving, bandwidth, dt)
-    for i in range(4):
-        bears = 0.0
-        for k in range(3):
-            bears += felt.forces[i, k] * normal[k]
-        felt.normal_forces[i] = bears
-        felt.is_contact[i] = bears > (off if felt.is_contact[i] else on)
-
-
-@jit
-def _observe(
-    flat_felt: np.ndarray,
-    moving: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
-    bandwidth: float,
-    dt: float,
-) -> None:
-    """Advance the observer in place; writes the foot forces (4, 3) [N]."""
-    felt = flat_felt[0]
+    felt, state = flat_felt[0], robot[0]
     integral, residual, forces = felt.integral, felt.residual, felt.forces
-    torque, drift, momentum, jacobian = moving
+    drift, momentum = state.dynamics.momentum_drift, state.dynamics.momentum
     for k in range(12):
+        if not felt.is_started[0]:
+            integral[k] = momentum[k]
         integral[k] += dt * (torque[k] + drift[k] + residual[k])
-        residual[k] = bandwidth * (momentum[k] - integral[k])
-    damped = np.empty((3, 3))
-    pull = np.empty((3, 1))
+        residual[k] = rule.bandwidth * (momentum[k] - integral[k])
+    felt.is_started[0] = True
+    damped, pull = np.empty((3, 3)), np.empty((3, 1))
     for i in range(4):
-        J = jacobian[i]
+        J = state.motion.jacobian[i]
         # On a nearly straight leg J is nearly singular along the leg; the pull stays bounded.
         for row in range(3):
             pull[row, 0] = 0.0
@@ -143,6 +104,18 @@ def _observe(
         solve_in_place(damped, pull)
         for k in range(3):
             forces[i, k] = pull[k, 0]
+
+
+@jit
+def find_touch(flat_felt: np.ndarray, normal: Three, rule: TouchRule) -> None:
+    """Write what the feet bear and which touch, with `normal` up in base axes."""
+    felt = flat_felt[0]
+    for i in range(4):
+        bears = 0.0
+        for k in range(3):
+            bears += felt.forces[i, k] * normal[k]
+        felt.normal_forces[i] = bears
+        felt.is_contact[i] = bears > (rule.off if felt.is_contact[i] else rule.on)
 
 
 class Plane(NamedTuple):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
+from wasd_core.robot_io import ImuReading
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
@@ -16,6 +17,7 @@ from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import view_of
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.parameters import EstimatorParameters
+from quadruped_sim.robot_state import turn_base
 
 # Variance added per second to the position of a foot that moves freely.
 _SWING_VARIANCE = 100.0
@@ -51,6 +53,7 @@ class Gaussian(NamedTuple):
     Rows are position and velocity of the IMU, four feet, all in world axes, and the bias of the
     accelerometer, in base axes. `lever` (3,) is from the base's origin to the IMU and `whirl` (3,)
     what that moves by, of turning, world axes; `belief` (4,) says how far each foot was believed.
+    Until it `is_placed` the first row is of the base: it is not known yet where the IMU is.
     """
 
     x: np.ndarray
@@ -58,6 +61,7 @@ class Gaussian(NamedTuple):
     lever: np.ndarray
     whirl: np.ndarray
     belief: np.ndarray
+    is_placed: np.ndarray
 
 
 class SensorModel(NamedTuple):
@@ -103,7 +107,8 @@ class KalmanEstimator:
     ) -> None:
         self._radius = foot_radius
         self._imu_offset = imu_offset
-        blank = Gaussian(*(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4)))
+        numbers = [np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4)]
+        blank = Gaussian(*numbers, np.zeros(1, dtype=bool))
         self._flat = flatten(blank)
         self._estimate: Gaussian = view_of(self._flat, blank)
         self.tune(params)
@@ -133,14 +138,14 @@ class KalmanEstimator:
         estimate.x[:] = np.vstack((position, np.zeros(3), feet, np.zeros(3)))
         estimate.P[:] = np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, bias))
         estimate.lever[:], estimate.whirl[:], estimate.belief[:] = 0.0, 0.0, 1.0
-        self._is_placed = False  # whether it is known where the IMU is, seen from the world
+        estimate.is_placed[:] = False
 
     def hold(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Be at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]; no surer."""
         x = self._estimate.x
         x[0], x[1], x[2:6] = position, 0.0, feet
         self._estimate.lever[:], self._estimate.whirl[:] = 0.0, 0.0
-        self._is_placed = False
+        self._estimate.is_placed[:] = False
 
     @property
     def position(self) -> np.ndarray:
@@ -173,14 +178,20 @@ class KalmanEstimator:
         return float(self._estimate.P[0, 0]), float(self._estimate.P[1, 1])
 
     def step(
-        self, imu: ImuSample, motion: LegMotion, trust: np.ndarray, normal: np.ndarray, dt: float
+        self,
+        robot: np.ndarray,
+        imu: ImuReading,
+        drift: tuple[float, float],
+        footing: Footing,
+        dt: float,
     ) -> None:
-        """Predict by the accelerometer, correct by the legs; `normal` is the ground's, world."""
-        if not self._is_placed:  # the first of all readings
-            self._estimate.x[0] += rotate(imu.R, self._imu_offset)
-            self._is_placed = True
-        footing = plain(Footing(trust, normal))
-        _filter_step(self._flat, plain(imu), plain(motion), footing, self._sensors, dt)
+        """
+        Predict by the accelerometer, correct by the legs of a flat `RobotState`.
+
+        Its base is written: orientation and angular velocity by `turn_base`, which takes `drift`,
+        place and velocity by the estimate.
+        """
+        _follow(self._flat, robot, plain(imu), drift, plain(footing), self._sensors, dt)
 
 
 @jit
@@ -205,6 +216,27 @@ def _anchor(estimate: Gaussian, trust: np.ndarray, sensors: SensorModel, dt: flo
 
 
 @jit
+def _follow(
+    flat_estimate: np.ndarray,
+    robot: np.ndarray,
+    imu: ImuReading,
+    drift: tuple[float, float],
+    footing: Footing,
+    flat_sensors: np.ndarray,
+    dt: float,
+) -> None:
+    """Advance a flat `Gaussian`, and write the base of a flat `RobotState`: see the class."""
+    base, estimate = robot[0].base, flat_estimate[0]
+    orientation, omega, acceleration = imu
+    turn_base(robot, orientation, omega, drift)
+    sample = ImuSample(base.R, base.omega, acceleration)
+    _filter_step(flat_estimate, sample, robot[0].motion, Footing(*footing), flat_sensors, dt)
+    for k in range(3):
+        base.position[k] = estimate.x[0, k] - estimate.lever[k]
+        base.velocity[k] = estimate.x[1, k] - estimate.whirl[k]
+
+
+@jit
 def _filter_step(
     flat_estimate: np.ndarray,
     imu: ImuSample,
@@ -214,14 +246,17 @@ def _filter_step(
     dt: float,
 ) -> None:
     """Predict and correct a flat `Gaussian`."""
-    estimate, footing, sensors = flat_estimate[0], Footing(*footing), flat_sensors[0]
-    imu = ImuSample(*imu)
+    estimate, sensors = flat_estimate[0], flat_sensors[0]
     x, P, R = estimate.x, estimate.P, imu.R
     put(estimate.lever, rotate(R, sensors.imu_offset))
+    for k in range(3):
+        if not estimate.is_placed[0]:  # the first of all readings
+            x[0, k] += estimate.lever[k]
+    estimate.is_placed[0] = True
     put(estimate.whirl, rotate(R, cross3(imu.omega, sensors.imu_offset)))
     put(x[6], rotate(R, x[6]))  # into world axes, and back in the end
     _predict_base(estimate, imu, sensors, dt)
-    reach, velocity, rolling = _legs(imu, LegMotion(*motion), footing.normal, sensors)
+    reach, velocity, rolling = _legs(imu, motion, footing.normal, sensors)
     _believe(estimate, footing.trust, velocity, sensors.slip)
     belief = estimate.belief
     # Independent noises: measurements may be taken one after the other.
