@@ -12,12 +12,18 @@ from wasd_core.rotations import rotation_vector
 from wasd_core.rotations import rpy_matrix
 
 
+def inverse(A):
+    out = np.empty((3, 3))
+    invert3(A, out)
+    return out
+
+
 def test_products_are_those_of_numpy(rng):
     A, v, w = rng.normal(size=(3, 3)), rng.normal(size=3), rng.normal(size=3)
     np.testing.assert_allclose(rotate(A, v), A @ v)
     np.testing.assert_allclose(rotate_back(A, v), A.T @ v)
     np.testing.assert_allclose(cross3(v, w), np.cross(v, w))
-    np.testing.assert_allclose(invert3(A), np.linalg.inv(A), rtol=1e-9)
+    np.testing.assert_allclose(inverse(A), np.linalg.inv(A), rtol=1e-9)
 
 
 def test_systems_are_solved_as_by_numpy(rng):
@@ -30,7 +36,7 @@ def test_systems_are_solved_as_by_numpy(rng):
 
 
 def test_a_singular_matrix_gives_no_finite_inverse():
-    assert not np.isfinite(invert3(np.zeros((3, 3)))).all()
+    assert not np.isfinite(inverse(np.zeros((3, 3)))).all()
 
 
 def test_rotations_are_those_of_plain_numbers(rng):
