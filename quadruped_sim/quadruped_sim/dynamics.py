@@ -105,7 +105,8 @@ def find_dynamics(flat_bodies: np.ndarray, flat_links: np.ndarray, robot: np.nda
     _find_momenta(bodies, links, 0)
     for joint in range(12):
         before = 0 if joint % 3 == 0 else joint
-        _move_link(bodies, links, joint, before, state)
+        angle = state.joint_position[joint] - bodies.zero[joint]
+        _move_link(bodies, links, joint, before, (angle, state.joint_velocity[joint]))
         _find_momenta(bodies, links, joint + 1)
     for joint in range(11, -1, -1):
         _add_link(links, 0 if joint % 3 == 0 else joint, joint + 1)
@@ -117,12 +118,13 @@ def find_dynamics(flat_bodies: np.ndarray, flat_links: np.ndarray, robot: np.nda
 
 
 @jit
-def _move_link(bodies: Bodies, links: Links, joint: int, before: int, state: np.ndarray) -> None:
-    """Write where a body is and how it moves, by those of the one `before` it."""
+def _move_link(
+    bodies: Bodies, links: Links, joint: int, before: int, turned: tuple[float, float]
+) -> None:
+    """Write where a body is and how it moves by the one `before`; `turned` are angle and rate."""
     own = joint + 1
     R, axis, arm = links.R[own], links.axis[own], links.arm[own]
-    angle, rate = state.joint_position[joint] - bodies.zero[joint], state.joint_velocity[joint]
-    c, s, x = math.cos(angle), math.sin(angle), bodies.axis[joint]
+    c, s, x, rate = math.cos(turned[0]), math.sin(turned[0]), bodies.axis[joint], turned[1]
     for row in range(3):
         line = rotate_back(bodies.turn[joint], links.R[before, row])
         along = line[0] * x[0] + line[1] * x[1] + line[2] * x[2]

@@ -8,6 +8,7 @@ import numpy as np
 from wasd_core.jit import jit
 
 from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import Three
 
 LEGS = ('FL', 'FR', 'RL', 'RR')
 FL, FR, RL, RR = range(4)
@@ -131,7 +132,7 @@ def write_contact_points(
 
 @jit
 def find_contact_points(
-    motion: LegMotion, normal: np.ndarray, foot_radius: float, out: ContactPoints
+    motion: LegMotion, normal: np.ndarray | Three, foot_radius: float, out: ContactPoints
 ) -> None:
     """
     Write what `write_contact_points` does.
@@ -171,7 +172,7 @@ def leg_angles(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarr
 
 
 @jit
-def solve_leg(leg: LegGeometry, index: int, foot: np.ndarray) -> tuple[np.ndarray, bool]:
+def solve_leg(leg: LegGeometry, index: int, foot: np.ndarray | Three) -> tuple[np.ndarray, bool]:
     """Compiled `leg_angles`."""
     leg = LegGeometry(*leg)
     offset, drop, bend = leg.offset[index], leg.drop[index], leg.bend[index]

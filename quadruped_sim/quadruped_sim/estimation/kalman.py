@@ -107,8 +107,8 @@ class KalmanEstimator:
     ) -> None:
         self._radius = foot_radius
         self._imu_offset = imu_offset
-        numbers = [np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4)]
-        blank = Gaussian(*numbers, np.zeros(1, dtype=bool))
+        blank = Gaussian(*(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4, 1)))
+        blank = blank._replace(is_placed=np.zeros(1, dtype=bool))
         self._flat = flatten(blank)
         self._estimate: Gaussian = view_of(self._flat, blank)
         self.tune(params)
@@ -191,7 +191,7 @@ class KalmanEstimator:
         Its base is written: orientation and angular velocity by `turn_base`, which takes `drift`,
         place and velocity by the estimate.
         """
-        _follow(self._flat, robot, plain(imu), drift, plain(footing), self._sensors, dt)
+        _follow(self._flat, robot, plain(imu), plain(footing), self._sensors, (*drift, dt))
 
 
 @jit
@@ -220,15 +220,14 @@ def _follow(
     flat_estimate: np.ndarray,
     robot: np.ndarray,
     imu: ImuReading,
-    drift: tuple[float, float],
     footing: Footing,
     flat_sensors: np.ndarray,
-    dt: float,
+    tick: tuple[float, float, float],
 ) -> None:
-    """Advance a flat `Gaussian`, and write the base of a flat `RobotState`: see the class."""
-    base, estimate = robot[0].base, flat_estimate[0]
+    """Advance a flat `Gaussian`, and write the base; `tick` is the heading's drift, and dt."""
+    base, estimate, dt = robot[0].base, flat_estimate[0], tick[2]
     orientation, omega, acceleration = imu
-    turn_base(robot, orientation, omega, drift)
+    turn_base(robot, orientation, omega, tick[:2])
     sample = ImuSample(base.R, base.omega, acceleration)
     _filter_step(flat_estimate, sample, robot[0].motion, Footing(*footing), flat_sensors, dt)
     for k in range(3):

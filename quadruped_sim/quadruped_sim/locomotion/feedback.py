@@ -152,8 +152,8 @@ def _accelerate(
         position_error[k] = reference.position[k] - base.position[k]
         velocity_error[k] = reference.velocity[k] - base.velocity[k]
         rate_error[k] = (reference.yaw_rate if k == 2 else 0.0) - spin[k]
-    turn = rotation_error(reference.rpy, R)
-    correction = pd_law(gains, position_error, velocity_error, turn, rate_error)
+    tilt = rotation_error(reference.rpy, R)
+    correction = pd_law(gains, position_error, velocity_error, tilt, rate_error)
     for k in range(6):
         result[k] += correction[k]
 
