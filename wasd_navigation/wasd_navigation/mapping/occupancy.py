@@ -13,8 +13,9 @@ from wasd_navigation.grid import UNKNOWN
 from wasd_navigation.scan import Scan
 
 # Log-odds that a ray adds to the cell that it ends in, a scan to each cell that it looks through,
-# and a ray to the cell behind its end, as far as that is believed to be occupied.
-HIT, MISS, BEHIND = 0.9, -0.6, -0.6
+# and a ray to the cell behind its end, down to a doubt: one hit by noise, after many that say that
+# the surface is before it, does not make it occupied.
+HIT, MISS, BEHIND, DOUBT = 0.9, -0.6, -0.6, -0.4
 # A surface so near to the next cell fills that, too [cells]: two cells then tell that it is
 # between them, and a localizer has it more exactly than one cell can say.
 NEAR = 0.15
@@ -155,8 +156,8 @@ def _hit(odds: np.ndarray, begin: tuple[float, float], ahead: np.ndarray, length
         column += 1 if ahead[0] > 0.0 else -1
     else:
         row += 1 if ahead[1] > 0.0 else -1
-    if 0 <= row < odds.shape[0] and 0 <= column < odds.shape[1] and odds[row, column] > 0.0:
-        odds[row, column] = max(0.0, odds[row, column] + BEHIND)
+    if 0 <= row < odds.shape[0] and 0 <= column < odds.shape[1] and odds[row, column] > DOUBT:
+        odds[row, column] = max(DOUBT, odds[row, column] + BEHIND)
 
 
 @jit
