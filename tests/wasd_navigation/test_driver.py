@@ -209,6 +209,26 @@ def test_a_box_that_appears_is_driven_around() -> None:
     assert np.hypot(*np.maximum(apart, 0.0).T).min() > ROUND.radius
 
 
+def test_a_way_does_not_cut_the_corner_of_a_box_whose_other_sides_are_not_seen_yet() -> None:
+    robot = wheels(room(), (1.0, 2.0, 0.0))
+    robot.driver.set_goal(np.array((3.0, 2.1, 0.0)))
+    robot.run(DT)
+    # A face, 0.4 m of box behind it; the way leads past its right end, and back behind it.
+    face = np.stack((np.full(23, 2.2), np.linspace(1.85, 2.4, 23)), axis=1)
+
+    def look(pose: np.ndarray) -> Scan:
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        ends = (face - pose[:2]) @ np.array(((cos, -sin), (sin, cos)))
+        return Scan(np.zeros(2), ends, np.ones(len(ends), bool))
+
+    robot.look = look
+    robot.run(0.5)
+    way = robot.driver.path
+    assert way[:, 1].min() < 1.85
+    apart = np.maximum(np.maximum((2.2, 1.85) - way, way - (2.6, 2.4)), 0.0)
+    assert np.hypot(*apart.T).min() > ROUND.radius
+
+
 def test_no_step_draws_more_than_a_slice_so_that_whoever_presses_a_key_need_not_wait(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

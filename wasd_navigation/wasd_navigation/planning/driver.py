@@ -328,7 +328,8 @@ class Driver:
                 self._is_urgent = is_bad
                 self._drawn, self._since_drawn = around.revision, 0.0
         # A step that has measured all distances draws no more than it has to.
-        route.work(pose, SLICE if self._since_drawn > 0.0 else 0)
+        share = 1.5 if route.is_drawing and self._is_urgent else 1.0
+        route.work(pose, round(share * SLICE) if self._since_drawn > 0.0 else 0)
         left = route.left(pose)
         if left < math.inf:
             route.lead_from(pose)

@@ -65,7 +65,7 @@ class Prices(NamedTuple):
     margin: float  # [m]
     comfort: float  # [m]
     lack: float  # what a metre costs more without any comfort
-    unknown: float  # what one costs more where nobody has looked
+    unseen: float  # what one costs more where nobody can say what is there
 
 
 def make_moves(base: Base, length: float) -> tuple[np.ndarray, np.ndarray]:
@@ -125,7 +125,7 @@ def cover(circles: np.ndarray, resolution: float) -> Covers:
 def set_prices(
     lattice: Lattice,
     distances: np.ndarray,
-    is_unknown: np.ndarray,
+    is_unseen: np.ndarray,
     covers: Covers,
     prices: Prices,
     places: tuple[int, int],
@@ -133,13 +133,13 @@ def set_prices(
     """
     Give places, from one number to before another, their prices; their values are infinite then.
 
-    `distances` [m] are of all cells, `is_unknown`, shape (rows, columns), of the places.
+    `distances` [m] are of all cells, `is_unseen`, shape (rows, columns), of the places.
     """
     columns = lattice.price.shape[2]
     enough = prices.margin + prices.comfort + covers.reach
     for place in range(places[0], places[1]):
         row, column = place // columns, place % columns
-        more = prices.unknown * is_unknown[row, column]
+        more = prices.unseen * is_unseen[row, column]
         is_free = distances[COARSE * row, COARSE * column] >= enough
         for heading in range(HEADINGS // 2):
             price = 1.0
@@ -184,10 +184,10 @@ class HeadingField:
     ) -> None:
         # What is around may be another by the time that all is drawn.
         self._distances = around.distances.values[0]
-        self._is_unknown = around.is_unknown[::COARSE, ::COARSE]
+        self._is_unseen = around.is_unseen[::COARSE, ::COARSE]
         self._prices = Prices(margin, *around.prices)
         self._covers = cover(circles, around.distances.resolution)
-        shape = (HEADINGS, *self._is_unknown.shape)
+        shape = (HEADINGS, *self._is_unseen.shape)
         values, price = np.empty(shape, np.float32), np.empty(shape, np.float32)
         self.values = around.field_of(values, COARSE)
         moves, costs = make_moves(base, self.values.resolution)
@@ -206,7 +206,7 @@ class HeadingField:
         if self.is_done:
             return True
         budget -= self._set_prices(budget)
-        if self._priced < self._is_unknown.size or budget <= 0:
+        if self._priced < self._is_unseen.size or budget <= 0:
             return False
         heap = self._lattice.heap
         self.is_done = spread(self._lattice, budget)
@@ -220,12 +220,12 @@ class HeadingField:
 
     def _set_prices(self, most: int) -> int:
         """Give up to so many places their prices, after the last the goal its value; say many."""
-        places = (self._priced, min(self._priced + most, self._is_unknown.size))
+        places = (self._priced, min(self._priced + most, self._is_unseen.size))
         if places[0] < places[1]:
-            around = (self._distances, self._is_unknown, self._covers)
+            around = (self._distances, self._is_unseen, self._covers)
             set_prices(self._lattice, *around, self._prices, places)
             self._priced = places[1]
-            if self._priced == self._is_unknown.size:
+            if self._priced == self._is_unseen.size:
                 _begin(self._lattice, self._goal, self.values, self._turning)
         return places[1] - places[0]
 

@@ -18,6 +18,8 @@ _LIFE = 3
 _OF_THE_MAP, _OF_THE_MAP_FAR, _PER_METRE = 0.06, 0.12, 0.03
 # Farther hits mark nothing: a small error of the heading is a large one there [m].
 _REACH = 4.0
+# What is marked is taken to be so deep, as seen from the robot, until its other side is seen [m].
+_DEPTH = 0.4
 
 
 class ObstacleLayer:
@@ -32,6 +34,7 @@ class ObstacleLayer:
         self.marks = np.zeros((0, 0), np.uint8)
         self._grid: Grid | None = None
         self._last = np.zeros((0, 3))  # ends (x, y) [cells], distance that is of the map [m]
+        self._begin = np.zeros(2)  # of their rays [cells]
         self.is_new = False
 
     def forget(self) -> None:
@@ -75,9 +78,17 @@ class ObstacleLayer:
         before = self.marks > 0
         _trace(self.marks, begin, ends, scan.hits)
         of_map = np.minimum(_OF_THE_MAP + _PER_METRE * lengths, _OF_THE_MAP_FAR)
-        self._last = np.column_stack((ends, of_map))[marks_it]
+        self._last, self._begin = np.column_stack((ends, of_map))[marks_it], begin
         _mark(self.marks, self._last, distances)
         self.is_new = self.is_new or bool(((self.marks > 0) != before).any())
+
+    @property
+    def hidden(self) -> np.ndarray:
+        """Which cells the last scan could not see for what it has marked, bool."""
+        assert self._grid is not None
+        hidden = np.zeros(self.marks.shape, np.bool_)
+        _shade(hidden, self.marks, self._begin, self._last, _DEPTH / self._grid.resolution)
+        return hidden
 
     def take(self) -> np.ndarray:
         """Return which cells are marked, bool; from now on `is_new` looks for changes anew."""
@@ -119,3 +130,23 @@ def _mark(marks: np.ndarray, ends: np.ndarray, distances: np.ndarray) -> None:
         column, row = int(math.floor(ends[ray, 0])), int(math.floor(ends[ray, 1]))
         if 0 <= row < rows and 0 <= column < columns and distances[row, column] > ends[ray, 2]:
             marks[row, column] = _LIFE
+
+
+@jit
+def _shade(
+    hidden: np.ndarray, marks: np.ndarray, begin: np.ndarray, ends: np.ndarray, depth: float
+) -> None:
+    """Tell which cells are up to `depth` [cells] behind marks that rays end in; see `_mark`."""
+    rows, columns = marks.shape
+    for ray in range(ends.shape[0]):
+        x, y = ends[ray, 0], ends[ray, 1]
+        column, row = int(math.floor(x)), int(math.floor(y))
+        if not (0 <= row < rows and 0 <= column < columns and marks[row, column] > 0):
+            continue
+        length = max(math.hypot(x - begin[0], y - begin[1]), 1e-9)
+        for step in range(int(2.0 * depth)):
+            share = 0.5 * step / length
+            column = int(math.floor(x + share * (x - begin[0])))
+            row = int(math.floor(y + share * (y - begin[1])))
+            if 0 <= row < rows and 0 <= column < columns:
+                hidden[row, column] = True

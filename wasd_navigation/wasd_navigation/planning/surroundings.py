@@ -59,6 +59,20 @@ class Surroundings:
         return unknown
 
     @property
+    def is_unseen(self) -> np.ndarray:
+        """
+        Where the robot's middle would come over what nobody knows, bool.
+
+        That is what nobody has looked at, and what hides behind something new: a box is as likely
+        as not on the way that leads close around the side of it that has been seen.
+        """
+        unseen, hidden = self.is_unknown, self.layer.hidden
+        if hidden.any():
+            distances = measure_distances(hidden, self.map_.resolution)
+            unseen |= distances < self._footprint.inscribed
+        return unseen
+
+    @property
     def distances(self) -> Field:
         """How far it is to the nearest obstacle of map or scan; one layer."""
         if self._distances is None or self.layer.is_new:
@@ -75,7 +89,7 @@ class Surroundings:
         """
         Room beyond which there is no more than enough [m], and what a metre costs more.
 
-        That without any such room, and that where nobody has looked.
+        That without any such room, and that where nobody can say what is there.
         """
         parameters = self._parameters
         return parameters.comfort, parameters.comfort_price, parameters.unknown_price
@@ -95,7 +109,7 @@ class Surroundings:
         comfort, dearer, unknown = self.prices
         lack = np.clip(1.0 - room / comfort, 0.0, 1.0)
         price = 1.0 + dearer * lack * lack
-        price += unknown * self.is_unknown
+        price += unknown * self.is_unseen
         return np.where(room >= 0.0, price, np.inf).astype(np.float32)
 
     def field_of(self, values: np.ndarray, step: int = 1) -> Field:
