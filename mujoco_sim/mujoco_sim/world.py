@@ -22,8 +22,8 @@ from mujoco_sim.physics import Actuation
 from mujoco_sim.physics import Physics
 from mujoco_sim.physics import Push
 from mujoco_sim.physics import RobotParts
+from mujoco_sim.robot_setup import robot_spec
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.robot_spec import robot_spec
 from mujoco_sim.scene import add_scene
 from mujoco_sim.scene import lead_sun
 from mujoco_sim.sensors.noise import NoisySensors
