@@ -41,7 +41,6 @@ from wasd_bringup.session_guests import make_guests
 from wasd_bringup.session_robot import build_robots
 from wasd_bringup.session_robot import SessionRobot
 from wasd_bringup.stack import ControlStack
-from wasd_bringup.views import show_status
 from wasd_bringup.views import start_view
 from wasd_bringup.views import View
 
@@ -338,7 +337,7 @@ class Session:
         self._let_notices_age(now)
         name = self.robot.name if len(self.robots) > 1 else ''
         is_told = self._reader is not None and not self.options.prints_data
-        show_status(self._status, self.robot, name, self.simulation, now, is_told)
+        self.robot.show(self._status, name, now, is_told)
 
     def _look_at_view(self, view: View, now: float) -> None:
         """Show the state of now, and do what was pressed and ordered there."""

@@ -2,7 +2,6 @@
 """`--gamepad`: the pad of a run, which drives the robot that the keys drive."""
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 from rclpy.node import Node
 from teleop_keyboard.gamepad import JoyTwist
@@ -11,19 +10,7 @@ from teleop_keyboard.gamepad_node import PadOutput
 from teleop_keyboard.parameters import PAD_HELP
 from teleop_keyboard.parameters import PadParameters
 
-
-class Driven(Protocol):
-    """What a pad needs of a robot."""
-
-    @property
-    def pad_preset(self) -> str:
-        """What a pad means to it."""
-
-    def drive(self, velocity: tuple[float, float, float]) -> None:
-        """Command a velocity [m/s], [m/s], [rad/s]."""
-
-    def say(self, words: str) -> None:
-        """Tell its driver."""
+from wasd_bringup.stack import ControlStack
 
 
 class SessionPad:
@@ -38,7 +25,7 @@ class SessionPad:
     def __init__(
         self,
         device: str,
-        robots: Sequence[Driven],
+        robots: Sequence[ControlStack],
         active: Callable[[], int],
         press: Callable[[str], None],
     ) -> None:

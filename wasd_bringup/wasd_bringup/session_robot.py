@@ -24,6 +24,7 @@ from robot_description.description import load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.state_publisher_node import StatePublisherNode
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from teleop_keyboard.screen import StatusLine
 from wasd_core.key_events import RELEASE
 from wasd_core.key_events import split_event
 from wasd_core.messages import to_transform
@@ -40,6 +41,9 @@ from wasd_bringup.report import SAMPLE_PERIOD
 from wasd_bringup.robots import LEGGED
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.stack import make_stack
+from wasd_bringup.views import draw_board
+from wasd_bringup.views import say_plainly
+from wasd_bringup.views import say_status
 
 if TYPE_CHECKING:
     from wasd_bringup.session_navigation import SessionNavigation
@@ -117,6 +121,20 @@ class SessionRobot:
         """Put the pushes in force that are due."""
         for push in self._pushes.due(self.world.time):
             self.world.push(push.force, push.duration, push.point)
+
+    def show(self, line: StatusLine, name: str, now: float, is_told: bool) -> None:
+        """
+        Show in a terminal how it is, by a `name` where that helps; `now` in [s].
+
+        `is_told` is whether somebody reads what is written where nothing can be drawn.
+        """
+        stack, simulation = self.stack, self.simulator.simulation
+        line.show(
+            lambda width: say_status(stack.status(), name, simulation, width),
+            now,
+            lambda *size: draw_board(stack.status(), self.world, stack.first_keys, *size),
+            lambda: say_plainly(stack.status(), name) if is_told else '',
+        )
 
     def publish_diagnostics(self) -> None:
         """Tell how the controller does."""

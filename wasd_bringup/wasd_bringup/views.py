@@ -13,30 +13,6 @@ from teleop_keyboard.dashboard import board
 from teleop_keyboard.dashboard import Line
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.dashboard import status_line
-from teleop_keyboard.screen import StatusLine
-
-
-class Driven(Protocol):
-    """What a terminal needs of what drives a robot."""
-
-    @property
-    def first_keys(self) -> str:
-        """What a driver presses first."""
-
-    def status(self) -> Status:
-        """Return what a driver wants to see."""
-
-
-class Shown(Protocol):
-    """What a terminal needs of a robot."""
-
-    @property
-    def stack(self) -> Driven:
-        """What drives it."""
-
-    @property
-    def world(self) -> World:
-        """Where it is."""
 
 
 class View(Protocol):
@@ -77,28 +53,6 @@ def start_view(
         return NativeView(world, camera), 'a window on this display'
     web = WebView(world, camera, content, port=port)
     return web, web.url
-
-
-def show_status(
-    line: StatusLine,
-    robot: Shown,
-    name: str,
-    simulation: Simulation,
-    now: float,
-    is_told: bool,
-) -> None:
-    """
-    Show how the robot is that the keys drive, by its `name` where that helps; `now` in [s].
-
-    `is_told` is whether somebody reads what is written where nothing can be drawn.
-    """
-    stack = robot.stack
-    line.show(
-        lambda width: say_status(stack.status(), name, simulation, width),
-        now,
-        lambda *size: draw_board(stack.status(), robot.world, stack.first_keys, *size),
-        lambda: say_plainly(stack.status(), name) if is_told else '',
-    )
 
 
 def say_status(status: Status, name: str, simulation: Simulation, width: int) -> str:
