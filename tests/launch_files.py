@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 import contextlib
 from dataclasses import dataclass
 from dataclasses import field
+import importlib
 from pathlib import Path
 import runpy
 import sys
@@ -17,6 +18,8 @@ import types
 from typing import Any
 from unittest import mock
 
+from executables import SCRIPTS
+import starting
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -164,6 +167,14 @@ class Started:
         words = [word for rule in rules for word in ('-r', rule)]
         files = [word for each in (*self.files, path) for word in ('--params-file', str(each))]
         return ['--ros-args', *files, *words]
+
+    def process(self, folder: Path, **options: Any) -> starting.Popen:
+        """Start it, by the module that its executable runs; `folder` is for its parameters."""
+        module, _, name = SCRIPTS[self.executable].partition(':')
+        program = getattr(importlib.import_module(module), name).module
+        return starting.Popen(
+            [sys.executable, '-m', program, *self.command_line(folder)], **options
+        )
 
 
 MODULES: dict[str, dict[str, Any]] = {

@@ -2,10 +2,10 @@
 """What a launch file starts, as processes: odometry and joints are told of the same instants."""
 
 from collections.abc import Iterator
+import os
 from pathlib import Path
 import signal
 import subprocess
-import sys
 from typing import Any
 
 import numpy as np
@@ -26,14 +26,8 @@ ENOUGH = 60
 def launched(launch_file: Any, tmp_path: Path, isolated_ros: int) -> Iterator[list[Any]]:
     """Start what mbot.launch.py starts, without a keyboard."""
     nodes = launch_file(ROOT / 'wasd_bringup/launch/mbot.launch.py').start(keys='none')
-    processes = [
-        subprocess.Popen(
-            [Path(sys.executable).with_name(node.executable), *node.command_line(tmp_path)],
-            stdin=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        for node in nodes
-    ]
+    options = {'env': dict(os.environ), 'stdin': subprocess.DEVNULL, 'start_new_session': True}
+    processes = [node.process(tmp_path, **options) for node in nodes]
     yield processes
     for process in processes:
         process.send_signal(signal.SIGINT)

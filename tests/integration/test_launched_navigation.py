@@ -2,13 +2,12 @@
 """What mbot_nav.launch.py starts, started: the robot maps, and drives to a goal by the mux."""
 
 from collections.abc import Iterator
+import os
 from pathlib import Path
 import signal
 import subprocess
-import sys
 from typing import Any
 
-from executables import SCRIPTS
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.msg import Odometry
@@ -29,12 +28,10 @@ def launched(
     nodes = launch_file(ROOT / 'wasd_bringup/launch/mbot_nav.launch.py').start(
         keys='none', world='room'
     )
-    processes = []
-    for node in nodes:
-        module, _, function = SCRIPTS[node.executable].partition(':')
-        code = f'import sys; from {module} import {function}; sys.exit({function}())'
-        command = [sys.executable, '-c', code, *node.command_line(tmp_path)]
-        processes.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
+    processes = [
+        node.process(tmp_path, env=dict(os.environ), stderr=subprocess.PIPE, text=True)
+        for node in nodes
+    ]
     yield processes
     for process in processes:
         process.kill()

@@ -2,13 +2,12 @@
 """What mbot.launch.py starts, started: one robot in a namespace, with a time of its own."""
 
 from collections.abc import Iterator
+import os
 from pathlib import Path
 import signal
 import subprocess
-import sys
 from typing import Any
 
-from executables import SCRIPTS
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 import pytest
@@ -26,12 +25,10 @@ def launched(
     nodes = launch_file(ROOT / 'wasd_bringup/launch/mbot.launch.py').start(
         namespace='mbot', keys='none', speed='3'
     )
-    processes = []
-    for node in nodes:
-        module, _, function = SCRIPTS[node.executable].partition(':')
-        code = f'import sys; from {module} import {function}; sys.exit({function}())'
-        command = [sys.executable, '-c', code, *node.command_line(tmp_path)]
-        processes.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
+    processes = [
+        node.process(tmp_path, env=dict(os.environ), stderr=subprocess.PIPE, text=True)
+        for node in nodes
+    ]
     yield processes
     for process in processes:
         process.kill()
