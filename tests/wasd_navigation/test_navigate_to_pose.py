@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rclpy.action import ActionClient
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from wasd_navigation.goal_action import action_type
 from wasd_navigation.messages import to_pose_stamped
 from wasd_navigation.navigator_node import NavigatorNode
@@ -32,7 +33,12 @@ class Client:
         self.logic.move(odometry())
         self.logic.see(scan(), odometry())
         self._pump, self._spin_until = spawn.pump, spin_until
-        self._client = ActionClient(spawn(Node('client')), NavigateToPose, 'navigate_to_pose')
+        self._client = ActionClient(
+            spawn(Node('client')),
+            NavigateToPose,
+            'navigate_to_pose',
+            cancel_service_qos_profile=QoSProfile(depth=200),
+        )
         self.wait(self._client.server_is_ready)
 
     def wait(self, condition):
@@ -104,6 +110,15 @@ def test_cancelling_stands_at_once(client):
     assert client.sent[-1] == [0.0, 0.0, 0.0]
     assert client.result(handle)[0] == GoalStatus.STATUS_CANCELED
     assert client.logic.goal is None
+
+
+def test_each_of_many_cancels_at_once_is_answered(client):
+    handle = client.send(2.0)
+    client.navigator.step()
+    futures = [handle.cancel_goal_async() for _ in range(200)]
+    client.wait(lambda: all(future.done() for future in futures))
+    assert client.result(handle)[0] == GoalStatus.STATUS_CANCELED
+    assert sum(len(future.result().goals_canceling) for future in futures) >= 1
 
 
 def test_the_next_goal_takes_the_place_of_the_first(client):

@@ -11,6 +11,7 @@ from rclpy.action import CancelResponse
 from rclpy.action.server import GoalEvent
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.qos import qos_profile_parameters
 from wasd_core.errors import InvalidMessage
 from wasd_core.timing import Beat
 
@@ -19,6 +20,8 @@ from wasd_navigation.navigator import Navigator
 from wasd_navigation.navigator import Outcome
 
 NAME = 'navigate_to_pose'
+# So many requests wait until they are handled: of a hundred at once by default ten are answered.
+REQUESTS = qos_profile_parameters
 FEEDBACK_RATE = 10.0
 # What error_code says of a goal that was not reached; 0 is none, as in Nav2.
 NOT_REACHED = 1
@@ -64,6 +67,9 @@ class GoalAction:
                 execute_callback=lambda handle: self._type.Result(),
                 handle_accepted_callback=self._on_goal,
                 cancel_callback=self._on_cancel,
+                goal_service_qos_profile=REQUESTS,
+                result_service_qos_profile=REQUESTS,
+                cancel_service_qos_profile=REQUESTS,
             )
             navigator.on_end.append(self._on_end)
 
