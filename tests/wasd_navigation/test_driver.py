@@ -260,7 +260,7 @@ def test_no_step_draws_more_than_a_slice_so_that_whoever_presses_a_key_need_not_
 def test_a_blocked_way_is_drawn_anew_at_once_though_another_drawing_is_under_way(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr('wasd_navigation.planning.driver.SLICE', 1000)  # one takes about 1.5 s
+    monkeypatch.setattr('wasd_navigation.planning.route.SLICE', 1000)  # one takes about 1.5 s
     robot, goal = legs(room(), (1.0, 2.0, 0.0)), np.array((5.0, 2.0, 0.0))
     robot.driver.set_goal(goal)
     robot.run(1.0)

@@ -23,6 +23,50 @@ _BACK = 0.3
 _GAIN = 1.5
 # What is rehearsed before one docks: so many steps of so long [s].
 _STEPS, _STEP = 150, 0.1
+# A goal is reached when its error, over this time at rest [s], is within this share of tolerances.
+_SETTLE, _REACHED = 0.5, 0.8
+
+
+class Docking:
+    """
+    Drives straight to a goal (x, y, yaw), `tolerances` being of distance [m] and heading [rad].
+
+    `is_going` is whether it goes there yet, not turns or stands, `is_there` whether it is there.
+    """
+
+    def __init__(self, goal: np.ndarray, base: Base, tolerances: tuple[float, float]) -> None:
+        self.goal = goal
+        self._base, self._tolerances = base, tolerances
+        self._phase = GO
+        self._errors: list[np.ndarray] = []
+        self.is_there = False
+
+    @property
+    def is_going(self) -> bool:
+        """Whether the goal is yet to be gone to."""
+        return self._phase == GO
+
+    def is_free(self, state: np.ndarray, around: tuple[Field, np.ndarray], margin: float) -> bool:
+        """Whether nothing is in the way from a state (6,); see `rehearse`."""
+        time = rehearse(state, self.goal, self._base, self._tolerances, around, margin)
+        return bool(time < math.inf)
+
+    def step(self, state: np.ndarray, dt: float) -> np.ndarray:
+        """Return the velocity (3,) to ask for in a state (6,), `dt` [s] after the last step."""
+        self._phase, *velocity = dock(state, self.goal, self._base, self._tolerances, self._phase)
+        if self._phase != STAND:
+            self._errors.clear()
+            return np.array(velocity)
+        error = self.goal - state[:3]
+        self._errors.append(np.array((error[0], error[1], wrap(error[2]))))
+        if len(self._errors) * dt >= _SETTLE:
+            mean = np.mean(self._errors, axis=0)
+            self._errors.clear()
+            near, turned = (_REACHED * tolerance for tolerance in self._tolerances)
+            self.is_there = bool(math.hypot(mean[0], mean[1]) <= near and abs(mean[2]) <= turned)
+            if not self.is_there:
+                self._phase = GO
+        return np.zeros(3)
 
 
 @jit

@@ -9,7 +9,7 @@ import numpy as np
 from wasd_navigation.grid import Grid
 from wasd_navigation.parameters import DriveLimits
 from wasd_navigation.parameters import PlanningParameters
-from wasd_navigation.planning import docking
+from wasd_navigation.planning.docking import Docking
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.motion import clearance
@@ -17,7 +17,6 @@ from wasd_navigation.planning.motion import PoseFilter
 from wasd_navigation.planning.route import is_shut_off
 from wasd_navigation.planning.route import refusal
 from wasd_navigation.planning.route import Route
-from wasd_navigation.planning.route import SLICE
 from wasd_navigation.planning.sampling import is_safe
 from wasd_navigation.planning.sampling import Sampler
 from wasd_navigation.planning.sampling import Scene
@@ -25,16 +24,10 @@ from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.scan import Scan
 from wasd_navigation.se2 import wrap
 
-# Values are worked out anew when something changed, but no more often than this [s] ...
-_REDRAW = 1.0
-# ... except when the way is blocked: then at most this often.
-_REDRAW_BLOCKED = 0.25
 # From so much left on it is looked whether the goal is there straight away [m].
 _DOCKING = 1.5
 # Coming nearer by less than this is none [m].
 _NEARER = 0.1
-# A goal is reached when its error is small over this time at rest [s].
-_SETTLE = 0.5
 # No way at all: so long it is waited for one, before that counts as one recovery [s].
 _WAIT = 2.0
 # A command holds so long, with all that delays it, before the next one can stop the robot [s].
@@ -107,7 +100,7 @@ class Driver:
         One that drives goes on to the goal before while the way to this one is drawn, for a
         second at most: goals that come one after another do not make it stand.
         """
-        before = self._route if self.state == 'driving' and self._phase is None else None
+        before = self._route if self.state == 'driving' and self._docking is None else None
         if not self.is_under_way:
             self.pause()
         if before is not None and before.values is None:
@@ -122,15 +115,11 @@ class Driver:
         self._is_new, self._is_checked = True, False
         if before is None:
             self._sampler.reset()
-        self._since_drawn = math.inf
-        self._drawn = -1
-        self._is_urgent = False
         self._start_anew()
 
     def _start_anew(self) -> None:
         """Forget how far it came: count time without progress from now."""
-        self._phase: int | None = None
-        self._errors: list[np.ndarray] = []
+        self._docking: Docking | None = None
         self._least_left, self._no_nearer = math.inf, 0.0
         self._in_a_row = 0
         self._manoeuvre: Manoeuvre | None = None
@@ -253,10 +242,12 @@ class Driver:
         """Return the velocity that leads on, by the state of things."""
         route = self._route
         assert route is not None
-        if self._is_new and not self._begin(state[:3], dt):
+        was_new = self._is_new
+        if was_new and not self._begin(state[:3]):
             return self._bridge(state, dt)
         self._before = None
-        left = self._redraw(state[:3], dt)
+        # What has been drawn in a first step is enough for it.
+        left = route.keep_up(self._around, state[:3], 0.0 if was_new else dt)
         if self._manoeuvre is not None:
             return self._recover(dt)
         if left == math.inf:
@@ -264,10 +255,10 @@ class Driver:
         self._watch(left, dt)
         if self._manoeuvre is not None or not self.is_under_way:
             return np.zeros(3)
-        if self._phase is None and left < _DOCKING and self._may_dock(state):
-            self._phase = docking.GO
-        if self._phase is not None:
-            return self._dock(state, dt)
+        if self._docking is None and left < _DOCKING:
+            self._docking = self._may_dock(state)
+        if self._docking is not None:
+            return self._dock(self._docking, state, dt)
         self.state, self.reason = 'driving', ''
         return self._sample(route, state, dt)
 
@@ -287,7 +278,7 @@ class Driver:
         self._before.lead_from(state[:3])
         return self._sample(self._before, state, dt)
 
-    def _begin(self, pose: np.ndarray, dt: float) -> bool:
+    def _begin(self, pose: np.ndarray) -> bool:
         """Return whether there is a way to a new goal, as soon as that is known."""
         route = self._route
         assert route is not None
@@ -302,74 +293,29 @@ class Driver:
             return False
         if route.values is None and not route.is_drawing:
             route.draw(self._around)
-            self._drawn = self._around.revision
         route.work(pose)
         if route.is_drawing:
             return False
-        # What has been drawn in this step is enough for it.
-        self._is_new, self._since_drawn = False, -dt
+        self._is_new = False
         if route.left(pose) == math.inf:
             self._end('refused', self._no_way(route.goal))
             return False
         return True
 
-    def _redraw(self, pose: np.ndarray, dt: float) -> float:
-        """Bring route and way up to date, and return what is left [m]."""
-        route, around = self._route, self._around
-        assert route is not None
-        self._since_drawn += dt
-        is_stale = around.distances is not None and around.revision != self._drawn
-        # What is drawn because the way is blocked is drawn to its end; all else gives way to it.
-        is_free = not (route.is_drawing and self._is_urgent)
-        if is_stale and is_free and self._since_drawn >= _REDRAW_BLOCKED:
-            is_bad = route.is_blocked(around) or route.left(pose) == math.inf
-            if is_bad or (self._since_drawn >= _REDRAW and not route.is_drawing):
-                route.draw(around)
-                self._is_urgent = is_bad
-                self._drawn, self._since_drawn = around.revision, 0.0
-        # A step that has measured all distances draws no more than it has to.
-        share = 1.5 if route.is_drawing and self._is_urgent else 1.0
-        route.work(pose, round(share * SLICE) if self._since_drawn > 0.0 else 0)
-        left = route.left(pose)
-        if left < math.inf:
-            route.lead_from(pose)
-        return left
+    def _may_dock(self, state: np.ndarray) -> Docking | None:
+        """Return what leads straight to the goal, where nothing is in between."""
+        assert self._route is not None
+        scene, parameters = self._scene(self._route), self._parameters
+        tolerances = parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance
+        docking = Docking(self._route.goal, self._base, tolerances)
+        around = scene.distances, scene.circles
+        return docking if docking.is_free(state, around, parameters.margin) else None
 
-    def _tolerances(self) -> tuple[float, float]:
-        return self._parameters.xy_goal_tolerance, self._parameters.yaw_goal_tolerance
-
-    def _may_dock(self, state: np.ndarray) -> bool:
-        route = self._route
-        assert route is not None
-        scene = self._scene(route)
-        around = (scene.distances, scene.circles)
-        time = docking.rehearse(
-            state, route.goal, self._base, self._tolerances(), around, self._parameters.margin
-        )
-        return bool(time < math.inf)
-
-    def _dock(self, state: np.ndarray, dt: float) -> np.ndarray:
-        route = self._route
-        assert route is not None
-        assert self._phase is not None
-        self._phase, *velocity = docking.dock(
-            state, route.goal, self._base, self._tolerances(), self._phase
-        )
-        self.local_path = np.stack((state[:2], route.goal[:2]))
-        self.state, self.reason = ('driving' if self._phase == docking.GO else 'turning'), ''
-        if self._phase != docking.STAND:
-            self._errors.clear()
-            return np.array(velocity)
-        error = route.goal - state[:3]
-        self._errors.append(np.array((error[0], error[1], wrap(error[2]))))
-        if len(self._errors) * dt >= _SETTLE:
-            mean = np.mean(self._errors, axis=0)
-            self._errors.clear()
-            near, turned = self._tolerances()
-            if math.hypot(mean[0], mean[1]) <= 0.8 * near and abs(mean[2]) <= 0.8 * turned:
-                return self._end('arrived', '')
-            self._phase = docking.GO
-        return np.zeros(3)
+    def _dock(self, docking: Docking, state: np.ndarray, dt: float) -> np.ndarray:
+        velocity = docking.step(state, dt)
+        self.local_path = np.stack((state[:2], docking.goal[:2]))
+        self.state, self.reason = ('driving' if docking.is_going else 'turning'), ''
+        return self._end('arrived', '') if docking.is_there else velocity
 
     def _end(self, state: str, reason: str) -> np.ndarray:
         self.state, self.reason = state, reason
@@ -384,7 +330,7 @@ class Driver:
             self._least_left, self._no_nearer = left, 0.0
             return
         self._no_nearer += dt
-        patience = self._parameters.stuck_time * (1.0 if self._phase is None else 3.0)
+        patience = self._parameters.stuck_time * (1.0 if self._docking is None else 3.0)
         if self._no_nearer > patience:
             self._begin_recovery(f'came no nearer than {self._least_left:.2f} m')
 
@@ -397,7 +343,7 @@ class Driver:
         self._manoeuvred = 0.0
         self._in_a_row += 1
         self.recoveries += 1
-        self._phase = None
+        self._docking = None
         self.state, self.reason = 'recovering', f'{why}: {self._manoeuvre.what}'
         self.local_path = np.empty((0, 2))
 
@@ -417,7 +363,7 @@ class Driver:
         """Stand while no way leads to the goal; look around for one at times, then give up."""
         route = self._route
         assert route is not None
-        self._phase = None
+        self._docking = None
         self.local_path = np.empty((0, 2))
         self.state, self.reason = 'recovering', f'{self._no_way(route.goal)} any more: waiting'
         self._no_nearer += dt

@@ -20,8 +20,12 @@ from wasd_navigation.planning.surroundings import Surroundings
 
 # The robot is on its way up to so far from it [m], and passes no more points of it at once.
 _OFF_WAY, _PASSED = 0.15, 20
-# So much of a field is drawn in one step: 3 ms, or 6 on a slow host.
-SLICE = 9000
+# So much of a field is drawn in one step: 3 ms, or 6 on a slow host; of one that is wanted soon
+# more, by this share.
+SLICE, _URGENT = 9000, 1.5
+# Values are worked out anew when something changed, but no more often than this [s], and than the
+# latter when the way is blocked.
+_REDRAW, _REDRAW_BLOCKED = 1.0, 0.25
 
 
 class Drawing(Protocol):
@@ -46,7 +50,8 @@ class Route:
     What is left from each place to one goal (x, y, yaw), and the way from one of them.
 
     `draw` begins to work it out for what is around now, each `work` goes on with it; until that is
-    good enough the last drawing holds. `way`, shape (n, 3), are places and headings.
+    good enough the last drawing holds, and `keep_up` sees to it that it is not too old. `way`,
+    shape (n, 3), are places and headings.
     """
 
     def __init__(
@@ -56,6 +61,8 @@ class Route:
         self._footprint, self._base, self._parameters = footprint, base, parameters
         self._now: Drawing | None = None
         self._next: Drawing | None = None
+        self._drawn, self._since_drawn = -1, 0.0  # revision of what is around, and its age [s]
+        self._is_urgent = False
         self.way = np.empty((0, 3))
 
     def draw(self, around: Surroundings) -> None:
@@ -68,6 +75,7 @@ class Route:
             self._next = HeadingField(
                 self.goal, around, footprint.circles, self._base, parameters.margin
             )
+        self._drawn, self._since_drawn = around.revision, 0.0
 
     def work(self, pose: np.ndarray, budget: int = SLICE) -> None:
         """Go on with it, for a robot at a pose."""
@@ -77,6 +85,25 @@ class Route:
                 self.way = self.way[:0]
         elif self._now is not None and not self._now.is_done:
             self._now.work(pose, budget)
+
+    def keep_up(self, around: Surroundings, pose: np.ndarray, dt: float) -> float:
+        """Bring all up to date, `dt` [s] after the last time, and return what is left [m]."""
+        is_stale = around.distances is not None and around.revision != self._drawn
+        self._since_drawn += dt
+        # What is drawn because the way is blocked is drawn to its end; all else gives way to it.
+        is_free = not (self.is_drawing and self._is_urgent)
+        if is_stale and is_free and self._since_drawn >= _REDRAW_BLOCKED:
+            is_bad = self.is_blocked(around) or self.left(pose) == math.inf
+            if is_bad or (self._since_drawn >= _REDRAW and not self.is_drawing):
+                self.draw(around)
+                self._is_urgent = is_bad
+        # A step that has measured all distances draws no more than it has to.
+        share = _URGENT if self.is_drawing and self._is_urgent else 1.0
+        self.work(pose, round(share * SLICE) if self._since_drawn > 0.0 else 0)
+        left = self.left(pose)
+        if left < math.inf:
+            self.lead_from(pose)
+        return left
 
     @property
     def is_drawing(self) -> bool:
