@@ -102,6 +102,19 @@ def test_nan_fails_is_counted_and_recovers():
     assert (solver.failures, solver.failures_in_a_row) == (1, 0)
 
 
+@pytest.mark.parametrize('wrong', [np.nan, np.inf, -np.inf, 1e200])
+def test_what_is_not_finite_has_no_solution(rng, wrong):
+    solver, pyramids = QpSolver(), FrictionPyramids(0.5, 5.0, 260.0)
+    for count in (1, 2, 12):
+        for _ in range(20):
+            L = rng.normal(size=(3 * count, 3 * count))
+            problem = L @ L.T + 0.1 * np.eye(3 * count), rng.normal(size=3 * count)
+            part = problem[rng.integers(2)]
+            part[tuple(rng.integers(part.shape))] = wrong
+            assert solver.solve(*problem, pyramids.bounds(count)) is None
+    assert solver.failures == solver.calls == 60
+
+
 def test_at_rest_the_feet_carry_the_weight_evenly():
     params = MpcParameters(force_weight=1e-9)
     forces = ConvexMpc(params, INERTIA).solve(problem(params, (True,) * 4))

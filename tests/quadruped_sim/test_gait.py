@@ -159,7 +159,7 @@ def test_chosen_while_the_legs_move_a_gait_comes_gliding(name):
     gait = Gait(GaitParameters())
     run(gait, 1.03)
     before = gait.state()
-    gait.params = GaitParameters(name=name)
+    gait.tune(GaitParameters(name=name))
     states = run(gait, 4.0)
     after = states[-1]
     for leg in range(4):
@@ -180,6 +180,6 @@ def test_chosen_while_the_legs_move_a_gait_comes_gliding(name):
 
 def test_chosen_at_rest_a_gait_is_there_at_once():
     gait, always = Gait(GaitParameters()), Gait(GaitParameters(name='walk'))
-    gait.params = GaitParameters(name='walk')
+    gait.tune(GaitParameters(name='walk'))
     for state, wanted in zip(run(gait, 0.5), run(always, 0.5), strict=True):
         np.testing.assert_array_equal(state.is_stance, wanted.is_stance)

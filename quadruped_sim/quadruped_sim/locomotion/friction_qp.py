@@ -95,17 +95,16 @@ class QpSolver:
         self.failures_in_a_row = 0
 
     def solve(self, H: np.ndarray, g: np.ndarray, bounds: ForceBounds) -> np.ndarray | None:
-        """Solution (n,), or None when the solver gives up or the problem holds NaN."""
+        """Solution (n,), or None when the solver gives up, as it does of a problem with NaN."""
         self.calls += 1
-        if _is_finite(g) and _is_finite(H):
-            sense = None
-            if bounds.soft:
-                sense = np.zeros(len(bounds.upper), dtype=np.int32)
-                sense[-bounds.soft :] = _SOFT
-            x, _, flag, _ = daqp.solve(H, g, bounds.A, bounds.upper, bounds.lower, sense)
-            if flag > 0 and _is_finite(x):
-                self.failures_in_a_row = 0
-                return np.asarray(x)
+        sense = None
+        if bounds.soft:
+            sense = np.zeros(len(bounds.upper), dtype=np.int32)
+            sense[-bounds.soft :] = _SOFT
+        x, _, flag, _ = daqp.solve(H, g, bounds.A, bounds.upper, bounds.lower, sense)
+        if flag > 0 and _is_finite(x):
+            self.failures_in_a_row = 0
+            return np.asarray(x)
         self.failures += 1
         self.failures_in_a_row += 1
         return None

@@ -47,8 +47,13 @@ class Gait:
     """
 
     def __init__(self, params: GaitParameters) -> None:
-        self.params = params
+        self.tune(params)
         self.reset()
+
+    def tune(self, params: GaitParameters) -> None:
+        """Take other parameters, from the next step."""
+        self.params = params
+        self._followed: tuple[float, float, bool, GaitRow] | None = None
 
     def reset(self) -> None:
         """Stand on four feet; the first step of a trot will lift FR and RL."""
@@ -112,6 +117,11 @@ class Gait:
 
     def _follow(self, speed: float, more: float, wants_steps: bool) -> None:
         """Take period and duty of a speed, and of as much `more` as haste is beyond it [m/s]."""
+        reached = self._reached
+        asked = None if reached is None else (speed, more, wants_steps, reached)
+        if asked is not None and asked == self._followed:
+            return  # as in the tick before
+        self._followed = asked
         params = self.params
         self._pace = share = self._pace_of(speed + more)
         period, longer, *footprint = self._shape.tolist()

@@ -90,6 +90,7 @@ class Locomotion:
         self._stages = plain(stages)
         # What the stages go by, in ticks of so long [s].
         self._rules: tuple[FootRules | None, float] = None, 0.0
+        self._used_grip = math.nan  # what friction the two QPs have
         self._forces = np.zeros((4, 3))
         self._frame = self.ground.frame()  # from the axes in which feet have friction to the world
         self._since_solution = math.inf
@@ -99,7 +100,7 @@ class Locomotion:
         """Go on with other parameters, from the next step."""
         self._params, self._rules = params, (None, 0.0)
         self._nominal_height = self._height_of(params)
-        self.gait.params = params.gait
+        self.gait.tune(params.gait)
         self.ground.params = params.ground
         self.reference.tune(params.reference)
         self.swing_legs.tune(params)
@@ -107,6 +108,7 @@ class Locomotion:
         self.step_height.tune(params.gait, params.contact)
         self.mpc.tune(params.mpc)
         self.whole_body.tune(params.whole_body, params.mpc)
+        self._used_grip = math.nan  # the two have new pyramids
         self._tracking.tune(params.whole_body)
 
     def _height_of(self, params: LegControllerParameters) -> float:
@@ -173,7 +175,10 @@ class Locomotion:
         self._use_grip()
 
     def _use_grip(self) -> None:
-        self.mpc.pyramids.friction = self.whole_body.pyramids.friction = self.grip.friction
+        friction = self.grip.friction
+        if friction != self._used_grip:
+            self._used_grip = friction
+            self.mpc.pyramids.friction = self.whole_body.pyramids.friction = friction
 
     def _velocity_error(self, state: RobotState, command: np.ndarray) -> float:
         """Return how far the velocity is off the commanded [m/s]."""
