@@ -17,6 +17,9 @@ POLL_PERIOD = 0.02
 # ... and while physics is held, waited for so long at a time [s].
 HOLD_PERIOD = 0.002
 
+# Of so many instants of a cycle of all tasks it is remembered which are due.
+CYCLE_REMEMBERED = 10_000
+
 # A host that lags more than this [s] is not asked to catch up: the robot just runs slower.
 MAXIMUM_LAG = 0.1
 # With less than this share of the pace that is wanted, the host has no time to spare.
@@ -119,6 +122,8 @@ class Schedule:
     def __init__(self, time_step: float) -> None:
         self._time_step = time_step
         self._tasks: list[tuple[int, Callable[[], None]]] = []
+        self._stride = self._cycle = 1
+        self._due: dict[int, list[Callable[[], None]]] = {}  # by how far a cycle of all has come
 
     def every(self, period: float, task: Callable[[], None]) -> None:
         """
@@ -135,6 +140,9 @@ class Schedule:
                 f'got {period:g} s{rate}'
             )
         self._tasks.append((steps, task))
+        periods = [steps for steps, _ in self._tasks]
+        self._stride, self._cycle = math.gcd(*periods), math.lcm(*periods)
+        self._due.clear()
 
     def at_rate(self, parameter: str, rate: float, task: Callable[[], None]) -> None:
         """
@@ -167,13 +175,18 @@ class Schedule:
     @property
     def stride(self) -> int:
         """Physics steps between two instants at which something may be due."""
-        return math.gcd(*(steps for steps, _ in self._tasks)) or 1
+        return self._stride
 
     def run_due(self, step: int) -> None:
         """Run what is due at a physics step."""
-        for steps, task in self._tasks:
-            if step % steps == 0:
-                task()
+        phase = step % self._cycle
+        due = self._due.get(phase)
+        if due is None:
+            due = [task for steps, task in self._tasks if step % steps == 0]
+            if len(self._due) < CYCLE_REMEMBERED:
+                self._due[phase] = due
+        for task in due:
+            task()
 
 
 class Pacer:
