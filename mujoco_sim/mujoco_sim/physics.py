@@ -198,7 +198,6 @@ class Actuation:
         self._delay = round(setup.command_delay / self._time_step)
         strength = setup.drawn.strength
         self._strength = np.array([strength.get(name, 1.0) for name in parts.motor_names])
-        self._weakness = -self._strength[:, None]  # of gains, which MuJoCo has with a minus
         self._curve = self._torque_speed_curve()
         # Views on MuJoCo's own memory: to ask for them at every step costs more than to use them.
         self._velocities = data.qvel
@@ -304,10 +303,12 @@ class Actuation:
         data.xfrc_applied[root] = total
 
     def _put_in_force(self, command: np.ndarray) -> None:
-        # Few calls of numpy: each takes longer than its numbers, and this is in every tick.
-        np.multiply(command[3:].T, self._weakness, out=self._gains)
-        stiff, damped = command[3:] * command[:2]
-        np.multiply(command[2] + stiff + damped, self._strength, out=self._controls)
+        if self._curve is not None:
+            self._curve.command(command, self._strength, self._gains, self._controls)
+        else:
+            np.multiply(command[3:].T, -self._strength[:, None], out=self._gains)
+            stiff, damped = command[3:] * command[:2]
+            np.multiply(command[2] + stiff + damped, self._strength, out=self._controls)
         for motor, hold in self._holds:
             if command[:, motor].any():
                 self._data.eq_active[hold] = False

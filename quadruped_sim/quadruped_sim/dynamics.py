@@ -102,12 +102,12 @@ def find_dynamics(flat_bodies: np.ndarray, flat_links: np.ndarray, robot: np.nda
         links.a[0, k], links.b[0, k] = GRAVITY * up[k], 0.0
         for m in range(3):
             links.R[0, k, m] = 1.0 if k == m else 0.0
-    _find_momenta(bodies, links, 0)
     for joint in range(12):
         before = 0 if joint % 3 == 0 else joint
         angle = state.joint_position[joint] - bodies.zero[joint]
         _move_link(bodies, links, joint, before, (angle, state.joint_velocity[joint]))
-        _find_momenta(bodies, links, joint + 1)
+    for i in range(13):
+        _find_momenta(bodies, links, i)
     for joint in range(11, -1, -1):
         _add_link(links, 0 if joint % 3 == 0 else joint, joint + 1)
     _write_base(links, state.dynamics)
