@@ -254,6 +254,14 @@ def test_it_walks_over_boxes_of_5_cm(run: Callable[..., Series]) -> None:
     assert walked.at('position', 7.9)[0] > 1.8
 
 
+def test_its_chin_clears_the_second_stair_of_12_cm(run: Callable[..., Series]) -> None:
+    """The fore feet look for the top of the first one meanwhile."""
+    stairs = ('--world', 'stairs:0.12', '--duration', '5.8')
+    climbed = run(*stairs, play='0.1 2\n2.6 5', twist='3.0 0.5 0 0')
+    assert climbed.report['falls'] == 0
+    assert climbed.at('position', 5.7)[0] > 1.0
+
+
 def test_full_stick_with_guides_limits_and_the_truth_is_0_4_metres_a_second(
     run: Callable[..., Series],
 ) -> None:

@@ -43,7 +43,8 @@ def by_stages(alone, legs, robot):
     ground.step(feet.points, feet.is_loaded, DT)
     rise = alone.step_height.step(robot, schedule, feet.points, ground, DT)
     alone.grip.step(robot, feet.is_loaded, ground.frame(), DT)
-    wanted = alone.reference.step(robot, COMMAND, ground, legs._height, DT)
+    pose = legs._height, alone.step_height.nose
+    wanted = alone.reference.step(robot, COMMAND, ground, pose, DT)
     tread = Tread(rise, max(schedule.pace, alone.step_height.roughness))
     swing = alone.swing_legs.step(robot, schedule, legs.is_stance, wanted, ground, tread)
     return *wanted, *swing

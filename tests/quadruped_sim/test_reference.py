@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
+from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.reference import horizon
+from quadruped_sim.locomotion.reference import Reference
+from quadruped_sim.parameters import GroundParameters
+from quadruped_sim.parameters import ReferenceParameters
 
 TIMES = 0.025 * np.arange(1, 13)
 
@@ -26,3 +30,39 @@ def test_horizon_is_seen_from_the_yaw_frame():
     np.testing.assert_allclose(rate[:, 3], 1.0)
     np.testing.assert_allclose(pose[:, 3], 1.0 + TIMES)
     np.testing.assert_allclose(pose[:, [0, 1, 2, 4, 5]], 0.0, atol=1e-12)
+
+
+FEET = np.array(((0.2, 0.15, 0.0), (0.2, -0.15, 0.0), (-0.2, 0.15, 0.0), (-0.2, -0.15, 0.0)))
+LEVEL, UP, DOWN = 0.0, np.deg2rad(25.0), -np.deg2rad(25.0)
+
+
+def pitch(model, robot_state, slope, speed, nose):
+    """Pitch of the reference [rad] on a slope, nose down positive."""
+    reference, ground = Reference(ReferenceParameters(), model.scale), Ground(GroundParameters())
+    reference.reset(robot_state)
+    feet = FEET + np.outer(FEET[:, 0], (0.0, 0.0, np.tan(slope)))
+    for _ in range(2500):
+        ground.step(feet, np.ones(4, dtype=bool), 0.002)
+    command = np.array((speed, 0.0, 0.0))
+    return reference.step(robot_state, command, ground, (0.3, nose), 0.002).rpy[1]
+
+
+@pytest.mark.parametrize('speed', [-0.5, 0.0, 0.5])
+@pytest.mark.parametrize('slope', [LEVEL, UP, DOWN])
+def test_the_base_is_parallel_to_the_ground(model, robot_state, slope, speed):
+    assert pitch(model, robot_state, slope, speed, 0.0) == pytest.approx(-slope, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('slope', 'speed', 'up'),
+    [
+        (LEVEL, 0.5, 0.1),
+        (LEVEL, 0.0, 0.0),
+        (LEVEL, -0.5, 0.0),
+        (UP, 0.5, 0.0),
+        (DOWN, 0.5, 0.0),
+    ],
+)
+def test_the_nose_is_up_for_who_goes_ahead_on_the_level(model, robot_state, slope, speed, up):
+    """On a slope as steep as stairs the robot would tip over backward."""
+    assert pitch(model, robot_state, slope, speed, 0.1) == pytest.approx(-slope - up, abs=1e-6)

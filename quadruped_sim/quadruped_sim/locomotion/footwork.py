@@ -128,12 +128,11 @@ def step_feet(
     is_new = _feel_stance(robot, feet, schedule, stance, aims.lift_off)
     follow_plane(own.plane, legs.points, legs.is_loaded, rules.plane)
     scheduled = schedule.is_stance, schedule.phase
-    rise = find_step_height(
-        robot, own.plane, scheduled, legs.points, own.roughness, StepRule(*rules.step)
-    )
+    step = StepRule(*rules.step)
+    rise = find_step_height(robot, own.plane, scheduled, legs.points, own.roughness, step)
     feel_grip(robot, legs.is_loaded, own.plane[0].frame, own.grip, GripRule(*rules.grip))
-    wanted = aims.wanted
-    advance(own.reference, rules.reference, robot, own.plane, (command, height, dt), wanted)
+    wanted, pose = aims.wanted, (command, height, own.roughness[0] * step.nose, dt)
+    advance(own.reference, rules.reference, robot, own.plane, pose, wanted)
     firmness = max(schedule.pace, own.roughness[0])
     times = schedule.stance_time, schedule.swing_time, schedule.pace, schedule.footprint
     steps = GaitState(legs.is_stance, schedule.phase, *times)

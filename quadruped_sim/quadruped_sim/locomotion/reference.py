@@ -21,6 +21,8 @@ _HEIGHT_INTEGRAL_LIMIT = 0.03
 _STEADY_ERROR = 0.3
 # Farthest the desired heading runs ahead of the real one [rad].
 _YAW_LEASH = 0.3
+# Slope on which the nose is no higher than the slope has it [rad]: more would tip the robot over.
+_STEEP = 0.35
 
 
 class BaseReference(NamedTuple):
@@ -87,16 +89,21 @@ class Reference:
         self.flat[:] = flatten(ReferenceState(here, np.zeros(2), yaw))
 
     def step(
-        self, state: RobotState, command: np.ndarray, ground: Ground, height: float, dt: float
+        self,
+        state: RobotState,
+        command: np.ndarray,
+        ground: Ground,
+        pose: tuple[float, float],
+        dt: float,
     ) -> BaseReference:
         """
         Advance by `dt` [s] under `command` = (vx, vy, yaw rate), base axes.
 
-        The base is kept `height` [m] above the ground plane, moves with it as it changes, and is
-        parallel to the plane.
+        `pose` is how high above the ground plane the base is kept [m], and how far its nose is up
+        while it goes ahead [rad]; it moves with the plane, and is parallel to it but for the nose.
         """
         wanted = blank_reference(float(command[2]))
-        asked = command, height, dt
+        asked = command, *pose, dt
         advance(self.flat, self.rule, state.flat, ground.flat, asked, plain(wanted))
         return wanted
 
@@ -107,12 +114,12 @@ def advance(
     flat_rule: np.ndarray,
     robot: np.ndarray,
     ground: np.ndarray,
-    asked: tuple[np.ndarray, float, float],
+    asked: tuple[np.ndarray, float, float, float],
     wanted: BaseReference,
 ) -> None:
     """Advance a flat `ReferenceState`, and write the reference: see `Reference.step`."""
     own, rule, base, plane = flat_own[0], flat_rule[0], robot[0].base, ground[0]
-    command, height, dt = asked
+    command, height, nose, dt = asked
     wanted = BaseReference(*wanted)
     position, velocity = wanted.position, wanted.velocity
     yaw = base.rpy[2]
@@ -140,6 +147,8 @@ def advance(
     own.height_integral = min(max(total, -rule.height_limit), rule.height_limit)
     gx, gy = plane.gradient[0], plane.gradient[1]
     wanted.rpy[0], wanted.rpy[1] = math.atan(c * gy - s * gx), -math.atan(c * gx + s * gy)
+    if command[0] > 0.0:
+        wanted.rpy[1] -= nose * max(1.0 - abs(wanted.rpy[1]) / _STEEP, 0.0)
     wanted.rpy[2] = own.yaw
     position[0], position[1], position[2] = own.xy[0], own.xy[1], level + own.height_integral
     rise = 0.0 if math.isnan(own.height) else (height - own.height) / dt

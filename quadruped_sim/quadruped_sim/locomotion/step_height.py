@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How high the feet are lifted: by what the ground has felt like."""
+"""How high feet are lifted, and the nose: by what the ground has felt like."""
 
 import math
 from typing import NamedTuple
@@ -21,13 +21,17 @@ from quadruped_sim.robot_state import RobotState
 _FLAT, _ROUGH = 0.012, 0.035
 # Part of a swing in which a force is a stumble: before, the foot leaves; after, it lands.
 _MID_SWING = (0.15, 0.85)
+# How far the nose is up on rough ground [rad]: while fore feet look for the top of a first high
+# stair, the chin, ahead of them, arrives at the second.
+_NOSE = 0.08
 
 
 class StepRule(NamedTuple):
     """
     A force that is a stumble [N], flat and rough [m], what of the roughness a tick leaves.
 
-    Steps have a height on flat ground, and so much more on rough [m].
+    Steps have a height on flat ground, and so much more on rough [m], where the nose is so far up
+    [rad].
     """
 
     force: float
@@ -36,11 +40,13 @@ class StepRule(NamedTuple):
     left: float
     height: float
     higher: float
+    nose: float
 
 
 class StepHeight:
     """
-    Steps are low on flat ground, high after a stumble [Focchi2013] or where footholds are uneven.
+    Steps are low on flat ground, high after a stumble [Focchi2013] or where footholds are uneven;
+    there the nose is up, too.
 
     State: how rough the ground is, from 0 to 1. It is felt at once and forgotten slowly.
     """
@@ -55,7 +61,8 @@ class StepHeight:
         """Take other heights and another threshold of force."""
         self._params, self._force = params, contact.force_on
         higher = params.rough_step_height - params.step_height
-        self._higher = GAITS[params.name].rough * higher
+        share = GAITS[params.name].rough
+        self._more = share * higher, share * _NOSE
 
     def reset(self) -> None:
         """Expect flat ground."""
@@ -65,6 +72,11 @@ class StepHeight:
     def roughness(self) -> float:
         """How rough the ground is, from 0 to 1."""
         return float(self.flat[0])
+
+    @property
+    def nose(self) -> float:
+        """How far up the nose of who walks ahead is to be [rad]."""
+        return self.roughness * self._more[1]
 
     def step(
         self, state: RobotState, schedule: GaitState, points: np.ndarray, ground: Ground, dt: float
@@ -82,7 +94,7 @@ class StepHeight:
         params, scale = self._params, self._scale
         left = math.exp(-dt / params.terrain_time)
         limits = self._force, _FLAT * scale, _ROUGH * scale
-        return StepRule(*limits, left, params.step_height, self._higher)
+        return StepRule(*limits, left, params.step_height, *self._more)
 
 
 @jit

@@ -180,7 +180,7 @@ def keep_apart(
 
 # Where a soft and a firm landing aim on the Go2, above the level of feet that bear load [m]. A
 # foot without load touches a little above; one that aims below arrives even if it is lower there.
-_LANDING = (0.003, -0.004)
+_LANDING = (0.005, -0.004)
 
 
 # A foot is lifted up to so far below its hip, and always so far above its ends, on the Go2 [m]. A
