@@ -7,8 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
+from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import Three
+from quadruped_sim.algebra import view_of
 
 LEGS = ('FL', 'FR', 'RL', 'RR')
 FL, FR, RL, RR = range(4)
@@ -57,17 +59,19 @@ class LegMotion(NamedTuple):
 
 def leg_motion(leg: LegGeometry, angles: np.ndarray, rates: np.ndarray) -> LegMotion:
     """Feet at joint `angles` [rad] moving at `rates` [rad/s], both (12,)."""
-    out = LegMotion(*(np.zeros((4, 3, 3) if k == 2 else (4, 3)) for k in range(6)))
-    write_leg_motion(plain(leg), angles, rates, plain(out))
-    return out
+    blank = LegMotion(*(np.zeros((4, 3, 3) if k == 2 else (4, 3)) for k in range(6)))
+    flat = flatten(blank)
+    write_leg_motion(plain(leg), angles, rates, flat)
+    motion: LegMotion = view_of(flat, blank)
+    return motion
 
 
 @jit
 def write_leg_motion(
-    leg: LegGeometry, angles: np.ndarray, rates: np.ndarray, out: LegMotion
+    leg: LegGeometry, angles: np.ndarray, rates: np.ndarray, flat: np.ndarray
 ) -> None:
-    """Compiled `leg_motion`, which writes into `out`."""
-    move_legs(LegGeometry(*leg), angles, rates, LegMotion(*out))
+    """Compiled `leg_motion`, which writes into a flat one."""
+    move_legs(LegGeometry(*leg), angles, rates, flat[0])
 
 
 @jit

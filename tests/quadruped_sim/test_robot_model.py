@@ -4,6 +4,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.robot_model import JointMap
@@ -99,6 +100,32 @@ def test_joint_momentum_obeys_its_balance(model, angles, rng):
         )
     # The base's turning does not change the joint rows of M; gravity's share is in the bias.
     np.testing.assert_allclose((momentum[0] - momentum[1]) / (2.0 * h), drift, atol=1e-5)
+
+
+def test_the_dynamics_are_those_of_pinocchio(urdf, model, rng):
+    other = make_model(turned(urdf, model.quadruped.joint_names[3:8]))
+    for robot in (model, other):
+        known, data, sign = robot._model, robot._data, np.ones(18)
+        known.armature = np.concatenate((np.zeros(6), robot.rigid[0]['rotor'][0]))
+        joints = [known.joints[known.getJointId(name)] for name in robot.quadruped.joint_names]
+        order, sign[6:] = [*range(6), *(joint.idx_v for joint in joints)], robot.quadruped.sign
+        for _ in range(3):
+            velocity, angles = rng.normal(size=18), rng.normal(size=12)
+            turn = rng.normal(size=4)
+            turn /= np.linalg.norm(turn)
+            found = robot.dynamics(turn, velocity[:3], velocity[3:6], angles, velocity[6:])
+            q, v = robot._positions(angles), np.zeros(18)
+            q[3:7], v[order] = turn[[1, 2, 3, 0]], sign * velocity
+            mass = pin.crba(known, data, q)
+            mass = np.triu(mass) + np.triu(mass, 1).T
+            bias = pin.nonLinearEffects(known, data, q, v)
+            coriolis = pin.computeCoriolisMatrix(known, data, q, v)
+            drift = (coriolis + coriolis.T) @ v - bias
+            wanted = np.outer(sign, sign) * mass[np.ix_(order, order)]
+            np.testing.assert_allclose(found.mass, wanted, atol=1e-12)
+            np.testing.assert_allclose(found.bias, sign * bias[order], atol=1e-11)
+            np.testing.assert_allclose(found.momentum, (sign * (mass @ v)[order])[6:], atol=1e-12)
+            np.testing.assert_allclose(found.momentum_drift, (sign * drift[order])[6:], atol=1e-11)
 
 
 def test_the_mass_matrix_knows_the_centre_of_mass(model, angles, rng):
