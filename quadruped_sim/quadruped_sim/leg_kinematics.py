@@ -127,19 +127,11 @@ class ContactPoints(NamedTuple):
 
 
 @jit
-def write_contact_points(
-    motion: LegMotion, normal: np.ndarray, foot_radius: float, out: ContactPoints
-) -> None:
-    """Write where balls of `foot_radius` [m] touch ground with `normal` (3,), base axes."""
-    find_contact_points(LegMotion(*motion), normal, foot_radius, ContactPoints(*out))
-
-
-@jit
 def find_contact_points(
     motion: LegMotion, normal: np.ndarray | Three, foot_radius: float, out: ContactPoints
 ) -> None:
     """
-    Write what `write_contact_points` does.
+    Write where balls of `foot_radius` [m] touch ground with `normal` (3,), base axes.
 
     The Jacobian has (joint axis) x (arm to the contact) more than that of the centre; the hip's
     axis is (1, 0, 0), the others' (0, c1, s1).

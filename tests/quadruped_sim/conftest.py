@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from quadruped_sim.algebra import plain
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import ContactPoints
+from quadruped_sim.leg_kinematics import find_contact_points
 from quadruped_sim.leg_kinematics import LegMotion
-from quadruped_sim.leg_kinematics import write_contact_points
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
 from robot_description.description import parse_description
@@ -59,7 +58,7 @@ def contact_points() -> Callable[[LegMotion, np.ndarray, float], ContactPoints]:
 
     def contact_points(motion: LegMotion, normal: np.ndarray, radius: float) -> ContactPoints:
         out = ContactPoints(np.zeros((4, 3)), np.zeros((4, 3, 3)))
-        write_contact_points(plain(motion), normal, radius, plain(out))
+        find_contact_points(motion, normal, radius, out)
         return out
 
     return contact_points

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """All that is found of the feet in one compiled call is what the stages find one by one."""
 
+import leg_stages
 import numpy as np
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.locomotion.locomotion import Locomotion
-from quadruped_sim.locomotion.swing import Tread
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from wasd_core.robot_io import JointStates
@@ -40,11 +40,12 @@ def test_one_call_does_what_the_stages_do_one_by_one(model, standing, rng):
 def by_stages(alone, legs, robot):
     """Return the reference and the targets by stages that are asked one by one."""
     feet, schedule, ground = legs._feet, legs.schedule, alone.ground
-    ground.step(feet.points, feet.is_loaded, DT)
-    rise = alone.step_height.step(robot, schedule, feet.points, ground, DT)
-    alone.grip.step(robot, feet.is_loaded, ground.frame(), DT)
+    leg_stages.stand(ground, feet.points, feet.is_loaded, DT)
+    rise = leg_stages.height(alone.step_height, robot, schedule, feet.points, ground, DT)
+    leg_stages.grip(alone.grip, robot, feet.is_loaded, ground.frame(), DT)
     pose = legs._height, alone.step_height.nose
-    wanted = alone.reference.step(robot, COMMAND, ground, pose, DT)
-    tread = Tread(rise, max(schedule.pace, alone.step_height.roughness))
-    swing = alone.swing_legs.step(robot, schedule, legs.is_stance, wanted, ground, tread)
+    wanted = leg_stages.follow(alone.reference, robot, COMMAND, ground, pose, DT)
+    tread = rise, max(schedule.pace, alone.step_height.roughness)
+    schedule = schedule._replace(is_stance=legs.is_stance)
+    swing = leg_stages.swing(alone.swing_legs, robot, schedule, wanted, ground, tread)
     return *wanted, *swing

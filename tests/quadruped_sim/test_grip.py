@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
+import leg_stages
 import numpy as np
 import pytest
 from quadruped_sim.estimation.grip import Grip
@@ -18,7 +19,7 @@ def feel(state, grip, ratio, slip=0.0, seconds=0.2, stands=(True,) * 4):
     base = replace_velocity(state, -slip * np.array((0.6, 0.8, 0.0)))
     felt = replace(state, forces=forces @ R, base=base)
     for _ in range(round(seconds / TICK)):
-        grip.step(felt, np.array(stands), np.eye(3), TICK)
+        leg_stages.grip(grip, felt, np.array(stands), np.eye(3), TICK)
     return grip.friction
 
 

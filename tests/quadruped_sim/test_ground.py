@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import leg_stages
 import numpy as np
 from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.contacts import height_at
@@ -22,7 +23,7 @@ def gradient_of(ground):
 
 def settle(ground, feet, contact=ALL, seconds=5.0):
     for _ in range(round(seconds / 0.002)):
-        ground.step(feet, contact, 0.002)
+        leg_stages.stand(ground, feet, contact, 0.002)
 
 
 def test_it_finds_the_plane_its_feet_stand_on():

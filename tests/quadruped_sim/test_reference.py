@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import leg_stages
 import numpy as np
 import pytest
 from quadruped_sim.estimation.contacts import Ground
@@ -42,9 +43,10 @@ def pitch(model, robot_state, slope, speed, nose):
     reference.reset(robot_state)
     feet = FEET + np.outer(FEET[:, 0], (0.0, 0.0, np.tan(slope)))
     for _ in range(2500):
-        ground.step(feet, np.ones(4, dtype=bool), 0.002)
+        leg_stages.stand(ground, feet, np.ones(4, dtype=bool), 0.002)
     command = np.array((speed, 0.0, 0.0))
-    return reference.step(robot_state, command, ground, (0.3, nose), 0.002).rpy[1]
+    wanted = leg_stages.follow(reference, robot_state, command, ground, (0.3, nose), 0.002)
+    return wanted.rpy[1]
 
 
 @pytest.mark.parametrize('speed', [-0.5, 0.0, 0.5])

@@ -2,6 +2,7 @@
 from dataclasses import replace
 import math
 
+import leg_stages
 import numpy as np
 import pytest
 from quadruped_sim.estimation.contacts import Ground
@@ -31,7 +32,7 @@ class Walk:
         points = FEET + np.outer((0, 1, 0, 0), (0, 0, raised))
         state = replace(self._state, forces=forces, is_contact=stands)
         schedule = GaitState(stands, np.full(4, phase), 0.2, 0.2, 0.0)
-        return self.height.step(state, schedule, points, self.ground, dt)
+        return leg_stages.height(self.height, state, schedule, points, self.ground, dt)
 
 
 @pytest.fixture

@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+import leg_stages
 import numpy as np
 import pytest
 from quadruped_sim.estimation.contacts import Ground
@@ -8,7 +9,6 @@ from quadruped_sim.locomotion.swing import headroom
 from quadruped_sim.locomotion.swing import swing_point
 from quadruped_sim.locomotion.swing import swing_profile
 from quadruped_sim.locomotion.swing import SwingLegs
-from quadruped_sim.locomotion.swing import Tread
 from quadruped_sim.parameters import GroundParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_state import BaseMotion
@@ -101,5 +101,5 @@ def test_a_low_robot_lifts_its_feet_less_than_it_is_told(model, height, lift):
     rest = BaseReference(np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
     in_air = np.zeros(4, dtype=bool)
     schedule = GaitState(in_air, np.full(4, 0.5), TIME, TIME, pace=0.0)
-    targets = legs.step(state, schedule, in_air, rest, ground, Tread(0.14, 1.0))
+    targets = leg_stages.swing(legs, state, schedule, rest, ground, (0.14, 1.0))
     np.testing.assert_allclose(targets.position[:, 2] - FOOT, lift, atol=1e-9)

@@ -9,7 +9,6 @@ from wasd_core.jit import jit
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import solve_in_place
 from quadruped_sim.algebra import Three
 from quadruped_sim.algebra import view_of
@@ -169,10 +168,6 @@ class Ground:
     def height(self) -> float:
         """Height of the plane at its centre [m]."""
         return float(self.flat['height'][0])
-
-    def step(self, contacts: np.ndarray, is_contact: np.ndarray, dt: float) -> None:
-        """Move the plane toward the contact points (4, 3) of the feet that stand, world [m]."""
-        follow_plane(self.flat, contacts, is_contact, plain(self.rule(dt)))
 
     def rule(self, dt: float) -> PlaneFilter:
         """Return how the plane is followed in ticks of `dt` [s]."""

@@ -11,7 +11,6 @@ from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.parameters import GripParameters
-from quadruped_sim.robot_state import RobotState
 
 # Cosine between motion and force of a foot below which it slips: -1, but for what is not known.
 _OPPOSED = -0.9
@@ -67,14 +66,6 @@ class Grip:
         """Share of the guess that is there, at most 1: what speeding up must keep to."""
         return min(1.0, self.friction / self._guess)
 
-    def step(self, state: RobotState, stands: np.ndarray, frame: np.ndarray, dt: float) -> None:
-        """
-        Feel for `dt` [s] with the feet of the mask `stands` (4,), which bear load.
-
-        `frame` (3, 3) turns ground axes, whose z is the normal, into the world.
-        """
-        feel_grip(state.flat, stands, frame, self.flat, self.rule(dt))
-
     def rule(self, dt: float) -> GripRule:
         """Return how friction is felt in ticks of `dt` [s]."""
         params = self._params
@@ -86,7 +77,11 @@ class Grip:
 def feel_grip(
     robot: np.ndarray, stands: np.ndarray, frame: np.ndarray, own: np.ndarray, rule: GripRule
 ) -> None:
-    """Advance the coefficient `own` (1,) by a tick; see `Grip.step`."""
+    """
+    Advance the coefficient `own` (1,) by a tick with the feet of the mask `stands` (4,).
+
+    These bear load. `frame` (3, 3) turns ground axes, whose z is the normal, into the world.
+    """
     slips, used = _feel(robot, stands, frame, rule.slip_speed)
     friction = own[0]
     if slips < math.inf:

@@ -33,15 +33,14 @@ class Feet(NamedTuple):
     What is kept of the feet, each (4,) or (4, 3).
 
     `points` is where they touch or would touch and `landing` where they are to land, world axes
-    [m], `trust` in [0, 1] how surely they stand. Flags are who stands, has just left the ground,
-    touched before its time, and bears load, so that it tells of the ground.
+    [m], `trust` in [0, 1] how surely they stand. Flags are who stands, touched before its time,
+    and bears load, so that it tells of the ground.
     """
 
     points: np.ndarray
     landing: np.ndarray
     trust: np.ndarray
     is_stance: np.ndarray
-    has_lifted: np.ndarray
     is_early: np.ndarray
     is_loaded: np.ndarray
 
@@ -49,7 +48,7 @@ class Feet(NamedTuple):
 def blank_feet() -> tuple[np.ndarray, Feet]:
     """Return feet that all stand, flat and as a view on that."""
     three, flags = np.zeros((4, 3)), np.zeros(4, dtype=bool)
-    blank = Feet(three, three, np.ones(4), ~flags, flags, flags, flags)
+    blank = Feet(three, three, np.ones(4), ~flags, flags, flags)
     flat = flatten(blank)
     return flat, view_of(flat, blank)
 
@@ -152,7 +151,7 @@ def _feel_stance(
     lift_off: np.ndarray,
 ) -> bool:
     """
-    Write which feet stand, have just lifted and from where, touched early, and bear load.
+    Write which feet stand, from where they have just lifted, which touched early, and bear load.
 
     A foot stands by schedule, or from a touch late in the swing on. It bears load if it is felt
     to, once it has settled: only these say where the ground is. Return if others stand now.
@@ -164,12 +163,11 @@ def _feel_stance(
         early = not scheduled and (legs.is_early[i] != 0 or (phase > rule.late and touches))
         stands, stood = scheduled or early, legs.is_stance[i] != 0
         legs.is_early[i], legs.is_stance[i] = early, stands
-        legs.has_lifted[i] = stood and not stands
         is_new = is_new or stood != stands
         legs.is_loaded[i] = stands and touches and (phase > _SETTLED or early)
         for k in range(3):
             legs.points[i, k] = state.feet[i, k] - (rule.radius if k == 2 else 0.0)
-            if legs.has_lifted[i]:
+            if stood and not stands:
                 lift_off[i, k] = state.feet[i, k]
     return is_new
 

@@ -10,7 +10,6 @@ from wasd_core.jit import jit
 
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import plain
-from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.contacts import height_at
 from quadruped_sim.parameters import ReferenceParameters
 from quadruped_sim.robot_state import RobotState
@@ -88,25 +87,6 @@ class Reference:
         here, yaw = state.base.position[:2], float(state.base.rpy[2])
         self.flat[:] = flatten(ReferenceState(here, np.zeros(2), yaw))
 
-    def step(
-        self,
-        state: RobotState,
-        command: np.ndarray,
-        ground: Ground,
-        pose: tuple[float, float],
-        dt: float,
-    ) -> BaseReference:
-        """
-        Advance by `dt` [s] under `command` = (vx, vy, yaw rate), base axes.
-
-        `pose` is how high above the ground plane the base is kept [m], and how far its nose is up
-        while it goes ahead [rad]; it moves with the plane, and is parallel to it but for the nose.
-        """
-        wanted = blank_reference(float(command[2]))
-        asked = command, *pose, dt
-        advance(self.flat, self.rule, state.flat, ground.flat, asked, plain(wanted))
-        return wanted
-
 
 @jit
 def advance(
@@ -117,7 +97,12 @@ def advance(
     asked: tuple[np.ndarray, float, float, float],
     wanted: BaseReference,
 ) -> None:
-    """Advance a flat `ReferenceState`, and write the reference: see `Reference.step`."""
+    """
+    Advance a flat `ReferenceState`, and write the reference.
+
+    `asked` are (vx, vy, yaw rate), base axes, how high the base is kept above the plane [m], to
+    which it is parallel but for its nose, how far that is up going ahead [rad], and dt [s].
+    """
     own, rule, base, plane = flat_own[0], flat_rule[0], robot[0].base, ground[0]
     command, height, nose, dt = asked
     wanted = BaseReference(*wanted)

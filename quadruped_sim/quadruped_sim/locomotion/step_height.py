@@ -7,14 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.contacts import height_at
-from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.parameters import ContactParameters
 from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_state import RobotState
 
 # Feet that stand this far off the plane through all are the noise of a flat floor, and this far
 # off are on rough ground, in full; on the Go2 [m].
@@ -77,17 +74,6 @@ class StepHeight:
     def nose(self) -> float:
         """How far up the nose of who walks ahead is to be [rad]."""
         return self.roughness * self._more[1]
-
-    def step(
-        self, state: RobotState, schedule: GaitState, points: np.ndarray, ground: Ground, dt: float
-    ) -> float:
-        """
-        Height of a step [m] after `dt` [s].
-
-        `points` (4, 3) are where the feet touch or would touch, world axes [m].
-        """
-        legs, rule = (schedule.is_stance, schedule.phase), self.rule(dt)
-        return find_step_height(state.flat, ground.flat, legs, points, self.flat, rule)
 
     def rule(self, dt: float) -> StepRule:
         """Return how the ground is felt in ticks of `dt` [s]."""

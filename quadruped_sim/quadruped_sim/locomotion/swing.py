@@ -10,9 +10,7 @@ from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import plain
 from quadruped_sim.algebra import rotate
-from quadruped_sim.estimation.contacts import Ground
 from quadruped_sim.estimation.contacts import height_at
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
@@ -189,13 +187,6 @@ _LANDING = (0.005, -0.004)
 _ROOM, _LEAST = 0.12, 0.02
 
 
-class Tread(NamedTuple):
-    """How feet are set: how high they are lifted [m], and how firmly they land, in [0, 1]."""
-
-    height: float
-    firmness: float
-
-
 class SwingTargets(NamedTuple):
     """
     Targets of the swing feet in world axes; rows of the feet in `is_stance` (4,) mean nothing.
@@ -250,25 +241,6 @@ class SwingLegs:
     def reset(self, feet: np.ndarray) -> None:
         """Take the present feet (4, 3), world, as lift-off points."""
         self.lift_off[:] = feet
-
-    def step(
-        self,
-        state: RobotState,
-        schedule: GaitState,
-        is_stance: np.ndarray,
-        reference: BaseReference,
-        ground: Ground,
-        tread: Tread,
-    ) -> SwingTargets:
-        """Targets of this tick."""
-        landing = np.empty((4, 3))
-        asked = plain(schedule._replace(is_stance=is_stance)), plain(reference), tread.firmness
-        find_landing(self.rule, state.flat, ground.flat, asked, landing)
-        self.aims = landing
-        targets = blank_targets(is_stance)
-        paths = plain(FootPaths(self.lift_off, landing, *tread, self.hips, self.room))
-        lead(state.flat, paths, asked[0], plain(self.gains), plain(targets))
-        return targets
 
 
 @jit

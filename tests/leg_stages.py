@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stages of a tick one by one, by the compiled functions that `step_feet` calls."""
+
+from quadruped_sim.algebra import plain
+from quadruped_sim.estimation.contacts import follow_plane
+from quadruped_sim.estimation.grip import feel_grip
+from quadruped_sim.locomotion.reference import advance
+from quadruped_sim.locomotion.reference import blank_reference
+from quadruped_sim.locomotion.step_height import find_step_height
+from quadruped_sim.locomotion.swing import blank_targets
+from quadruped_sim.locomotion.swing import find_landing
+from quadruped_sim.locomotion.swing import FootPaths
+from quadruped_sim.locomotion.swing import lead
+
+
+def stand(ground, contacts, is_contact, dt):
+    """Move the plane toward the contact points (4, 3) of the feet that stand, world [m]."""
+    follow_plane(ground.flat, contacts, is_contact, plain(ground.rule(dt)))
+
+
+def grip(own, state, stands, frame, dt):
+    """Feel the friction with the feet of the mask `stands` (4,), on ground axes `frame` (3, 3)."""
+    feel_grip(state.flat, stands, frame, own.flat, own.rule(dt))
+
+
+def height(own, state, schedule, points, ground, dt):
+    """Return the height of a step [m] with feet over `points` (4, 3), world [m]."""
+    legs = schedule.is_stance, schedule.phase
+    return find_step_height(state.flat, ground.flat, legs, points, own.flat, own.rule(dt))
+
+
+def follow(own, state, command, ground, pose, dt):
+    """Return the reference; `pose` is the base's height [m] and how far its nose is up [rad]."""
+    wanted = blank_reference(float(command[2]))
+    asked = command, *pose, dt
+    advance(own.flat, own.rule, state.flat, ground.flat, asked, plain(wanted))
+    return wanted
+
+
+def swing(legs, state, schedule, reference, ground, tread):
+    """Return the targets of feet that are lifted so high [m] and set so firmly: `tread`."""
+    landing, targets = legs.lift_off.copy(), blank_targets(schedule.is_stance)
+    asked = plain(schedule), plain(reference), tread[1]
+    find_landing(legs.rule, state.flat, ground.flat, asked, landing)
+    paths = plain(FootPaths(legs.lift_off, landing, *tread, legs.hips, legs.room))
+    lead(state.flat, paths, asked[0], plain(legs.gains), plain(targets))
+    return targets
