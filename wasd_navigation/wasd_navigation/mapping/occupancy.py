@@ -13,9 +13,11 @@ from wasd_navigation.grid import UNKNOWN
 from wasd_navigation.scan import Scan
 
 # Log-odds that a ray adds to the cell that it ends in, a scan to each cell that it looks through,
-# and a ray to the cell behind its end, down to a doubt: one hit by noise, after many that say that
-# the surface is before it, does not make it occupied.
-HIT, MISS, BEHIND, DOUBT = 0.9, -0.6, -0.6, -0.4
+# and a ray to the cells behind and before its end, down to a doubt: one hit by noise, among many
+# that say that the surface is elsewhere, does not make a cell occupied.
+HIT, MISS, BESIDE, DOUBT = 0.9, -0.6, -0.6, -0.4
+# Cosine of the angle between normal and ray from which on the cell before is none of the surface.
+STEEP = 0.5
 # A surface so near to the next cell fills that, too [cells]: two cells then tell that it is
 # between them, and a localizer has it more exactly than one cell can say.
 NEAR = 0.15
@@ -131,7 +133,7 @@ def _draw(
         )
         far[ray] = length * scale
         if slants[ray] > 0.0:
-            _hit(odds, (x0, y0), ahead[ray], far[ray])
+            _hit(odds, (x0, y0), ahead[ray], far[ray], slants[ray] > STEEP)
             far[ray] -= MARGIN / max(0.03, slants[ray])
     most = WIDEST * scale
     for ray in range(ends.shape[0]):
@@ -140,7 +142,13 @@ def _draw(
 
 
 @jit
-def _hit(odds: np.ndarray, begin: tuple[float, float], ahead: np.ndarray, length: float) -> None:
+def _hit(
+    odds: np.ndarray,
+    begin: tuple[float, float],
+    ahead: np.ndarray,
+    length: float,
+    is_steep: bool,
+) -> None:
     """Add the end of a ray from a place (x, y) [cells], and what is near it on the ray."""
     column, row = -1, -1
     for place in (length - NEAR, length, length + NEAR):
@@ -149,15 +157,25 @@ def _hit(odds: np.ndarray, begin: tuple[float, float], ahead: np.ndarray, length
         column, row = int(math.floor(x)), int(math.floor(y))
         if (column, row) != before:
             odds[row, column] = min(MOST, odds[row, column] + HIT)
-    # The cell behind it is hit by noise only, where no ray goes through to say so.
-    to_x = (column + 1 - x if ahead[0] > 0.0 else x - column) / max(1e-12, abs(ahead[0]))
-    to_y = (row + 1 - y if ahead[1] > 0.0 else y - row) / max(1e-12, abs(ahead[1]))
+    # The cells beside it are hit by noise only; of that behind, no ray goes through to say so.
+    _doubt(odds, x, y, ahead[0], ahead[1])
+    if is_steep:
+        x, y = x - 2.0 * NEAR * ahead[0], y - 2.0 * NEAR * ahead[1]
+        _doubt(odds, x, y, -ahead[0], -ahead[1])
+
+
+@jit
+def _doubt(odds: np.ndarray, x: float, y: float, along_x: float, along_y: float) -> None:
+    """Add that the next cell from a place (x, y) [cells] along a direction is not occupied."""
+    column, row = int(math.floor(x)), int(math.floor(y))
+    to_x = (column + 1 - x if along_x > 0.0 else x - column) / max(1e-12, abs(along_x))
+    to_y = (row + 1 - y if along_y > 0.0 else y - row) / max(1e-12, abs(along_y))
     if to_x < to_y:
-        column += 1 if ahead[0] > 0.0 else -1
+        column += 1 if along_x > 0.0 else -1
     else:
-        row += 1 if ahead[1] > 0.0 else -1
+        row += 1 if along_y > 0.0 else -1
     if 0 <= row < odds.shape[0] and 0 <= column < odds.shape[1] and odds[row, column] > DOUBT:
-        odds[row, column] = max(DOUBT, odds[row, column] + BEHIND)
+        odds[row, column] = max(DOUBT, odds[row, column] + BESIDE)
 
 
 @jit
