@@ -55,6 +55,10 @@ def input_packet(
     return bytes(packet)
 
 
+class CutOff(AssertionError):
+    """The page's connection has ended."""
+
+
 class PagePuppet:
     """
     Context of a controlling page that draws `rate` pictures a second.
@@ -138,11 +142,12 @@ class PagePuppet:
         Wait until so many pictures more were drawn, and panels know of them.
 
         Raises:
-            AssertionError: the connection has ended.
+            CutOff: the connection has ended.
         """
         until, frames = self.pictures + pictures, self.frames + 2
         while self.pictures < until or self.frames < frames:
-            assert all(thread.is_alive() for thread in self._threads), 'the page was cut off'
+            if not all(thread.is_alive() for thread in self._threads):
+                raise CutOff('the page was cut off')
             time.sleep(0.002)
 
     def press_at(self, place: tuple[int, int]) -> None:
