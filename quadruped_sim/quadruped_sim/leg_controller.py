@@ -48,6 +48,8 @@ from quadruped_sim.states.lying import obstacle
 _UP = np.array((0.0, 0.0, 1.0))
 # How high the base of a Go2 is that lies [m], and how fast its estimate sinks to that [m/s].
 _LYING_HEIGHT, _SINKING_SPEED = 0.06, 0.5
+# A thigh farther than this from its fold lies anyhow; that of a stand is at 0.7 [rad].
+_SPRAWLED = 1.0
 
 
 class LegController:
@@ -219,12 +221,18 @@ class LegController:
 
     @property
     def _lies_sprawled(self) -> bool:
-        """Whether it lies with a foot above its trunk, at its hips: a straight way up tips it."""
+        """
+        Whether a straight way up may tip it over.
+
+        It lies with a foot above its trunk, at its hips, or with a thigh far from where it folds.
+        """
         if self.robot is None or self._machine.coming is not StateName.PASSIVE or self.obstacle:
             return False
         up, hips = self.robot.base.R[2], self.model.geometry.hip
         heights = self.robot.motion.position @ up
-        return float(heights.max()) > float(hips[:, 2].mean() * up[2])
+        apart = np.abs(self.robot.joint_position - self.model.folded_pose)[1::3]
+        is_above = float(heights.max()) > float(hips[:, 2].mean() * up[2])
+        return is_above or float(apart.max()) > _SPRAWLED
 
     def _meaning(self, key: str) -> str:
         """Return what a state's key stands for: whoever has fallen must get up to stand."""

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pinocchio as pin
 from robot_description.description import Description
+from robot_description.morphology.quadruped import FOLDED
 from robot_description.morphology.quadruped import GO2_SPEED
 from robot_description.morphology.quadruped import imu_position
 from robot_description.morphology.quadruped import Quadruped
@@ -93,6 +94,7 @@ class RobotModel:
         self.geometry = _geometry(self.quadruped)
         self.imu_offset = imu_position(robot)
         self.friction = min(robot.friction.get(foot, math.inf) for foot in self.quadruped.feet)
+        self.folded_pose = similar_pose(self.quadruped, *FOLDED)
         self.standing_pose = similar_pose(self.quadruped, *STANDING)
         self.walking_pose = similar_pose(self.quadruped, *WALKING)
         self._build(description)

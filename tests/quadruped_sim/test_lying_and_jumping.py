@@ -111,6 +111,30 @@ def test_key_2_folds_legs_first_that_a_level_robot_lies_upon(floor, model, seed)
     assert dog.controller.robot.is_contact.all()
 
 
+@pytest.mark.parametrize(
+    'thigh, calf, state',
+    [
+        (1.36, -2.65, 'fixed stand'),
+        (0.67, -1.3, 'fixed stand'),
+        (2.78, -2.0, 'get up'),
+        (0.2, -2.0, 'get up'),
+    ],
+)
+def test_key_2_folds_first_a_thigh_that_lies_far_from_its_fold(
+    model, standing, truth, thigh, calf, state
+):
+    """A foot need not be above the trunk to tip it over: one that lay far ahead has."""
+    controller = LegController(model, estimator='truth')
+    angles = model.folded_pose.copy()
+    angles[1:3] = thigh, calf
+    lies = standing._replace(joints=standing.joints._replace(position=angles))
+    controller.step(lies, 0.02, truth)
+    assert controller.press('2') is None
+    for _ in range(3):
+        controller.step(lies, 0.02, truth)
+    assert (controller.state, controller.is_fallen) == (state, False)
+
+
 @pytest.mark.slow
 def test_key_1_and_an_emergency_stop_end_getting_up_at_once(floor, model):
     dog = Dropped(floor, model, (3.1, 0.0, 0.0), 5)

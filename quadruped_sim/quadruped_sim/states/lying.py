@@ -7,7 +7,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from robot_description.morphology.quadruped import FOLDED
 from robot_description.morphology.quadruped import similar_pose
 from wasd_core.robot_io import JointCommand
 
@@ -88,7 +87,7 @@ class GetUp(State):
 
     def __init__(self, parts: ControllerParts) -> None:
         super().__init__(parts)
-        self._folded = similar_pose(parts.model.quadruped, *FOLDED)
+        self._folded = parts.model.folded_pose
         self._rolling = {
             side: [rolling_poses(parts.model, roll, side) for roll in ROLLS] for side in (1, -1)
         }
@@ -220,7 +219,7 @@ class LieDown(AfterTrot):
 
     def __init__(self, parts: ControllerParts) -> None:
         super().__init__(parts)
-        self._folded = similar_pose(parts.model.quadruped, *FOLDED)
+        self._folded = parts.model.folded_pose
 
     @property
     def is_over(self) -> bool:
