@@ -3,7 +3,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 import contextlib
-import importlib
 import math
 import os
 import sys
@@ -87,7 +86,6 @@ def init_ros(
         if choice:
             print(choice, file=sys.stderr, flush=True)
     remove_segments_of_the_dead()
-    _leave_out_generator()
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
     try:
@@ -98,24 +96,6 @@ def init_ros(
             )
     finally:
         rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.UNSET)
-
-
-def _leave_out_generator() -> None:
-    """
-    Load how messages find their libraries without what generates messages, which is beside it.
-
-    That is 0.1 s of compilers and templates at each start; the package does without what it
-    cannot import.
-    """
-    name = 'rosidl_generator_py'
-    generator = f'{name}.generate_py_impl'
-    if name in sys.modules or generator in sys.modules:
-        return
-    sys.modules[generator] = None  # type: ignore[assignment]
-    try:
-        importlib.import_module(name)
-    finally:
-        del sys.modules[generator]
 
 
 def _without_log_file(args: Sequence[str], is_local: bool) -> list[str]:
