@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 import subprocess
 import sys
-import time
 from typing import Any
 
 import pytest
@@ -57,10 +56,10 @@ def domain(new_runner: Any, ros_domains: Iterator[int]) -> Iterator[int]:
     domain = next(ros_domains)
     other = new_runner(domain)
     (other.folder / 'goes').write_text(GOES)
-    driving = ('mbot', '--twist', 'goes', '--viewer', 'web', '--duration', '900')
-    process = other.start(*driving, '--discovery', 'localhost', stdout=subprocess.PIPE)
-    assert process.stdout.readline()  # where its page is, once it runs
-    time.sleep(3.0)  # it has been driving for a while
+    driving = ('mbot', '--twist', 'goes', '--viewer', 'none', '--duration', '900')
+    process = other.start(*driving, '--discovery', 'localhost')
+    while other('echo', '--once', 'cmd_vel').returncode:
+        assert process.poll() is None
     yield domain
     process.terminate()
     assert process.wait(10.0) == 128 + 15
