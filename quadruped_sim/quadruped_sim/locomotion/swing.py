@@ -94,8 +94,9 @@ class FootholdRule(NamedTuple):
     """
     Feet below their hips in the base's yaw frame, (4, 3) [m]; gain [s] and reach [m].
 
-    `fall_time` [s] is sqrt(h / g), by which a body of height h topples. A `soft` landing and a
-    `firm` one aim so far above the ground's plane [m]; feet are balls of `radius` [m], and land at
+    `fall_time` [s] is sqrt(h / g), by which a body of height h topples. In place a
+    soft landing aims `still` above the ground's plane, ahead `soft`; a `firm` one aims so far
+    above it [m]; feet are balls of `radius` [m], and land at
     least `apart` [m] on their own side of the one across.
     """
 
@@ -103,6 +104,7 @@ class FootholdRule(NamedTuple):
     velocity_gain: float
     reach: float
     fall_time: float
+    still: float
     soft: float
     firm: float
     radius: float
@@ -176,9 +178,10 @@ def keep_apart(
         landing[leg, 1] += side * short * y
 
 
-# Where a soft and a firm landing aim on the Go2, above the level of feet that bear load [m]. A
-# foot without load touches a little above; one that aims below arrives even if it is lower there.
-_LANDING = (0.005, -0.004)
+# Where a soft landing in place, one ahead and a firm one aim on the Go2, above the level of feet
+# that bear load [m]. A foot without load touches a little above; one that aims below arrives even
+# if it is lower there. The higher one is softer; in place the robot would stray by it.
+_LANDING = (0.003, 0.005, -0.004)
 
 
 # A foot is lifted up to so far below its hip, and always so far above its ends, on the Go2 [m]. A
@@ -218,7 +221,8 @@ class SwingLegs:
     def __init__(self, model: RobotModel, params: LegControllerParameters) -> None:
         self._foot_radius = model.geometry.foot_radius
         self.aims: np.ndarray | None = None  # where feet were to land in the last step, (4, 3) [m]
-        self._landing = _LANDING[0] * model.scale.of('m'), _LANDING[1] * model.scale.of('m')
+        still, soft, firm = (height * model.scale.of('m') for height in _LANDING)
+        self._landing = still, soft, firm
         self._apart = _APART * model.scale.of('m')
         self.nominal = model.geometry.hip.copy()
         self.nominal[:, 1] += model.geometry.offset
@@ -260,7 +264,10 @@ def find_landing(
     own, state, plane = rule[0], robot[0], ground[0]
     schedule, reference, firmness = GaitState(*asked[0]), BaseReference(*asked[1]), asked[2]
     feet = find_footholds(own, state.base, reference, schedule)
-    above = own.radius + own.soft + firmness * (own.firm - own.soft)
+    speed = math.hypot(reference.velocity[0], reference.velocity[1])
+    # It is under way as soon as it goes as far as that while it would topple.
+    soft = own.still + min(speed * own.fall_time / own.apart, 1.0) * (own.soft - own.still)
+    above = own.radius + soft + firmness * (own.firm - soft)
     for leg in range(4):
         for k in range(2):
             landing[leg, k] = feet[leg, k]
