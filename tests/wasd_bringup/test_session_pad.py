@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """`--gamepad`: the pad drives the robot in turn, and what is let go, lost or halted stands."""
 
+import time
+
 from pads import PipePad
 import pytest
 from wasd_bringup.cockpit.bridge import CockpitBridge
@@ -101,7 +103,11 @@ def test_the_go2_stands_up_walks_and_lets_go_by_unitrees_buttons(session_of, pip
     pipe.unplug()
     run(session, 1.0)
     assert abs(speed(session)) < 0.1
-    pipe.plug()
+    # A pad that comes back is looked for on wall time, of which simulating takes little.
+    deadline = time.monotonic() + 20.0
+    while not pipe.try_plug():
+        assert time.monotonic() < deadline
+        run(session, 0.02)
     run(session, 0.02)
     pipe.push(L2_AXIS, 1.0)
     pipe.press(B)
