@@ -186,8 +186,9 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
     service = KeyService(node)
     next_service = time.monotonic()
     while rclpy.ok() and not (stop.requested or reader.closed):
-        for key in reader.poll(POLL_PERIOD):
-            service.press(key)
+        with reader.undisturbed():
+            for key in reader.poll(POLL_PERIOD):
+                service.press(key)
         service.step()
         if time.monotonic() >= next_service:
             executor.spin_once(timeout_sec=0.0)

@@ -156,6 +156,10 @@ class KeyReader:
         """Give the terminal back."""
         self._stack.close()
 
+    def undisturbed(self) -> contextlib.AbstractContextManager[None]:
+        """Return a context in which keys are polled and acted upon before Ctrl-Z is."""
+        return contextlib.nullcontext() if self.terminal is None else self.terminal.undisturbed()
+
     def poll(self, timeout: float) -> list[str]:
         """Wait at most `timeout` [s] of wall time for keys and return them in order."""
         self._ask()

@@ -110,9 +110,10 @@ class Teleop:
             wait_for_subscriber(lambda: self.twist.has_subscriber, stop)
         while rclpy.ok() and not (stop.requested or self._is_finished):
             period = SILENT_POLL_PERIOD if self.twist.logic.is_silent else POLL_PERIOD
-            for key in self._reader.poll(period):
-                self.keys.publish_key(key)
-                self._answer(key, screen)
+            with self._reader.undisturbed():
+                for key in self._reader.poll(period):
+                    self.keys.publish_key(key)
+                    self._answer(key, screen)
             self._executor.handle()
             self._show(screen)
 

@@ -35,14 +35,23 @@ READ_SIZE = 65536
 
 
 def read_ready(descriptor: int) -> bytes | None:
-    """Return what is there, at most one buffer; None for nothing yet, b'' for the end."""
-    if not select.select([descriptor], [], [], 0.0)[0]:
-        return None
-    try:
-        return os.read(descriptor, READ_SIZE)
-    except OSError:
-        # EIO: the other side of a pseudo-terminal is gone.
-        return b''
+    """
+    Return what is there, at most one buffer; None for nothing yet, b'' for the end.
+
+    A terminal must be one whose reads do not wait (VMIN 0): Ctrl-Z empties it, maybe after it was
+    found ready. What is at its end stays ready, and has nothing, again.
+    """
+    for _ in range(2):
+        if not select.select([descriptor], [], [], 0.0)[0]:
+            return None
+        try:
+            data = os.read(descriptor, READ_SIZE)
+        except OSError:
+            # EIO: the other side of a pseudo-terminal is gone.
+            return b''
+        if data:
+            return data
+    return b''
 
 
 class NoTerminal(UserError):
@@ -69,6 +78,8 @@ class Terminal:
         self._previous_handlers: dict[int, Any] = {}
         self._closed = False
         self._tells_releases = False
+        self._is_busy = False
+        self._is_asked_to_suspend = False
         self.before_suspend: list[Callable[[], None]] = []
         self.after_resume: list[Callable[[], None]] = []
 
@@ -107,6 +118,22 @@ class Terminal:
         data = None if self._closed else read_ready(self._descriptor)
         self._closed = self._closed or data == b''
         return data or b''
+
+    @contextlib.contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        """
+        Let Ctrl-Z wait until what was read has been acted upon.
+
+        A key that was read before, and acted upon after `fg`, would move a robot by itself.
+        """
+        self._is_busy = True
+        try:
+            yield
+        finally:
+            self._is_busy = False
+            is_asked, self._is_asked_to_suspend = self._is_asked_to_suspend, False
+            if is_asked:
+                self._suspend(signal.SIGTSTP, None)
 
     def __enter__(self) -> Self:
         """Enter raw mode and watch the signals that would leave it behind."""
@@ -167,7 +194,7 @@ class Terminal:
         # IXON and IEXTEN would swallow Ctrl-S, Ctrl-Q and Ctrl-V; ICRNL would hide what ENTER is.
         attributes[INPUT_FLAGS] &= ~(termios.IXON | termios.ICRNL | termios.INLCR | termios.IGNCR)
         attributes[LOCAL_FLAGS] &= ~(termios.ICANON | termios.ECHO | termios.IEXTEN)
-        attributes[CONTROL_CHARACTERS][termios.VMIN] = 1
+        attributes[CONTROL_CHARACTERS][termios.VMIN] = 0  # read_ready tells why
         attributes[CONTROL_CHARACTERS][termios.VTIME] = 0
         with contextlib.suppress(termios.error, OSError):
             self._set_attributes(attributes)
@@ -198,6 +225,10 @@ class Terminal:
         signal.pthread_kill(threading.get_ident(), number)
 
     def _suspend(self, number: int, frame: FrameType | None) -> None:
+        # Only Ctrl-Z may wait: who is behind is asked again and again until it stops.
+        if self._is_busy and number == signal.SIGTSTP:
+            self._is_asked_to_suspend = True
+            return
         for callback in self.before_suspend:
             callback()
         self.restore()

@@ -2,10 +2,12 @@
 import contextlib
 import os
 import pty
+import select
 import signal
 import subprocess
 import sys
 import termios
+import threading
 import time
 
 import pytest
@@ -111,6 +113,31 @@ def test_one_read_takes_all_that_was_typed_and_none_waits(terminal_pair):
         assert terminal.read() == b'ijkl' * 100
         assert terminal.read() == b''
         assert not terminal.closed
+
+
+def test_a_terminal_that_ctrl_z_empties_as_it_is_read_is_neither_waited_for_nor_closed(
+    terminal_pair, monkeypatch
+):
+    """The key before Ctrl-Z makes it ready; a read of nothing held a robot up after `fg`."""
+    master, slave = terminal_pair
+    look = select.select
+
+    def emptied(*asked):
+        found = look(*asked)
+        termios.tcflush(slave, termios.TCIFLUSH)
+        return found
+
+    with Terminal(slave) as terminal:
+        os.write(master, b'i')
+        monkeypatch.setattr(select, 'select', emptied)
+        read = threading.Thread(target=terminal.read, daemon=True)
+        read.start()
+        read.join(5.0)
+        monkeypatch.undo()
+        assert not read.is_alive()
+        assert not terminal.closed
+        os.write(master, b'j')
+        assert terminal.read() == b'j'
 
 
 def test_keys_typed_before_raw_mode_are_kept(terminal_pair):
@@ -235,6 +262,27 @@ def test_ctrl_z_gives_the_terminal_back_and_fg_takes_it_again(pty_process):
     process.type(b'Q')
     wait_for(process, b'job status 3')
     assert process.attributes == process.before
+
+
+def test_ctrl_z_waits_until_the_key_before_it_has_been_acted_upon(pty_process):
+    """Else a robot would start after `fg`, by a key that was let go of long ago."""
+    program = HOLDER.replace(
+        'data = terminal.read()',
+        f"""with terminal.undisturbed():
+            data = terminal.read()
+            if data == b'i':
+                os.kill(os.getpid(), {int(signal.SIGTSTP)})
+                time.sleep(0.1)
+                print('acted', flush=True)""",
+    )
+    process = pty_process('-c', SHELL, program)
+    wait_for(process, b'ready')
+    process.type(b'i')
+    wait_for(process, b'resumed')
+    said = [process.output.index(word) for word in (b'acted', b'suspended', b'job stopped')]
+    assert said == sorted(said)
+    process.type(b'Q')
+    wait_for(process, b'job status 3')
 
 
 def test_without_a_terminal_the_error_is_one_line():

@@ -318,8 +318,9 @@ class Session:
     def _poll(self, timeout: float) -> None:
         """Look after everything that lives on wall time: keys, messages, the page, the status."""
         if self._reader is not None and not self._reader.closed:
-            for key in self._reader.poll(timeout):
-                self.press(key)
+            with self._reader.undisturbed():
+                for key in self._reader.poll(timeout):
+                    self.press(key)
             timeout = 0.0
         for guest in self._guests:
             guest.look()
