@@ -29,6 +29,11 @@ def height(own, state, schedule, points, ground, dt):
     return find_step_height(state.flat, ground.flat, legs, points, own.flat, own.rule(dt))
 
 
+def nose(own, dt):
+    """Return how far up the nose of who walks ahead is to be [rad]."""
+    return own.roughness * own.rule(dt).nose
+
+
 def follow(own, state, command, ground, pose, dt):
     """Return the reference; `pose` is the base's height [m] and how far its nose is up [rad]."""
     wanted = blank_reference(float(command[2]))

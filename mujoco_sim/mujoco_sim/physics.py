@@ -303,12 +303,9 @@ class Actuation:
         data.xfrc_applied[root] = total
 
     def _put_in_force(self, command: np.ndarray) -> None:
-        if self._curve is not None:
-            self._curve.command(command, self._strength, self._gains, self._controls)
-        else:
-            np.multiply(command[3:].T, -self._strength[:, None], out=self._gains)
-            stiff, damped = command[3:] * command[:2]
-            np.multiply(command[2] + stiff + damped, self._strength, out=self._controls)
+        np.multiply(command[3:].T, -self._strength[:, None], out=self._gains)
+        stiff, damped = command[3:] * command[:2]
+        np.multiply(command[2] + stiff + damped, self._strength, out=self._controls)
         for motor, hold in self._holds:
             if command[:, motor].any():
                 self._data.eq_active[hold] = False

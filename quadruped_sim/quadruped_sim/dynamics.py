@@ -57,7 +57,7 @@ class Links(NamedTuple):
     `R` (13, 3, 3) and `place` (13, 3) of each frame; `axis` (13, 3) of its joint, and `arm` (13,
     3), the velocity of the base's origin as it turns about that. Velocity `v`, `w`, and
     acceleration `a`, `b`, linear at the base's origin and angular, (13, 3). Of the body with all
-    that it carries: `mass` (13,), first `moment` (13, 3), `inertia` (13, 3, 3), momentum `p`, `l`
+    that it carries: `mass` (13,), first `moment` (13, 3), `inertia` (13, 3, 3), momentum `p`, `L`
     and force `f`, `n`, linear and angular (13, 3).
     """
 
@@ -73,7 +73,7 @@ class Links(NamedTuple):
     moment: np.ndarray
     inertia: np.ndarray
     p: np.ndarray
-    l: np.ndarray  # noqa: E741
+    L: np.ndarray
     f: np.ndarray
     n: np.ndarray
 
@@ -161,11 +161,11 @@ def _find_momenta(bodies: Bodies, links: Links, i: int) -> None:
             inertia[row, k] = inertia[k, row] = own
         links.moment[i, row] = mass * com[row]
     moment, v, w, a, b = links.moment[i], links.v[i], links.w[i], links.a[i], links.b[i]
-    p, l = _times(mass, moment, inertia, v, w)  # noqa: E741
+    p, L = _times(mass, moment, inertia, v, w)
     f, n = _times(mass, moment, inertia, a, b)
-    turning, tilting, pulling = cross3(w, p), cross3(w, l), cross3(v, p)
+    turning, tilting, pulling = cross3(w, p), cross3(w, L), cross3(v, p)
     for k in range(3):
-        links.p[i, k], links.l[i, k] = p[k], l[k]
+        links.p[i, k], links.L[i, k] = p[k], L[k]
         links.f[i, k], links.n[i, k] = f[k] + turning[k], n[k] + (tilting[k] + pulling[k])
 
 
@@ -188,7 +188,7 @@ def _add_link(links: Links, before: int, own: int) -> None:
     for k in range(3):
         links.moment[before, k] += links.moment[own, k]
         links.p[before, k] += links.p[own, k]
-        links.l[before, k] += links.l[own, k]
+        links.L[before, k] += links.L[own, k]
         links.f[before, k] += links.f[own, k]
         links.n[before, k] += links.n[own, k]
         for m in range(3):
@@ -224,15 +224,15 @@ def _write_joint(links: Links, joint: int, rate: float, rotor: float, out: Dynam
         for k in range(3):
             total += links.arm[other + 1, k] * force[k] + links.axis[other + 1, k] * turn[k]
         out.mass[row, 6 + other] = out.mass[6 + other, row] = total
-    v, w, p, l = links.v[own], links.w[own], links.p[own], links.l[own]  # noqa: E741
-    turning, tilting, pulling = cross3(w, p), cross3(w, l), cross3(v, p)
+    v, w, p, L = links.v[own], links.w[own], links.p[own], links.L[own]
+    turning, tilting, pulling = cross3(w, p), cross3(w, L), cross3(v, p)
     lift = links.a[0]
     tipping = cross3(moment, lift)
     bias = drift = 0.0
     momentum = rotor * rate
     for k in range(3):
         bias += arm[k] * links.f[own, k] + axis[k] * links.n[own, k]
-        momentum += arm[k] * p[k] + axis[k] * l[k]
+        momentum += arm[k] * p[k] + axis[k] * L[k]
         # C' v = (C + C') v - C v: what the momentum changes by as the body and its axis turn.
         drift -= arm[k] * (turning[k] + mass * lift[k])
         drift -= axis[k] * (tilting[k] + pulling[k] + tipping[k])

@@ -48,7 +48,8 @@ from quadruped_sim.states.lying import obstacle
 _UP = np.array((0.0, 0.0, 1.0))
 # How high the base of a Go2 is that lies [m], and how fast its estimate sinks to that [m/s].
 _LYING_HEIGHT, _SINKING_SPEED = 0.06, 0.5
-# A thigh farther than this from its fold lies anyhow; that of a stand is at 0.7 [rad].
+# A leg is sprawled whose thigh is farther than this from its folded angle; of a robot that stands
+# it is 0.7 away [rad].
 _SPRAWLED = 1.0
 
 

@@ -43,7 +43,7 @@ def by_stages(alone, legs, robot):
     leg_stages.stand(ground, feet.points, feet.is_loaded, DT)
     rise = leg_stages.height(alone.step_height, robot, schedule, feet.points, ground, DT)
     leg_stages.grip(alone.grip, robot, feet.is_loaded, ground.frame(), DT)
-    pose = legs._height, alone.step_height.nose
+    pose = legs._height, leg_stages.nose(alone.step_height, DT)
     wanted = leg_stages.follow(alone.reference, robot, COMMAND, ground, pose, DT)
     tread = rise, max(schedule.pace, alone.step_height.roughness)
     schedule = schedule._replace(is_stance=legs.is_stance)

@@ -76,15 +76,15 @@ def test_after_a_reset_flat_ground_is_expected(walk):
 
 def test_after_a_stumble_the_nose_is_up_until_the_ground_is_forgotten(walk):
     walk.step()
-    assert walk.height.nose == 0.0
+    assert leg_stages.nose(walk.height, TICK) == 0.0
     walk.step(force=40.0)
-    up = walk.height.nose
+    up = leg_stages.nose(walk.height, TICK)
     assert 0.05 < up < 0.15
     walk.step(dt=PARAMETERS.gait.terrain_time)
-    assert walk.height.nose == pytest.approx(up * math.exp(-1.0))
+    assert leg_stages.nose(walk.height, TICK) == pytest.approx(up * math.exp(-1.0))
 
 
 def test_a_gallop_is_too_fast_for_high_steps_and_keeps_its_nose_down(walk):
     walk.height.tune(replace(PARAMETERS.gait, name='gallop'), PARAMETERS.contact)
     assert walk.step(force=40.0) == LOW
-    assert walk.height.nose == 0.0
+    assert leg_stages.nose(walk.height, TICK) == 0.0

@@ -119,7 +119,7 @@ WHEELED = Kind(
 )
 
 
-def load(name: str) -> Any:
+def load_class(name: str) -> Any:
     """Return the class that a row names as `module:class`."""
     module, _, found = name.partition(':')
     return getattr(importlib.import_module(module), found)

@@ -25,7 +25,7 @@ from wasd_core.topics import RELIABLE
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
-from wasd_bringup.robots import load
+from wasd_bringup.robots import load_class
 from wasd_bringup.robots import ROBOTS
 
 Velocity = tuple[float, float, float]
@@ -227,5 +227,5 @@ def make_stack(loaded: Description, world: World, options: RunOptions) -> Contro
         UserError: the description is not such a robot.
     """
     # Here, because the controllers of the other robots take a second to load.
-    made: ControlStack = load(ROBOTS[options.robot].kind.stack)(loaded, world, options)
+    made: ControlStack = load_class(ROBOTS[options.robot].kind.stack)(loaded, world, options)
     return made

@@ -121,10 +121,8 @@ def _condense(flat_horizon: np.ndarray, problem: MpcProblem, H: np.ndarray, g: n
     count = len(g)
     B, steps = _input_map(problem, horizon.inverse_inertia, count)
     slope = _slope(problem, horizon)
-    costs, cost = (
-        horizon.costs,
-        np.empty((6, count)),
-    )  # of the force of a row with those of columns
+    costs = horizon.costs
+    cost = np.empty((6, count))  # of the acceleration in a row's step with those of columns
     for row in range(count):
         step = steps[row]
         if row == 0 or step != steps[row - 1]:

@@ -90,7 +90,6 @@ class Locomotion:
         self._stages = plain(stages)
         # What the stages go by, in ticks of so long [s].
         self._rules: tuple[FootRules | None, float] = None, 0.0
-        self._used_grip = math.nan  # what friction the two QPs have
         self._forces = np.zeros((4, 3))
         self._frame = self.ground.frame()  # from the axes in which feet have friction to the world
         self._since_solution = math.inf
@@ -108,7 +107,6 @@ class Locomotion:
         self.step_height.tune(params.gait, params.contact)
         self.mpc.tune(params.mpc)
         self.whole_body.tune(params.whole_body, params.mpc)
-        self._used_grip = math.nan  # the two have new pyramids
         self._tracking.tune(params.whole_body)
 
     def _height_of(self, params: LegControllerParameters) -> float:
@@ -175,10 +173,7 @@ class Locomotion:
         self._use_grip()
 
     def _use_grip(self) -> None:
-        friction = self.grip.friction
-        if friction != self._used_grip:
-            self._used_grip = friction
-            self.mpc.pyramids.friction = self.whole_body.pyramids.friction = friction
+        self.mpc.pyramids.friction = self.whole_body.pyramids.friction = self.grip.friction
 
     def _velocity_error(self, state: RobotState, command: np.ndarray) -> float:
         """Return how far the velocity is off the commanded [m/s]."""

@@ -70,11 +70,6 @@ class StepHeight:
         """How rough the ground is, from 0 to 1."""
         return float(self.flat[0])
 
-    @property
-    def nose(self) -> float:
-        """How far up the nose of who walks ahead is to be [rad]."""
-        return self.roughness * self._more[1]
-
     def rule(self, dt: float) -> StepRule:
         """Return how the ground is felt in ticks of `dt` [s]."""
         params, scale = self._params, self._scale

@@ -27,7 +27,7 @@ from wasd_core.rotations import matrix_from_quaternion
 
 from wasd_bringup.anew import Anew
 from wasd_bringup.cockpit.described import Described
-from wasd_bringup.robots import load
+from wasd_bringup.robots import load_class
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.session_robot import SessionRobot
 
@@ -53,7 +53,7 @@ class Watched:
     def __init__(self, robot: SessionRobot) -> None:
         self.robot = robot
         kind = ROBOTS[robot.options.robot].kind
-        self.described: Described = load(kind.cockpit)(robot.stack)
+        self.described: Described = load_class(kind.cockpit)(robot.stack)
         self.columns = Columns(self.described.feet, robot.world.motor_names)
         self.history = History(round(SPAN * RATE), self.columns.width)
         self.trail = History(TRAIL_LENGTH, 2)
