@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What torque a motor has at a speed; compiled, as it is asked for in each physics step."""
+"""Motors whose torque depends on their speed; compiled, as each physics step asks for it."""
 
 import numpy as np
 from wasd_core.jit import jit
@@ -19,7 +19,9 @@ class TorqueSpeedCurve:
         # The falling line of one that drives forward, or backward, goes on until it is cut.
         at_rest = torque / (1.0 - FULL_TORQUE_SHARE)
         self._curve = np.stack((torque, at_rest, at_rest / speed))
-        self.limits(np.zeros(len(torque)))  # loaded before the first step
+        count = len(torque)  # what compiles is loaded before the first step
+        self.limits(np.zeros(count))
+        self.command(np.zeros((5, count)), torque, np.zeros((count, 3))[:, 1:], np.zeros(count))
 
     def limits(self, velocity: np.ndarray) -> np.ndarray:
         """Return the least and the largest torque [N m] at joint velocities [rad/s], (n, 2)."""
@@ -30,6 +32,27 @@ class TorqueSpeedCurve:
     def write_limits(self, velocity: np.ndarray, motors: np.ndarray, limits: np.ndarray) -> None:
         """Write `limits` (n, 2) of those that turn at `velocity[motors]`."""
         _write_limits(self._curve, velocity, motors, limits)
+
+    def command(
+        self, parts: np.ndarray, strength: np.ndarray, gains: np.ndarray, controls: np.ndarray
+    ) -> None:
+        """
+        Write MuJoCo's `gains` (n, 2) and `controls` (n,) of motors.
+
+        `parts` (5, n) are a `JointCommand`'s; motors of `strength` 1 give what they are told.
+        """
+        _command(parts, strength, gains, controls)
+
+
+@jit
+def _command(
+    parts: np.ndarray, strength: np.ndarray, gains: np.ndarray, controls: np.ndarray
+) -> None:
+    for i in range(len(strength)):
+        kp, kd = parts[3, i], parts[4, i]
+        pulls = parts[2, i] + kp * parts[0, i] + kd * parts[1, i]
+        gains[i, 0], gains[i, 1] = -kp * strength[i], -kd * strength[i]
+        controls[i] = pulls * strength[i]
 
 
 @jit

@@ -303,9 +303,12 @@ class Actuation:
         data.xfrc_applied[root] = total
 
     def _put_in_force(self, command: np.ndarray) -> None:
-        np.multiply(command[3:].T, -self._strength[:, None], out=self._gains)
-        stiff, damped = command[3:] * command[:2]
-        np.multiply(command[2] + stiff + damped, self._strength, out=self._controls)
+        if self._curve is not None:
+            self._curve.command(command, self._strength, self._gains, self._controls)
+        else:  # the same without what compiles: wheels would wait for it at each start
+            np.multiply(command[3:].T, -self._strength[:, None], out=self._gains)
+            stiff, damped = command[3:] * command[:2]
+            np.multiply(command[2] + stiff + damped, self._strength, out=self._controls)
         for motor, hold in self._holds:
             if command[:, motor].any():
                 self._data.eq_active[hold] = False

@@ -7,7 +7,7 @@ from descriptions import robot_named
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.sensors.imu_noise import add_noise
-from mujoco_sim.sensors.imu_noise import ImuSizes
+from mujoco_sim.sensors.imu_noise import NoiseSizes
 from mujoco_sim.sensors.noise import NoisySensors
 from mujoco_sim.sensors.noise import SensorNoise
 from mujoco_sim.world import build_world
@@ -36,10 +36,11 @@ def readings():
 def turn_by(orientation, rotation):
     """Return a quaternion as an IMU reads it whose only noise is a rotation vector [rad]."""
     none = np.zeros(3)
-    sizes = ImuSizes(1.0, 0.0, 0.0, 0.0, 0.0, False)
-    drawn = np.concatenate((rotation, np.zeros(6))), np.zeros(6)
+    sizes = NoiseSizes(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, False)
+    drawn = np.concatenate((np.zeros(24), rotation, np.zeros(6))), np.zeros(6)
     true = ImuReading(orientation, none, none)
-    return add_noise(sizes[:], true, (none, none, np.zeros(1)), drawn, 0.0).orientation
+    errors = none, none, np.zeros(1)
+    return add_noise(sizes[:], JOINTS, true, errors, drawn, 0.0).imu.orientation
 
 
 def angle_between(one, other):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Noise and drift of an IMU, compiled: it is read in each tick of a controller."""
+"""Noise and drift of joints and IMU, compiled: they are read in each tick of a controller."""
 
 import math
 from typing import NamedTuple
@@ -7,14 +7,18 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import JointStates
+from wasd_core.robot_io import Reading
 
 # Biases of gyro and accelerometer, (3,), and how far the heading is off, (1,) [rad].
 ImuErrors = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-class ImuSizes(NamedTuple):
-    """What an IMU has of `SensorNoise`: white noise, how its biases walk, and if it drifts."""
+class NoiseSizes(NamedTuple):
+    """What a robot has of `SensorNoise`: white noise, how its biases walk, and if it drifts."""
 
+    joint_position: float
+    joint_velocity: float
     orientation: float
     angular_velocity: float
     acceleration: float
@@ -23,40 +27,69 @@ class ImuSizes(NamedTuple):
     drifts: bool
 
 
+# `NoiseSizes`, a plain tuple as all here: numba takes long to see what others hold.
+_Sizes = tuple[float, float, float, float, float, float, float, bool]
+
+
 def add_noise(
-    sizes: tuple[float, float, float, float, float, bool],
-    true: ImuReading,
+    sizes: _Sizes,
+    joints: JointStates,
+    imu: ImuReading,
     errors: ImuErrors,
     drawn: tuple[np.ndarray, np.ndarray],
     elapsed: float,
-) -> ImuReading:
+) -> Reading:
     """
     Return a noisy reading, `elapsed` [s] after the one before; `errors` go on until now.
 
-    `sizes` are `ImuSizes`, a plain tuple as all here: numba takes long to see what others hold.
-
-    `drawn` from a normal distribution are the white noises (9,) and steps of the biases (6,).
+    `drawn` from a normal distribution are the white noises of n joints' positions and velocities
+    and of the IMU (2n + 9,), and steps of the biases (6,).
     """
-    out = np.empty(10)
-    _add_noise(true[:], errors, sizes, drawn, elapsed, out)
-    turned = out[:4]
+    position, velocity, effort = joints
+    count = len(position)
+    out = np.empty(2 * count + 10)
+    _add_noise((position, velocity, *imu), errors, sizes, drawn, elapsed, out)
+    turned, rest = out[2 * count : 2 * count + 4], 2 * count + 4
     turned /= math.hypot(*turned.tolist())
-    return ImuReading(turned, out[4:7], out[7:])
+    return Reading(
+        JointStates(out[:count], out[count : 2 * count], effort),
+        ImuReading(turned, out[rest : rest + 3], out[rest + 3 :]),
+    )
 
 
 @jit
 def _add_noise(
-    true: tuple[np.ndarray, np.ndarray, np.ndarray],
+    true: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
     errors: ImuErrors,
-    sizes: tuple[float, float, float, float, float, bool],
+    sizes: _Sizes,
     drawn: tuple[np.ndarray, np.ndarray],
     elapsed: float,
     out: np.ndarray,
 ) -> None:
-    """Write orientation, not yet of unit length, angular velocity and acceleration."""
+    """Write joints, orientation, not yet of unit length, angular velocity and acceleration."""
+    own, (white, steps) = NoiseSizes(*sizes), drawn
+    position, velocity, orientation, omega, acceleration = true
+    count = len(position)
+    for i in range(count):
+        out[i] = position[i] + own.joint_position * white[i]
+        out[count + i] = velocity[i] + own.joint_velocity * white[count + i]
+    imu = orientation, omega, acceleration
+    _add_imu_noise(imu, errors, sizes, (white[2 * count :], steps), elapsed, out[2 * count :])
+
+
+@jit
+def _add_imu_noise(
+    true: tuple[np.ndarray, np.ndarray, np.ndarray],
+    errors: ImuErrors,
+    sizes: _Sizes,
+    drawn: tuple[np.ndarray, np.ndarray],
+    elapsed: float,
+    out: np.ndarray,
+) -> None:
+    """Write what `_add_noise` does of the IMU."""
     orientation, omega, acceleration = true
     gyro_bias, bias, heading = errors
-    own, (white, steps) = ImuSizes(*sizes), drawn
+    own, (white, steps) = NoiseSizes(*sizes), drawn
     w, x, y, z = orientation[0], orientation[1], orientation[2], orientation[3]
     rate = np.empty(3)
     for k in range(3):

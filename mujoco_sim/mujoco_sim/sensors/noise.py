@@ -63,20 +63,19 @@ class NoisySensors:
         noise = self._noise
         count = len(true.joints.position)
         white = self._random.standard_normal(2 * count + (0 if true.imu is None else 9))
-        joints = JointStates(
-            true.joints.position + noise.joint_position * white[:count],
-            true.joints.velocity + noise.joint_velocity * white[count : 2 * count],
-            true.joints.effort,
-        )
-        if true.imu is None:
+        if true.imu is None:  # of wheels, which would wait at each start for what compiles
+            joints = JointStates(
+                true.joints.position + noise.joint_position * white[:count],
+                true.joints.velocity + noise.joint_velocity * white[count : 2 * count],
+                true.joints.effort,
+            )
             return Reading(joints, None)
         elapsed = 0.0 if self._time is None else time - self._time
         self._time = time
         if self._imu is None:
             self._imu = _ImuNoise(noise)
         steps = self._walks.standard_normal(6) if self._imu.drifts else _NO_STEPS
-        drawn = white[2 * count :], steps
-        return Reading(joints, self._imu.add(true.imu, self._errors, drawn, elapsed))
+        return self._imu.add(true.joints, true.imu, self._errors, (white, steps), elapsed)
 
 
 class _ImuNoise:
@@ -84,11 +83,12 @@ class _ImuNoise:
 
     def __init__(self, noise: SensorNoise) -> None:
         from mujoco_sim.sensors.imu_noise import add_noise
-        from mujoco_sim.sensors.imu_noise import ImuSizes
+        from mujoco_sim.sensors.imu_noise import NoiseSizes
 
         self.drifts = bool(noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk)
         white = noise.orientation, noise.angular_velocity, noise.acceleration
-        sizes = ImuSizes(*white, noise.gyro_walk, noise.acceleration_walk, self.drifts)
+        drift = noise.gyro_walk, noise.acceleration_walk, self.drifts
+        sizes = NoiseSizes(noise.joint_position, noise.joint_velocity, *white, *drift)
         self.add = partial(add_noise, sizes[:])
 
 
