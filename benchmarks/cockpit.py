@@ -25,7 +25,7 @@ from environment import alone
 from quadruped_sim.keys import ZERO_KEYS
 from table import at_most
 from table import Row
-from wasd_cockpit.snapshot import Order
+from wasd_cockpit.link import Order
 
 if TYPE_CHECKING:
     from run_scenarios import Page

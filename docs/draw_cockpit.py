@@ -28,7 +28,7 @@ from PIL import Image
 from run_scenarios import Page
 from run_scenarios import run_with_hand
 from wasd_bringup.options import keep_alone
-from wasd_cockpit.snapshot import Order
+from wasd_cockpit.link import Order
 
 FOLDER = ROOT / 'docs' / 'pictures'
 # From when on [s] which keys are pressed: it stands, trots, goes ahead and turns to the left.

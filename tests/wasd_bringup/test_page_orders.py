@@ -12,8 +12,8 @@ from wasd_bringup.cockpit.bridge import SNAPSHOT_EVERY
 from wasd_bringup.inputs import SWITCH_KEY
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
-from wasd_cockpit.snapshot import Order
-from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.link import Order
+from wasd_cockpit.link import Stick
 from wasd_core.output_file import OutputFile
 
 PERIOD = 1.0 / 60.0  # of the scene [s]

@@ -18,8 +18,8 @@ from wasd_bringup.parsers import add_both_options
 from wasd_bringup.parsers import add_run_options
 from wasd_bringup.robots import MBOT
 from wasd_bringup.session import Session
-from wasd_cockpit.snapshot import Order
-from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.link import Order
+from wasd_cockpit.link import Stick
 from wasd_core.errors import UserError
 
 from wasd_navigation import navigator_node

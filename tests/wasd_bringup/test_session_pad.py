@@ -9,8 +9,8 @@ from wasd_bringup.cockpit.bridge import CockpitBridge
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
 from wasd_bringup.session_pad import SessionPad
-from wasd_cockpit.snapshot import Order
-from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.link import Order
+from wasd_cockpit.link import Stick
 
 L1, B, START, L2_AXIS, A = 4, 1, 7, 2, 0
 

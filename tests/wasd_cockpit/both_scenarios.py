@@ -14,7 +14,7 @@ from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.presets import GAITS
 from run_scenarios import Page
-from wasd_cockpit.history import Columns
+from wasd_cockpit.link import Columns
 from wasd_cockpit.scene import axes_of
 from websockets.sync.client import connect
 

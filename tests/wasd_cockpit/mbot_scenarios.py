@@ -12,8 +12,8 @@ from page_puppet import PagePuppet
 import pytest
 from run_scenarios import Page
 from scribbling import scribble_everywhere
-from wasd_cockpit.history import Columns
 from wasd_cockpit.layout import PANELS
+from wasd_cockpit.link import Columns
 from wasd_cockpit.link import STICK_PROOF
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect

@@ -7,11 +7,18 @@ import random
 import numpy as np
 import pytest
 from wasd_cockpit.cockpit import Cockpit
-from wasd_cockpit.history import History
+from wasd_cockpit.cockpit import load_settings
+from wasd_cockpit.cockpit import save_settings
+from wasd_cockpit.cockpit import usual_path
 from wasd_cockpit.layout import Layout
 from wasd_cockpit.layout import PANELS
 from wasd_cockpit.layout import scene_rect
+from wasd_cockpit.link import History
 from wasd_cockpit.link import Link
+from wasd_cockpit.link import moved
+from wasd_cockpit.link import Order
+from wasd_cockpit.link import PlanarPose
+from wasd_cockpit.link import Stick
 from wasd_cockpit.link import STICK_PROOF
 from wasd_cockpit.panels.drive import DEAD_ZONE
 from wasd_cockpit.panels.drive import deflection
@@ -25,13 +32,6 @@ from wasd_cockpit.panels.plots import MOST_POINTS
 from wasd_cockpit.panels.plots import runs
 from wasd_cockpit.panels.plots import thin
 from wasd_cockpit.scene import CAMERAS
-from wasd_cockpit.settings import load
-from wasd_cockpit.settings import save
-from wasd_cockpit.settings import usual_path
-from wasd_cockpit.snapshot import moved
-from wasd_cockpit.snapshot import Order
-from wasd_cockpit.snapshot import PlanarPose
-from wasd_cockpit.snapshot import Stick
 from wasd_cockpit.style import TEXT
 from wasd_cockpit.widgets import Rect
 
@@ -174,19 +174,19 @@ def test_a_page_without_room_shows_the_scene_until_panels_are_asked_for():
 def test_what_is_chosen_comes_again_and_a_broken_file_is_no_reason_to_fail(tmp_path):
     path = tmp_path / 'wasd' / 'cockpit.json'
     chosen = {'tabs': {'drive': 'keys'}, 'camera': 'free'}
-    save(path, chosen)
-    assert load(path) == chosen
+    save_settings(path, chosen)
+    assert load_settings(path) == chosen
     for text in ('', '[]', '{', '[' * 50_000, '1', '\x00', 200_000 * ' '):
         path.write_text(text)
-        assert load(path) == {}
-    assert load(tmp_path / 'nothing') == {}
-    assert load(None) == {}
+        assert load_settings(path) == {}
+    assert load_settings(tmp_path / 'nothing') == {}
+    assert load_settings(None) == {}
 
 
 def test_a_place_where_nothing_can_be_kept_is_told_and_no_reason_to_fail(tmp_path, caplog):
     (tmp_path / 'wasd').write_text('a file')
-    save(tmp_path / 'wasd' / 'cockpit.json', {})
-    save(None, {})
+    save_settings(tmp_path / 'wasd' / 'cockpit.json', {})
+    save_settings(None, {})
     assert caplog.text.count('forgets') == 1
 
 
@@ -213,12 +213,12 @@ def test_settings_are_where_other_programs_have_theirs(environment, path):
 )
 def test_a_cockpit_begins_whatever_was_kept(kept, tmp_path):
     path = tmp_path / 'cockpit.json'
-    save(path, kept)
+    save_settings(path, kept)
     cockpit = Cockpit(Link(), path)
     assert cockpit.scene.camera in CAMERAS
     assert 0.0 < cockpit._drive.share <= 1.0
     cockpit.close()
-    assert load(path) == kept  # no page has changed anything
+    assert load_settings(path) == kept  # no page has changed anything
 
 
 def test_the_picture_of_a_map_has_its_first_row_at_the_bottom():

@@ -12,7 +12,7 @@ import sys
 from typing import NoReturn
 
 from mujoco_sim.scene import WORLDS as PLAIN
-from wasd_cockpit.snapshot import Start
+from wasd_cockpit.link import Start
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.parsers import called

@@ -7,7 +7,7 @@ from wasd_core import load_lazily
 _HOMES = {
     'Cockpit': 'cockpit',
     'Link': 'link',
-    'Snapshot': 'snapshot',
+    'Snapshot': 'link',
 }
 __all__ = list(_HOMES)  # noqa: PLE0605
 __getattr__ = load_lazily(__name__, _HOMES)

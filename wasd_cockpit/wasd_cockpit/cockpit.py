@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's content: the theme, the windows, and the panels in them."""
+"""The page: the theme, the windows, the panels in them, and what is kept of what was chosen."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+import contextlib
 from dataclasses import dataclass
 from dataclasses import field
 import functools
+import json
+import logging
+import os
 from pathlib import Path
 import time
 from typing import Any
@@ -18,30 +22,31 @@ from wasd_cockpit.layout import Layout
 from wasd_cockpit.layout import Place
 from wasd_cockpit.layout import TOUCH_SCALE
 from wasd_cockpit.link import Link
-from wasd_cockpit.page_state import PagePanel
-from wasd_cockpit.page_state import PageState
+from wasd_cockpit.link import Order
+from wasd_cockpit.link import words_of
+from wasd_cockpit.panels import PagePanel
+from wasd_cockpit.panels import PageState
 from wasd_cockpit.panels.drive import Drive
+from wasd_cockpit.panels.drive import Keys
 from wasd_cockpit.panels.drive import LEAST_SHARE
-from wasd_cockpit.panels.eyes import Eyes
-from wasd_cockpit.panels.keys import Keys
 from wasd_cockpit.panels.map import Map
 from wasd_cockpit.panels.plots import PAGES
 from wasd_cockpit.panels.plots import Plots
 from wasd_cockpit.panels.robot import Robot
 from wasd_cockpit.panels.robot import STOP_LABEL
+from wasd_cockpit.panels.robot import World
+from wasd_cockpit.panels.view import Eyes
 from wasd_cockpit.panels.view import View
-from wasd_cockpit.panels.world import World
 from wasd_cockpit.scene import CAMERAS
 from wasd_cockpit.scene import OVERLAYS
 from wasd_cockpit.scene import Scene
-from wasd_cockpit.settings import load
-from wasd_cockpit.settings import save
 from wasd_cockpit.sight import Sight
-from wasd_cockpit.snapshot import Order
-from wasd_cockpit.snapshot import words_of
 from wasd_cockpit.widgets import columns
 from wasd_cockpit.widgets import Widgets
 
+# More than this is no file of ours.
+_LARGEST_SETTINGS = 100_000
+_LOG = logging.getLogger(__name__)
 _FIXED = functools.reduce(
     int.__or__,
     (
@@ -62,6 +67,40 @@ _CHIP = _FIXED | int(imgui.WindowFlags.AlwaysAutoResize.value)
 _TAB_HEIGHT = 26.0
 # What may be longer than its place: it moves below the tabs.
 _SCROLLED = ('robot', 'drive', 'keys', 'view', 'world')
+
+
+def usual_path(environment: Mapping[str, str] = os.environ) -> Path | None:
+    """Return where settings are kept, None where there is no home."""
+    home = environment.get('XDG_CONFIG_HOME') or ''
+    if not os.path.isabs(home):
+        user = environment.get('HOME') or ''
+        if not os.path.isabs(user):
+            return None
+        home = os.path.join(user, '.config')
+    return Path(home) / 'wasd' / 'cockpit.json'
+
+
+def load_settings(path: Path | None) -> dict[str, Any]:
+    """Return what was kept; nothing where there is no file, or one that is broken."""
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        if path is not None and path.stat().st_size <= _LARGEST_SETTINGS:
+            found = json.loads(path.read_text())
+            if isinstance(found, dict):
+                return found
+    return {}
+
+
+def save_settings(path: Path | None, settings: dict[str, Any]) -> None:
+    """Keep settings; where they cannot be kept that is said once, and nothing else happens."""
+    if path is None:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(f'.{os.getpid()}')
+        part.write_text(json.dumps(settings, indent=1))
+        part.replace(path)
+    except OSError as error:
+        _LOG.warning('the cockpit forgets how it was set up: %s', error)
 
 
 @dataclass
@@ -99,7 +138,7 @@ class Cockpit:
         }
         self._is_ghost = True
         self._settings = settings
-        self._kept = load(settings)
+        self._kept = load_settings(settings)
         self._restore(self._kept)
 
     def lines(self) -> list[str]:
@@ -112,7 +151,7 @@ class Cockpit:
         self.page.sight.close()
         chosen = self._chosen()
         if chosen != self._kept and self.times.frames:
-            save(self._settings, chosen)
+            save_settings(self._settings, chosen)
 
     def _chosen(self) -> dict[str, Any]:
         return {

@@ -1,23 +1,288 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes between the simulation's thread and the page's: snapshots there, orders back."""
+"""What goes between the simulation and the page: snapshots with their history, and orders."""
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import math
 import time
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
-from wasd_cockpit.snapshot import Order
-from wasd_cockpit.snapshot import Snapshot
-from wasd_cockpit.snapshot import Stick
+import numpy as np
 
+# Seconds that the plots show, and samples a second.
+SPAN, RATE = 10.0, 50.0
 # A stick that is held counts for so long after the page last said so [s].
 STICK_PROOF = 0.3
 # More orders than these at once are nobody's wish.
 MOST_ORDERS = 100
-
-
 # A force in the world's axes [N].
 Force = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Columns:
+    """
+    Which columns of the history mean what.
+
+    Column 0 is the time [s]; then three each of velocities (forward, left [m/s], turn [rad/s]),
+    the controller's tick [ms], the real-time factor; then a force [N] and whether the plan has it
+    stand for each foot, and the torque of each motor as a share of its limit.
+    """
+
+    feet: tuple[str, ...] = ()
+    motors: tuple[str, ...] = ()
+
+    COMMAND: ClassVar = 1
+    ODOMETRY: ClassVar = 4
+    TRUTH: ClassVar = 7
+    TICK: ClassVar = 10
+    PACE: ClassVar = 11
+    FORCES: ClassVar = 12
+
+    @property
+    def stances(self) -> int:
+        """The first column of the stances."""
+        return self.FORCES + len(self.feet)
+
+    @property
+    def torques(self) -> int:
+        """The first column of the torques."""
+        return self.stances + len(self.feet)
+
+    @property
+    def width(self) -> int:
+        """How many columns there are."""
+        return self.torques + len(self.motors)
+
+
+class History:
+    """Keeps the last `length` rows of `width` numbers."""
+
+    def __init__(self, length: int, width: int) -> None:
+        self._length = length
+        # Twice: so the last rows always lie one after the other.
+        self._rows = np.zeros((2 * length, width))
+        self._count = 0
+
+    def add(self, row: np.ndarray) -> None:
+        """Add a row, shape (width,); what is not finite counts as 0: it cannot be drawn."""
+        at = self._count % self._length
+        if not np.isfinite(row).all():
+            row = np.nan_to_num(row, posinf=0.0, neginf=0.0)
+        self._rows[at] = self._rows[at + self._length] = row
+        self._count += 1
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._count = 0
+
+    def last(self) -> np.ndarray:
+        """Return a copy of the last rows, the oldest first, shape (n, width), n <= length."""
+        known = min(self._count, self._length)
+        end = self._count % self._length + self._length if known == self._length else known
+        return self._rows[end - known : end].copy()
+
+
+class Order(NamedTuple):
+    """What the page asks for: what, of whom or which, and how much."""
+
+    what: str
+    name: str = ''
+    value: float = 0.0
+
+    @classmethod
+    def goal(cls, place: Sequence[float], toward: Sequence[float] | None) -> 'Order':
+        """Return the wish to drive to a place of the map [m], and to look at another there."""
+        (x, y), yaw = place, math.nan
+        if toward is not None:
+            yaw = math.atan2(toward[1] - y, toward[0] - x)
+        return cls('goal', f'{x} {y} {yaw}')
+
+
+class Choice(NamedTuple):
+    """A button: what it is called and orders, whether it is on, and why it cannot be pressed."""
+
+    name: str
+    order: Order
+    is_on: bool = False
+    refusal: str = ''
+
+
+class Setting(NamedTuple):
+    """One of several that is chosen; `refusal` says why it cannot be changed."""
+
+    name: str
+    options: tuple[str, ...]
+    chosen: str
+    refusal: str = ''
+
+
+class KeyCap(NamedTuple):
+    """A key by its name as on `keys`, and what it does; `is_direction` where it drives."""
+
+    key: str
+    does: str
+    is_direction: bool = False
+
+
+class Stick(NamedTuple):
+    """Deflections in [-1, 1]: forward, to the left, and counter-clockwise."""
+
+    forward: float = 0.0
+    left: float = 0.0
+    turn: float = 0.0
+
+
+class StickUse(NamedTuple):
+    """
+    What the stick does now: `full` is what a full stick asks for [m/s], [m/s], [rad/s].
+
+    `words` say what it moves, or what is missing.
+    """
+
+    full: tuple[float, float, float]
+    words: str
+    sideways: bool = True
+
+
+class Start(NamedTuple):
+    """
+    What runs, and which robots and worlds a run may start anew with.
+
+    `called` is what the user types before their names; `refusal` says why it may not.
+    """
+
+    called: str
+    robots: tuple[str, ...]
+    robot: str
+    worlds: tuple[str, ...]
+    world: str
+    refusal: str = ''
+
+
+class PlanarPose(NamedTuple):
+    """Where something is: x, y [m], yaw [rad]."""
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+
+def moved(points: np.ndarray, pose: PlanarPose, other: PlanarPose) -> np.ndarray:
+    """Return points (n, 2) of one frame in another, by one thing's pose in both."""
+    turn = other.yaw - pose.yaw
+    cos, sin = math.cos(turn), math.sin(turn)
+    rotation = np.array(((cos, -sin), (sin, cos)))
+    return np.asarray((points - (pose.x, pose.y)) @ rotation.T + (other.x, other.y))
+
+
+class Navigation(NamedTuple):
+    """
+    The surroundings as the robot knows them, and where it drives, in the map's axes [m].
+
+    `cells` (rows, columns) are -1 where nothing is known, 0 free, to 100 occupied, each of a
+    `resolution`; the corner of the first, lowest in x and y, is at `origin`. `number` is another
+    one for another map. `pose` is where the robot believes to be, `path` (n, 2) the way to the
+    `goal`; `state` says in a word what it does, `reason` why.
+    """
+
+    number: int
+    cells: np.ndarray
+    resolution: float
+    origin: tuple[float, float]
+    pose: PlanarPose
+    path: np.ndarray
+    goal: PlanarPose | None
+    state: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Marks:
+    """
+    What is drawn in the scene beside the robot, in the world's axes [m], [N].
+
+    `place` and `rotation` are the base's as it is, `estimate` and `estimated_rotation` as the
+    controller believes them to be, None where it does not say. `footholds` are where swinging feet
+    are to land, `feet` and `forces` where feet press and how much; `path` is the way ahead.
+    """
+
+    place: np.ndarray
+    rotation: np.ndarray
+    command: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    measured: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    estimate: np.ndarray | None = None
+    estimated_rotation: np.ndarray | None = None
+    footholds: np.ndarray | None = None
+    feet: np.ndarray | None = None
+    forces: np.ndarray | None = None
+    path: np.ndarray | None = None
+    size: float = 0.4  # of the robot [m]
+    height: float = 0.0  # of the ground under it [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snapshot:
+    """
+    One instant of a run, all that the page knows of it.
+
+    `robot` is which of `robots` is driven. `speed` is the factor of real time that is wanted, 0 as
+    fast as it goes, `pace` the one that is reached. `history` has a row for each sample of the
+    last SPAN seconds (see `Columns`), `trail` (n, 2) where the robot was [m]. `body`, `qpos` and
+    `mocap` (positions and quaternions of moving boxes, shape (n, 7)) are MuJoCo's, `mass` is the
+    robot's [kg]. `navigation` is None without a map.
+    """
+
+    time: float
+    is_paused: bool
+    speed: float
+    pace: float
+    robots: tuple[str, ...]
+    robot: int
+    state: str
+    facts: tuple[str, ...]
+    message: str
+    choices: tuple[Choice, ...]
+    settings: tuple[Setting, ...]
+    stick: StickUse
+    keys: tuple[KeyCap, ...]
+    lit: frozenset[str]
+    columns: Columns
+    history: np.ndarray
+    trail: np.ndarray
+    pose: PlanarPose
+    body: int
+    mass: float
+    marks: Marks
+    qpos: np.ndarray
+    start: Start
+    mocap: np.ndarray
+    navigation: Navigation | None = None
+
+
+def words_of(snapshot: Snapshot) -> list[str]:
+    """Return a snapshot in lines of text."""
+    pose, marks = snapshot.pose, snapshot.marks
+    pace = 'paused' if snapshot.is_paused else f'x{snapshot.pace:.2f}'
+    rows = (('command', marks.command), ('measured', marks.measured))
+    chosen = (f'{setting.name:10} {setting.chosen}' for setting in snapshot.settings)
+    return [
+        f'{snapshot.robots[snapshot.robot]}   {snapshot.state}',
+        f'{snapshot.time:.1f} s   {pace}',
+        f'{"at":10} {pose.x:+.2f} {pose.y:+.2f} m   {pose.yaw:+.2f} rad',
+        *(f'{name:10} {x:+.2f} {y:+.2f} m/s {turn:+.2f} rad/s' for name, (x, y, turn) in rows),
+        *chosen,
+        *snapshot.facts,
+        *filter(None, [navigation_words(snapshot.navigation), snapshot.message]),
+    ]
+
+
+def navigation_words(navigation: Navigation | None) -> str:
+    """Return what a navigator does, '' where there is none."""
+    if navigation is None:
+        return ''
+    return ': '.join(filter(None, (f'goal {navigation.state}', navigation.reason)))
 
 
 class _Held(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 from wasd_core.errors import SimulationError
 from wasd_core.rotations import Pose
 
-from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.link import Snapshot
 
 SIZE = (320, 240)
 FIELD_OF_VIEW = math.radians(87.0)  # from left to right

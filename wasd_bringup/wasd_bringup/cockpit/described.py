@@ -10,12 +10,12 @@ import numpy as np
 from teleop_keyboard.keymap import direction_words
 from teleop_keyboard.keymap import factor_words
 from teleop_keyboard.keymap import Keymap
-from wasd_cockpit.snapshot import Choice
-from wasd_cockpit.snapshot import KeyCap
-from wasd_cockpit.snapshot import Marks
-from wasd_cockpit.snapshot import Setting
-from wasd_cockpit.snapshot import Stick
-from wasd_cockpit.snapshot import StickUse
+from wasd_cockpit.link import Choice
+from wasd_cockpit.link import KeyCap
+from wasd_cockpit.link import Marks
+from wasd_cockpit.link import Setting
+from wasd_cockpit.link import Stick
+from wasd_cockpit.link import StickUse
 
 Numbers = Sequence[float] | np.ndarray
 

@@ -13,13 +13,13 @@ from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_state import RobotState
 from teleop_keyboard.keymap import on_layout
-from wasd_cockpit.snapshot import Choice
-from wasd_cockpit.snapshot import KeyCap
-from wasd_cockpit.snapshot import Marks
-from wasd_cockpit.snapshot import Order
-from wasd_cockpit.snapshot import Setting
-from wasd_cockpit.snapshot import Stick
-from wasd_cockpit.snapshot import StickUse
+from wasd_cockpit.link import Choice
+from wasd_cockpit.link import KeyCap
+from wasd_cockpit.link import Marks
+from wasd_cockpit.link import Order
+from wasd_cockpit.link import Setting
+from wasd_cockpit.link import Stick
+from wasd_cockpit.link import StickUse
 from wasd_core.rotations import matrix_from_quaternion
 
 from wasd_bringup.cockpit.described import Described

@@ -2,11 +2,11 @@
 """A wheeled robot in the cockpit: its mode, its limits, the stick as velocities."""
 
 import numpy as np
-from wasd_cockpit.snapshot import Choice
-from wasd_cockpit.snapshot import KeyCap
-from wasd_cockpit.snapshot import Marks
-from wasd_cockpit.snapshot import Setting
-from wasd_cockpit.snapshot import StickUse
+from wasd_cockpit.link import Choice
+from wasd_cockpit.link import KeyCap
+from wasd_cockpit.link import Marks
+from wasd_cockpit.link import Setting
+from wasd_cockpit.link import StickUse
 from wasd_core.rotations import yaw_matrix
 
 from wasd_bringup.cockpit.described import Described

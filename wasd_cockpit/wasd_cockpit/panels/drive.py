@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The panel Drive: a stick for mouse and finger, turning, the share of full stick."""
+"""The panels Drive and Keys: a stick for mouse and finger, and what each key does."""
 
 import math
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
-from wasd_cockpit.page_state import PageState
-from wasd_cockpit.snapshot import Snapshot
-from wasd_cockpit.snapshot import Stick
+from wasd_cockpit.link import Order
+from wasd_cockpit.link import Snapshot
+from wasd_cockpit.link import Stick
+from wasd_cockpit.panels import PageState
 from wasd_cockpit.widgets import columns
 from wasd_cockpit.widgets import Rect
 
@@ -19,6 +20,9 @@ _LARGEST_PAD, _SMALLEST_PAD = 250.0, 90.0
 _KNOB, _BAR = 16.0, 26.0
 # What is below the pad [pixels].
 _BELOW = 112.0
+# A key's button.
+_CAP, _HEIGHT = 58.0, 22.0
+_NAMES = {' ': 'SPACE'}
 
 
 def deflection(x: float, y: float) -> tuple[float, float]:
@@ -117,3 +121,19 @@ class Drive:
         fill = style.COMMAND if is_held else style.FRAME_HOVERED
         drawing.AddCircleFilled(imgui.Vec2(cx + half * share, cy), 11.0, style.colour(fill), 20)
         return -share
+
+
+class Keys:
+    """Shows the keymap."""
+
+    def draw(self, page: PageState, snapshot: Snapshot) -> None:
+        """Draw it in the window that is open."""
+        page.widgets.words('Click the scene, then press; or click a key.', style.DIM, wrapped=True)
+        for cap in snapshot.keys:
+            name = _NAMES.get(cap.key, cap.key)
+            is_lit = cap.key in snapshot.lit
+            if page.widgets.toggle(f'key {name}', name, is_lit, (_CAP, _HEIGHT)):
+                page.link.order(Order('key', cap.key))
+            imgui.SameLine()
+            imgui.AlignTextToFramePadding()
+            page.widgets.words(cap.does, style.TEXT if is_lit else style.DIM)

@@ -11,13 +11,13 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 import numpy as np
 
 from wasd_cockpit import style
-from wasd_cockpit.page_state import PageState
-from wasd_cockpit.snapshot import moved
-from wasd_cockpit.snapshot import Navigation
-from wasd_cockpit.snapshot import navigation_words
-from wasd_cockpit.snapshot import Order
-from wasd_cockpit.snapshot import PlanarPose
-from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.link import moved
+from wasd_cockpit.link import Navigation
+from wasd_cockpit.link import navigation_words
+from wasd_cockpit.link import Order
+from wasd_cockpit.link import PlanarPose
+from wasd_cockpit.link import Snapshot
+from wasd_cockpit.panels import PageState
 from wasd_cockpit.widgets import Dragging
 from wasd_cockpit.widgets import Rect
 

@@ -8,10 +8,10 @@ from mujoco.studio.implot import implot
 import numpy as np
 
 from wasd_cockpit import style
-from wasd_cockpit.history import Columns
-from wasd_cockpit.history import SPAN
-from wasd_cockpit.page_state import PageState
-from wasd_cockpit.snapshot import Snapshot
+from wasd_cockpit.link import Columns
+from wasd_cockpit.link import Snapshot
+from wasd_cockpit.link import SPAN
+from wasd_cockpit.panels import PageState
 from wasd_cockpit.widgets import Rect
 
 PAGES = ('velocity', 'torque', 'feet', 'pace')
