@@ -24,3 +24,38 @@ def test_a_goal_that_is_not_on_the_map_is_refused_with_the_reason(x, y, words):
     assert velocity == pytest.approx(0.0)
     assert driver.state == 'refused'
     assert words in driver.reason
+
+
+@pytest.mark.parametrize('room', [0.0, 0.02])
+def test_beside_a_wall_a_long_robot_is_not_said_to_have_a_way_through_a_closed_door(room):
+    corridor = np.zeros((26, 120), np.int8)
+    corridor[:1] = corridor[-1:] = corridor[:, :1] = corridor[:, -1:] = 100
+    closed = corridor.copy()
+    closed[:, 60] = 100  # by a door of one cell
+    footprint = Footprint(half_length=0.34, half_width=0.164)
+    driver = Driver(DriveLimits(lateral=0.3), footprint)
+    driver.set_goal(np.array([4.5, 0.6, 0.0]))
+    pose = np.array([1.5, 0.05 + footprint.half_width + room, 0.0])
+    states = []
+    for step in range(40):
+        grid = Grid(corridor if step < 20 else closed, 0.05, (0.0, 0.0))
+        driver.step(grid, step // 20, pose, np.zeros(3), None, 0.05)
+        states.append(driver.state)
+    assert states[19] == 'driving'
+    assert states[-1] == 'recovering'
+    assert 'no way 0.41 m wide' in driver.reason
+
+
+@pytest.mark.parametrize('yaw', [0.0, 0.2, -0.2])
+def test_a_long_robot_beside_a_wall_finds_out_of_where_it_may_not_be(yaw):
+    cells = np.zeros((40, 120), np.int8)
+    cells[:1] = cells[-1:] = cells[:, :1] = cells[:, -1:] = 100
+    footprint = Footprint(half_length=0.34, half_width=0.164)
+    driver = Driver(DriveLimits(lateral=0.3), footprint)
+    driver.set_goal(np.array([4.5, 1.0, 0.0]))
+    side = footprint.half_width * np.cos(yaw) + footprint.half_length * abs(np.sin(yaw))
+    pose = np.array([1.5, 0.05 + side + 0.005, yaw])
+    for _ in range(40):
+        velocity = driver.step(Grid(cells, 0.05, (0.0, 0.0)), 1, pose, np.zeros(3), None, 0.05)
+    assert driver.state == 'driving'
+    assert velocity.any()

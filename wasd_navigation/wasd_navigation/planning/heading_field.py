@@ -29,8 +29,9 @@ _STEPS = tuple(
 )
 # Going backward is dearer than its time: a robot is made to look where it goes.
 _BACKWARD = 1.5
-# Where nobody may be: how deep, by the clearance there [m], and what a metre costs.
-_DEEPEST, _ESCAPE_PRICE = 0.1, 20.0
+# Where nobody may be: how deep, by the clearance there [m], and what a metre costs. One finds out
+# in so many steps, or not: along a wall there is no end of such states, through closed doors too.
+_DEEPEST, _ESCAPE_PRICE, _MOST_ESCAPES = 0.1, 20.0, 4
 # Beyond all that is reached [m].
 _BEYOND = 10.0
 # A way is good when all is known that is nearer to the goal than what is left from the robot and
@@ -48,12 +49,14 @@ class Lattice(NamedTuple):
 
     `values` and `price`, shape (headings, rows, columns), float32: what is left [m of free way],
     and what a metre costs; infinite where nobody can be, negative where nobody may be, but from
-    which one finds out, at so much: no way leads through. `moves`, shape (m, 3): change of
-    heading, row, column. `costs`, shape (headings, m): what each costs at a price of 1.
+    which one finds out, at so much: no way leads through. `escapes`, uint8, the same shape: steps
+    that lead out from there. `moves`, shape (m, 3): change of heading, row, column. `costs`, shape
+    (headings, m): what each costs at a price of 1.
     """
 
     values: np.ndarray
     price: np.ndarray
+    escapes: np.ndarray
     moves: np.ndarray
     costs: np.ndarray
     heap: Heap
@@ -191,7 +194,8 @@ class HeadingField:
         values, price = np.empty(shape, np.float32), np.empty(shape, np.float32)
         self.values = around.field_of(values, COARSE)
         moves, costs = make_moves(base, self.values.resolution)
-        self._lattice = Lattice(values, price, moves, costs, make_heap(8 * price.size))
+        escapes = np.zeros(shape, np.uint8)
+        self._lattice = Lattice(values, price, escapes, moves, costs, make_heap(8 * price.size))
         self._goal, self._turning = goal, _turn_price(base)
         self._priced = 0  # places
         self.is_done = False
@@ -323,11 +327,15 @@ def spread(lattice: Lattice, budget: int) -> bool:
             # Most of what is around is nearer to the goal, or an obstacle.
             if values[at, at_row, at_column] <= value or there == math.inf or here < 0.0 < there:
                 continue
+            out = lattice.escapes[heading, row, column] + 1 if there < 0.0 else 0
+            if out > _MOST_ESCAPES:
+                continue
             # Both ends count: a step from a dear place into a cheap one is not cheap.
             mean = 0.5 * (abs(there) + abs(here))
             new = float(np.float32(value + costs[heading, move] * mean))
             if new < values[at, at_row, at_column]:
                 values[at, at_row, at_column] = new
+                lattice.escapes[at, at_row, at_column] = out
                 push(lattice.heap, new, (at * rows + at_row) * columns + at_column)
     return True
 
