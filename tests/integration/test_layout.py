@@ -105,10 +105,35 @@ def is_ros(name: str) -> bool:
 
 def leads_to_ros(name: str) -> bool:
     """Return whether an import reaches ROS, itself or through one of our modules that know it."""
-    paths = modules(name.partition('.')[0])
-    module = name if name in paths else name.rpartition('.')[0]
-    ours = imports(paths[module]) if module in ros_modules() & set(paths) else ()
+    module = module_of(name)
+    ours = imports(modules(module.partition('.')[0])[module]) if module in ros_modules() else ()
     return is_ros(name) or any(is_ros(below) for below in ours)
+
+
+def module_of(name: str) -> str:
+    """Return our module that an import of a dotted name enters, '' where it is none of ours."""
+    paths = modules(name.partition('.')[0])
+    parent = name.rpartition('.')[0]
+    entered = (name, f'{name}.__init__', parent, f'{parent}.__init__')
+    return next((module for module in entered if module in paths), '')
+
+
+@functools.cache
+def import_graph() -> dict[str, set[str]]:
+    """Return which of our modules each of them imports anywhere: lazily and for types, too."""
+    return {
+        module: {module_of(name) for name in imports(path)} - {'', module}
+        for package in PACKAGES
+        for module, path in modules(package).items()
+    }
+
+
+def circles(graph: dict[str, set[str]]) -> set[str]:
+    """Return the modules from which imports lead back to them, and those behind such."""
+    left = dict(graph)
+    while leaves := {module for module, below in left.items() if not below & set(left)}:
+        left = {module: below for module, below in left.items() if module not in leaves}
+    return set(left)
 
 
 def test_the_wheel_is_made_of_all_packages():
@@ -172,6 +197,17 @@ def test_modules_may_know_ros_only_where_some_do(pattern):
 @pytest.mark.parametrize('package', PACKAGES)
 def test_no_package_imports_one_above_or_beside_it(package):
     assert roots(package) & set(PACKAGES) <= below(package)
+
+
+def test_no_import_leads_back_to_its_module():
+    assert circles(import_graph()) == set()
+
+
+def test_a_circle_of_imports_would_be_found():
+    graph = import_graph()
+    assert 'wasd_bringup.session_robot' in graph['wasd_bringup.session']
+    closed = graph | {'wasd_core.errors': {*graph['wasd_core.errors'], 'wasd_bringup.session'}}
+    assert {'wasd_bringup.session', 'wasd_core.errors'} <= circles(closed)
 
 
 @pytest.mark.parametrize('package', PACKAGES)

@@ -20,13 +20,14 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys import get_typestore
 from rosbags.typesys import Stores
 from sensor_msgs.msg import JointState
-from wasd_bringup.recording import writer as bag_writer
+from wasd_bringup.recording import BagWriter
+from wasd_bringup.recording import RecordingError
 from wasd_bringup.recording.recorder import full_definition
 from wasd_bringup.recording.recorder import qos_text
 from wasd_bringup.recording.recorder import to_bytes
-from wasd_bringup.recording.writer import BagWriter
-from wasd_bringup.recording.writer import RecordingError
 from wasd_core.errors import UserError
+
+from wasd_bringup import recording as bag_writer
 
 STRING = 'std_msgs/msg/String'
 QOS = qos_text(QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))

@@ -9,9 +9,9 @@ from sensor_msgs.msg import Imu
 from sensor_msgs.msg import JointState
 from std_msgs.msg import ByteMultiArray
 from std_srvs.srv import SetBool
-from wasd_bringup.graph.ros_graph import find_type
-from wasd_bringup.graph.ros_graph import full_name
-from wasd_bringup.graph.ros_graph import RateMeter
+from wasd_bringup.graph import find_type
+from wasd_bringup.graph import full_name
+from wasd_bringup.graph import RateMeter
 from wasd_bringup.messages import field_of
 from wasd_bringup.messages import fill
 from wasd_bringup.messages import to_plain

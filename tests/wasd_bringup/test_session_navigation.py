@@ -56,7 +56,7 @@ def driving(session_of):
 
 
 def navigation(session):
-    return session.robots[0].navigation
+    return session.navigations[session.active]
 
 
 def wanted(session):
@@ -273,17 +273,17 @@ def both(session_of):
     session = session_of('both', preset='unitree')
     session.press(SWITCH_KEY)
     session.simulation.advance(100)
-    session.robot.navigation.go(GOAL, from_page=True)
+    navigation(session).go(GOAL, from_page=True)
     session.simulation.advance(200)
     assert wanted(session) == pytest.approx(0.3)
     return session
 
 
 def test_tab_ends_the_goal_of_the_robot_that_it_leaves(both):
-    mbot = both.robot
+    mbot, driven = both.robot, navigation(both)
     both.press(SWITCH_KEY)
-    assert mbot.navigation.navigator.goal is None
-    (goal,) = mbot.navigation.report()['goals']
+    assert driven.navigator.goal is None
+    (goal,) = driven.report()['goals']
     assert (goal['state'], goal['reason']) == ('cancelled', 'the keys go to another robot')
     both.simulation.advance(100)
     assert mbot.stack.driver.controller.target.linear == 0.0
@@ -291,14 +291,14 @@ def test_tab_ends_the_goal_of_the_robot_that_it_leaves(both):
 
 
 def test_a_goal_sent_to_the_robot_that_is_not_in_turn_ends_by_tab_and_a_key(both):
-    mbot = both.robot
+    driven = navigation(both)
     both.press(SWITCH_KEY)
-    mbot.navigation.go(GOAL)
+    driven.go(GOAL)
     for key in ('2', SWITCH_KEY):
         both.press(key)
-        assert mbot.navigation.navigator.goal is not None
+        assert driven.navigator.goal is not None
     both.press('k')
-    assert mbot.navigation.navigator.goal is None
+    assert driven.navigator.goal is None
 
 
 @pytest.mark.parametrize('end', ['stop', 'pause'])
@@ -306,9 +306,9 @@ def test_a_stop_and_a_pause_end_the_goal_of_the_robot_that_is_not_in_turn(
     both, end, monkeypatch, tmp_path
 ):
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
-    mbot = both.robot
+    driven = navigation(both)
     both.press(SWITCH_KEY)
-    mbot.navigation.go(GOAL)
+    driven.go(GOAL)
     if end == 'stop':
         bridge = CockpitBridge(both)
         bridge._link.order(Order('e-stop'))
@@ -317,11 +317,11 @@ def test_a_stop_and_a_pause_end_the_goal_of_the_robot_that_is_not_in_turn(
     else:
         both.simulation.paused = True
         both._poll(0.0)
-    assert mbot.navigation.navigator.goal is None
+    assert driven.navigator.goal is None
 
 
 def test_each_of_two_robots_has_a_map_of_its_own_name(both):
-    names = [robot.navigation.node.settings.save_map for robot in both.robots]
+    names = [each.node.settings.save_map for each in both.navigations]
     assert names == ['go2_map', 'mbot_map']
 
 

@@ -8,7 +8,7 @@ import pytest
 from wasd_bringup.cockpit.bridge import CockpitBridge
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
-from wasd_bringup.session_pad import SessionPad
+from wasd_bringup.session_guests import SessionPad
 from wasd_cockpit.link import Order
 from wasd_cockpit.link import Stick
 
@@ -119,7 +119,8 @@ def test_halted_the_stick_of_the_page_is_let_go_in_the_last_word_on_cmd_vel(
     session_of, monkeypatch
 ):
     session = session_of('mbot', 'mbot')
-    bridge = session._cockpit = CockpitBridge(session)
+    bridge = CockpitBridge(session)
+    bridge.attach('')
     commanded, drive = [], session.stack.drive
     monkeypatch.setattr(
         session.stack, 'drive', lambda velocity: (commanded.append(velocity), drive(velocity))

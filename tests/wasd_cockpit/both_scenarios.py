@@ -155,11 +155,11 @@ def scenario_no_panel_has_failed(page: Page) -> None:
 
 
 def scenario_each_robot_makes_a_map_of_its_own(page: Page) -> None:
-    robots = page.session.robots
-    page.wait_until(lambda: all(robot.navigation.view() for robot in robots), 'no maps')
-    frames = [robot.navigation.node.settings.map_frame for robot in robots]
+    navigations = page.session.navigations
+    page.wait_until(lambda: all(each.view() for each in navigations), 'no maps')
+    frames = [each.node.settings.map_frame for each in navigations]
     assert frames == ['go2/map', 'mbot/map']
-    saved = [robot.navigation.node.settings.save_map for robot in robots]
+    saved = [each.node.settings.save_map for each in navigations]
     assert saved == ['go2_map', 'mbot_map']
 
 
@@ -180,7 +180,7 @@ def scenario_a_click_in_the_scene_is_a_goal_of_the_robot_in_turn(page: Page) -> 
     page.click('robot mbot')
     page.wait_until(lambda: page.snapshot.robots[page.snapshot.robot] == 'mbot', 'mbot')
     page.wait(1.0)
-    go2, mbot = page.session.robots
+    _, mbot = page.session.robots
     page.click('goal')
     page.show('hand')
     hand = page.rects['hand']
@@ -190,7 +190,7 @@ def scenario_a_click_in_the_scene_is_a_goal_of_the_robot_in_turn(page: Page) -> 
     page.puppet.let_go()
     page.wait_until(lambda: goal(page) is not None, 'no goal')
     assert np.abs(wanted - goal(page)[:2]).max() < 0.05
-    assert go2.navigation.navigator.goal is None
+    assert page.session.navigations[0].navigator.goal is None
     before = mbot.world.base().position
     page.wait_until(lambda: math.dist(mbot.world.base().position, before) > 0.1, 'stands')
     page.click('cancel goal')

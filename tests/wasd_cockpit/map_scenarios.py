@@ -72,7 +72,7 @@ def ends_without_its_page(page: Page, lose: Callable[[], None]) -> None:
     page.puppet.press_at((x, y))
     page.puppet.let_go()
     page.wait_until(lambda: goal(page) is not None, 'no goal')
-    navigator = page.session.robots[0].navigation.navigator
+    navigator = page.session.navigations[0].navigator
     lose()
     page.wait_until(lambda: navigator.goal is None, 'it drives on for nobody')
     assert navigator.outcome == ('cancelled', 'the page is gone')

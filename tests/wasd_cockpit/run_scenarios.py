@@ -21,6 +21,7 @@ from page_puppet import code
 from page_puppet import PagePuppet
 from page_puppet import SCENE
 from wasd_bringup.cli import make_parser
+from wasd_bringup.cockpit.bridge import open_view
 from wasd_bringup.options import read_options
 from wasd_bringup.session import Session
 from wasd_core.node import init_ros
@@ -36,7 +37,7 @@ class Page:
     def __init__(self, session: Session, url: str) -> None:
         self.session = session
         self.url = url
-        self.cockpit = session._cockpit.content
+        self.cockpit = session._view._page._content
         self.puppet: Any = None
 
     @property
@@ -136,7 +137,7 @@ def run_with_hand(words: list[str], play: Callable[[Page], None], visuals: bool 
     """
     init_ros([])
     session = Session(read_options(make_parser().parse_args(words)), visuals=visuals)
-    page = Page(session, session.open_view('web'))
+    page = Page(session, open_view(session, 'web'))
 
     failures: list[BaseException] = []
 

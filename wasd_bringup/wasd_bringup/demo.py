@@ -224,8 +224,8 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         if pictures and stop.viewpoint is not None:
             path = folder / f'{stop.name}.png'
             take_picture(session.world, stop.viewpoint, path, _traces(report['samples']))
-        if session.robot.navigation is not None:
-            draw_navigation(session.robot.navigation, report, folder / f'{stop.name}_map.png')
+        for navigation in session.navigations:
+            draw_navigation(navigation, report, folder / f'{stop.name}_map.png')
         if pictures and stop.strip is not None:
             take_strip(session.world, frames, stop.strip, folder / f'{stop.name}_strip.png')
         if pictures and stop.film is not None:

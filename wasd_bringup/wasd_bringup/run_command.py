@@ -119,9 +119,13 @@ class _Run:
             self._foxglove = FoxgloveServer(options.foxglove)
         self._session = Session(options, reader, viewer != 'none', self._recorder, self._foxglove)
         _halt_with(stop, reader, self._session)
-        where = self._session.open_view(viewer)
-        if viewer == 'web' and options.interactive and options.opens_page:
-            show_page(where)
+        if viewer != 'none':
+            # Here, because only a viewer needs it.
+            from wasd_bringup.cockpit.bridge import open_view
+
+            where = open_view(self._session, viewer)
+            if viewer == 'web' and options.interactive and options.opens_page:
+                show_page(where)
         if options.interactive or viewer != 'none' or options.has_guests:
             words = '\n'.join(self._session.first_lines)
             print(words, file=_where_to_say(options), flush=True)

@@ -35,17 +35,16 @@ from wasd_bringup.inputs import TWIST_RATE
 from wasd_bringup.options import AFTERGLOW
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import join_reports
-from wasd_bringup.report import SAMPLE_PERIOD
 from wasd_bringup.report import write_report
 from wasd_bringup.session_guests import make_guests
+from wasd_bringup.session_guests import make_navigations
+from wasd_bringup.session_guests import Told
 from wasd_bringup.session_robot import build_robots
 from wasd_bringup.session_robot import SessionRobot
 from wasd_bringup.stack import ControlStack
-from wasd_bringup.views import start_view
 from wasd_bringup.views import View
 
 if TYPE_CHECKING:
-    from wasd_bringup.cockpit.bridge import CockpitBridge
     from wasd_bringup.recording.recorder import BagRecorder
     from wasd_bringup.session_foxglove import FoxgloveServer
 
@@ -78,35 +77,44 @@ class Session:
         self._reader = reader
         self._bag = recorder
         self._view: View | None = None
-        self._cockpit: CockpitBridge | None = None
+        self._where = ''  # it is
+        self.told = Told()
+        # The words of the run that is to come in place of this one.
+        self.next_words: tuple[str, ...] = ()
         self._wall_time = 0.0
         self._ended_at = math.inf
         self._status = StatusLine(sys.stdout)
         self._next_frame = 0.0
         self._message_times = MessageTimes()
         self._polled_at = time.monotonic()
-        self._where = ''
         self.robots = build_robots(options, visuals)
         self.simulation = self.robots[0].simulator.simulation
         self._switch = KeySwitch(len(self.robots))
         self._page_drive = PageDrive([robot.stack for robot in self.robots])
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
         self._nodes: list[Node] = [node for robot in self.robots for node in robot.nodes]
-        self._guests = make_guests(options, self.robots, self._switch, self.press, foxglove)
+        self.navigations = make_navigations(options, self.robots, self._switch)
+        self._guests = make_guests(
+            options, self.robots, self._switch, self.press, foxglove, self.navigations
+        )
         self._nodes += [node for guest in self._guests for node in guest.nodes]
         self._pump = MessagePump()
-        time_source = TimeSource()
-        time_source.ros_time_is_active = True
         self._clocks = [cast(ROSClock, node.get_clock()) for node in self._nodes]
-        for node, clock in zip(self._nodes, self._clocks, strict=True):
-            self._pump.add_node(node)
-            time_source.attach_clock(clock)
+        self._attach_nodes()
         self._schedule()
         resets = [robot.stack.reset for robot in self.robots]
         self.simulation.on_reset += [*resets, self._page_drive.reset]
         if recorder is not None:
             recorder.now = lambda: round(self.world.time * 1e9)
             self.simulation.on_reset.append(lambda: recorder.event('reset'))
+
+    def _attach_nodes(self) -> None:
+        """Have messages for the nodes handled by us, and their clocks tell simulated time."""
+        time_source = TimeSource()
+        time_source.ros_time_is_active = True
+        for node, clock in zip(self._nodes, self._clocks, strict=True):
+            self._pump.add_node(node)
+            time_source.attach_clock(clock)
 
     @property
     def active(self) -> int:
@@ -144,32 +152,9 @@ class Session:
     def _where_lines(self) -> list[str]:
         return [f'viewer: {self._where}'] if self._where else []
 
-    def open_view(self, kind: str) -> str:
-        """
-        Start a viewer, `web`, `native` or `none`; return where it is.
-
-        Raises:
-            SimulationError: the port is taken, or there is no display.
-        """
-        if kind != 'none':
-            # Here, because only a page needs it.
-            from wasd_bringup.cockpit.bridge import CockpitBridge
-
-            cockpit = CockpitBridge(self)
-            self._view, self._where = start_view(
-                kind, self.world, self.stack.camera, cockpit.content, self.options.port
-            )
-            if kind == 'web':
-                self._cockpit = cockpit
-                cockpit.anew.is_at(self._where)
-                self.simulation.on_reset.append(cockpit.forget)
-                self.simulation.schedule.every(SAMPLE_PERIOD, cockpit.sample)
-        return self._where
-
-    @property
-    def next_words(self) -> tuple[str, ...]:
-        """The words of the run that the page has asked for in place of this one."""
-        return () if self._cockpit is None else self._cockpit.anew.wanted
+    def take_view(self, view: View, where: str) -> None:
+        """Be shown by a viewer, and say where it is; it is closed with the session."""
+        self._view, self._where = view, where
 
     def run(self, stop: Any) -> None:
         """Simulate until the duration is over, the keys have ended, or `stop` is requested."""
@@ -192,8 +177,8 @@ class Session:
 
     def disarm(self) -> None:
         """Have what the page, a gamepad or Foxglove's clients hold now drive no more."""
-        if self._cockpit is not None:
-            self._cockpit.let_go()
+        for let_go in self.told.to_let_go:
+            let_go()
         for guest in self._guests:
             guest.halt()
 
@@ -206,7 +191,11 @@ class Session:
 
     def report(self) -> dict[str, Any]:
         """Return the report of the run so far."""
-        reports = [robot.report(self._wall_time) for robot in self.robots]
+        parts = [{'navigation': each.report()} for each in self.navigations]
+        reports = [
+            robot.report(self._wall_time, **(parts[number] if parts else {}))
+            for number, robot in enumerate(self.robots)
+        ]
         return reports[0] if len(reports) == 1 else join_reports(reports)
 
     def close(self) -> None:
@@ -230,8 +219,8 @@ class Session:
             write_report(self.report(), self.options.report)
 
     def _release(self) -> None:
-        if self._cockpit is not None:
-            self._cockpit.close()
+        for close in self.told.of_the_end:
+            close()
         if self._view is not None:
             self._view.close()
         for robot in self.robots:
@@ -284,8 +273,8 @@ class Session:
 
     def press(self, key: str, from_view: bool = False) -> None:
         """Give a key to the robot that it is for."""
-        if self._cockpit is not None:
-            self._cockpit.note_key(key)
+        for note in self.told.of_keys:
+            note(key)
         if self._writer is not None:
             # At the instant that it is in force from: the one that comes next.
             self._writer.write(self.world.time, key)
@@ -350,17 +339,16 @@ class Session:
                     self._stop_what_the_view_moved()
                 else:
                     self.press(key, from_view=True)
-        if self._cockpit is not None:
-            self._cockpit.step(now, view.period)
+        for look in self.told.of_looks:
+            look(now, view.period)
 
     def _stop_what_the_view_moved(self) -> None:
         """Stop what moves by keys and goals of a viewer that is gone: keys as a driver would."""
         for robot in self._page_drive.moved:
             self.press_for(robot, (self.robots[robot].stack.stop_key,))
             self._page_drive.forget(robot)
-        for each in self.robots:
-            if each.navigation is not None:
-                each.navigation.lose_page()
+        for each in self.navigations:
+            each.lose_page()
 
     def press_for(self, robot: int, keys: Iterable[str], from_view: bool = False) -> None:
         """Give keys to a robot, by its number, whichever is in turn: as a driver would."""

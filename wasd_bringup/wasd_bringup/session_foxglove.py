@@ -1,25 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--foxglove`: every topic of a run by Foxglove's WebSocket, and cmd_vel and keys from there."""
+"""`--foxglove`: a run's topics by WebSocket, and its clients' messages as cmd_vel and keys."""
 
 from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
+import json
 import time
 from typing import Any
 
+from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
+from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
 
+from wasd_bringup.foxglove_inbox import Decode
 from wasd_bringup.foxglove_inbox import Inbox
 from wasd_bringup.foxglove_inbox import Robot
-from wasd_bringup.foxglove_messages import DECODE
+from wasd_bringup.foxglove_inbox import Sender
+from wasd_bringup.foxglove_inbox import Velocity
+from wasd_bringup.graph import find_type
+from wasd_bringup.messages import fill
 from wasd_bringup.messages import type_name
 from wasd_bringup.recording.recorder import full_definition
 from wasd_bringup.recording.recorder import IGNORED
 from wasd_bringup.recording.recorder import PublisherTap
 
+# CDR begins with its representation, of which ROS has these: big and little endian.
+REPRESENTATIONS = (b'\0\0', b'\0\1')
+HEADER = 4
 # The extra `foxglove` brings it; a name, so that nothing else asks for it.
 SDK = 'foxglove'
 HOST = '127.0.0.1'
@@ -29,6 +42,53 @@ LOOK_RATE = 2.0
 TIME_RATE = 20.0
 # Of a latched topic so many messages are kept: /tf_static has several senders.
 KEPT = 20
+
+
+def read_velocity(sender: Sender, data: bytes) -> Velocity:
+    """
+    Return the velocity of a Twist or TwistStamped [m/s], [m/s], [rad/s].
+
+    Raises:
+        UserError: it is no such message.
+    """
+    message = _read(sender, data, (Twist, TwistStamped))
+    twist = message.twist if isinstance(message, TwistStamped) else message
+    return twist.linear.x, twist.linear.y, twist.angular.z
+
+
+def read_key(sender: Sender, data: bytes) -> str:
+    """
+    Return the key of a String.
+
+    Raises:
+        UserError: it is no such message.
+    """
+    text: str = _read(sender, data, (String,)).data
+    return text
+
+
+DECODE = Decode(read_velocity, read_key)
+
+
+def _read(sender: Sender, data: bytes, kinds: Sequence[type[Any]]) -> Any:
+    """Return a message of one of the kinds, the one that its schema names."""
+    names = {type_name(kind).replace('/msg/', '/'): kind for kind in kinds}
+    kind = names.get(sender.schema.replace('/msg/', '/'))
+    if kind is None:
+        wanted = ' or '.join(names)
+        raise UserError(f'{sender.topic}: got {sender.schema or "no schema"}, wanted {wanted}')
+    try:
+        if sender.encoding == 'cdr':
+            if data[:2] not in REPRESENTATIONS or len(data) <= HEADER:
+                raise ValueError('no CDR')
+            return deserialize_message(data, kind)
+        if sender.encoding == 'json':
+            message = kind()
+            fill(message, json.loads(data), lambda name: find_type(name, 'msg'))
+            return message
+    except (ArithmeticError, AssertionError, RuntimeError, RecursionError, ValueError) as error:
+        raise UserError(f'{sender.topic}: {one_line(error)}') from None
+    raise UserError(f'{sender.topic}: got {sender.encoding}, wanted cdr or json')
 
 
 def load_sdk() -> Any:

@@ -74,7 +74,6 @@ class SessionNavigation:
         self.node.refusal = lambda: self._stack.refusal
         self.navigator.on_end.append(self._on_end)
         self._simulation.on_reset += [self._forget_goals, self.node.reset]
-        robot.navigation = self
         self._stack.takeovers.append(self._give_way)
         LoopbackSubscription.observers.append(self._on_message_of_others)
         prefix = robot.world.prefix

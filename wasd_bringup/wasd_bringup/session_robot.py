@@ -2,7 +2,7 @@
 """One robot of a session: its part of the world, its nodes, its scripts, its report."""
 
 import dataclasses
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from mujoco_sim.randomise import randomise
@@ -45,9 +45,6 @@ from wasd_bringup.views import draw_board
 from wasd_bringup.views import say_plainly
 from wasd_bringup.views import say_status
 
-if TYPE_CHECKING:
-    from wasd_bringup.session_navigation import SessionNavigation
-
 
 class SessionRobot:
     """
@@ -66,7 +63,6 @@ class SessionRobot:
         self.options = options
         self.world = world
         self.description = loaded
-        self.navigation: SessionNavigation | None = None
         self.simulator = SimulatorNode(
             loaded,
             world,
@@ -140,10 +136,10 @@ class SessionRobot:
         """Tell how the controller does."""
         self.simulator.publish_diagnostics(self.stack.state, self.stack.ticks)
 
-    def report(self, wall_time: float) -> dict[str, Any]:
-        """Return what happened so far; the run has taken `wall_time` [s]."""
+    def report(self, wall_time: float, **parts: Any) -> dict[str, Any]:
+        """Return what happened in the `wall_time` [s] so far, and `parts` that others tell."""
         options = self.options
-        asked = {
+        asked: dict[str, Any] = {
             'robot': options.robot,
             'description': self.description.record(),
             'world': options.world,
@@ -152,8 +148,7 @@ class SessionRobot:
         }
         if options.untold.randomise:
             asked['drawn'] = dataclasses.asdict(self.world.setup.drawn)
-        if self.navigation is not None:
-            asked['navigation'] = self.navigation.report()
+        asked |= parts
         ticks = self.stack.ticks.summary()
         return build_report(self._recorder, asked, self.world.time, wall_time, ticks)
 

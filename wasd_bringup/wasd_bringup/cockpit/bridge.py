@@ -26,13 +26,16 @@ from wasd_core.key_events import split_event
 from wasd_core.rotations import matrix_from_quaternion
 
 from wasd_bringup.anew import Anew
-from wasd_bringup.cockpit.described import Described
+from wasd_bringup.cockpit import Described
+from wasd_bringup.report import SAMPLE_PERIOD
 from wasd_bringup.robots import load_class
 from wasd_bringup.robots import ROBOTS
+from wasd_bringup.session import Session
 from wasd_bringup.session_robot import SessionRobot
+from wasd_bringup.views import start_view
 
 if TYPE_CHECKING:
-    from wasd_bringup.session import Session
+    from wasd_bringup.session_navigation import SessionNavigation
 
 # Snapshots are made, and a held stick is sent, once in so many states of the scene.
 SNAPSHOT_EVERY = 2.5
@@ -50,8 +53,9 @@ FASTEST = 100.0
 class Watched:
     """One robot of the session with its past."""
 
-    def __init__(self, robot: SessionRobot) -> None:
+    def __init__(self, robot: SessionRobot, navigation: 'SessionNavigation | None') -> None:
         self.robot = robot
+        self.navigation = navigation
         kind = ROBOTS[robot.options.robot].kind
         self.described: Described = load_class(kind.cockpit)(robot.stack)
         self.columns = Columns(self.described.feet, robot.world.motor_names)
@@ -107,19 +111,34 @@ class CockpitBridge:
     All that it changes goes through the session's keys and velocities, which recordings have.
     """
 
-    def __init__(self, session: 'Session') -> None:
+    def __init__(self, session: Session) -> None:
         self._session = session
         self.anew = Anew(session.options)
         self._link = Link()
         self.content = Cockpit(self._link, usual_path())
         self.content.page.sight.open(session.world)
-        self._watched = [Watched(robot) for robot in session.robots]
+        navigations = session.navigations or len(session.robots) * [None]
+        self._watched = [
+            Watched(robot, navigation)
+            for robot, navigation in zip(session.robots, navigations, strict=True)
+        ]
         self._next = 0.0
         self._pressed: dict[str, float] = {}
         self._now = 0.0
         # The robot that the stick moves, and what it was told last.
         self._driven: int | None = None
         self._pushed: int | None = None
+
+    def attach(self, where: str) -> None:
+        """Be told of what happens from now on; the page is at an address."""
+        session = self._session
+        self.anew.is_at(where)
+        session.told.of_keys.append(self.note_key)
+        session.told.of_looks.append(self.step)
+        session.told.to_let_go.append(self.let_go)
+        session.told.of_the_end.append(self.close)
+        session.simulation.on_reset.append(self.forget)
+        session.simulation.schedule.every(SAMPLE_PERIOD, self.sample)
 
     def sample(self) -> None:
         """Remember this instant of all robots."""
@@ -182,6 +201,7 @@ class CockpitBridge:
             simulation.pacer.restart()
         elif order.what == 'start':
             self.anew.want(*order.name.split(maxsplit=1))
+            session.next_words = self.anew.wanted
         elif order.what in ('goal', 'cancel goal', 'save map'):
             self._navigate(order)
         elif order.what == 'choose':
@@ -191,18 +211,18 @@ class CockpitBridge:
 
     def _navigate(self, order: Order) -> None:
         """Do what is asked of the navigator, if there is one."""
-        robot = self._active.robot
-        if robot.navigation is None:
+        navigation = self._active.navigation
+        if navigation is None:
             return
         if order.what == 'goal':
-            robot.navigation.go([float(word) for word in order.name.split()], from_page=True)
+            navigation.go([float(word) for word in order.name.split()], from_page=True)
         elif order.what == 'cancel goal':
-            robot.navigation.halt()
+            navigation.halt()
         else:
             try:
-                robot.navigation.save()
+                navigation.save()
             except UserError as error:
-                robot.stack.say(str(error))
+                self._active.robot.stack.say(str(error))
 
     @property
     def _active(self) -> Watched:
@@ -266,8 +286,7 @@ class CockpitBridge:
         x, y, _ = base.position.tolist()
         self._pressed = {key: until for key, until in self._pressed.items() if until > now}
         pose = PlanarPose(x, y, float(base.rpy[2]))
-        robot = watched.robot
-        navigation = None if robot.navigation is None else robot.navigation.view()
+        navigation = None if watched.navigation is None else watched.navigation.view()
         marks = described.marks(base.position, matrix_from_quaternion(base.orientation))
         if navigation is not None and navigation.goal is not None:
             marks = dataclasses.replace(marks, path=moved(navigation.path, navigation.pose, pose))
@@ -298,3 +317,20 @@ class CockpitBridge:
             mocap=np.hstack((world.data.mocap_pos, world.data.mocap_quat)),
             navigation=navigation,
         )
+
+
+def open_view(session: Session, kind: str) -> str:
+    """
+    Have a session shown by a viewer, `web` with the cockpit or `native`; return where it is.
+
+    Raises:
+        SimulationError: the port is taken, or there is no display.
+    """
+    bridge = CockpitBridge(session)
+    view, where = start_view(
+        kind, session.world, session.stack.camera, bridge.content, session.options.port
+    )
+    session.take_view(view, where)
+    if kind == 'web':
+        bridge.attach(where)
+    return where

@@ -22,10 +22,10 @@ from wasd_cockpit.link import Stick
 from wasd_cockpit.link import StickUse
 from wasd_core.rotations import matrix_from_quaternion
 
-from wasd_bringup.cockpit.described import Described
-from wasd_bringup.cockpit.described import keymap_caps
-from wasd_bringup.cockpit.described import Motion
-from wasd_bringup.cockpit.described import Numbers
+from wasd_bringup.cockpit import Described
+from wasd_bringup.cockpit import keymap_caps
+from wasd_bringup.cockpit import Motion
+from wasd_bringup.cockpit import Numbers
 from wasd_bringup.go2_stack import Go2Stack
 
 _PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)

@@ -9,9 +9,9 @@ from wasd_cockpit.link import Setting
 from wasd_cockpit.link import StickUse
 from wasd_core.rotations import yaw_matrix
 
-from wasd_bringup.cockpit.described import Described
-from wasd_bringup.cockpit.described import keymap_caps
-from wasd_bringup.cockpit.described import Motion
+from wasd_bringup.cockpit import Described
+from wasd_bringup.cockpit import keymap_caps
+from wasd_bringup.cockpit import Motion
 from wasd_bringup.mbot_stack import MbotStack
 from wasd_bringup.robots import MODES
 

@@ -23,15 +23,15 @@ from wasd_core.streams import print_error
 from wasd_core.topics import RELIABLE
 import yaml
 
-from wasd_bringup.graph.ros_graph import find_type
-from wasd_bringup.graph.ros_graph import full_name
-from wasd_bringup.graph.ros_graph import Interrupted
-from wasd_bringup.graph.ros_graph import NotFound
-from wasd_bringup.graph.ros_graph import PATIENCE
-from wasd_bringup.graph.ros_graph import POLL_PERIOD
-from wasd_bringup.graph.ros_graph import RateMeter
-from wasd_bringup.graph.ros_graph import RosGraph
-from wasd_bringup.graph.ros_graph import TopicListener
+from wasd_bringup.graph import find_type
+from wasd_bringup.graph import full_name
+from wasd_bringup.graph import Interrupted
+from wasd_bringup.graph import NotFound
+from wasd_bringup.graph import PATIENCE
+from wasd_bringup.graph import POLL_PERIOD
+from wasd_bringup.graph import RateMeter
+from wasd_bringup.graph import RosGraph
+from wasd_bringup.graph import TopicListener
 from wasd_bringup.messages import field_of
 from wasd_bringup.messages import fill
 from wasd_bringup.messages import SHOWN_LENGTH

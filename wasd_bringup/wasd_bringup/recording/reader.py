@@ -22,9 +22,9 @@ from wasd_bringup.inputs import parse_box
 from wasd_bringup.inputs import parse_push
 from wasd_bringup.inputs import push_text
 from wasd_bringup.options import RunOptions
+from wasd_bringup.recording import RECORD_NAME
+from wasd_bringup.recording import RecordingError
 from wasd_bringup.recording.recorder import EVENTS
-from wasd_bringup.recording.writer import RECORD_NAME
-from wasd_bringup.recording.writer import RecordingError
 from wasd_bringup.robots import BOTH
 from wasd_bringup.robots import ROBOTS
 

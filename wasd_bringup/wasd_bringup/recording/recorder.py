@@ -24,8 +24,8 @@ import yaml
 
 from wasd_bringup.messages import clear_padding
 from wasd_bringup.messages import type_name
-from wasd_bringup.recording.writer import BagWriter
-from wasd_bringup.recording.writer import RecordingError
+from wasd_bringup.recording import BagWriter
+from wasd_bringup.recording import RecordingError
 
 SEPARATOR = '=' * 80
 # The type at the beginning of a field's line: package and name, or a name of the same package.

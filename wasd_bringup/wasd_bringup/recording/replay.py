@@ -30,6 +30,7 @@ from wasd_bringup.inputs import ScriptedBox
 from wasd_bringup.options import keep_alone
 from wasd_bringup.options import read_number
 from wasd_bringup.options import RunOptions
+from wasd_bringup.recording import RecordingError
 from wasd_bringup.recording.reader import BagReader
 from wasd_bringup.recording.reader import DESCRIPTION
 from wasd_bringup.recording.reader import read_commands
@@ -39,7 +40,6 @@ from wasd_bringup.recording.reader import RecordedMessage
 from wasd_bringup.recording.reader import robot_topics
 from wasd_bringup.recording.reader import TRUTH
 from wasd_bringup.recording.recorder import PublisherTap
-from wasd_bringup.recording.writer import RecordingError
 from wasd_bringup.run_command import with_own_frames
 from wasd_bringup.session import Session
 from wasd_bringup.session_robot import build_worlds
@@ -256,7 +256,10 @@ def _drive(
     try:
         session = Session(options, visuals=viewer != 'none')
         if viewer != 'none':
-            print(f'viewer: {session.open_view(viewer)}', flush=True)
+            # Here, because only a viewer needs it.
+            from wasd_bringup.cockpit.bridge import open_view
+
+            print(f'viewer: {open_view(session, viewer)}', flush=True)
         session.run(stop)
     finally:
         comparison.close()
