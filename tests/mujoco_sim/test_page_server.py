@@ -20,8 +20,10 @@ from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.viewer.page import WebView
 from mujoco_sim.world import build_world
 from page_puppet import code
+from page_puppet import input_packet
 from page_puppet import PagePuppet
 import pytest
+from terminals import wait_until
 from websockets.exceptions import ConnectionClosed
 from websockets.exceptions import ConnectionClosedOK
 from websockets.exceptions import InvalidStatus
@@ -249,6 +251,22 @@ def test_control_that_is_asked_for_goes_when_it_is_given_or_the_driver_rests(
                 assert view.input.turns.waiting == 0
                 other.tap('J')
     assert 'j' in view.pressed_keys()
+
+
+def test_what_waits_behind_the_message_that_ends_control_makes_nobody_drive(view, port):
+    with PagePuppet(view.url, session='first') as page:
+        page.draw()
+        with connect(f'ws://127.0.0.1:{port}/state?sid=second') as state:
+            state.send('request_control')
+            wait_until(lambda: view.input.turns.waiting)
+            with page._sending:
+                view.input.turns.give()
+                for _ in range(12):
+                    page.socket.send(input_packet(set()))
+            assert wait_for_grant(state, 5.0)
+            with PagePuppet(view.url, session='second') as other:
+                other.draw()
+    wait_until(lambda: not view.input.is_watched)
 
 
 @pytest.mark.slow

@@ -168,7 +168,9 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
             self.transport.abort()
 
     def _hear(self, data: bytes) -> None:
-        if self._packets is None:
+        # What has waited here until its connection ended is from nobody: heard, it would be a page
+        # that is there for ever, and keep all others out.
+        if self._packets is None or self._is_lost:
             return
         try:
             for pressed in self._packets.feed(data):
