@@ -10,8 +10,8 @@ import math
 from kinematic import KinematicRobot
 from kinematic import RATE
 from kinematic import Robot
+from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.lidar import Lidar
-from mujoco_sim.sensors.mount import Site
 import numpy as np
 from robot_description.description import load_robot
 import wasd

@@ -11,14 +11,14 @@ import functools
 from typing import Any, NamedTuple
 
 import mujoco
-from mujoco_sim.physics import lowest_point
-from mujoco_sim.randomise import randomise
+from mujoco_sim.parameters import Payload
+from mujoco_sim.parameters import Untold
+from mujoco_sim.robot_parts import lowest_point
+from mujoco_sim.robot_setup import randomise
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulation import TickStatistics
-from mujoco_sim.untold import Payload
-from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 from mujoco_sim.world import World
 import numpy as np

@@ -41,7 +41,6 @@ from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.controller_file import translate
 from diff_drive_sim.controller_file import UNUSED
 from diff_drive_sim.drive import DiffDrive
-from diff_drive_sim.executables import diff_drive_controller
 from diff_drive_sim.messages import from_pose
 from diff_drive_sim.messages import to_diagnostics
 from diff_drive_sim.messages import to_odometry
@@ -50,6 +49,7 @@ from diff_drive_sim.messages import to_twist_stamped
 from diff_drive_sim.messages import to_wheel_states
 from diff_drive_sim.messages import VelocityInput
 from diff_drive_sim.odometry import DiffDriveError
+from diff_drive_sim.parameters import diff_drive_controller
 from diff_drive_sim.parameters import DiffDriveParameters
 
 

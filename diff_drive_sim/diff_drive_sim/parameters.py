@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the drive controller: wheels, limits, odometry; names of ros2_controllers."""
+"""Parameters of the drive controller: wheels, limits, odometry; and it as a program."""
 
 from dataclasses import dataclass
 from dataclasses import fields
@@ -7,12 +7,21 @@ import math
 from typing import Any, NamedTuple
 
 from robot_description.morphology.wheels import WheelChoice
+from wasd_core.command_line import Executable
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
 from diff_drive_sim import MODES
 from diff_drive_sim.limits import AxisLimits
+
+diff_drive_controller = Executable(
+    name='diff_drive_controller',
+    module='diff_drive_sim.diff_drive_controller_node',
+    about='Drives a robot of two wheels: cmd_vel in, wheel commands, odom and /tf out.',
+    parameters=('diff_drive_sim.parameters:DiffDriveParameters',),
+    example='diff_drive_controller --ros-args -p description:=mbot -p use_sim_time:=true',
+)
 
 
 class _Axis(NamedTuple):

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of the simulator node."""
+"""What the simulator is told at its start, and what of it no controller is; loads no MuJoCo."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from dataclasses import field
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
+from wasd_core.command_line import Executable
+from wasd_core.errors import UserError
+from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
@@ -14,6 +19,15 @@ WORLD_NAMES = (
 )
 # Of feet or wheels on a floor.
 FRICTION = (0.01, 2.0)
+# The most that a robot is loaded with [kg]. A Go2 carries 8, at most 12; others here weigh more.
+HEAVIEST = 100.0
+simulator = Executable(
+    name='simulator',
+    module='mujoco_sim.simulator_node',
+    about='Simulates a robot in MuJoCo: joint_commands in, joint_states, imu/data and /clock out.',
+    parameters=('mujoco_sim.parameters:SimulatorParameters',),
+    example='simulator --ros-args -p description:=go2 -p world:=stairs:0.1',
+)
 
 
 class BoxSize(NamedTuple):
@@ -93,3 +107,105 @@ class SimulatorParameters(Parameters):
         unit='s',
         minimum=0.0,
     )
+
+
+class Payload(NamedTuple):
+    """A load of a mass [kg] with its centre at `place` [m] in the base's frame, welded on."""
+
+    mass: float
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """
+        Return the load that `KG` or `KG@X,Y,Z` says.
+
+        Raises:
+            UserError: it is not a mass that a robot is loaded with and three finite lengths.
+        """
+        mass, at, place = text.partition('@')
+        try:
+            x, y, z = map(float, place.split(',') if at else (0, 0, 0))
+            payload = cls(float(mass), (x, y, z))
+            if not payload.is_possible:
+                raise ValueError
+        except ValueError:
+            wanted = f'wanted KG or KG@X,Y,Z with KG > 0 and <= {HEAVIEST:g}'
+            raise UserError(f'payload: got {text!r}, {wanted}') from None
+        return payload
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether there is such a load."""
+        return 0.0 < self.mass <= HEAVIEST and all(map(math.isfinite, self.place))
+
+
+@dataclass(frozen=True)
+class Untold:
+    """
+    What a run changes behind the controller's back.
+
+    `friction` is what its feet have on any ground, or of a robot without feet all that it touches
+    the ground with, wheels too; without one it is what the description says. `payload` is what the
+    base carries. `imu_drift` is how many times the usual an IMU drifts that has noise. `randomise`
+    is how much a quadruped differs from its description at random, 0 to 1.
+    """
+
+    friction: float | None = None
+    payload: Payload | None = None
+    randomise: float = 0.0
+    imu_drift: float = 1.0
+
+    def __post_init__(self) -> None:
+        """
+        Check the numbers.
+
+        Raises:
+            UserError: one that no robot or floor can have.
+        """
+        low, high = FRICTION
+        if self.friction is not None and not low <= self.friction <= high:
+            wanted = f'>= {low:g} and <= {high:g}'
+            raise InvalidParameter(f'friction must be {wanted}, got {self.friction!r}')
+        for name in ('randomise', 'imu_drift'):
+            SimulatorParameters.checked(name, float(getattr(self, name)))
+        if self.payload is not None and not self.payload.is_possible:
+            wanted = f'wanted a mass > 0 and <= {HEAVIEST:g} kg at a place'
+            raise UserError(f'payload: got {tuple(self.payload)}, {wanted}')
+
+    @classmethod
+    def from_parameters(cls, settings: SimulatorParameters) -> Self:
+        """
+        Return what the simulator's parameters say.
+
+        Raises:
+            UserError: one that no robot can have.
+        """
+        return cls(
+            friction=None if math.isnan(settings.friction) else settings.friction,
+            payload=Payload.parse(settings.payload) if settings.payload else None,
+            randomise=settings.randomise,
+            imu_drift=settings.imu_drift,
+        )
+
+
+NOTHING = Untold()
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """
+    How a robot differs from its description.
+
+    `mass` [kg] is added to its base, whose centre of mass moves by `centre` [m]; commands and
+    readings come later by their delays [s], `noise` is a factor. A motor's torque is what it was
+    told times its `strength`. Without `friction` its feet have their own.
+    """
+
+    mass: float = 0.0
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    friction: float | None = None
+    command_delay: float = 0.0
+    sensor_delay: float = 0.0
+    noise: float = 1.0
+    strength: Mapping[str, float] = field(default_factory=dict)

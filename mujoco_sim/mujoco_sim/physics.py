@@ -1,33 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MuJoCo's model and state, stepped for all the robots in it, and what acts on each of them."""
+"""MuJoCo's model and state, stepped for all the robots in it, and boxes that move."""
 
-from collections import deque
+from collections.abc import Sequence
 import math
 import sys
-from typing import NamedTuple, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import mujoco
-import numpy as np
-from robot_description.mujoco.builder import holding
 from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
-from wasd_core.robot_io import JointCommand
 
-from mujoco_sim.moving_boxes import MovingBoxes
-from mujoco_sim.robot_setup import RobotSetup
+from mujoco_sim.parameters import BoxSize
+from mujoco_sim.robot_parts import Actuation
 
 if TYPE_CHECKING:
-    from mujoco_sim.motor_curve import TorqueSpeedCurve
+    pass
 
-# Damping of motors that brake without having been commanded any [N m s/rad]: a Go2 sinks down.
-BRAKE_DAMPING = 3.0
-# ... but at most this share of what stops a joint within one physics step: motor torques are
-# integrated explicitly, which diverges beyond 2 and rings beyond 1.
-STABLE_SHARE = 0.5
 # The warnings of MuJoCo that say so, of positions to accelerations.
 _DIVERGED = slice(int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC) + 1)
 # How these begin; `Physics.step` says it in words of its own.
 _UNSTABLE = 'Nan, Inf or huge value'
+# Under any floor and out of any light: where a box is that stands nowhere [m].
+NOWHERE = -10.0
+RGBA = (0.85, 0.50, 0.15, 1.0)
 
 
 def _warn(text: str) -> None:
@@ -110,264 +105,62 @@ class Physics:
                 robot.note_efforts()
 
 
-class RobotParts:
-    """
-    Names without, and numbers with the robot's prefix in the model.
-
-    `joint_names` and `motor_names` give the order of all else: `position` and `velocity` (n,) are
-    the joints' addresses in qpos and qvel, `motors` is the slice of the actuators, `motor_joint`
-    (m,) tells the joint of each motor. `pose` and `twist` are the slices of the root's free joint,
-    None where it is held in place; `prefix` is what the names have in the model.
-    """
-
-    def __init__(self, model: mujoco.MjModel, prefix: str, root: str) -> None:
-        self._model = model
-        self.prefix = prefix
-        self.root = int(model.body(prefix + root).id)
-        self.pose: slice | None = None
-        self.twist: slice | None = None
-        free = mujoco.mjtJoint.mjJNT_FREE
-        joints = [model.joint(i) for i in range(model.njnt)]
-        for joint in joints:
-            if joint.bodyid[0] == self.root and joint.type[0] == free:
-                at, moving = int(joint.qposadr[0]), int(joint.dofadr[0])
-                self.pose, self.twist = slice(at, at + 7), slice(moving, moving + 6)
-        own = [
-            joint for joint in joints if joint.type[0] != free and joint.name.startswith(prefix)
-        ]
-        self.joint_names = tuple(self._own_name(joint.name) for joint in own)
-        self.position = np.array([joint.qposadr[0] for joint in own], dtype=int)
-        self.velocity = np.array([joint.dofadr[0] for joint in own], dtype=int)
-        self.motors = self._find_motors()
-        names = [model.actuator(i).name for i in range(model.nu)]
-        self.motor_names = tuple(map(self._own_name, names[self.motors]))
-        self.motor_joint = np.array(
-            [self.joint_names.index(name) for name in self.motor_names], dtype=int
+def add_boxes(spec: mujoco.MjSpec, sizes: Sequence[BoxSize]) -> None:
+    """Add boxes that stand nowhere yet; what runs into one does not move it."""
+    for index, size in enumerate(sizes):
+        body = spec.worldbody.add_body(name=_name(index), mocap=True, pos=[0.0, 0.0, NOWHERE])
+        half = [0.5 * length for length in size]
+        # Its origin is where it stands, in the middle.
+        body.add_geom(
+            name=_name(index),
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=[0.0, 0.0, half[2]],
+            size=half,
+            rgba=RGBA,
         )
-        self.link_of_geom = [
-            self._own_name(model.geom(i).name).partition('/')[0] for i in range(model.ngeom)
-        ]
-
-    def body(self, link: str) -> int:
-        """Return the number of the body that is a link; -1 where it is welded into another."""
-        kind = mujoco.mjtObj.mjOBJ_BODY
-        return int(mujoco.mj_name2id(self._model, kind, self.prefix + link))
-
-    def _find_motors(self) -> slice:
-        names = [self._model.actuator(i).name for i in range(self._model.nu)]
-        own = [index for index, name in enumerate(names) if name.startswith(self.prefix)]
-        # Those of one robot follow each other, as its specification was attached in one piece.
-        return slice(own[0], own[-1] + 1) if own else slice(0, 0)
-
-    def _own_name(self, name: str) -> str:
-        """Return a name of the model without the prefix; '' where it is another robot's."""
-        return name.removeprefix(self.prefix) if name.startswith(self.prefix) else ''
 
 
-class Push(NamedTuple):
-    """
-    A world-frame force [N], shape (3,), for so long [s].
+class MovingBoxes:
+    """The boxes of a model, by their numbers; a reset of the physics puts all of them nowhere."""
 
-    It acts at a point of the root's frame [m], shape (3,), or else at the centre of mass.
-    """
-
-    force: np.ndarray
-    duration: float
-    point: np.ndarray | None = None
-
-
-class Actuation:
-    """
-    What acts on one robot in a model: its start, the command and the pushes in force.
-
-    It is told the tick; a command takes effect after the setup's delay.
-    """
-
-    def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, parts: RobotParts, setup: RobotSetup
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self._model, self._data = model, data
-        self._parts, self._setup = parts, setup
-        self._motors = parts.motors
-        self._motor_velocity = parts.velocity[parts.motor_joint]
-        self._holds = self._find_holds()
-        self.rejected_commands = 0
-        self.is_kinematic = False
-        self._time_step = float(model.opt.timestep)
-        self._command_shape = (5, len(parts.motor_names))
-        self._delay = round(setup.command_delay / self._time_step)
-        strength = setup.drawn.strength
-        self._strength = np.array([strength.get(name, 1.0) for name in parts.motor_names])
-        self._curve = self._torque_speed_curve()
-        # Views on MuJoCo's own memory: to ask for them at every step costs more than to use them.
-        self._velocities = data.qvel
-        self._controls = data.ctrl[self._motors]
-        self._gains = model.actuator_biasprm[self._motors, 1:3]  # -kp, -kd
-        self._force_range = model.actuator_forcerange[self._motors]
-        self._effort = data.actuator_force[self._motors]
-        self._magnitude = np.empty(len(parts.motor_names))
-        self._peak_effort = np.zeros(len(parts.motor_names))
-        # Of a wheel in the air, the worst case: on the ground it has the robot to move, too.
-        stopping = 1.0 / (model.dof_invweight0[self._motor_velocity] * self._time_step)
-        self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
+        kind = mujoco.mjtObj.mjOBJ_BODY
+        bodies = [mujoco.mj_name2id(model, kind, _name(index)) for index in range(model.nmocap)]
+        self._mocap = [int(model.body_mocapid[body]) for body in bodies if body >= 0]
+        self._geoms = [int(model.body_geomadr[body]) for body in bodies if body >= 0]
+        self._aside: mujoco.MjData | None = None
 
-    def reset(self) -> None:
-        """Begin anew at the start of the setup, with limp motors; the state is that of rest."""
-        put_at_start(self._model, self._data, self._parts, self._setup)
-        self._pushes: list[tuple[int, Push]] = []  # each with the tick of its end
-        self._kept_push = np.zeros(3)  # the force without an end
-        self._pending: deque[tuple[int, np.ndarray]] = deque()
-        self._put_in_force(np.zeros((5, len(self._parts.motor_names))))
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self._mocap)
 
-    def take_due(self, tick: int, last: int) -> int:
-        """Put in force the commands that are due; return when one or a push changes, or `last`."""
-        while self._pending and self._pending[0][0] <= tick:
-            self._put_in_force(self._pending.popleft()[1])
-        if self._pending:
-            last = min(last, self._pending[0][0])
-        return min((end for end, _ in self._pushes), default=last) if self._pushes else last
+    def put(self, index: int, x: float, y: float, yaw: float = 0.0) -> bool:
+        """
+        Put a box on the floor of the world [m], [rad]; return if it stands there now.
 
-    def drop_ended(self, tick: int) -> None:
-        """Drop the pushes that are over."""
-        if self._pushes:
-            self._pushes = [push for push in self._pushes if push[0] > tick]
-            self._sum_pushes()
-
-    @property
-    def changes_each_step(self) -> bool:
-        """Whether the motors' limits, or the moment of a push, depend on how the robot moves."""
-        return self._curve is not None or any(push.point is not None for _, push in self._pushes)
-
-    def begin_step(self) -> None:
-        """Limit the motors as their speeds allow, and turn pushes off the centre with the root."""
-        if self._curve is not None:
-            self._curve.write_limits(self._velocities, self._motor_velocity, self._force_range)
-        if self._pushes:
-            self._sum_pushes()
-
-    def note_efforts(self) -> None:
-        """Note the largest efforts."""
-        np.abs(self._effort, out=self._magnitude)
-        np.maximum(self._peak_effort, self._magnitude, out=self._peak_effort)
-
-    def take_peak_effort(self) -> np.ndarray:
-        """Return the largest effort of each motor since the last call [N m], shape (m,)."""
-        self.note_efforts()
-        peak, self._peak_effort = self._peak_effort, np.zeros_like(self._peak_effort)
-        return peak
-
-    def apply(self, command: JointCommand, tick: int) -> bool:
-        """Put a command in force once it is due; return if it was taken, see `World.apply`."""
-        try:
-            stacked = np.array(command, dtype=float)
-        except ValueError:  # parts of different lengths
-            stacked = np.empty(0)
-        if stacked.shape != self._command_shape or not _is_finite(stacked):
-            self.rejected_commands += 1
-            self.brake()
+        It stays where it was if something that moves is in the place, or a number is not finite.
+        """
+        if not all(map(math.isfinite, (x, y, yaw))):
             return False
-        if self._delay == 0:
-            self._put_in_force(stacked)
-        else:
-            self._pending.append((tick + self._delay, stacked))
+        if self._aside is None:
+            self._aside = mujoco.MjData(self._model)
+        mujoco.mj_copyData(self._aside, self._model, self._data)
+        self._place(self._aside, index, (x, y, 0.0), yaw)
+        mujoco.mj_forward(self._model, self._aside)
+        if self._geoms[index] in self._aside.contact.geom:
+            return False
+        self._place(self._data, index, (x, y, 0.0), yaw)
         return True
 
-    def brake(self) -> None:
-        """Let the motors only resist motion; see `World.brake`."""
-        self._pending.clear()
-        kept = -self._gains[:, 1]
-        self._gains[:, 1] = -np.where(kept > 0.0, kept, self._brake_damping)
-        self._gains[:, 0] = 0.0
-        self._controls[:] = 0.0
-
-    def push(self, push: Push, tick: int) -> None:
-        """Add a push to those in force."""
-        self._pushes.append((tick + max(1, round(push.duration / self._time_step)), push))
-        self._sum_pushes()
-
-    def keep_pushing(self, force: np.ndarray) -> None:
-        """Replace the force [N], shape (3,), that has no end; see `World.keep_pushing`."""
-        if not np.array_equal(force, self._kept_push):
-            self._kept_push = force
-            self._sum_pushes()
-
-    def _sum_pushes(self) -> None:
-        data, root = self._data, self._parts.root
-        total = np.zeros(6)
-        total[:3] = self._kept_push
-        for _, push in self._pushes:
-            total[:3] += push.force
-            if push.point is not None:
-                place = data.xpos[root] + data.xmat[root].reshape(3, 3) @ push.point
-                total[3:] += np.cross(place - data.xipos[root], push.force)
-        data.xfrc_applied[root] = total
-
-    def _put_in_force(self, command: np.ndarray) -> None:
-        if self._curve is not None:
-            self._curve.command(command, self._strength, self._gains, self._controls)
-        else:  # the same without what compiles: wheels would wait for it at each start
-            np.multiply(command[3:].T, -self._strength[:, None], out=self._gains)
-            stiff, damped = command[3:] * command[:2]
-            np.multiply(command[2] + stiff + damped, self._strength, out=self._controls)
-        for motor, hold in self._holds:
-            if command[:, motor].any():
-                self._data.eq_active[hold] = False
-
-    def _find_holds(self) -> list[tuple[int, int]]:
-        """Return the motors of held joints, each with the constraint that holds it."""
-        found = []
-        for motor, joint in enumerate(self._parts.motor_names):
-            if joint in self._setup.held:
-                name = self._parts.prefix + holding(joint)
-                found.append((motor, int(self._model.eq(name).id)))
-        return found
-
-    def _torque_speed_curve(self) -> 'TorqueSpeedCurve | None':
-        limits, names = self._setup.speed_limits, self._parts.motor_names
-        if not limits or not all(limits.get(name, math.inf) > 0.0 for name in names):
-            return None
-        # Here, because only legs have such motors, and what compiles takes a while to load.
-        from mujoco_sim.motor_curve import TorqueSpeedCurve
-
-        torque = self._model.actuator_forcerange[self._motors, 1] * self._strength
-        return TorqueSpeedCurve(torque, np.array([limits.get(name, math.inf) for name in names]))
+    def _place(
+        self, data: mujoco.MjData, index: int, place: tuple[float, float, float], yaw: float
+    ) -> None:
+        mocap = self._mocap[index]
+        data.mocap_pos[mocap] = place
+        data.mocap_quat[mocap] = math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)
 
 
-def _is_finite(numbers: np.ndarray) -> bool:
-    # A product tells in one call of most, but overflows where numbers are large.
-    return math.isfinite(float(np.vdot(numbers, numbers))) or bool(np.isfinite(numbers).all())
-
-
-def put_at_start(
-    model: mujoco.MjModel, data: mujoco.MjData, parts: RobotParts, setup: RobotSetup
-) -> None:
-    """Put a robot where its setup says; a floating one relative to where it is now in x and y."""
-    for name, position in setup.joint_positions.items():
-        data.joint(parts.prefix + name).qpos[0] = position
-    if parts.pose is None:
-        return
-    place = data.qpos[parts.pose][:3]
-    place[:2] += setup.place
-    place[2] = setup.height
-    if setup.sink < math.inf:
-        place[2] += max(0.0, -setup.sink - lowest_point(model, data, parts.root))
-
-
-def lowest_point(model: mujoco.MjModel, data: mujoco.MjData, root: int) -> float:
-    """
-    Return the height of the lowest point of what collides on a robot [m]; inf if nothing does.
-
-    `root` is its first body, `data` holds its pose. Boxes around shapes stand for the shapes,
-    so that it may be a little lower than they are; spheres are taken as they are.
-    """
-    mujoco.mj_kinematics(model, data)
-    geoms = np.flatnonzero(
-        (model.body_rootid[model.geom_bodyid] == root)
-        & ((model.geom_contype != 0) | (model.geom_conaffinity != 0))
-    )
-    up = data.geom_xmat[geoms].reshape(-1, 3, 3)[:, 2]
-    centre, half = model.geom_aabb[geoms, :3], model.geom_aabb[geoms, 3:]
-    reach = (np.abs(up) * half).sum(axis=1) - (up * centre).sum(axis=1)
-    is_round = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_SPHERE
-    reach = np.where(is_round, model.geom_rbound[geoms], reach)
-    return float((data.geom_xpos[geoms, 2] - reach).min(initial=math.inf))
+def _name(index: int) -> str:
+    # No robot's link has a slash in its name.
+    return f'moving/box{index}'

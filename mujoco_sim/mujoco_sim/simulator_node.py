@@ -38,10 +38,11 @@ from wasd_core.topics import has_listener
 from wasd_core.topics import RELIABLE
 from wasd_core.topics import SENSOR_DATA
 
-from mujoco_sim.executables import simulator
+from mujoco_sim.parameters import simulator
 from mujoco_sim.parameters import SimulatorParameters
-from mujoco_sim.randomise import randomise
+from mujoco_sim.parameters import Untold
 from mujoco_sim.robot_setup import foot_links
+from mujoco_sim.robot_setup import randomise
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.sensors.publisher import SensorPublisher
 from mujoco_sim.sensors.table import has_camera
@@ -49,7 +50,6 @@ from mujoco_sim.simulation import AnswerHold
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulation import TickStatistics
 from mujoco_sim.truth_publisher import TruthPublisher
-from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 from mujoco_sim.world import World
 

@@ -19,7 +19,7 @@ from wasd_core.topics import has_subscriber
 from wasd_core.topics import RELIABLE
 from wasd_core.topics import SENSOR_DATA
 
-from mujoco_sim.sensors.mount import Snapshot
+from mujoco_sim.sensors import Snapshot
 from mujoco_sim.sensors.wheel_slip import Slip
 from mujoco_sim.sensors.wheel_slip import WheelSlip
 from mujoco_sim.world import World

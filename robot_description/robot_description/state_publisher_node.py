@@ -22,11 +22,11 @@ from wasd_core.topics import TfBroadcaster
 
 from robot_description.description import Description
 from robot_description.description import read_description
-from robot_description.executables import state_publisher
-from robot_description.executables import StatePublisherParameters
 from robot_description.joint_names import unknown_joint_warning
 from robot_description.meshes.files import published_urdf
 from robot_description.packages import description_path
+from robot_description.parameters import state_publisher
+from robot_description.parameters import StatePublisherParameters
 from robot_description.robot import Joint
 
 

@@ -22,13 +22,13 @@ from wasd_core.topics import EVENTS
 from wasd_core.topics import LoopbackSubscription
 from wasd_core.topics import RELIABLE
 
-from teleop_keyboard.executables import gamepad
 from teleop_keyboard.gamepad import JoyState
 from teleop_keyboard.gamepad import JoyToTwist
 from teleop_keyboard.gamepad import JoyTwist
 from teleop_keyboard.gamepad import PadKeys
 from teleop_keyboard.gamepad import USUAL_CONTROLS
 from teleop_keyboard.gamepad_device import Gamepad
+from teleop_keyboard.parameters import gamepad
 from teleop_keyboard.parameters import JoyParameters
 from teleop_keyboard.parameters import PAD_PRESETS
 from teleop_keyboard.parameters import PadParameters

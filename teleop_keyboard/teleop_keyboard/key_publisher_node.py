@@ -24,11 +24,11 @@ from wasd_core.streams import visible
 from wasd_core.topics import EVENTS
 from wasd_core.topics import LATCHED
 
-from teleop_keyboard.executables import key_publisher
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import open_key_reader
 from teleop_keyboard.key_reader import WaitingKeys
 from teleop_keyboard.key_script import KeyScriptWriter
+from teleop_keyboard.parameters import key_publisher
 from teleop_keyboard.parameters import KeyParameters
 
 # How long one wait for keys lasts [s]; keys end it at once, signals are seen after it.

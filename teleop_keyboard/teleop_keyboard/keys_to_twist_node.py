@@ -14,11 +14,11 @@ from wasd_core.topics import EVENTS
 from wasd_core.topics import LoopbackSubscription
 from wasd_core.topics import PublisherWatch
 
-from teleop_keyboard.executables import keys_to_twist
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.keys_to_twist import Velocity
+from teleop_keyboard.parameters import keys_to_twist
 from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.twist_messages import declare_stamped
 from teleop_keyboard.twist_messages import to_twist

@@ -22,7 +22,7 @@ from wasd_core.timing import Notice
 from wasd_core.topics import LATCHED
 from wasd_core.topics import LATEST
 
-from teleop_keyboard import executables
+from teleop_keyboard import parameters
 from teleop_keyboard.dashboard import asks_for_help
 from teleop_keyboard.dashboard import dashboard
 from teleop_keyboard.dashboard import HELP_KEY
@@ -178,7 +178,7 @@ def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop, stop: StopSignal
 
 
 def _teleoperate(args: Sequence[str] | None, stop: StopSignals) -> None:
-    with open_keyboard(executables.teleop, args, stop) as (reader, writer):
+    with open_keyboard(parameters.teleop, args, stop) as (reader, writer):
         tolerate_any_text()
         screen = Screen(sys.stdout)
         with explain_ros_errors():

@@ -26,12 +26,12 @@ from wasd_core.topics import AbsenceWatch
 from wasd_core.topics import LATCHED
 from wasd_core.topics import RELIABLE
 
-from teleop_keyboard.executables import twist_mux
 from teleop_keyboard.mux import DEFAULT_LOCKS
 from teleop_keyboard.mux import DEFAULT_SOURCES
 from teleop_keyboard.mux import Mux
 from teleop_keyboard.mux import MuxInput
 from teleop_keyboard.parameters import MuxParameters
+from teleop_keyboard.parameters import twist_mux
 from teleop_keyboard.twist_messages import declare_stamped
 from teleop_keyboard.twist_messages import is_finite
 from teleop_keyboard.twist_messages import LOOK_PERIOD

@@ -2,7 +2,7 @@
 """Motors give what their torque-speed curve allows, in the simulation, too."""
 
 from descriptions import robot_named
-from mujoco_sim.motor_curve import TorqueSpeedCurve
+from mujoco_sim.compiled import TorqueSpeedCurve
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import build_world
 import numpy as np

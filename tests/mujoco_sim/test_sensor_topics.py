@@ -3,9 +3,9 @@ from dataclasses import dataclass
 import math
 
 from mujoco_sim.sensors import camera
+from mujoco_sim.sensors import SensorTag
 from mujoco_sim.sensors.table import SensorKind
 from mujoco_sim.sensors.table import SENSORS
-from mujoco_sim.sensors.tags import SensorTag
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.world import build_world
 import numpy as np

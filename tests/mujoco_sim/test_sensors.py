@@ -4,12 +4,12 @@
 import math
 
 from descriptions import robot_named
+from mujoco_sim.compiled import add_noise
+from mujoco_sim.compiled import NoiseSizes
+from mujoco_sim.noise import NoisySensors
+from mujoco_sim.noise import SensorNoise
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
-from mujoco_sim.sensors.imu_noise import add_noise
-from mujoco_sim.sensors.imu_noise import NoiseSizes
-from mujoco_sim.sensors.noise import NoisySensors
-from mujoco_sim.sensors.noise import SensorNoise
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest

@@ -3,9 +3,9 @@
 
 import math
 
+from mujoco_sim.viewer import GIVEN_AFTER
+from mujoco_sim.viewer import Turns
 from mujoco_sim.viewer.input import PageInput
-from mujoco_sim.viewer.turns import GIVEN_AFTER
-from mujoco_sim.viewer.turns import Turns
 import pytest
 
 

@@ -2,7 +2,7 @@
 import math
 
 from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.sensors.mount import Snapshot
+from mujoco_sim.sensors import Snapshot
 from mujoco_sim.sensors.wheel_slip import slip
 from mujoco_sim.sensors.wheel_slip import WheelSlip
 from mujoco_sim.world import build_world

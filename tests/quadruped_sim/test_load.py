@@ -3,9 +3,9 @@
 
 from dataclasses import replace
 
+from mujoco_sim.parameters import Payload
+from mujoco_sim.parameters import Untold
 from mujoco_sim.robot_setup import usual_setup
-from mujoco_sim.untold import Payload
-from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
-from mujoco_sim.motor_curve import TorqueSpeedCurve
+from mujoco_sim.compiled import TorqueSpeedCurve
 import numpy as np
 import pytest
 from quadruped_sim.leg_kinematics import leg_motion

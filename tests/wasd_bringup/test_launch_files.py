@@ -10,7 +10,7 @@ from executables import SCRIPTS
 from mujoco_sim.parameters import SimulatorParameters
 import pytest
 from quadruped_sim.parameters import LegNodeParameters
-from robot_description.executables import StatePublisherParameters
+from robot_description.parameters import StatePublisherParameters
 from teleop_keyboard.parameters import KeyParameters
 from teleop_keyboard.parameters import TeleopParameters
 from wasd_bringup.robots import unitree_help

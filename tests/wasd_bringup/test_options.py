@@ -5,8 +5,8 @@ import argparse
 import math
 from pathlib import Path
 
-from mujoco_sim.untold import Payload
-from mujoco_sim.untold import Untold
+from mujoco_sim.parameters import Payload
+from mujoco_sim.parameters import Untold
 import pytest
 from wasd_bringup.cli import make_parser
 from wasd_bringup.options import AFTERGLOW

@@ -12,13 +12,13 @@ from typing import Any
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
+from mujoco_sim.parameters import NOTHING
+from mujoco_sim.parameters import Untold
 from mujoco_sim.pictures import take_picture
 from mujoco_sim.pictures import Viewpoint
-from mujoco_sim.randomise import randomise
+from mujoco_sim.robot_setup import randomise
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.simulation import Simulation
-from mujoco_sim.untold import NOTHING
-from mujoco_sim.untold import Untold
 from mujoco_sim.world import build_world
 import numpy as np
 from quadruped_sim.keys import STATE_KEYS

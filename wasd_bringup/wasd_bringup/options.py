@@ -12,8 +12,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mujoco_sim.untold import Payload
-from mujoco_sim.untold import Untold
+from mujoco_sim.parameters import Payload
+from mujoco_sim.parameters import Untold
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
 from wasd_core.errors import one_line

@@ -6,8 +6,8 @@ from importlib import metadata
 import os
 from typing import Any
 
+from mujoco_sim.parameters import HEAVIEST
 from mujoco_sim.parameters import WORLD_NAMES
-from mujoco_sim.untold import HEAVIEST
 from teleop_keyboard.keymap import LAYOUTS
 
 from wasd_bringup.inputs import KEY_LINE

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any
 
-from mujoco_sim.outline import outline_of
+from mujoco_sim.robot_parts import outline_of
 from mujoco_sim.sensors.lidar import LidarTag
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
@@ -258,7 +258,9 @@ def lidar_of(robot: Robot) -> LidarTag:
 def _footprint(robot: SessionRobot) -> dict[str, float]:
     """Return the navigator's parameters of a robot's size [m]; of legs only the feet count."""
     feet = robot.stack.feet
-    points = np.concatenate((outline_of(robot.world, is_whole=not len(feet)), feet))
+    world = robot.world
+    outline = outline_of(world.model, world.data, world.root, is_whole=not len(feet))
+    points = np.concatenate((outline, feet))
     half_length, half_width = np.abs(points).max(axis=0).tolist()
     radius = float(np.hypot(points[:, 0], points[:, 1]).max())
     if radius <= ROUND * min(half_length, half_width):

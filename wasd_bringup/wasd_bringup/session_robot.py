@@ -5,7 +5,7 @@ import dataclasses
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from mujoco_sim.randomise import randomise
+from mujoco_sim.robot_setup import randomise
 from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.sensors.table import has_camera

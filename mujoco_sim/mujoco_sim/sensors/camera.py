@@ -18,12 +18,12 @@ from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
 from wasd_core.rotations import Pose
 
-from mujoco_sim.sensors.mount import Fields
-from mujoco_sim.sensors.mount import Random
-from mujoco_sim.sensors.mount import Site
-from mujoco_sim.sensors.tags import legal_topic
-from mujoco_sim.sensors.tags import SensorTag
-from mujoco_sim.sensors.tags import TagReader
+from mujoco_sim.sensors import Fields
+from mujoco_sim.sensors import legal_topic
+from mujoco_sim.sensors import Random
+from mujoco_sim.sensors import SensorTag
+from mujoco_sim.sensors import Site
+from mujoco_sim.sensors import TagReader
 from mujoco_sim.world import World
 
 # Words for one thing in Gazebo Classic and in its successor.

@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 from robot_description.mujoco.geoms import VISUAL_GROUP
 
-from mujoco_sim.sensors.mount import Fields
-from mujoco_sim.sensors.mount import Random
-from mujoco_sim.sensors.mount import Site
-from mujoco_sim.sensors.tags import legal_topic
-from mujoco_sim.sensors.tags import SensorTag
-from mujoco_sim.sensors.tags import TagReader
+from mujoco_sim.sensors import Fields
+from mujoco_sim.sensors import legal_topic
+from mujoco_sim.sensors import Random
+from mujoco_sim.sensors import SensorTag
+from mujoco_sim.sensors import Site
+from mujoco_sim.sensors import TagReader
 
 # Words for one thing in Gazebo Classic and in its successor.
 LIDAR_TYPES = ('ray', 'gpu_ray', 'lidar', 'gpu_lidar')

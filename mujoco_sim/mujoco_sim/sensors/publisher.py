@@ -19,12 +19,12 @@ from wasd_core.topics import has_subscriber
 from wasd_core.topics import RELIABLE
 
 from mujoco_sim.parameters import SimulatorParameters
-from mujoco_sim.sensors.mount import Random
-from mujoco_sim.sensors.mount import Site
+from mujoco_sim.sensors import Random
+from mujoco_sim.sensors import SensorTag
+from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.sensors.table import Sensor
 from mujoco_sim.sensors.table import SENSORS
-from mujoco_sim.sensors.tags import SensorTag
 from mujoco_sim.world import World
 
 # Made only when somebody looks: a recording of everything would be 80 MB a second.

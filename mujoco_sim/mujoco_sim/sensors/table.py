@@ -7,18 +7,18 @@ from typing import Any, NamedTuple, Protocol
 
 from robot_description.robot import Robot
 
+from mujoco_sim.sensors import Fields
+from mujoco_sim.sensors import legal_topic
+from mujoco_sim.sensors import Random
+from mujoco_sim.sensors import SensorTag
+from mujoco_sim.sensors import Site
+from mujoco_sim.sensors import TagReader
 from mujoco_sim.sensors.camera import Camera
 from mujoco_sim.sensors.camera import CAMERA_TYPES
 from mujoco_sim.sensors.camera import read_camera
 from mujoco_sim.sensors.lidar import Lidar
 from mujoco_sim.sensors.lidar import LIDAR_TYPES
 from mujoco_sim.sensors.lidar import read_lidar
-from mujoco_sim.sensors.mount import Fields
-from mujoco_sim.sensors.mount import Random
-from mujoco_sim.sensors.mount import Site
-from mujoco_sim.sensors.tags import legal_topic
-from mujoco_sim.sensors.tags import SensorTag
-from mujoco_sim.sensors.tags import TagReader
 
 
 class Sensor(Protocol):

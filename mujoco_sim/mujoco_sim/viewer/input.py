@@ -15,7 +15,7 @@ from wasd_core.key_events import REPEAT_RATE
 from wasd_core.key_events import with_event
 from wasd_core.timing import Watchdog
 
-from mujoco_sim.viewer.turns import Turns
+from mujoco_sim.viewer import Turns
 
 # What is held down on a page counts for so long after it was heard [s]: with every picture.
 SILENCE = 0.5

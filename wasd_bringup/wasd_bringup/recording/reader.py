@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
 from mcap.reader import make_reader
-from mujoco_sim.untold import Payload
-from mujoco_sim.untold import Untold
+from mujoco_sim.parameters import Payload
+from mujoco_sim.parameters import Untold
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_core.errors import one_line

@@ -82,8 +82,8 @@ class _ImuNoise:
     """The compiled part, loaded with the first IMU: only legs have one, and it takes a while."""
 
     def __init__(self, noise: SensorNoise) -> None:
-        from mujoco_sim.sensors.imu_noise import add_noise
-        from mujoco_sim.sensors.imu_noise import NoiseSizes
+        from mujoco_sim.compiled import add_noise
+        from mujoco_sim.compiled import NoiseSizes
 
         self.drifts = bool(noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk)
         white = noise.orientation, noise.angular_velocity, noise.acceleration

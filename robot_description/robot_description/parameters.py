@@ -24,6 +24,6 @@ state_publisher = Executable(
     name='state_publisher',
     module='robot_description.state_publisher_node',
     about="Publishes robot_description, and from joint_states where the robot's links are: /tf.",
-    parameters=('robot_description.executables:StatePublisherParameters',),
+    parameters=('robot_description.parameters:StatePublisherParameters',),
     example='state_publisher --ros-args -p description:=mbot -p use_sim_time:=true',
 )
