@@ -14,7 +14,6 @@ from robot_description.meshes import load
 from robot_description.meshes.load import load_mesh
 from robot_description.mujoco.builder import compile_model
 from robot_description.mujoco.builder import to_mujoco
-import trimesh
 from wasd_core.errors import DescriptionError
 
 FORMATS = ('stl', 'obj', 'ply', 'glb', 'dae')
@@ -50,6 +49,8 @@ def robot(tmp_path: Path) -> Callable[[str], Path]:
 @pytest.fixture(scope='module')
 def balls() -> dict[str, bytes]:
     """Return a ball of radius 0.1 m in each format."""
+    import trimesh
+
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
     exported = {name: ball.export(file_type=name) for name in FORMATS}
     return {k: v.encode() if isinstance(v, str) else v for k, v in exported.items()}
@@ -136,6 +137,8 @@ SIZES = [
 
 @pytest.mark.parametrize(('size', 'scale', 'said'), SIZES)
 def test_a_size_is_compared_with_the_robot(size, scale, said, robot, tmp_path):
+    import trimesh
+
     trimesh.creation.box((0.2 * size, 0.1 * size, 0.1 * size)).export(tmp_path / 'box.stl')
     path = robot(f'<visual>{mesh("box.stl", scale)}</visual><collision>{BOX}</collision>')
     found = [one.message for one in lint(path) if one.rule.code == 'mesh-size']
@@ -169,6 +172,8 @@ def test_a_mesh_is_decoded_once_to_be_measured_and_simulated(robot, balls, tmp_p
 
 
 def test_files_of_one_name_stay_apart(robot, tmp_path):
+    import trimesh
+
     for name, size in (('one', 0.1), ('other', 0.3)):
         (tmp_path / name).mkdir()
         trimesh.creation.box((size,) * 3).export(tmp_path / name / 'box.stl')

@@ -20,7 +20,6 @@ from robot_description.morphology.quadruped import scale_of
 from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
 from robot_description.xacro.expand import expand
-import trimesh
 
 HIPS = {'FL': (0.2, 0.05), 'FR': (0.2, -0.05), 'RL': (-0.2, 0.05), 'RR': (-0.2, -0.05)}
 
@@ -179,6 +178,8 @@ def test_the_lowest_point_of_a_foot_is_that_of_its_shape(
 @pytest.mark.parametrize('named', [False, True])
 def test_the_lowest_point_of_a_mesh_is_the_foot(tmp_path: Path, named: bool) -> None:
     """A shin that ends in a ball: its lowest point, and the ball's radius, within a millimetre."""
+    import trimesh
+
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.02)
     ball.apply_translation((0.01, 0.0, -0.24))
     shin = trimesh.creation.box((0.02, 0.02, 0.2))
