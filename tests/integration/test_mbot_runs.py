@@ -99,7 +99,7 @@ def test_odometry_is_within_1_mm_on_a_square_of_4_x_1_m(report_of: RunMbot) -> N
 def test_the_same_script_gives_the_same_samples(wasd: Any) -> None:
     script = '0.2 u*20\n1.5 q m*30\n3 k'
     pushed = ('--push', '1 2 3 0 0.2', '--seed', '7', '--duration', '4')
-    first, again = (wasd.anew().report('mbot', *pushed, play=script) for _ in range(2))
+    first, again = (run.report('mbot', *pushed, play=script) for run in (wasd, wasd.anew()))
     assert first['samples'] == again['samples']
 
 
