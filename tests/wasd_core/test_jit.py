@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+import starting
 
 import wasd_core
 
@@ -36,7 +37,8 @@ class Kernels:
         self.package.joinpath('__init__.py').touch()
         self.set_size(1)
         self.package.joinpath('size.py').write_text(KERNELS)
-        self.environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
+        folder.joinpath('use.py').write_text(USE)
+        self.environment = dict(os.environ)
 
     def set_size(self, size: int) -> None:
         """Change a file that the kernel is compiled of, beside its own."""
@@ -44,8 +46,8 @@ class Kernels:
 
     def start(self, place: str = '.') -> 'subprocess.Popen[str]':
         """Start a process that has loaded the kernel, from a folder, and waits."""
-        process = subprocess.Popen(
-            [sys.executable, '-c', USE],
+        process = starting.Popen(
+            [sys.executable, '-m', 'use'],
             cwd=self.folder / place,
             env=self.environment,
             stdin=subprocess.PIPE,
@@ -82,6 +84,7 @@ def test_a_kernel_knows_the_other_files_of_its_package_under_any_name_of_it(kern
     """As it is in a colcon workspace of links."""
     (kernels.folder / 'install').mkdir()
     (kernels.folder / 'install/kernels').symlink_to(kernels.package)
+    (kernels.folder / 'install/use.py').symlink_to(kernels.folder / 'use.py')
     assert kernels.use() == '1'
     assert kernels.use('install') == '1 1'
     assert kernels.use() == '1 1'
@@ -120,6 +123,7 @@ def test_a_kernel_knows_the_files_of_wasd_core(kernels):
     ignored = shutil.ignore_patterns('__pycache__')
     shutil.copytree(Path(wasd_core.__file__).parent, ours, ignore=ignored)
     (ours / 'weight.py').write_text('GRAVITY = 9.81')
+    kernels.environment['PYTHONPATH'] = str(kernels.folder)  # started from the beginning
     (kernels.package / 'numbers.py').write_text('from wasd_core.weight import GRAVITY as SIZE')
     assert kernels.use() == '9.81'
     (ours / 'weight.py').write_text('GRAVITY = 3.7')
