@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 import pytest
+import starting
 
 HERE = Path(__file__).parent
 RUNS = {
@@ -33,15 +34,18 @@ def played(log_directory: Path, ros_domains, tmp_path_factory) -> dict[str, dict
     results = {}
     for module, words in RUNS.items():
         environment = os.environ | {
-            'PYTHONPATH': os.pathsep.join([str(HERE), str(HERE.parent)]),
             'ROS_DOMAIN_ID': str(next(ros_domains)),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
             'ROS_LOG_DIR': str(log_directory),
             'XDG_CONFIG_HOME': str(tmp_path_factory.mktemp('config')),
         }
-        program = [sys.executable, str(HERE / 'run_scenarios.py'), module, *words]
-        done = subprocess.run(
-            program, env=environment, capture_output=True, text=True, timeout=400, check=False
+        done = starting.run(
+            [sys.executable, '-m', 'run_scenarios', module, *words],
+            timeout=400,
+            env=environment,
+            cwd=HERE.parent,
+            stdin=subprocess.DEVNULL,
+            text=True,
         )
         assert done.returncode == 0, done.stderr
         results[module] = json.loads(done.stdout.splitlines()[-1])
@@ -49,6 +53,7 @@ def played(log_directory: Path, ros_domains, tmp_path_factory) -> dict[str, dict
 
 
 @pytest.mark.slow
+@pytest.mark.takes_up_to(1200.0)
 @pytest.mark.parametrize(('module', 'name'), scenarios())
 def test_the_panels_do_what_they_say(played, module, name):
     assert played[module][f'scenario_{name}'] == ''

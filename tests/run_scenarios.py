@@ -2,7 +2,7 @@
 """
 A run with its page in one process, and what a hand does on the page in another thread of it.
 
-As a program, `python run_scenarios.py MODULE WORDS...`, it runs `wasd WORDS` and every function
+As a program, `python -m run_scenarios MODULE WORDS...`, it runs `wasd WORDS` and every function
 `scenario_*` of a module with the Page, and prints what failed as JSON; Studio has one page in a
 process.
 """
@@ -11,6 +11,7 @@ import argparse
 from collections.abc import Callable
 import importlib
 import json
+from pathlib import Path
 import sys
 import threading
 import time
@@ -29,6 +30,7 @@ from wasd_core.node import init_ros
 # How long anything may take on a busy machine [s].
 PATIENCE = 20.0
 DESK = (1280, 720)
+SCENARIOS = Path(__file__).with_name('wasd_cockpit')
 
 
 class Page:
@@ -160,4 +162,5 @@ def run_with_hand(words: list[str], play: Callable[[Page], None], visuals: bool 
 
 
 if __name__ == '__main__':
+    sys.path.append(str(SCENARIOS))
     print(json.dumps(run(sys.argv[1], sys.argv[2:])))
