@@ -22,6 +22,8 @@ COMMANDS = {'describe': ('info', 'mbot')}  # no node: it ends by itself
 # Where the checkout has not compiled it, the leg controller takes a minute of a core.
 PATIENCE = 180.0
 
+pytestmark = pytest.mark.takes_up_to(2.0 * PATIENCE)
+
 WHERE = """
 import importlib, json, sys
 from robot_description.packages import share_directory

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tests are marked by what they use, and no two workers share a ROS domain."""
+"""Tests are marked by what they use; no two workers share a ROS domain, none hangs for ever."""
 
 from pathlib import Path
 
@@ -69,6 +69,46 @@ def test_a_test_that_is_quick_by_its_marks_cannot_start_a_process(sample):
     done = sample.runpytest_subprocess('-m', 'not process and not ros')
     done.assert_outcomes(passed=1, failed=1, deselected=2)
     done.stdout.fnmatch_lines(['*test_liar is marked quick, but causes os.system*'])
+
+
+HANGS = """
+import ctypes
+
+
+def test_hangs():
+    ctypes.PyDLL(None).sleep(60)  # as a library does that waits with Python's lock
+
+
+def test_after():
+    assert True
+"""
+
+
+def test_a_worker_that_hangs_is_ended_and_the_test_named(pytester, monkeypatch):
+    pytester.makepyfile(hanging=(ROOT / 'tests/hanging.py').read_text(), test_sample=HANGS)
+    pytester.makeconftest("pytest_plugins = ['hanging']")
+    monkeypatch.setenv('WASD_TEST_LIMIT', '1')
+    done = pytester.runpytest_subprocess('-n', '1')
+    done.assert_outcomes(passed=1, failed=1)
+    done.stdout.fnmatch_lines(["*worker 'gw0' crashed while running 'test_sample.py::test_hangs'"])
+    done.stderr.fnmatch_lines(['*test_sample.py", line * in test_hangs'])
+
+
+def test_the_longest_files_come_first(request):
+    ranks = {name: rank for rank, name in enumerate(longest_files(request))}
+    files = list(dict.fromkeys(item.path.stem[5:] for item in request.session.items))
+    assert files == sorted(files, key=lambda name: ranks.get(name, len(ranks)))
+    known = {path.stem[5:] for path in (ROOT / 'tests').rglob('test_*.py')}
+    assert set(ranks) <= known
+
+
+def longest_files(request):
+    (plugin,) = (
+        plugin
+        for plugin in request.config.pluginmanager.get_plugins()
+        if getattr(plugin, '__file__', None) == str(ROOT / 'tests/conftest.py')
+    )
+    return plugin.LONGEST
 
 
 def test_workers_share_no_ros_domain(domains_of_worker):

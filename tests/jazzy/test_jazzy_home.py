@@ -12,7 +12,7 @@ import pytest
 from rclpy.node import Node
 from sourced_jazzy import FROM_APT
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(3600.0)]
 
 EXECUTABLES = {name: target.partition('.')[0] for name, target in SCRIPTS.items()}
 SOURCED = '. ~/ros2_ws/install/setup.bash; '

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Ends a process of the tests that hangs, and shows where it did.
+
+Nothing in Python ends a wait in a library that holds Python's lock, and a worker that hangs keeps
+the whole run from its end. So a thread of C looks at the time: it writes what each thread does,
+and ends the process. What shared the tests among workers then names the test, and goes on with
+another worker.
+"""
+
+from collections.abc import Iterator
+import faulthandler
+import os
+from typing import Any
+
+import pytest
+
+# A test takes seconds, and on a busy machine some ten times as long [s].
+LIMIT = 120.0
+
+_stderr = pytest.StashKey[int]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Declare the mark, and keep standard error: that of a running test is kept from view."""
+    line = 'takes_up_to(seconds): may take longer than others before it counts as hanging'
+    config.addinivalue_line('markers', line)
+    config.stash[_stderr] = os.dup(2)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
+    """Watch a test with its fixtures."""
+    mark = item.get_closest_marker('takes_up_to')
+    limit = float(os.environ.get('WASD_TEST_LIMIT', mark.args[0] if mark else LIMIT))
+    faulthandler.dump_traceback_later(limit, exit=True, file=item.config.stash[_stderr])
+    try:
+        return (yield)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
