@@ -114,7 +114,7 @@ def _folder(text: str) -> Path:
 
 
 def _expand(options: argparse.Namespace) -> int:
-    from robot_description.xacro.expand import expand_document
+    from robot_description.xacro import expand_document
 
     expansion = expand_document(options.path, options.arguments, options.package_path)
     for place, text in expansion.warnings:

@@ -11,8 +11,8 @@ from typing import Any
 
 from wasd_core.errors import DescriptionError
 
-from robot_description.meshes.contents import open_meshes
-from robot_description.meshes.contents import with_stand_ins
+from robot_description.meshes import open_meshes
+from robot_description.meshes import with_stand_ins
 from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.morphology.equip_wheels import equip_drive
@@ -30,7 +30,7 @@ from robot_description.robot import credible_inertias
 from robot_description.robot import impossible_inertias
 from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import expand_document
+from robot_description.xacro import expand_document
 
 # Without a handler Python writes warnings to standard error, a line each.
 LOGGER = logging.getLogger(__name__)

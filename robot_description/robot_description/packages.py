@@ -3,7 +3,6 @@
 
 from collections.abc import Iterator, Sequence
 from functools import cache
-import importlib.util
 import os
 from pathlib import Path
 import re
@@ -22,15 +21,9 @@ IGNORE_MARKERS = {'COLCON_IGNORE', 'AMENT_IGNORE', 'CATKIN_IGNORE', 'pyvenv.cfg'
 # How far up a package or workspace is looked for, how many folders are looked through.
 LEVELS = 6
 MOST_FOLDERS = 20_000
-# Packages of this project: their shared files lie inside the import package, in every home.
-OWN_PACKAGES = (
-    'diff_drive_sim',
-    'mujoco_sim',
-    'quadruped_sim',
-    'robot_description',
-    'teleop_keyboard',
-    'wasd_bringup',
-)
+# The package with our robots: they lie inside the import package, in every home. What others of
+# ours share lies where ament has it.
+OWN_PACKAGE = 'robot_description'
 EXAMPLE_ROBOT_DATA = 'example-robot-data'
 DESCRIPTIONS = {
     'go2': 'urdf/go2/go2.urdf.xacro',
@@ -201,7 +194,7 @@ class PackageFinder:
             return
         for folder in self.search:
             yield from self._in_given_folder(folder, name)
-        own = _import_folder(name) if name in OWN_PACKAGES else None
+        own = _own_folder() if name == OWN_PACKAGE else None
         if own is not None and self._is_ours(own):
             yield own
         yield from self.own_named(name)
@@ -243,16 +236,15 @@ def share_directory(name: str, search: Sequence[Path] = ()) -> Path:
 
 def installed_folders() -> list[Path]:
     """Return the folders under which installed packages keep their shared files."""
-    own = [folder for name in OWN_PACKAGES if (folder := _import_folder(name)) is not None]
-    return [*own, *_data_folders(), *(prefix / 'share' for prefix in _ament_prefixes())]
+    return [
+        _own_folder(),
+        *_data_folders(),
+        *(prefix / 'share' for prefix in _ament_prefixes()),
+    ]
 
 
-@cache
-def _import_folder(name: str) -> Path | None:
-    found = importlib.util.find_spec(name)
-    if found is None or not found.submodule_search_locations:
-        return None
-    return Path(found.submodule_search_locations[0])
+def _own_folder() -> Path:
+    return Path(__file__).parent
 
 
 def _data_folders() -> list[Path]:

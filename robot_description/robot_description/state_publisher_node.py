@@ -22,8 +22,8 @@ from wasd_core.topics import TfBroadcaster
 
 from robot_description.description import Description
 from robot_description.description import read_description
-from robot_description.joint_names import unknown_joint_warning
 from robot_description.meshes.files import published_urdf
+from robot_description.morphology import unknown_joint_warning
 from robot_description.packages import description_path
 from robot_description.parameters import state_publisher
 from robot_description.parameters import StatePublisherParameters

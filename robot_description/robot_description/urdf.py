@@ -13,7 +13,7 @@ from wasd_core.rotations import Origin
 from wasd_core.rotations import rpy_matrix
 from wasd_core.safe_files import check_xml
 
-from robot_description.joint_names import hint_at
+from robot_description.morphology import hint_at
 from robot_description.robot import Colour
 from robot_description.robot import GREY
 from robot_description.robot import Joint

@@ -24,7 +24,10 @@ ONE_HOME = {
     'worlds': ({'flat', 'room'}, 'mujoco_sim.scene'),
     'terrains': ({'slope', 'stairs', 'step', 'boxes'}, 'mujoco_sim.scene'),
     'drive modes': ({'float', 'arbotix', 'fake'}, 'diff_drive_sim.__init__'),
-    'opposite sides': ({'left', 'right', 'front', 'back'}, 'robot_description.joint_names'),
+    'opposite sides': (
+        {'left', 'right', 'front', 'back'},
+        'robot_description.morphology.__init__',
+    ),
 }
 
 

@@ -7,7 +7,7 @@ import time
 
 from diff_drive_sim.controller_file import read_controller_file
 import pytest
-from robot_description.xacro.expand import expand
+from robot_description.xacro import expand
 from teleop_keyboard.keymap_file import load_preset
 from wasd_core.errors import UserError
 

@@ -29,7 +29,7 @@ sys.addaudithook(count_pythons)
 import pinocchio
 from robot_description import urdf
 from robot_description.morphology import quadruped
-from robot_description.xacro import expand
+from robot_description import xacro
 
 def count(module, name, what):
     real = getattr(module, name)
@@ -38,7 +38,7 @@ def count(module, name, what):
         return real(*arguments, **options)
     setattr(module, name, counted)
 
-count(expand, 'expand_document', 'read')
+count(xacro, 'expand_document', 'read')
 count(urdf, 'parse_urdf', 'parsed')
 count(quadruped, 'find_quadruped', 'recognised')
 for name in dir(pinocchio):

@@ -6,12 +6,14 @@ import errno
 import os
 from pathlib import Path
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
-from robot_description.xacro import bounded
-from robot_description.xacro.bounded import OutOfBounds
-from robot_description.xacro.bounded import run_bounded
+from robot_description.xacro import sandbox
+from robot_description.xacro.sandbox import OutOfBounds
+from robot_description.xacro.sandbox import run_bounded
 
 
 @pytest.fixture(autouse=True)
@@ -98,6 +100,34 @@ def test_a_crash_says_where():
 
 
 def test_too_long_an_answer_is_refused(monkeypatch):
-    monkeypatch.setattr(bounded, 'LARGEST_ANSWER', 10)
+    monkeypatch.setattr(sandbox, 'LARGEST_ANSWER', 10)
     with pytest.raises(OutOfBounds, match='or made more than'):
         run_bounded(answer, {'a': 'x' * 100})
+
+
+ORPHAN = """
+import os, signal
+from robot_description.xacro.sandbox import run_bounded
+
+def answer_nobody(job, note):
+    os.kill(os.getppid(), signal.SIGKILL)
+    return {size} * 'x'
+
+run_bounded(answer_nobody, {{}})
+"""
+
+
+@pytest.mark.parametrize('size', [1, 1_000_000])  # what a pipe holds, and more
+def test_a_child_whose_parent_was_killed_ends(size):
+    # Both have its output: `run` returns when the last of them has ended.
+    words = [sys.executable, '-c', ORPHAN.format(size=size)]
+    done = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=20)
+    assert done.returncode == -signal.SIGKILL
+    assert done.stdout == b''
+
+
+def test_a_child_that_waits_for_ever_ends_by_itself(monkeypatch):
+    monkeypatch.setattr(sandbox, 'WALL', 0.5)
+    monkeypatch.setattr(sandbox.select, 'select', lambda *wanted: [True])
+    with pytest.raises(OutOfBounds, match='^took more than 0.5 s'):
+        run_bounded(lambda job, note: time.sleep(60.0), {})

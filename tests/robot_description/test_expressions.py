@@ -6,10 +6,10 @@ import math
 import threading
 
 import pytest
-from robot_description.xacro import bounded
-from robot_description.xacro.expand import expand
-from robot_description.xacro.expand import expand_document
-from robot_description.xacro.expressions import evaluate
+from robot_description.xacro import expand
+from robot_description.xacro import expand_document
+from robot_description.xacro import sandbox
+from robot_description.xacro.sandbox import evaluate
 from wasd_core.errors import DescriptionError
 import xacro
 
@@ -178,10 +178,10 @@ def test_a_new_python_expands_where_no_process_can_be_forked(tmp_path, monkeypat
     (tmp_path / 'part.xacro').write_text(PART)
     (tmp_path / 'numbers.yaml').write_text('wheel: {radius: 0.06}')
     forked = expand_document(path)
-    monkeypatch.setattr(bounded, 'CAN_FORK', False)
+    monkeypatch.setattr(sandbox, 'CAN_FORK', False)
     assert expand_document(path) == forked
     path.write_text(FEATURES.replace('left', '${max(range(10**10))}'))
-    monkeypatch.setattr(bounded, 'WALL', 1.0)
+    monkeypatch.setattr(sandbox, 'WALL', 1.0)
     with pytest.raises(DescriptionError, match='1: expanding robot.xacro took more than 1 s'):
         expand(path)
 

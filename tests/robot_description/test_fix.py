@@ -9,7 +9,7 @@ from robot_description.fix import FIXES
 from robot_description.fix import mend
 from robot_description.lint import lint
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import expand
+from robot_description.xacro import expand
 from wasd_core.errors import DescriptionError
 
 FIXTURES = Path(__file__).parent / 'fixtures'

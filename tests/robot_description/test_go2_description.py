@@ -14,7 +14,7 @@ from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import description_path
 from robot_description.packages import share_directory
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import expand
+from robot_description.xacro import expand
 
 LEGS = ('FL', 'FR', 'RL', 'RR')
 PARTS = ('hip', 'thigh', 'calf')

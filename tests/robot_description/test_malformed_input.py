@@ -220,10 +220,10 @@ PATHS = {
 READER = """
 import json, os, pathlib, resource, sys
 from wasd_core.errors import DescriptionError
-from robot_description.xacro import bounded
-from robot_description.xacro.expand import expand
+from robot_description.xacro import sandbox
+from robot_description.xacro import expand
 from robot_description.urdf import parse_urdf
-bounded.CPU = float(sys.argv[1])
+sandbox.CPU = float(sys.argv[1])
 for line in sys.stdin:
     started = sum(os.times()[:4])
     try:

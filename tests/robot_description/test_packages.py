@@ -7,7 +7,10 @@ import sys
 
 import pytest
 from robot_description.packages import EXAMPLE_ROBOT_DATA
+from robot_description.packages import OWN_PACKAGE
 from robot_description.packages import share_directory
+from source_trees import PACKAGES
+from source_trees import ROOT
 from wasd_core.errors import PackageNotFound
 
 
@@ -54,3 +57,17 @@ def test_a_wheel_is_found_after_pip_install_user(tmp_path):
 
     share = make_wheel(Path(run(ask)))
     assert run(find, *sources) == str(share)
+
+
+@pytest.mark.parametrize('package', PACKAGES)
+def test_each_of_our_packages_is_found_where_its_shared_files_are(package):
+    found = share_directory(package)
+    if package == OWN_PACKAGE:
+        assert (found / 'urdf/go2/go2.urdf.xacro').is_file()
+        return
+    assert (found / 'package.xml').read_bytes() == (ROOT / package / 'package.xml').read_bytes()
+    for folder in ('config', 'foxglove', 'launch', 'rviz'):
+        for path in (ROOT / package / folder).rglob('*.*'):
+            if '__pycache__' not in path.parts:
+                shared = found / path.relative_to(ROOT / package)
+                assert shared.read_bytes() == path.read_bytes()

@@ -14,7 +14,7 @@ from robot_description.packages import description_path
 from robot_description.packages import DESCRIPTIONS
 from robot_description.state_publisher_node import main
 from robot_description.state_publisher_node import StatePublisherNode
-from robot_description.xacro.expand import expand
+from robot_description.xacro import expand
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from wasd_core.topics import TfBroadcaster

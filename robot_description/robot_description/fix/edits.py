@@ -13,13 +13,13 @@ from wasd_core.safe_files import Place
 
 from robot_description.fix.workspace import Edit
 from robot_description.fix.workspace import Workspace
-from robot_description.joint_names import hint_at
-from robot_description.joint_names import OPPOSITE
-from robot_description.joint_names import sides
 from robot_description.lint.geometry import find_wheels
 from robot_description.lint.geometry import FOOTPRINT
 from robot_description.lint.geometry import swapped_pairs
 from robot_description.lint.model import Element
+from robot_description.morphology import hint_at
+from robot_description.morphology import OPPOSITE
+from robot_description.morphology import sides
 from robot_description.xacro.source import PREFIX
 from robot_description.xacro.source import SourceTag
 from robot_description.xacro.source import unprefixed_calls

@@ -20,8 +20,8 @@ from robot_description.meshes.resolver import resolve_meshes
 from robot_description.packages import own_folder
 from robot_description.packages import PackageFinder
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import Expansion
-from robot_description.xacro.expand import XacroSession
+from robot_description.xacro import Expansion
+from robot_description.xacro import XacroSession
 from robot_description.xacro.source import parse_source
 from robot_description.xacro.source import SourceTag
 

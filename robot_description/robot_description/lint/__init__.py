@@ -15,14 +15,14 @@ from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
-from robot_description.meshes.contents import open_meshes
+from robot_description.meshes import open_meshes
 from robot_description.meshes.resolver import MeshRecord
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.meshes.resolver import SIZE
 from robot_description.meshes.resolver import UNUSABLE
 from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
-from robot_description.xacro.expand import XacroSession
+from robot_description.xacro import XacroSession
 from robot_description.xacro.source import unprefixed_calls
 from robot_description.xacro.source import XACRO_TAGS
 

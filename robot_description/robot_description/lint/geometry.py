@@ -8,15 +8,15 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.rotations import Pose
 
-from robot_description.joint_names import OPPOSITE
-from robot_description.joint_names import part
-from robot_description.joint_names import sides
-from robot_description.joint_names import words
 from robot_description.lint.model import Element
 from robot_description.lint.model import end
 from robot_description.lint.model import Model
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
+from robot_description.morphology import OPPOSITE
+from robot_description.morphology import part
+from robot_description.morphology import sides
+from robot_description.morphology import words
 from robot_description.robot import Robot
 from robot_description.urdf import INERTIA_COMPONENTS
 

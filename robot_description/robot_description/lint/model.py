@@ -13,7 +13,7 @@ from wasd_core.rotations import rpy_matrix
 from wasd_core.safe_files import Place
 
 from robot_description.robot import MOVABLE
-from robot_description.xacro.expand import Expansion
+from robot_description.xacro import Expansion
 
 MOVING_KINDS = (*MOVABLE, 'floating', 'planar')
 

@@ -8,16 +8,16 @@ import re
 
 from wasd_core.safe_files import Place
 
-from robot_description.joint_names import guess_name
-from robot_description.joint_names import hint_at
-from robot_description.joint_names import sides
-from robot_description.joint_names import words
 from robot_description.lint.model import Element
 from robot_description.lint.model import end
 from robot_description.lint.model import Model
 from robot_description.lint.model import MOVING_KINDS
 from robot_description.lint.rules import Finding
 from robot_description.lint.rules import finding
+from robot_description.morphology import guess_name
+from robot_description.morphology import hint_at
+from robot_description.morphology import sides
+from robot_description.morphology import words
 from robot_description.robot import WORLD_LINK
 
 # Tag: what it may hold. After the URDF specification of urdfdom 4.

@@ -13,8 +13,8 @@ from urllib.parse import unquote
 import xml.etree.ElementTree as ElementTree
 from xml.sax.saxutils import quoteattr
 
-from robot_description.joint_names import SIDES
-from robot_description.joint_names import words
+from robot_description.morphology import SIDES
+from robot_description.morphology import words
 from robot_description.packages import manifest_name
 from robot_description.packages import own_package
 

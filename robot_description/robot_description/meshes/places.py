@@ -16,8 +16,8 @@ from robot_description.packages import installed_folders
 from robot_description.packages import linked
 from robot_description.packages import manifest_name
 from robot_description.packages import own_folder
+from robot_description.packages import OWN_PACKAGE
 from robot_description.packages import own_package
-from robot_description.packages import OWN_PACKAGES
 
 # Where absolute paths begin.
 ROOT = Path('/')
@@ -182,7 +182,7 @@ class MeshPlaces:
     def _is_foreign(self, package: str) -> bool:
         """Whether a package is another robot's that the description's own does not ask for."""
         own = manifest_name(self._package) if self._package is not None else None
-        if own in (None, package) or own in OWN_PACKAGES:
+        if own in (None, package, OWN_PACKAGE):
             return False
         return package not in self._dependencies
 

@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from robot_description.joint_names import words
+from robot_description.morphology import words
 from robot_description.robot import Joint
 from robot_description.robot import Robot
 

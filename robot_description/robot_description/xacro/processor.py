@@ -30,9 +30,9 @@ import xacro
 from xacro import substitution_args
 
 from robot_description.packages import AllowedPaths
-from robot_description.xacro.bounded import MEMORY
-from robot_description.xacro.expressions import evaluate
-from robot_description.xacro.expressions import evaluate_substitution
+from robot_description.xacro.sandbox import evaluate
+from robot_description.xacro.sandbox import evaluate_substitution
+from robot_description.xacro.sandbox import MEMORY
 from robot_description.xacro.source import check_format
 from robot_description.xacro.source import FOREIGN_TAGS
 from robot_description.xacro.source import unprefixed_calls

@@ -1,26 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Runs work on strangers' files in a child process of bounded time and memory.
+What strangers' files may do: expressions of known names alone, in a child process of bounded
+time and memory.
 
 On Linux the child is a fork: it has all modules at once. It touches no lock but its own, also
 where other threads held some: it collects no garbage of theirs, prints nothing and ends without
 any clean-up. Elsewhere it is a new Python, which the wall clock alone bounds.
 """
 
-from collections.abc import Callable, Mapping
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 import gc
 import json
+import math
 import mmap
 import os
 from pathlib import Path
 import select
 import signal
+import string
 import subprocess
 import sys
+from types import CodeType
 from typing import Any, BinaryIO, NoReturn
 
 from wasd_core.errors import DescriptionError
 
+# Whose public attributes are about themselves alone, xacro's tables and YAML being dictionaries.
+VALUES = (str, bytes, int, float, complex, list, tuple, dict, set, frozenset, range)
+FORMATS = ('format', 'format_map')
+# What expressions call for each `a.b`; two underscores begin no name that a file may use.
+ATTRIBUTE = '__attribute'
 CPU = 1.5  # [s]; the largest robots of others take a third of it
 MEMORY = 256_000_000  # [B] above what is in use
 WALL = 60.0  # [s], on a machine where others have the processor
@@ -35,6 +46,84 @@ import importlib, json, sys
 sys.path[:], module, name, job = json.load(sys.stdin)
 json.dump(getattr(importlib.import_module(module), name)(job, lambda note: None), sys.stdout)
 """
+
+
+def evaluate(text: str, names: dict[str, Any], local_names: Any = None) -> Any:
+    """
+    Return the value of a Python expression in which only `names` are known.
+
+    Raises:
+        DescriptionError: it uses what leads out of the expression.
+        Exception: whatever Python says about the expression.
+    """
+    code = _compile(text.strip())
+    dict.__setitem__(names, '__builtins__', {ATTRIBUTE: _attribute})  # past xacro's own table
+    return eval(code, names, local_names)
+
+
+def evaluate_substitution(text: str, _: Any, local_names: Any) -> Any:
+    """Return the value of `$(eval text)`; `local_names` has arguments and functions."""
+    return evaluate(text, {}, local_names)
+
+
+@lru_cache(maxsize=1024)
+def _compile(text: str) -> CodeType:
+    tree = ast.parse(text, '<expression>', 'eval')
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and node.id.startswith('__'):
+            raise _refused(node.id)
+        if isinstance(node, ast.Attribute) and not isinstance(node.ctx, ast.Load):
+            raise _refused(node.attr)
+    return compile(ast.fix_missing_locations(_Guarded().visit(tree)), '<expression>', 'eval')
+
+
+class _Guarded(ast.NodeTransformer):
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:  # noqa: N802
+        """Replace `a.b` by `__attribute(a, 'b')`."""
+        self.generic_visit(node)
+        function = ast.Name(ATTRIBUTE, ast.Load())
+        return ast.Call(function, [node.value, ast.Constant(node.attr)], [])
+
+
+def _attribute(value: Any, name: str) -> Any:
+    """
+    Return an attribute of a plain value, or of a type of them.
+
+    Functions, generators and classes have attributes that lead into the interpreter, and so have
+    the fields of a format.
+    """
+    is_type = any(value is kind for kind in VALUES)
+    is_formatted = name in FORMATS
+    is_key = isinstance(value, dict) and name in value and not name.startswith('__')
+    if (name.startswith('_') and not is_key) or not (is_type or isinstance(value, VALUES)):
+        raise _refused(name)
+    if is_formatted and is_type:
+        raise _refused(name)
+    if is_formatted and isinstance(value, str):
+        return _Formatter(value).call if name == 'format' else _Formatter(value).call_map
+    return getattr(value, name)
+
+
+class _Formatter(string.Formatter):
+    """`str.format` whose fields name values and their items, but no attributes."""
+
+    def __init__(self, template: str) -> None:
+        self._template = template
+
+    def call(self, *arguments: Any, **named: Any) -> str:
+        return self.vformat(self._template, arguments, named)
+
+    def call_map(self, named: Mapping[str, Any]) -> str:
+        return self.vformat(self._template, (), named)
+
+    def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
+        if '.' in field_name:
+            raise _refused(field_name)
+        return super().get_field(field_name, args, kwargs)
+
+
+def _refused(name: str) -> DescriptionError:
+    return DescriptionError(f'{name!r} cannot be used in an expression')
 
 
 class OutOfBounds(DescriptionError):
@@ -63,6 +152,7 @@ def _in_fork(work: Work, job: Mapping[str, Any]) -> Any:
         try:
             child = os.fork()
             if child == 0:
+                os.close(reader)  # else its answer would wait for itself to be read
                 _be_child(work, job, note, writer)
         except OSError as error:
             raise OutOfBounds(f'needs a process of its own: {error.strerror}') from None
@@ -105,7 +195,11 @@ def _cause_of_death(status: int) -> str:
         return f'took more than {CPU:g} s of CPU time'
     if status == NO_MEMORY:
         return f'took more than {MEMORY / 1e6:g} MB'
-    if status in (0, -signal.SIGKILL):  # it may have ended before we gave up on it
+    if status in (
+        0,
+        -signal.SIGKILL,
+        -signal.SIGALRM,
+    ):  # it may have ended before we gave up on it
         return f'took more than {WALL:g} s, or made more than {LARGEST_ANSWER / 1e6:g} MB'
     if status == -signal.SIGSEGV:
         return 'ended Python: nested too deep?'
@@ -137,8 +231,10 @@ def _bound() -> None:
     """Bound this process. Signals stay blocked: what Ctrl-C ends is for the parent to say."""
     import resource  # Unix has it
 
-    signal.signal(signal.SIGPROF, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, (signal.SIGPROF,))
+    ends = (signal.SIGPROF, signal.SIGALRM)
+    for end in ends:
+        signal.signal(end, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ends)
     pages = int(Path('/proc/self/statm').read_text().split()[0])
     for limit, wanted in (
         (resource.RLIMIT_AS, pages * resource.getpagesize() + MEMORY),
@@ -148,6 +244,7 @@ def _bound() -> None:
         soft = wanted if most == resource.RLIM_INFINITY else min(wanted, most)
         resource.setrlimit(limit, (soft, most))
     signal.setitimer(signal.ITIMER_PROF, CPU)
+    signal.alarm(math.ceil(WALL))  # by itself, where nobody is left who would end it
 
 
 def _in_new_python(work: Work, job: Mapping[str, Any]) -> Any:
