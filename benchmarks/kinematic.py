@@ -14,6 +14,7 @@ from mujoco_sim.sensors.table import read_sensor_tags
 from numba import njit
 import numpy as np
 from robot_description.description import load_robot
+from slam_logs import cast
 from wasd_core.parameter_file import NodeKind
 from wasd_core.parameter_file import read_parameters
 from wasd_navigation.grid import FREE
@@ -80,32 +81,6 @@ def _covered(points: np.ndarray, boxes: np.ndarray, half: float) -> np.ndarray:
             along, across = abs(cos * x + sin * y), abs(cos * y - sin * x)
             found[index] |= along < box[2] + 0.9 * half and across < box[3] + 0.9 * half
     return found
-
-
-@njit(cache=True)
-def cast(pose: np.ndarray, angles: np.ndarray, boxes: np.ndarray, most: float) -> np.ndarray:
-    """Return ranges [m] from a pose along angles [rad]; infinite beyond `most`."""
-    ranges = np.full(angles.shape[0], np.inf)
-    for box in boxes:
-        cos, sin = math.cos(box[5]), math.sin(box[5])
-        x, y = pose[0] - box[0], pose[1] - box[1]
-        from_x, from_y = cos * x + sin * y, cos * y - sin * x
-        if math.hypot(x, y) - math.hypot(box[2], box[3]) > most:
-            continue
-        for index in range(angles.shape[0]):
-            angle = pose[2] + angles[index] - box[5]
-            to_x, to_y = math.cos(angle), math.sin(angle)
-            enter, leave = 0.0, most
-            for start, way, half in ((from_x, to_x, box[2]), (from_y, to_y, box[3])):
-                if abs(way) < 1e-12:
-                    if abs(start) > half:
-                        leave = -1.0
-                    continue
-                first, last = (-half - start) / way, (half - start) / way
-                enter, leave = max(enter, min(first, last)), min(leave, max(first, last))
-            if enter <= leave:
-                ranges[index] = min(ranges[index], enter)
-    return ranges
 
 
 @njit(cache=True)
