@@ -139,6 +139,22 @@ def test_a_long_robot_turns_before_a_gap_that_it_fits_through_one_way_only() -> 
     assert robot.gap(LONG) > 0.025
 
 
+def test_a_long_robot_goes_around_the_end_of_a_wall_no_farther_than_it_has_to() -> None:
+    robot = legs(room((2.9, 0.0, 3.05, 2.0)), (2.4, 1.3, -math.pi / 2))
+    robot.driver.set_goal(np.array((3.55, 1.3, math.pi / 2)))
+    while not len(robot.driver.path) or not robot.asked.any():
+        robot.run(DT)
+    # The shortest way of a disc as wide as the robot that keeps the margin: tangents, and arcs
+    # around both corners.
+    ahead, up, reach = 0.5, 0.7, LONG.inscribed + LEG_PLANNING.margin
+    tangent = math.sqrt(ahead**2 + up**2 - reach**2)
+    arc = reach * (math.atan2(up, ahead) + math.asin(reach / math.hypot(ahead, up)))
+    shortest = 2.0 * (tangent + arc) + 0.15
+    assert robot.driver.distance_left <= 1.15 * shortest
+    assert robot.run(60.0) == 'arrived'
+    assert robot.gap(LONG) > 0.025
+
+
 def test_what_is_asked_is_within_the_limits() -> None:
     robot = wheels()
     robot.driver.set_goal(np.array((0.6, 3.0, -1.0)))

@@ -293,8 +293,11 @@ class Driver:
             return False
         if route.values is None and not route.is_drawing:
             route.draw(self._around)
-        route.work(pose)
         if route.is_drawing:
+            route.work(pose)
+            if route.is_drawing or not route.is_settled:
+                return False
+        elif not route.settle(self._around, pose):
             return False
         self._is_new = False
         if route.left(pose) == math.inf:

@@ -81,16 +81,38 @@ def march_from(
     heap = make_heap(4 * rows * columns + 64)
     if np.isfinite(price[goal]):
         _begin(values, heap, price, goal, resolution)
-        _march(values, heap, price, resolution)
+        _march(values, heap, price, resolution, -1)
     reached = values < np.inf
     most = float(values[reached].max()) if reached.any() else 0.0
     out = np.where(escape & ~reached, np.float32(_ESCAPE_PRICE), np.float32(np.inf))
     heap.held[0] = 0
     _begin_at_edge(values, heap, out)
-    _march(values, heap, out, resolution)
+    _march(values, heap, out, resolution, -1)
     beyond = most + _BEYOND
     values[~(values < beyond)] = beyond
     return values, beyond
+
+
+def shortest(goal: np.ndarray, pose: np.ndarray, around: Surroundings, reach: float) -> float:
+    """
+    Return about the shortest way [m] between places of a disc that is clear by `reach` [m].
+
+    It is looked for in cells twice as large: that is a matter of 3 ms. Infinite: there is none.
+    """
+    distances = around.distances.values[0]
+    rows, columns = (size // 2 for size in distances.shape)
+    room = distances[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2).max(axis=(1, 3))
+    ends = around.map_.to_cells(np.stack((goal[:2], pose[:2]))) // 2
+    ends = np.clip(ends, 0, (rows - 1, columns - 1))
+    price = np.where(room > reach, 1.0, np.inf).astype(np.float32)
+    price[tuple(ends.T)] = 1.0
+    values = np.full((rows, columns), np.inf, np.float32)
+    heap = make_heap(4 * rows * columns + 64)
+    resolution = 2.0 * around.map_.resolution
+    _begin(values, heap, price, (int(ends[0, 0]), int(ends[0, 1])), resolution)
+    row, column = map(int, ends[1])
+    _march(values, heap, price, resolution, row * columns + column)
+    return float(values[row, column])
 
 
 @jit
@@ -160,10 +182,15 @@ def _begin_at_edge(values: np.ndarray, heap: Heap, price: np.ndarray) -> None:
 
 
 @jit
-def _march(values: np.ndarray, heap: Heap, price: np.ndarray, resolution: float) -> None:
+def _march(
+    values: np.ndarray, heap: Heap, price: np.ndarray, resolution: float, until: int
+) -> None:
+    """Spread values until that of a cell, by its number, is known; -1: all of them."""
     rows, columns = values.shape
     while heap.held[0] > 0:
         value, cell = pop(heap)
+        if cell == until:
+            return
         row, column = cell // columns, cell % columns
         if value > values[row, column]:
             continue

@@ -39,8 +39,17 @@ _BEYOND = 10.0
 _AROUND = 1.5
 # A way has no more points than this, and so often each is moved to the mean of its neighbours.
 _MOST_POINTS, _SMOOTHINGS = 4000, 3
-# Turning is cheaper than its time: most of it is done under way.
-_TURNING = 0.35
+
+
+class Taste(NamedTuple):
+    """What a way is to be like: `comfort` is the share of the room that is wanted around it."""
+
+    comfort: float
+    turning: float  # what a turn costs, as a share of its time: most of it is done under way
+    is_even: bool  # a metre costs the same whichever way the robot looks
+
+
+EASY, SHORT = Taste(1.0, 0.35, False), Taste(0.5, 0.05, True)
 
 
 class Lattice(NamedTuple):
@@ -71,15 +80,16 @@ class Prices(NamedTuple):
     unseen: float  # what one costs more where nobody can say what is there
 
 
-def make_moves(base: Base, length: float) -> tuple[np.ndarray, np.ndarray]:
+def make_moves(base: Base, length: float, taste: Taste) -> tuple[np.ndarray, np.ndarray]:
     """Return moves and costs of a lattice whose places are `length` [m] apart; see Lattice."""
     turn = 2.0 * math.pi / HEADINGS
     moves = np.array([(1, 0, 0), (-1, 0, 0), *((0, up, right) for up, right in _STEPS)])
     ups, rights = moves[2:, 1], moves[2:, 2]
     # One comes from there, as what is left spreads from the goal: the other way round.
     bearings = np.arctan2(-ups, -rights) - turn * np.arange(HEADINGS)[:, None]
-    costs = np.full((HEADINGS, len(moves)), _turn_price(base) * turn)
-    costs[:, 2:] = length * np.hypot(ups, rights) * _dearness(base, bearings)
+    costs = np.full((HEADINGS, len(moves)), _turn_price(base, taste) * turn)
+    dearness = 1.0 if taste.is_even else _dearness(base, bearings)
+    costs[:, 2:] = length * np.hypot(ups, rights) * dearness
     return moves, costs
 
 
@@ -184,19 +194,21 @@ class HeadingField:
         circles: np.ndarray,
         base: Base,
         margin: float,
+        taste: Taste = EASY,
     ) -> None:
         # What is around may be another by the time that all is drawn.
         self._distances = around.distances.values[0]
         self._is_unseen = around.is_unseen[::COARSE, ::COARSE]
-        self._prices = Prices(margin, *around.prices)
+        comfort, lack, unseen = around.prices
+        self._prices = Prices(margin, taste.comfort * comfort, lack, unseen)
         self._covers = cover(circles, around.distances.resolution)
         shape = (HEADINGS, *self._is_unseen.shape)
         values, price = np.empty(shape, np.float32), np.empty(shape, np.float32)
         self.values = around.field_of(values, COARSE)
-        moves, costs = make_moves(base, self.values.resolution)
+        moves, costs = make_moves(base, self.values.resolution, taste)
         escapes = np.zeros(shape, np.uint8)
         self._lattice = Lattice(values, price, escapes, moves, costs, make_heap(8 * price.size))
-        self._goal, self._turning = goal, _turn_price(base)
+        self._goal, self._turning = goal, _turn_price(base, taste)
         self._priced = 0  # places
         self.is_done = False
         self.beyond = 0.0
@@ -271,9 +283,9 @@ def _smoothed(way: np.ndarray) -> np.ndarray:
     return smooth
 
 
-def _turn_price(base: Base) -> float:
+def _turn_price(base: Base, taste: Taste) -> float:
     """Return what turning costs [m/rad]."""
-    return _TURNING / float(base.most[2]) * float(base.most[0])
+    return taste.turning / float(base.most[2]) * float(base.most[0])
 
 
 def _begin(lattice: Lattice, goal: np.ndarray, places: Field, turning: float) -> None:

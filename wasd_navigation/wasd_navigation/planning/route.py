@@ -11,7 +11,10 @@ from wasd_navigation.planning.distance_field import Field
 from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.goal_field import DiscField
 from wasd_navigation.planning.goal_field import reaches
+from wasd_navigation.planning.goal_field import shortest
+from wasd_navigation.planning.heading_field import EASY
 from wasd_navigation.planning.heading_field import HeadingField
+from wasd_navigation.planning.heading_field import SHORT
 from wasd_navigation.planning.motion import Base
 from wasd_navigation.planning.motion import clearance
 from wasd_navigation.planning.motion import least_clearance
@@ -23,6 +26,10 @@ _OFF_WAY, _PASSED = 0.15, 20
 # So much of a field is drawn in one step: 3 ms, or 6 on a slow host; of one that is wanted soon
 # more, by this share.
 SLICE, _URGENT = 9000, 1.5
+# A way longer than the shortest by this factor is drawn once more, to be short rather than easy;
+# of ways longer than this that is not asked [m]. A short one keeps clear by so much, or by as much
+# as the easy one [m], and is shorter by this factor.
+_LONG, _FAR, _CLEAR, _SHORTER = 1.06, 15.0, 0.06, 0.98
 # Values are worked out anew when something changed, but no more often than this [s], and than the
 # latter when the way is blocked.
 _REDRAW, _REDRAW_BLOCKED = 1.0, 0.25
@@ -50,8 +57,9 @@ class Route:
     What is left from each place to one goal (x, y, yaw), and the way from one of them.
 
     `draw` begins to work it out for what is around now, each `work` goes on with it; until that is
-    good enough the last drawing holds, and `keep_up` sees to it that it is not too old. `way`,
-    shape (n, 3), are places and headings.
+    good enough the last drawing holds, and `keep_up` sees to it that it is not too old. `settle`
+    looks whether the way is a long one; `is_settled` says that it need not look. `way`, shape
+    (n, 3), are places and headings.
     """
 
     def __init__(
@@ -63,6 +71,9 @@ class Route:
         self._next: Drawing | None = None
         self._drawn, self._since_drawn = -1, 0.0  # revision of what is around, and its age [s]
         self._is_urgent = False
+        self._taste = EASY
+        self._easy: Drawing | None = None  # while there may be one that is short
+        self.is_settled = footprint.is_circle  # the way is not made shorter
         self.way = np.empty((0, 3))
 
     def draw(self, around: Surroundings) -> None:
@@ -73,7 +84,12 @@ class Route:
             self._next = DiscField(self.goal, around, reach)
         else:
             self._next = HeadingField(
-                self.goal, around, footprint.circles, self._base, parameters.margin
+                self.goal,
+                around,
+                footprint.circles,
+                self._base,
+                parameters.margin,
+                self._taste,
             )
         self._drawn, self._since_drawn = around.revision, 0.0
 
@@ -85,6 +101,31 @@ class Route:
                 self.way = self.way[:0]
         elif self._now is not None and not self._now.is_done:
             self._now.work(pose, budget)
+
+    def settle(self, around: Surroundings, pose: np.ndarray) -> bool:
+        """
+        Return whether the way that has been drawn from a pose is the one to drive.
+
+        Where it is long for its width, room and turns have made it so, and it is drawn once more.
+        """
+        if self.is_settled or self._now is None or self.left(pose) == math.inf:
+            return True
+        way = self._now.way_from(pose)
+        length = _length(way)
+        if self._easy is None:
+            width = self._footprint.inscribed
+            if length > _FAR or length <= _LONG * shortest(self.goal, pose, around, width):
+                self.is_settled = True
+                return True
+            self._easy, self._taste = self._now, SHORT
+            self.draw(around)
+            return False
+        easy, self._easy, self.is_settled = self._easy, None, True
+        clear = min(_CLEAR, self._clearance(around, easy.way_from(pose), _CLEAR))
+        is_near = self._clearance(around, way, _CLEAR) < clear
+        if is_near or length > _SHORTER * _length(easy.way_from(pose)):
+            self._now, self._taste = easy, EASY
+        return True
 
     def keep_up(self, around: Surroundings, pose: np.ndarray, dt: float) -> float:
         """Bring all up to date, `dt` [s] after the last time, and return what is left [m]."""
@@ -135,8 +176,16 @@ class Route:
     def is_blocked(self, around: Surroundings) -> bool:
         """Whether something is in the way that was not there when the way was drawn."""
         least = 0.25 * self._parameters.margin
-        room = least_clearance(around.distances, self._footprint.circles, self.way, least)
-        return bool(room < least)
+        return self._clearance(around, self.way, least) < least
+
+    def _clearance(self, around: Surroundings, way: np.ndarray, enough: float) -> float:
+        circles = self._footprint.circles
+        return float(least_clearance(around.distances, circles, way, enough))
+
+
+def _length(way: np.ndarray) -> float:
+    """Return the length of a way, shape (n, 3) [m]."""
+    return float(np.hypot(*np.diff(way[:, :2], axis=0).T).sum())
 
 
 def refusal(
