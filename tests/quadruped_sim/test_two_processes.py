@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A leg controller in a process of its own that is stopped in a trot, and goes on."""
+"""Simulator and leg controller, each in a process of its own: they walk, stop and go on."""
 
 from collections.abc import Iterator
 import os
@@ -8,7 +8,9 @@ import subprocess
 import sys
 import time
 
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
@@ -21,23 +23,25 @@ pytestmark = pytest.mark.slow
 
 # Each is made once; 5 times each was measured once: no fall.
 STOPS = (0.3, 1.0, 3.0)
+# Slower than real time, so that two processes on a busy machine can keep in step.
 SPEED = 0.5
 PATIENCE = 90.0
 
 
 class Watcher(Node):
-    """Presses keys, and sees time, state and truth."""
+    """Presses keys, drives, and sees time, state and truth."""
 
     def __init__(self, pump, processes):
-        super().__init__('watcher')
+        super().__init__('watcher', start_parameter_services=False)
         pump.add_node(self)
         self._pump, self._processes = pump, processes
-        self.now, self.height, self.states = 0.0, 0.0, []
+        self.now, self.place, self.states = 0.0, None, []
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(String, 'state', lambda m: self.states.append(m.data), latched)
         self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, 10)
         self.create_subscription(Clock, '/clock', self._on_clock, 10)
         self._keys = self.create_publisher(String, 'keys', 100)
+        self._cmd_vel = self.create_publisher(Twist, 'cmd_vel', 10)
 
     def until(self, condition):
         """Handle messages until a condition holds."""
@@ -49,7 +53,9 @@ class Watcher(Node):
 
     def connect(self):
         """Wait for both processes."""
-        self.until(lambda: self.states and self.height and self._keys.get_subscription_count())
+        self.until(lambda: self.states and self.place is not None)
+        self.until(self._keys.get_subscription_count)
+        self.until(self._cmd_vel.get_subscription_count)
 
     def press(self, key, state):
         """Press a key that leads to a state."""
@@ -59,6 +65,14 @@ class Watcher(Node):
     def stick(self, key):
         """Press a key that moves a stick."""
         self._keys.publish(String(data=key))
+
+    def drive(self, speed, duration):
+        """Ask for a speed ahead [m/s], ten times in each second of simulated time."""
+        message, end = Twist(), self.now + duration
+        message.linear.x = speed
+        while self.now < end:
+            self._cmd_vel.publish(message)
+            self.pass_time(min(0.1, end - self.now))
 
     def pass_time(self, duration):
         """Let simulated time pass [s]."""
@@ -71,7 +85,8 @@ class Watcher(Node):
         self.until(lambda: time.monotonic() >= end)
 
     def _on_truth(self, message):
-        self.height = message.pose.pose.position.z
+        place = message.pose.pose.position
+        self.place = np.array((place.x, place.y, place.z))
 
     def _on_clock(self, message):
         self.now = message.clock.sec + 1e-9 * message.clock.nanosec
@@ -99,22 +114,43 @@ def processes(isolated_ros) -> Iterator[list[subprocess.Popen]]:
         process.wait(10.0)
 
 
-@pytest.fixture
-def watcher(spawn, processes):
-    """Return a watcher of a robot that trots forward."""
+def test_two_processes_walk_and_one_that_stops_or_ends_lets_the_robot_not_fall(spawn, processes):
     watcher = spawn(Watcher(spawn.pump, processes))
     watcher.connect()
+    assert_it_walks_and_stands_again(watcher)
     watcher.press('2', 'fixed stand')
-    watcher.pass_time(2.5)
     watcher.press('4', 'trotting')
     for _ in range(3):
         watcher.stick('w')
     watcher.pass_time(1.5)
-    return watcher
+    assert_it_goes_on_after_each_stop(watcher, processes[1])
+    # It has not let go once.
+    states = ['passive', 'fixed stand', 'move base', 'fixed stand', 'trotting']
+    assert watcher.states == states
+    assert_time_passes_when_it_is_gone(watcher, processes)
 
 
-def test_a_controller_that_is_stopped_does_not_let_it_fall_nor_killed_hang_it(watcher, processes):
-    legs = processes[1]
+def assert_it_walks_and_stands_again(watcher):
+    """Stand up, drive and let go of the command."""
+    watcher.press('2', 'fixed stand')
+    watcher.pass_time(2.5)
+    assert 0.31 < watcher.place[2] < 0.36
+    watcher.press('5', 'move base')
+    start = watcher.place
+    watcher.drive(0.5, 3.0)
+    moved = watcher.place - start
+    assert moved[0] > 0.5
+    assert abs(moved[1]) < 0.2
+    assert watcher.place[2] > 0.25
+    # Silence: it stands again.
+    watcher.pass_time(2.0)
+    rest = watcher.place
+    watcher.pass_time(0.5)
+    assert np.linalg.norm(watcher.place - rest) < 0.02
+
+
+def assert_it_goes_on_after_each_stop(watcher, legs):
+    """Stop the leg controller for longer and longer, while it trots."""
     for stop in STOPS:
         legs.send_signal(signal.SIGSTOP)
         # What was on its way is answered; then physics stands.
@@ -123,14 +159,19 @@ def test_a_controller_that_is_stopped_does_not_let_it_fall_nor_killed_hang_it(wa
         watcher.pass_wall_time(0.5 * stop)
         assert watcher.now <= held_at + 0.05
         legs.send_signal(signal.SIGCONT)
-        lowest = watcher.height
+        lowest = watcher.place[2]
         for _ in range(12):
             watcher.pass_time(0.1)
-            lowest = min(lowest, watcher.height)
-        assert watcher.states == ['passive', 'fixed stand', 'trotting'], stop
+            lowest = min(lowest, watcher.place[2])
+        assert watcher.states[-1] == 'trotting', stop
         assert lowest > 0.25, stop
+
+
+def assert_time_passes_when_it_is_gone(watcher, processes):
+    """End the leg controller."""
+    simulator, legs = processes
     legs.terminate()
     legs.wait(10.0)
-    watcher._processes = processes[:1]
+    watcher._processes = [simulator]
     watcher.pass_time(1.0)
-    assert watcher.height < 0.25  # the motors brake, the robot sinks
+    assert watcher.place[2] < 0.25  # the motors brake, the robot sinks
