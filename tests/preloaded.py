@@ -8,6 +8,7 @@ already, and its interpreter is not taken apart at the end.
 """
 
 import atexit
+import ctypes
 import fcntl
 import gc
 import importlib
@@ -98,6 +99,8 @@ def _become(request: dict[str, Any], streams: list[int]) -> None:
     for number, descriptor in enumerate(above):
         os.dup2(descriptor, number)
     os.closerange(STREAMS, 1024)
+    if 'machine' in request:
+        _move_to(request['machine'])
     if request['terminal']:
         fcntl.ioctl(0, termios.TIOCSCTTY, 0)
     os.chdir(request['folder'])
@@ -106,6 +109,14 @@ def _become(request: dict[str, Any], streams: list[int]) -> None:
     _open_streams()
     sys.path[0] = request['folder']
     sys.argv = ['', *request['words']]
+
+
+def _move_to(machine: int) -> None:
+    """Have the interfaces and mounts of another process, as `nsenter` does it."""
+    for name in ('net', 'mnt'):
+        with open(f'/proc/{machine}/ns/{name}') as space:
+            if ctypes.CDLL(None, use_errno=True).setns(space.fileno(), 0):
+                raise OSError(ctypes.get_errno(), f'cannot enter {space.name}')
 
 
 def _open_streams() -> None:

@@ -36,10 +36,21 @@ _AT_FIRST = dict(os.environ)
 
 
 class Popen(subprocess.Popen):  # type: ignore[type-arg]
-    """A process of Python as `subprocess` has it: forked where that comes to the same."""
+    """
+    A process of Python as `subprocess` has it: forked where that comes to the same.
 
-    def __init__(self, words: Sequence[str | Path], **options: Any) -> None:
+    `machine` is a process with interfaces and mounts of its own, which the new one shares.
+    """
+
+    def __init__(
+        self, words: Sequence[str | Path], machine: int | None = None, **options: Any
+    ) -> None:
         self._request = _request(list(map(str, words)), options)
+        if machine is not None and self._request:
+            self._request['machine'] = machine
+        elif machine is not None:
+            target = ('--target', str(machine), '--net', '--mount')
+            words = ['nsenter', *target, '--', *words]
         super().__init__(words, **options)
 
     def _execute_child(self, *arguments: Any) -> None:

@@ -13,6 +13,7 @@ import sys
 import time
 
 import pytest
+import starting
 
 PYTHON = sys.executable
 WASD = (PYTHON, '-m', 'wasd_bringup.cli')
@@ -20,6 +21,8 @@ WASD = (PYTHON, '-m', 'wasd_bringup.cli')
 HOME, FOREIGN = '198.18.77.1', '198.18.77.2'
 # What decides who may talk; the processes here start without, as a user's do.
 DECIDES = re.compile('ROS_|FASTRTPS_|FASTDDS_|RMW_')
+# Of a process that others name by its command: it is not forked (tests/starting.py).
+NAMED = {'PYTHONHASHSEED': '0'}
 # Says `cmd_vel` for so long [s], or for 4 s to who listens; then how many have listened.
 INTRUDER = """
 import sys, time
@@ -69,8 +72,9 @@ class Host:
         kept['ROS_LOG_DIR'] = str(self.folder / 'log')
         # Of the interpreter of this environment: it must find its libraries.
         kept |= {k: v for k, v in os.environ.items() if k.startswith('_ROS')}
-        process = subprocess.Popen(
-            ['nsenter', '--target', self.number, '--net', '--mount', '--', *words],
+        process = starting.Popen(
+            words,
+            machine=self._holder.pid,
             env={**kept, **environment},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -189,7 +193,7 @@ def test_nodes_and_commands_of_this_machine_find_each_other(home: Host) -> None:
 def start_two(home: Host) -> list['subprocess.Popen[str]']:
     """Start the Go2 twice at once, with a keyboard (a pipe) each."""
     reports = (str(home.folder / f'{name}.json') for name in ('one', 'two'))
-    return [home.start(*WASD, 'go2', '--report', report) for report in reports]
+    return [home.start(*WASD, 'go2', '--report', report, **NAMED) for report in reports]
 
 
 def test_two_runs_at_once_drive_each_its_own_robot(home: Host, tmp_path: Path) -> None:
@@ -221,7 +225,8 @@ def test_two_runs_at_once_drive_each_its_own_robot(home: Host, tmp_path: Path) -
 
 def test_a_command_finds_the_one_run_wherever_it_is_and_says_so_of_several(home: Host) -> None:
     first, second = (
-        home.start(*WASD, 'mbot', '--viewer', 'none', '--duration', '900') for _ in range(2)
+        home.start(*WASD, 'mbot', '--viewer', 'none', '--duration', '900', **NAMED)
+        for _ in range(2)
     )
     home.wait_for(ROS_DOMAIN_ID='0')
     home.wait_for(ROS_DOMAIN_ID='1')
@@ -243,7 +248,7 @@ def test_a_command_finds_the_one_run_wherever_it_is_and_says_so_of_several(home:
 
 def test_a_domain_of_the_users_is_kept_with_a_warning(home: Host) -> None:
     words = (*WASD, 'mbot', '--viewer', 'none', '--duration')
-    home.start(*words, '900', ROS_DOMAIN_ID='7')
+    home.start(*words, '900', ROS_DOMAIN_ID='7', **NAMED)
     home.wait_for(ROS_DOMAIN_ID='7')
     _, errors = home.start(*words, '0.1', ROS_DOMAIN_ID='7').communicate(timeout=60.0)
     assert re.fullmatch(
