@@ -107,7 +107,8 @@ def _become(request: dict[str, Any], streams: list[int]) -> None:
     os.environ.clear()
     os.environ.update(request['environment'])
     _open_streams()
-    sys.path[0] = request['folder']
+    # As -m and a PYTHONPATH of the tests have it: the folder where it was started, then theirs.
+    sys.path.insert(0, request['folder'])
     sys.argv = ['', *request['words']]
 
 

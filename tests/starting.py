@@ -30,6 +30,8 @@ TAKE_TERMINAL = (
     'os.execv(sys.executable, [sys.executable, *sys.argv[1:]])'
 )
 PR_SET_CHILD_SUBREAPER = 36
+# Where programs of the tests themselves are; what is forked knows it already.
+TESTS = str(Path(__file__).resolve().parent)
 OPTIONS = {'cwd', 'env', 'stdin', 'stdout', 'stderr', 'text', 'start_new_session'}
 
 _AT_FIRST = dict(os.environ)
@@ -93,6 +95,8 @@ def _request(words: list[str], options: dict[str, Any]) -> dict[str, Any] | None
     program = [words[0], *words[3:]] if takes_terminal else words
     environment = {**(os.environ if options.get('env') is None else options['env'])}
     differing = {name for name, _ in environment.items() ^ _AT_FIRST.items()}
+    if environment.get('PYTHONPATH') == TESTS:
+        differing.discard('PYTHONPATH')
     if (
         os.environ.get('WASD_TEST_EXEC')
         or program[:2] != [sys.executable, '-m']

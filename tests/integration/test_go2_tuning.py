@@ -44,7 +44,7 @@ def test_a_replay_walks_by_the_same_file(wasd):
     (wasd.folder / 'slow.yaml').write_text('gait: {slow_period: 0.6}\nstep_in_place: true\n')
     words = ('--duration', '3.6', '--controller', 'slow.yaml', '--record', 'run.mcap')
     wasd.report('go2', *words, play=STEPS)
-    done = wasd.anew()('replay', 'run.mcap', '--drive')
+    done = wasd('replay', 'run.mcap', '--drive')
     assert (done.returncode, done.stdout) == (0, '180 of 180 recorded poses are identical\n')
 
 
