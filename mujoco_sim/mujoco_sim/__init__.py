@@ -11,7 +11,7 @@ import robot_description.mujoco  # noqa: E402, F401  it prepares the import of m
 # Where each name is defined; loaded when it is asked for, as MuJoCo and ROS take a while.
 _HOMES = {
     'CameraView': 'viewer.page',
-    'NativeView': 'viewer.native',
+    'NativeView': 'viewer.views',
     'RobotSetup': 'robot_setup',
     'Simulation': 'simulation',
     'SimulationError': 'scene',

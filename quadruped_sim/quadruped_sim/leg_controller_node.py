@@ -19,7 +19,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
-from wasd_core.key_events import NO_PRESS
 from wasd_core.messages import to_base_state
 from wasd_core.messages import to_joint_commands
 from wasd_core.messages import to_reading
@@ -34,6 +33,7 @@ from wasd_core.ros_parameters import declare_parameters
 from wasd_core.signals import stop_requested
 from wasd_core.streams import visible
 from wasd_core.timing import Beat
+from wasd_core.timing import NO_PRESS
 from wasd_core.timing import Notice
 from wasd_core.topics import AbsenceWatch
 from wasd_core.topics import EVENTS

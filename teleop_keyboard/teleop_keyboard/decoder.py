@@ -4,8 +4,8 @@
 import codecs
 from typing import NamedTuple
 
-from wasd_core.key_events import RELEASE
-from wasd_core.key_events import with_event
+from wasd_core.timing import RELEASE
+from wasd_core.timing import with_event
 
 from teleop_keyboard.keymap import with_modifiers
 

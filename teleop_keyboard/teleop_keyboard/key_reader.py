@@ -10,10 +10,10 @@ import sys
 import time
 from typing import Protocol, Self
 
-from wasd_core.key_events import HELD
-from wasd_core.key_events import HELD_PERIOD
-from wasd_core.key_events import NO_PRESS
-from wasd_core.key_events import with_event
+from wasd_core.timing import HELD
+from wasd_core.timing import HELD_PERIOD
+from wasd_core.timing import NO_PRESS
+from wasd_core.timing import with_event
 
 from teleop_keyboard.decoder import CharacterDecoder
 from teleop_keyboard.decoder import KeyDecoder

@@ -11,8 +11,8 @@ import re
 from typing import NamedTuple, Self
 
 from wasd_core.errors import UserError
-from wasd_core.key_events import REPEAT_RATE
 from wasd_core.output_file import OutputFile
+from wasd_core.timing import REPEAT_RATE
 
 from teleop_keyboard.keymap import canonical_key
 

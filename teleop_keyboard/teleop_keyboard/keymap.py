@@ -6,7 +6,7 @@ A printable character is called by itself (`w`, `é`, and a blank for the space 
 have names in capitals (`UP`, `F5`, `ESC`). Modifiers stand in front, in the order CTRL, ALT,
 SHIFT: `CTRL+A`, `ALT+x`, `CTRL+SHIFT+UP`. Shift is not named where it only picks the character.
 
-A name stands for a press; what else is told of keys is in `wasd_core.key_events`.
+A name stands for a press; what else is told of keys is in `wasd_core.timing`.
 """
 
 from collections.abc import Mapping
@@ -17,10 +17,10 @@ import signal
 from typing import NamedTuple
 
 from wasd_core.errors import did_you_mean
-from wasd_core.key_events import ALIASES
-from wasd_core.key_events import split_event
-from wasd_core.key_events import with_event
 from wasd_core.parameters import InvalidParameter
+from wasd_core.timing import ALIASES
+from wasd_core.timing import split_event
+from wasd_core.timing import with_event
 
 MODIFIERS = ('CTRL', 'ALT', 'SHIFT')
 # No keyboard sends it: a program does, when whoever drove is gone. It stops with every keymap.

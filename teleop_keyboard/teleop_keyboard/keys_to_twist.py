@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from wasd_core.key_events import HELD
-from wasd_core.key_events import split_event
 from wasd_core.parameters import InvalidParameter
+from wasd_core.timing import HELD
+from wasd_core.timing import split_event
 
 from teleop_keyboard.hold import Motion
 from teleop_keyboard.hold import NOWHERE

@@ -13,11 +13,11 @@ from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
-from wasd_core.key_events import is_press
 from wasd_core.node import explain_ros_errors
 from wasd_core.node import MessagePump
 from wasd_core.node import run_program
 from wasd_core.signals import StopSignals
+from wasd_core.timing import is_press
 from wasd_core.timing import Notice
 from wasd_core.topics import LATCHED
 from wasd_core.topics import LATEST

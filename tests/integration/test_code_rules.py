@@ -85,7 +85,7 @@ def test_the_words_for_keys_that_are_down_have_one_home():
         for node in nodes(path)
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in words
     }
-    assert known == {'wasd_core.key_events'}
+    assert known == {'wasd_core.timing'}
 
 
 def library_functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:

@@ -6,8 +6,8 @@ from mujoco_sim.viewer.input import LOST
 from mujoco_sim.viewer.input import PAGE_KEYS
 from mujoco_sim.viewer.input import PageKeys
 import pytest
-from wasd_core.key_events import HELD
-from wasd_core.key_events import RELEASE
+from wasd_core.timing import HELD
+from wasd_core.timing import RELEASE
 
 from teleop_keyboard import keymap
 

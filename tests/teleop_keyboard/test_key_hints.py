@@ -9,8 +9,8 @@ from teleop_keyboard.keymap import NAMED_KEYS
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keymap_file import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from wasd_core.key_events import is_press
 from wasd_core.timing import brief
+from wasd_core.timing import is_press
 
 KEYS = (*map(chr, range(32, 127)), *sorted(NAMED_KEYS), 'CTRL+ALT+SHIFT+DOWN')
 WHEELS = ('x', 'yaw')

@@ -132,8 +132,8 @@ class Robot:
         Raises:
             SimulationError: there is no display.
         """
-        from mujoco_sim.viewer.native import NativeView
         from mujoco_sim.viewer.page import CameraView
+        from mujoco_sim.viewer.views import NativeView
 
         self._window = NativeView(self._world, CameraView(self._distance, AZIMUTH, ELEVATION))
         self._simulation.pacer.speed = 1.0

@@ -26,9 +26,9 @@ from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap import on_qwerty
 from teleop_keyboard.keymap import STOP_KEY
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from wasd_core.key_events import is_press
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_from_matrix
+from wasd_core.timing import is_press
 
 from wasd_bringup.inputs import RESET_KEY
 from wasd_bringup.options import RunOptions

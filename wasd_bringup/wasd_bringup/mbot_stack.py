@@ -23,8 +23,8 @@ from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
-from wasd_core.key_events import is_press
 from wasd_core.robot_io import JointCommand
+from wasd_core.timing import is_press
 from wasd_core.timing import Notice
 
 from diff_drive_sim import MODES as DRIVE_MODES

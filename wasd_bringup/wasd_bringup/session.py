@@ -8,6 +8,7 @@ import time
 from typing import Any, cast, TYPE_CHECKING
 
 from mujoco_sim.viewer.input import LOST
+from mujoco_sim.viewer.views import View
 from mujoco_sim.world import World
 from rclpy.clock import ClockType
 from rclpy.clock import ROSClock
@@ -42,7 +43,6 @@ from wasd_bringup.session_guests import Told
 from wasd_bringup.session_robot import build_robots
 from wasd_bringup.session_robot import SessionRobot
 from wasd_bringup.stack import ControlStack
-from wasd_bringup.views import View
 
 if TYPE_CHECKING:
     from wasd_bringup.recording.recorder import BagRecorder

@@ -2,6 +2,7 @@
 """One robot of a session: its part of the world, its nodes, its scripts, its report."""
 
 import dataclasses
+import math
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -23,12 +24,16 @@ from robot_description.description import Description
 from robot_description.description import load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.state_publisher_node import StatePublisherNode
+from teleop_keyboard.dashboard import board
+from teleop_keyboard.dashboard import Line
+from teleop_keyboard.dashboard import Status
+from teleop_keyboard.dashboard import status_line
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.screen import StatusLine
-from wasd_core.key_events import RELEASE
-from wasd_core.key_events import split_event
 from wasd_core.messages import to_transform
 from wasd_core.rotations import Pose
+from wasd_core.timing import RELEASE
+from wasd_core.timing import split_event
 from wasd_core.topics import TfBroadcaster
 
 from wasd_bringup.inputs import Player
@@ -41,9 +46,6 @@ from wasd_bringup.report import SAMPLE_PERIOD
 from wasd_bringup.robots import LEGGED
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.stack import make_stack
-from wasd_bringup.views import draw_board
-from wasd_bringup.views import say_plainly
-from wasd_bringup.views import say_status
 
 
 class SessionRobot:
@@ -237,3 +239,29 @@ def _overrides(options: RunOptions) -> list[Parameter]:
         Parameter('seed', value=options.seed),
         Parameter('speed', value=options.speed),
     ]
+
+
+def say_status(status: Status, name: str, simulation: Simulation, width: int) -> str:
+    """Return a terminal's line on the robot that the keys drive, by its name where that helps."""
+    pace = f'x{simulation.pacer.real_time_factor:.2f}' if not simulation.paused else 'paused'
+    if name:
+        status = status._replace(state=f'[{name}] {status.state}')
+    return status_line(status, f'{simulation.world.time:.1f} s {pace}', width)
+
+
+def say_plainly(status: Status, name: str) -> str:
+    """Return what seldom changes of a status, for an output in which nothing is rewritten."""
+    words = f'[{name}] {status.state}' if name else status.state
+    return f'{words}: {status.message}' if status.message else words
+
+
+def draw_board(
+    status: Status, world: World, first_keys: str, width: int, height: int
+) -> list[Line]:
+    """Return what a window with room for it shows above that line."""
+    if status.axes:
+        base = world.base()
+        lift = round(float(base.position[2]), 2) + 0.0  # no -0.00
+        body = f'height {lift:.2f} m   tilt {math.degrees(base.tilt):.1f} deg'
+        status = status._replace(body=body)
+    return board(status, first_keys, width, height)

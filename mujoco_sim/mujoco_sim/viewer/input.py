@@ -8,12 +8,12 @@ import threading
 import time
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
-from wasd_core.key_events import HELD
-from wasd_core.key_events import HELD_PERIOD
-from wasd_core.key_events import RELEASE
-from wasd_core.key_events import REPEAT_RATE
-from wasd_core.key_events import with_event
+from wasd_core.timing import HELD
+from wasd_core.timing import HELD_PERIOD
+from wasd_core.timing import RELEASE
+from wasd_core.timing import REPEAT_RATE
 from wasd_core.timing import Watchdog
+from wasd_core.timing import with_event
 
 from mujoco_sim.viewer import Turns
 

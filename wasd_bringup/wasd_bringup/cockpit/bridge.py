@@ -5,6 +5,7 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING
 
+from mujoco_sim.viewer.views import start_view
 import numpy as np
 from wasd_cockpit.cockpit import Cockpit
 from wasd_cockpit.cockpit import usual_path
@@ -20,10 +21,10 @@ from wasd_cockpit.link import Snapshot
 from wasd_cockpit.link import SPAN
 from wasd_cockpit.link import Stick
 from wasd_core.errors import UserError
-from wasd_core.key_events import HELD
-from wasd_core.key_events import RELEASE
-from wasd_core.key_events import split_event
 from wasd_core.rotations import matrix_from_quaternion
+from wasd_core.timing import HELD
+from wasd_core.timing import RELEASE
+from wasd_core.timing import split_event
 
 from wasd_bringup.anew import Anew
 from wasd_bringup.cockpit import Described
@@ -32,7 +33,6 @@ from wasd_bringup.robots import load_class
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.session import Session
 from wasd_bringup.session_robot import SessionRobot
-from wasd_bringup.views import start_view
 
 if TYPE_CHECKING:
     from wasd_bringup.session_navigation import SessionNavigation

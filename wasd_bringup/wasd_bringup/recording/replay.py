@@ -13,6 +13,8 @@ from typing import Any
 
 from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.viewer.views import start_view
+from mujoco_sim.viewer.views import View
 from mujoco_sim.world import pose_base
 from mujoco_sim.world import pose_joints
 from mujoco_sim.world import update_bodies
@@ -43,8 +45,6 @@ from wasd_bringup.recording.recorder import PublisherTap
 from wasd_bringup.run_command import with_own_frames
 from wasd_bringup.session import Session
 from wasd_bringup.session_robot import build_worlds
-from wasd_bringup.views import start_view
-from wasd_bringup.views import View
 
 
 class PathComparison:

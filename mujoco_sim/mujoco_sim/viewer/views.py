@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A window on this machine's display, with the interface of the browser viewer."""
+"""What shows a run: the page in a browser with its content, or a window on this display."""
 
 import os
 import queue
-from typing import Any
+from typing import Any, Protocol
 
-import mujoco
-import mujoco.viewer
 from wasd_core.errors import SimulationError
 
+from mujoco_sim.viewer.drawing import PageContent
 from mujoco_sim.viewer.input import LOST
 from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.viewer.page import WebView
 from mujoco_sim.world import World
 
 # Between two pictures [s].
@@ -36,6 +36,9 @@ class NativeView:
         """
         if not (os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')):
             raise SimulationError('--viewer native: no display here (use --viewer web)')
+        # Here, because it loads a window system.
+        import mujoco.viewer
+
         self._keys: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._window: Any = mujoco.viewer.launch_passive(
             world.model,
@@ -84,3 +87,40 @@ class NativeView:
         name = _NAMED_KEYS.get(code) or (chr(code).lower() if 32 <= code < 127 else None)
         if name is not None:
             self._keys.put(name)
+
+
+class View(Protocol):
+    """What a session needs of a viewer."""
+
+    @property
+    def period(self) -> float:
+        """The time after which it is to be synchronised again [s of wall time]."""
+
+    def sync(self, is_hurried: bool = False) -> None:
+        """Show the state of now; `is_hurried` is whether the simulation has no time to spare."""
+
+    def pressed_keys(self) -> list[str]:
+        """Return the keys pressed in the viewer since the last call; LOST where its user went."""
+
+    def follow(self, world: World) -> None:
+        """Look at another robot."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+def start_view(
+    kind: str, world: World, camera: CameraView, content: PageContent, port: int
+) -> tuple[View, str]:
+    """
+    Start a viewer, `web` or `native`, on a world; return it and where it is.
+
+    A page has a content; a window is MuJoCo's own.
+
+    Raises:
+        SimulationError: the port is taken, or there is no display.
+    """
+    if kind == 'native':
+        return NativeView(world, camera), 'a window on this display'
+    web = WebView(world, camera, content, port=port)
+    return web, web.url
