@@ -17,8 +17,8 @@ from robot_description.description import load_robot
 import wasd
 from wasd_core.rotations import Pose
 from wasd_core.rotations import yaw_matrix
-from wasd_navigation.scan import read_tilted_scan
-from wasd_navigation.scan import Scan
+from wasd_navigation.records import read_tilted_scan
+from wasd_navigation.records import Scan
 
 # The Go2 stands up, and then walks, before it is sent anywhere [s].
 STAND, WALK = 2.5, 0.5

@@ -12,13 +12,13 @@ from kinematic import RATE
 from kinematic import Robot
 from mujoco_sim.flats import make_flat
 import numpy as np
-from wasd_navigation.grid import Grid
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.goal_field import march_from
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.route import refusal
 from wasd_navigation.planning.route import Route
 from wasd_navigation.planning.surroundings import Surroundings
+from wasd_navigation.records import Grid
 
 # A drive ends after three times what it takes at full speed, and this [s].
 PATIENCE = 60.0

@@ -17,16 +17,16 @@ from robot_description.description import load_robot
 from slam_logs import cast
 from wasd_core.parameter_file import NodeKind
 from wasd_core.parameter_file import read_parameters
-from wasd_navigation.grid import FREE
-from wasd_navigation.grid import Grid
-from wasd_navigation.grid import OCCUPIED
-from wasd_navigation.grid import UNKNOWN
 from wasd_navigation.parameters import DriveLimits
+from wasd_navigation.parameters import Footprint
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parameters import PlanningParameters
-from wasd_navigation.planning.footprint import Footprint
-from wasd_navigation.scan import read_scan
-from wasd_navigation.scan import Scan
+from wasd_navigation.records import FREE
+from wasd_navigation.records import Grid
+from wasd_navigation.records import OCCUPIED
+from wasd_navigation.records import read_scan
+from wasd_navigation.records import Scan
+from wasd_navigation.records import UNKNOWN
 
 RATE = 20.0  # of the driver [Hz]
 SUBSTEPS = 5

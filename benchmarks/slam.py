@@ -27,12 +27,12 @@ from slam_physics import drive_mbot
 from slam_speed import measure_speed
 from table import format_count
 from table import Row
-from wasd_navigation.grid import FREE
-from wasd_navigation.grid import Grid
-from wasd_navigation.grid import OCCUPIED
+from wasd_navigation.mapping import save_map
 from wasd_navigation.mapping.localizer import Localizer
-from wasd_navigation.mapping.map_file import save_map
 from wasd_navigation.mapping.mapper import Mapper
+from wasd_navigation.records import FREE
+from wasd_navigation.records import Grid
+from wasd_navigation.records import OCCUPIED
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 from wasd_navigation.se2 import wrap

@@ -17,8 +17,8 @@ from diff_drive_sim.odometry import PlanarCovariance
 from mujoco_sim.flats import Flat
 from numba import njit
 import numpy as np
-from wasd_navigation.scan import read_scan
-from wasd_navigation.scan import Scan
+from wasd_navigation.records import read_scan
+from wasd_navigation.records import Scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 

@@ -15,7 +15,7 @@ from slam_logs import Log
 from slam_logs import LOOK_AHEAD
 from slam_logs import TICK
 import wasd
-from wasd_navigation.scan import read_scan
+from wasd_navigation.records import read_scan
 from wasd_navigation.se2 import wrap
 
 

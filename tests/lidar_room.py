@@ -4,7 +4,7 @@
 import math
 
 import numpy as np
-from wasd_navigation.scan import Scan
+from wasd_navigation.records import Scan
 
 # Least x, y, greatest x, y [m]: the room seen from inside, a box from outside.
 ROOM, BOX = (-2.5, -2.0, 3.0, 2.5), (1.2, 0.9, 1.9, 1.7)

@@ -3,10 +3,10 @@
 
 import numpy as np
 from wasd_core.rotations import Pose
-from wasd_navigation.grid import Grid
 from wasd_navigation.navigator import Navigator
-from wasd_navigation.odometry_memory import Odometry
-from wasd_navigation.scan import Scan
+from wasd_navigation.odometry import Odometry
+from wasd_navigation.records import Grid
+from wasd_navigation.records import Scan
 
 
 class StandInLocator:

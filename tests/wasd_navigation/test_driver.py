@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wasd_navigation.grid import Grid
 from wasd_navigation.parameters import DriveLimits
+from wasd_navigation.parameters import Footprint
 from wasd_navigation.parameters import PlanningParameters
 from wasd_navigation.planning import heading_field
 from wasd_navigation.planning.driver import Driver
-from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.motion import move
 from wasd_navigation.planning.route import SLICE
-from wasd_navigation.scan import Scan
+from wasd_navigation.records import Grid
+from wasd_navigation.records import Scan
 
 DT = 0.05
 ROUND = Footprint(radius=0.2)

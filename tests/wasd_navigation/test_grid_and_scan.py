@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from wasd_core.rotations import Pose
 from wasd_core.rotations import rpy_matrix
-from wasd_navigation.grid import Grid
-from wasd_navigation.scan import read_scan
-from wasd_navigation.scan import read_tilted_scan
+from wasd_navigation.records import Grid
+from wasd_navigation.records import read_scan
+from wasd_navigation.records import read_tilted_scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 from wasd_navigation.se2 import transform

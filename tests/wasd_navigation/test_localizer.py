@@ -7,10 +7,10 @@ from lidar_room import circle
 from lidar_room import look
 import numpy as np
 import pytest
-from wasd_navigation.grid import Grid
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.scan import Scan
+from wasd_navigation.records import Grid
+from wasd_navigation.records import Scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 from wasd_navigation.se2 import wrap

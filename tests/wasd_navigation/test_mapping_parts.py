@@ -7,18 +7,18 @@ from lidar_room import circle
 from lidar_room import look
 import numpy as np
 import pytest
-from wasd_navigation.grid import Grid
-from wasd_navigation.mapping.drawing import Drawing
-from wasd_navigation.mapping.growth import add_covariance
-from wasd_navigation.mapping.growth import OdometryGrowth
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.mapping.occupancy import Canvas
+from wasd_navigation.mapping.places import Drawing
 from wasd_navigation.mapping.places import Places
 from wasd_navigation.mapping.search import Pyramid
 from wasd_navigation.mapping.search import Search
 from wasd_navigation.mapping.search import Window
 from wasd_navigation.mapping.surface import find_surface
-from wasd_navigation.scan import Scan
+from wasd_navigation.odometry import add_covariance
+from wasd_navigation.odometry import OdometryGrowth
+from wasd_navigation.records import Grid
+from wasd_navigation.records import Scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 

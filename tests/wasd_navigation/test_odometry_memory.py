@@ -5,7 +5,7 @@ import math
 
 from navigation_stand_ins import odometry
 import pytest
-from wasd_navigation.odometry_memory import OdometryMemory
+from wasd_navigation.odometry import OdometryMemory
 
 
 @pytest.fixture

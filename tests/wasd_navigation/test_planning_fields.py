@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from wasd_navigation.planning.distance_field import FARTHEST
-from wasd_navigation.planning.distance_field import Field
-from wasd_navigation.planning.distance_field import measure_distances
-from wasd_navigation.planning.footprint import Footprint
-from wasd_navigation.planning.footprint import InvalidFootprint
+from wasd_navigation.parameters import Footprint
+from wasd_navigation.parameters import InvalidFootprint
+from wasd_navigation.planning import FARTHEST
+from wasd_navigation.planning import Field
+from wasd_navigation.planning import measure_distances
 from wasd_navigation.planning.goal_field import follow
 from wasd_navigation.planning.goal_field import march_from
 

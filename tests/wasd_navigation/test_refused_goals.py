@@ -3,10 +3,10 @@
 
 import numpy as np
 import pytest
-from wasd_navigation.grid import Grid
 from wasd_navigation.parameters import DriveLimits
+from wasd_navigation.parameters import Footprint
 from wasd_navigation.planning.driver import Driver
-from wasd_navigation.planning.footprint import Footprint
+from wasd_navigation.records import Grid
 
 # Four metres square, free, with nothing known of the last.
 CELLS = np.zeros((80, 80), np.int8)

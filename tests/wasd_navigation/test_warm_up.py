@@ -11,15 +11,15 @@ from lidar_room import RAYS
 from numba.core.registry import CPUDispatcher
 import numpy as np
 import pytest
-from wasd_navigation.grid import Grid
+from wasd_navigation.mapping import save_map
 from wasd_navigation.mapping.localizer import Localizer
-from wasd_navigation.mapping.map_file import save_map
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.navigator import Locator
 from wasd_navigation.navigator import Pilot
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_parts
 from wasd_navigation.planning.driver import Driver
+from wasd_navigation.records import Grid
 from wasd_navigation.se2 import compose
 
 SIZES = {'round': {}, 'long': {'footprint_length': 0.7, 'footprint_width': 0.31}}

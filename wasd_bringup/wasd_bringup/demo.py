@@ -39,7 +39,7 @@ from wasd_bringup.robots import RobotRow
 from wasd_bringup.session import Session
 
 if TYPE_CHECKING:
-    from wasd_navigation.grid import Grid
+    from wasd_navigation.records import Grid
 
     from wasd_bringup.session_navigation import SessionNavigation
 

@@ -327,7 +327,7 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, OutputFile | None]:
     maps: tuple[OutputFile, ...] = ()
     if getattr(arguments, 'save_map', None) is not None:
         # Here, because few runs save a map.
-        from wasd_navigation.mapping.map_file import map_outputs
+        from wasd_navigation.mapping import map_outputs
 
         maps = map_outputs(Path(arguments.save_map), '--save-map')
     inputs = []

@@ -16,9 +16,9 @@ from wasd_cockpit.link import Navigation
 from wasd_cockpit.link import PlanarPose
 from wasd_core.errors import UserError
 from wasd_core.topics import LoopbackSubscription
-from wasd_navigation.grid import Grid
 from wasd_navigation.navigator import Outcome
 from wasd_navigation.navigator_node import NavigatorNode
+from wasd_navigation.records import Grid
 
 from wasd_bringup.inputs import TWIST_RATE
 from wasd_bringup.options import RunOptions

@@ -10,16 +10,16 @@ quiet_start(__name__, 'navigator')
 _HOMES = {
     'DriveLimits': 'parameters',
     'Driver': 'planning.driver',
-    'Footprint': 'planning.footprint',
-    'Grid': 'grid',
+    'Footprint': 'parameters',
+    'Grid': 'records',
     'Localizer': 'mapping.localizer',
     'Mapper': 'mapping.mapper',
     'MappingParameters': 'parameters',
     'PlanningParameters': 'parameters',
-    'Scan': 'scan',
-    'load_map': 'mapping.map_file',
-    'read_scan': 'scan',
-    'save_map': 'mapping.map_file',
+    'Scan': 'records',
+    'load_map': 'mapping',
+    'read_scan': 'records',
+    'save_map': 'mapping',
 }
 __all__ = list(_HOMES)  # noqa: PLE0605
 __getattr__ = load_lazily(__name__, _HOMES)

@@ -8,9 +8,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from wasd_core.timing import Watchdog
 
-from wasd_navigation.grid import Grid
-from wasd_navigation.odometry_memory import Odometry
-from wasd_navigation.scan import Scan
+from wasd_navigation.odometry import Odometry
+from wasd_navigation.records import Grid
+from wasd_navigation.records import Scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
 from wasd_navigation.se2 import transform

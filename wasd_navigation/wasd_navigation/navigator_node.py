@@ -34,18 +34,18 @@ from wasd_core.topics import SENSOR_DATA
 from wasd_core.topics import tf_message_type
 from wasd_core.topics import TF_STATIC
 
-from wasd_navigation.executables import navigator
 from wasd_navigation.goal_action import GoalAction
-from wasd_navigation.mapping.map_file import save_map
+from wasd_navigation.mapping import save_map
 from wasd_navigation.messages import from_covariance
 from wasd_navigation.messages import from_odometry
 from wasd_navigation.messages import from_pose
 from wasd_navigation.messages import from_scan
+from wasd_navigation.messages import NavigationPublisher
 from wasd_navigation.messages import to_planar
-from wasd_navigation.navigation_publisher import NavigationPublisher
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.navigator import Outcome
-from wasd_navigation.odometry_memory import OdometryMemory
+from wasd_navigation.odometry import OdometryMemory
+from wasd_navigation.parameters import navigator
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_parts
 from wasd_navigation.parts import make_pilot

@@ -2,7 +2,9 @@
 """
 Poses in the plane: arrays (x, y, yaw) [m], [m], [rad], shape (3,), of a frame in its parent.
 
-`T_a_b` is the pose of frame b in frame a.
+`T_a_b` is the pose of frame b in frame a. Matrices of theirs, 3 x 3, are too small for a library
+to be fast. Loops, too, where an expression of arrays or the filling of a slice would do: numba
+compiles one for half a second, and the error message of the other for three.
 """
 
 import math
@@ -54,3 +56,72 @@ def transform(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
         moved[index, 0] = pose[0] + cos * x - sin * y
         moved[index, 1] = pose[1] + sin * x + cos * y
     return moved
+
+
+@jit
+def put(into: np.ndarray, row: np.ndarray) -> None:
+    """Copy a row into one of its length."""
+    for i in range(into.shape[0]):
+        into[i] = row[i]
+
+
+@jit
+def sandwich(F: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """Return F P F^T."""
+    half, result = np.zeros((3, 3)), np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                half[i, j] += F[i, k] * P[k, j]
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                result[i, j] += half[i, k] * F[j, k]
+    return result
+
+
+@jit
+def turn_axes(P: np.ndarray, yaw: float) -> np.ndarray:
+    """
+    Return R P R^T with R the rotation of x and y by `yaw` [rad].
+
+    A covariance or an information in the axes of a frame at `yaw` becomes one in its parent's.
+    """
+    R = np.zeros((3, 3))
+    R[0, 0] = R[1, 1] = math.cos(yaw)
+    R[2, 2] = 1.0
+    R[1, 0] = math.sin(yaw)
+    R[0, 1] = -R[1, 0]
+    return sandwich(R, P)
+
+
+@jit
+def invert(A: np.ndarray) -> np.ndarray:
+    """Return the inverse of a symmetric matrix, by its adjugate; of one that has none, NaN."""
+    c00 = A[1, 1] * A[2, 2] - A[1, 2] * A[2, 1]
+    c01 = A[1, 2] * A[2, 0] - A[1, 0] * A[2, 2]
+    c02 = A[1, 0] * A[2, 1] - A[1, 1] * A[2, 0]
+    c11 = A[0, 0] * A[2, 2] - A[0, 2] * A[2, 0]
+    c12 = A[0, 1] * A[2, 0] - A[0, 0] * A[2, 1]
+    c22 = A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0]
+    determinant = A[0, 0] * c00 + A[0, 1] * c01 + A[0, 2] * c02
+    scale = 1.0 / determinant if determinant != 0.0 else np.nan
+    inverse = np.empty((3, 3))
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = scale * c00, scale * c11, scale * c22
+    inverse[0, 1] = inverse[1, 0] = scale * c01
+    inverse[0, 2] = inverse[2, 0] = scale * c02
+    inverse[1, 2] = inverse[2, 1] = scale * c12
+    return inverse
+
+
+@jit
+def is_definite(A: np.ndarray) -> bool:
+    """Whether a symmetric matrix is positive definite, by its leading minors (Sylvester)."""
+    second = A[0, 0] * A[1, 1] - A[0, 1] * A[0, 1]
+    third = (
+        second * A[2, 2]
+        - A[0, 0] * A[1, 2] * A[1, 2]
+        - A[1, 1] * A[0, 2] * A[0, 2]
+        + 2.0 * A[0, 1] * A[0, 2] * A[1, 2]
+    )
+    return bool(A[0, 0] > 0.0 and second > 0.0 and third > 0.0)

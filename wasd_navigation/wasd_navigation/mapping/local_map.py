@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.mapping.matrices import invert
+from wasd_navigation.se2 import invert
 
 CELL = 0.10  # [m]
 # Surfaces within this distance of a point tell where it should be [m].

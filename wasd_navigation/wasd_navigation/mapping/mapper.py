@@ -5,16 +5,10 @@ import math
 
 import numpy as np
 
-from wasd_navigation.grid import Grid
-from wasd_navigation.mapping.drawing import Drawing
-from wasd_navigation.mapping.growth import add_covariance
-from wasd_navigation.mapping.growth import LEAP
-from wasd_navigation.mapping.growth import OdometryGrowth
 from wasd_navigation.mapping.local_map import Fit
 from wasd_navigation.mapping.local_map import fit_scan
 from wasd_navigation.mapping.local_map import make_local_map
-from wasd_navigation.mapping.matrices import invert
-from wasd_navigation.mapping.matrices import turn_axes
+from wasd_navigation.mapping.places import Drawing
 from wasd_navigation.mapping.places import Places
 from wasd_navigation.mapping.pose_graph import Solver
 from wasd_navigation.mapping.search import Pyramid
@@ -22,10 +16,16 @@ from wasd_navigation.mapping.search import Search
 from wasd_navigation.mapping.search import window_around
 from wasd_navigation.mapping.surface import find_surface
 from wasd_navigation.mapping.surface import Surface
+from wasd_navigation.odometry import add_covariance
+from wasd_navigation.odometry import LEAP
+from wasd_navigation.odometry import OdometryGrowth
 from wasd_navigation.parameters import MappingParameters
-from wasd_navigation.scan import Scan
+from wasd_navigation.records import Grid
+from wasd_navigation.records import Scan
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
+from wasd_navigation.se2 import invert
+from wasd_navigation.se2 import turn_axes
 from wasd_navigation.se2 import wrap
 
 # A local map reaches as far as a scan that fits, and as far as places are from each other [m].

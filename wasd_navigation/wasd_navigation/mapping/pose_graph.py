@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.mapping.matrices import put
+from wasd_navigation.se2 import put
 
 # Products of blocks of one portion: half a millisecond.
 PORTION = 4000

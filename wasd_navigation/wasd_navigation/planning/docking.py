@@ -6,7 +6,7 @@ import math
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.planning.distance_field import Field
+from wasd_navigation.planning import Field
 from wasd_navigation.planning.motion import Base
 from wasd_navigation.planning.motion import clearance
 from wasd_navigation.planning.motion import move

@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wasd_navigation.grid import Grid
 from wasd_navigation.parameters import DriveLimits
+from wasd_navigation.parameters import Footprint
 from wasd_navigation.parameters import PlanningParameters
 from wasd_navigation.planning.docking import Docking
-from wasd_navigation.planning.footprint import Footprint
 from wasd_navigation.planning.motion import base_of
 from wasd_navigation.planning.motion import clearance
 from wasd_navigation.planning.motion import PoseFilter
@@ -21,7 +20,8 @@ from wasd_navigation.planning.sampling import is_safe
 from wasd_navigation.planning.sampling import Sampler
 from wasd_navigation.planning.sampling import Scene
 from wasd_navigation.planning.surroundings import Surroundings
-from wasd_navigation.scan import Scan
+from wasd_navigation.records import Grid
+from wasd_navigation.records import Scan
 from wasd_navigation.se2 import wrap
 
 # From so much left on it is looked whether the goal is there straight away [m].

@@ -8,16 +8,13 @@ cell, down the gradient is the shortest way, in any direction, not in steps of 4
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.planning.distance_field import Field
-from wasd_navigation.planning.distance_field import look_up
-from wasd_navigation.planning.heap import Heap
-from wasd_navigation.planning.heap import make_heap
-from wasd_navigation.planning.heap import pop
-from wasd_navigation.planning.heap import push
+from wasd_navigation.planning import Field
+from wasd_navigation.planning import look_up
 from wasd_navigation.planning.surroundings import Surroundings
 
 # Around the goal, so many cells each way get their straight distance: first order errs most there.
@@ -30,6 +27,55 @@ _BEYOND = 10.0
 _MOST_POINTS = 8000
 # A way is followed in steps of half a cell, in the best of so many directions.
 _DIRECTIONS = 32
+
+
+class Heap(NamedTuple):
+    """`keys` and `items`, shape (room,), and how many there are in `held`, shape (1,)."""
+
+    keys: np.ndarray
+    items: np.ndarray
+    held: np.ndarray
+
+
+def make_heap(room: int) -> Heap:
+    """Return an empty heap for so many."""
+    return Heap(np.empty(room, np.float32), np.empty(room, np.int32), np.zeros(1, np.int64))
+
+
+@jit
+def push(heap: Heap, key: float, item: int) -> None:
+    """Add an item."""
+    at = heap.held[0]
+    heap.held[0] += 1
+    while at > 0:
+        parent = (at - 1) >> 1
+        if heap.keys[parent] <= key:
+            break
+        heap.keys[at], heap.items[at] = heap.keys[parent], heap.items[parent]
+        at = parent
+    heap.keys[at], heap.items[at] = key, item
+
+
+@jit
+def pop(heap: Heap) -> tuple[float, int]:
+    """Remove the item with the least key and return key and item; there must be one."""
+    least, first = heap.keys[0], heap.items[0]
+    heap.held[0] -= 1
+    count = heap.held[0]
+    key, item = heap.keys[count], heap.items[count]
+    at = 0
+    while True:
+        child = 2 * at + 1
+        if child >= count:
+            break
+        if child + 1 < count and heap.keys[child + 1] < heap.keys[child]:
+            child += 1
+        if heap.keys[child] >= key:
+            break
+        heap.keys[at], heap.items[at] = heap.keys[child], heap.items[child]
+        at = child
+    heap.keys[at], heap.items[at] = key, item
+    return least, first
 
 
 class DiscField:

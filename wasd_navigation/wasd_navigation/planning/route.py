@@ -6,9 +6,9 @@ from typing import Protocol
 
 import numpy as np
 
+from wasd_navigation.parameters import Footprint
 from wasd_navigation.parameters import PlanningParameters
-from wasd_navigation.planning.distance_field import Field
-from wasd_navigation.planning.footprint import Footprint
+from wasd_navigation.planning import Field
 from wasd_navigation.planning.goal_field import DiscField
 from wasd_navigation.planning.goal_field import reaches
 from wasd_navigation.planning.goal_field import shortest

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wasd_navigation.planning.distance_field import fast
-from wasd_navigation.planning.distance_field import Field
-from wasd_navigation.planning.distance_field import look_up
+from wasd_navigation.planning import fast
+from wasd_navigation.planning import Field
+from wasd_navigation.planning import look_up
 from wasd_navigation.planning.motion import Base
 from wasd_navigation.planning.motion import clearance
 from wasd_navigation.planning.motion import move

@@ -1,20 +1,75 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a robot has moved since the last scan by its odometry, and how sure that is."""
+"""Odometry of the last seconds: where a robot was at a scan, how it has moved, and how sure."""
 
+from collections import deque
 import math
+from typing import NamedTuple
 
 import numpy as np
+from wasd_core.rotations import Pose
 
-from wasd_navigation.mapping.matrices import is_definite
-from wasd_navigation.mapping.matrices import sandwich
-from wasd_navigation.mapping.matrices import turn_axes
 from wasd_navigation.se2 import compose
 from wasd_navigation.se2 import inverse
+from wasd_navigation.se2 import is_definite
+from wasd_navigation.se2 import sandwich
+from wasd_navigation.se2 import turn_axes
+from wasd_navigation.se2 import wrap
 
+# So many are remembered: two seconds at 50 Hz.
+REMEMBERED = 100
 # No odometry is surer than this: variances by way [m^2/m], by turn [rad^2/rad], and of standing.
 LEAST_WAY, LEAST_TURN, STANDING = 1e-6, 1e-6, 1e-8
 # What is not known of the move in which odometry was set anew [m^2], [rad^2].
 LEAP = np.diag((0.05**2, 0.05**2, 0.05**2))
+
+
+class Odometry(NamedTuple):
+    """
+    The base in the odom frame as seen from above.
+
+    `pose` is T_odom_base, shape (3,) [m, m, rad], `velocity` (vx, vy, wz) is in the base frame,
+    `covariance`, shape (3, 3), is the pose's. `level` is the base in the level frame below it,
+    whose origin is at the height of the odom frame's and whose x is ahead.
+    """
+
+    pose: np.ndarray
+    velocity: np.ndarray
+    covariance: np.ndarray
+    level: Pose
+
+
+class OdometryMemory:
+    """Odometry by its stamps [s]."""
+
+    def __init__(self) -> None:
+        self._known: deque[tuple[float, Odometry]] = deque(maxlen=REMEMBERED)
+
+    def add(self, stamp: float, odometry: Odometry) -> None:
+        """Remember odometry; when time jumps back, nothing else."""
+        if self._known and stamp < self._known[-1][0]:
+            self._known.clear()
+        self._known.append((stamp, odometry))
+
+    def at(self, stamp: float) -> Odometry | None:
+        """Return odometry of an instant, between two; None where that is not known, or not yet."""
+        if not self._known or not self._known[0][0] <= stamp <= self._known[-1][0]:
+            return None
+        after = next(index for index, (time, _) in enumerate(self._known) if time >= stamp)
+        (end, late), (begin, early) = self._known[after], self._known[max(after - 1, 0)]
+        if end <= begin:
+            return late
+        turn = wrap(late.pose[2] - early.pose[2])
+        step = np.array([*(late.pose[:2] - early.pose[:2]), turn])
+        pose = early.pose + (stamp - begin) / (end - begin) * step
+        return late._replace(pose=np.array([pose[0], pose[1], wrap(pose[2])]))
+
+    def age(self, stamp: float) -> float:
+        """Return how long before the newest odometry an instant was [s]; NaN: there is none."""
+        return self._known[-1][0] - stamp if self._known else math.nan
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._known.clear()
 
 
 class OdometryGrowth:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a planar lidar saw in one instant, as points in the robot's base frame."""
+"""What is seen of the surroundings, a lidar's scan, and what is known, an occupancy grid."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,44 @@ import numpy as np
 from wasd_core.rotations import Pose
 from wasd_core.rotations import yaw_matrix
 
+UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 # What a tilted lidar sees below this height is the floor [m]; nor is anything that ends less far
 # below the lidar.
 FLOOR, LEAST_DESCENT = 0.05, 0.02
 # What is farther is not seen, whatever a lidar says of itself; and so far a ray is free at most
 # that hits nothing [m].
 HORIZON, FREE_SIGHT = 100.0, 30.0
+
+
+@dataclass(frozen=True)
+class Grid:
+    """
+    Cells, shape (rows, columns), int8: -1 unknown, 0 free, to 100 occupied.
+
+    Row 0 is the lowest y, column 0 the lowest x; `origin` (x, y) [m] is the corner of cell
+    (0, 0) with the lowest coordinates, `resolution` the length of a cell [m]. Axes are those of
+    the map frame.
+    """
+
+    cells: np.ndarray
+    resolution: float
+    origin: tuple[float, float]
+
+    def to_cells(self, points: np.ndarray) -> np.ndarray:
+        """Return (row, column), shape (n, 2), of points, shape (n, 2) [m]; maybe outside."""
+        steps = np.floor((points - np.array(self.origin)) / self.resolution)
+        cells: np.ndarray = steps[:, ::-1].astype(np.int64)
+        return cells
+
+    def to_points(self, cells: np.ndarray) -> np.ndarray:
+        """Return the centres [m], shape (n, 2), of cells (row, column), shape (n, 2)."""
+        points: np.ndarray = (cells[:, ::-1] + 0.5) * self.resolution + np.array(self.origin)
+        return points
+
+    def covers(self, cells: np.ndarray) -> np.ndarray:
+        """Return which cells (row, column), shape (n, 2), lie in the grid, shape (n,)."""
+        inside: np.ndarray = np.all((cells >= 0) & (cells < self.cells.shape), axis=1)
+        return inside
 
 
 @dataclass(frozen=True)
