@@ -59,7 +59,7 @@ def test_what_is_saved_is_loaded(grid: Grid, tmp_path: Path) -> None:
 
 
 def test_maps_of_others_are_loaded(tmp_path: Path) -> None:
-    Image.fromarray(np.array([[0, 127, 255]], dtype=np.uint8)).save(tmp_path / 'm.png')
+    Image.fromarray(np.array(3 * [[0, 127, 255]], dtype=np.uint8)).save(tmp_path / 'm.png')
     said = 'image: m.png\nresolution: 0.1\norigin: [1, 2, 0]\nnegate: 0\n'
     said += 'occupied_thresh: 0.7\nfree_thresh: 0.2\n'
     for more, wanted in (
@@ -68,10 +68,10 @@ def test_maps_of_others_are_loaded(tmp_path: Path) -> None:
     ):
         (tmp_path / 'm.yaml').write_text(said + more)
         grid = load_map(tmp_path / 'm.yaml')
-        assert grid.cells.tolist() == [wanted]
+        assert grid.cells.tolist() == 3 * [wanted]
         assert grid.origin == (1.0, 2.0)
     (tmp_path / 'm.yaml').write_text(said.replace('negate: 0', 'negate: 1'))
-    assert load_map(tmp_path / 'm.yaml').cells.tolist() == [[0, -1, 100]]
+    assert load_map(tmp_path / 'm.yaml').cells.tolist() == 3 * [[0, -1, 100]]
 
 
 GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
@@ -91,7 +91,7 @@ GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
         (GOOD.replace('0.05', '!!timestamp x'), 'no YAML'),
         (GOOD.replace('0.05', '&a [*a]'), 'resolution: wanted a number, got list'),
         (GOOD.replace('[0, 0, 0]', '[1.0e+30, 0, 0]'), 'origin: wanted at most 1e+06 m'),
-        (GOOD.replace('m.pgm', 'long.pgm').replace('0.05', '1.0'), 'got 1001 m x 1 m'),
+        (GOOD.replace('m.pgm', 'long.pgm').replace('0.05', '1.0'), 'got 1001 m x 3 m'),
         (GOOD.replace('m.pgm', 'large.pgm'), 'got 8000 x 8000'),
         (GOOD + 100_000 * ' ', 'is too much'),
         (GOOD.replace('0.05', '.nan'), 'resolution: wanted a number, got nan'),
@@ -101,12 +101,20 @@ GOOD = 'image: m.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n'
         (GOOD + 'mode: odd\n', "mode: wanted trinary or scale, got 'odd'"),
         (GOOD.replace('m.pgm', 'none.pgm'), 'map.yaml: image: '),
         (GOOD.replace('m.pgm', 'none.pgm'), 'none.pgm: no such file'),
-        (GOOD.replace('m.pgm', 'map.yaml'), 'map.yaml: no picture'),
+        (GOOD.replace('m.pgm', 'map.yaml'), 'map.yaml: wanted a picture, PGM or PNG'),
+        (GOOD.replace('m.pgm', 'empty.pgm'), 'empty.pgm: the file is empty'),
+        (GOOD.replace('m.pgm', 'cut.pgm'), 'cut.pgm: no picture: image file is truncated'),
+        (GOOD.replace('m.pgm', 'flat.pgm'), 'wanted at least 3 x 3 pixels, got 300 x 1'),
+        (GOOD.replace('m.pgm', '"a\\nb"'), 'a b: no such file'),
+        (GOOD + 'free_thresh: 0.9\n', 'free_thresh <= occupied_thresh <= 1, got 0.9 and 0.65'),
+        (GOOD + 'occupied_thresh: -1\n', 'wanted 0 <= free_thresh'),
     ],
 )
 def test_what_is_no_map_is_refused_in_one_line(text: str, said: str, tmp_path: Path) -> None:
-    Image.fromarray(np.zeros((1, 1), dtype=np.uint8)).save(tmp_path / 'm.pgm')
-    Image.fromarray(np.zeros((1, 1001), dtype=np.uint8)).save(tmp_path / 'long.pgm')
+    for name, shape in {'m': (3, 3), 'long': (3, 1001), 'flat': (1, 300)}.items():
+        Image.fromarray(np.zeros(shape, dtype=np.uint8)).save(tmp_path / f'{name}.pgm')
+    (tmp_path / 'empty.pgm').write_bytes(b'')
+    (tmp_path / 'cut.pgm').write_bytes(b'P5 100 100 255\n' + bytes(50))
     (tmp_path / 'large.pgm').write_bytes(b'P5 8000 8000 255\n')
     (tmp_path / 'map.yaml').write_text(text)
     with pytest.raises(UserError) as refused:

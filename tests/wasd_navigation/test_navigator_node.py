@@ -234,18 +234,20 @@ def test_its_services_cancel_and_begin_anew(rig):
 
 
 def test_initialpose_is_for_who_has_a_map(rig):
-    rig.node._on_initial_pose(located(1.0, 2.0))
+    rig.node._on_initial_pose(located(1.0, 0.5))
     assert 'ignored' in rig.said[-1]
     started = []
     rig.node.navigator.locator.start = lambda *given: started.append(given)
-    rig.node._on_initial_pose(located(1.0, 2.0))
+    rig.node._on_initial_pose(located(1.0, 0.5))
     ((pose, covariance),) = started
-    assert pose == pytest.approx([1.0, 2.0, 0.0])
+    assert pose == pytest.approx([1.0, 0.5, 0.0])
     assert covariance[0, 0] == 0.25
-    broken = located(1.0, 2.0)
+    broken = located(1.0, 0.5)
     broken.pose.covariance[7] = math.nan
     rig.node._on_initial_pose(broken)
     assert rig.said[-1] == 'initialpose: wanted a covariance of finite numbers: ignored'
+    rig.node._on_initial_pose(located(1e5, 2.0))
+    assert rig.said[-1] == 'initialpose: (100000.00, 2.00) is outside the map: ignored'
     assert len(started) == 1
 
 

@@ -14,7 +14,12 @@ CELLS[:, 60:] = -1
 
 
 @pytest.mark.parametrize(
-    ('x', 'y', 'words'), [(9.0, 0.0, 'outside the map'), (1.5, 0.0, 'nobody has looked')]
+    ('x', 'y', 'words'),
+    [
+        (9.0, 0.0, 'outside the map'),
+        (-1e300, 0.0, 'outside the map'),
+        (1.5, 0.0, 'nobody has looked'),
+    ],
 )
 def test_a_goal_that_is_not_on_the_map_is_refused_with_the_reason(x, y, words):
     driver = Driver(DriveLimits(), Footprint(radius=0.2))
@@ -24,6 +29,17 @@ def test_a_goal_that_is_not_on_the_map_is_refused_with_the_reason(x, y, words):
     assert velocity == pytest.approx(0.0)
     assert driver.state == 'refused'
     assert words in driver.reason
+
+
+@pytest.mark.parametrize('shape', [(0, 0), (1, 1), (1, 50), (50, 1), (2, 2)])
+@pytest.mark.parametrize('sizes', [{'radius': 0.15}, {'half_length': 0.34, 'half_width': 0.164}])
+def test_a_map_of_next_to_nothing_is_none(shape, sizes):
+    driver = Driver(DriveLimits(), Footprint(**sizes))
+    driver.set_goal(np.zeros(3))
+    grid = Grid(np.zeros(shape, np.int8), 0.05, (-0.01, -0.01))
+    velocity = driver.step(grid, 1, np.zeros(3), np.zeros(3), None, 0.05)
+    assert velocity == pytest.approx(0.0)
+    assert driver.reason == 'there is no map yet: drive around first, or give one'
 
 
 @pytest.mark.parametrize('room', [0.0, 0.02])

@@ -303,13 +303,14 @@ class NavigatorNode(Node):
         return np.asarray(compose(known[frame], goal))
 
     def _on_initial_pose(self, message: PoseWithCovarianceStamped) -> None:
-        start = getattr(self.navigator.locator, 'start', None)
-        if start is None:
-            self.say('initialpose is for a robot with a map: ignored while one is made')
-            return
         try:
-            stamped = PoseStamped(header=message.header, pose=message.pose.pose)
-            start(self.in_map(stamped), from_covariance(message.pose.covariance))
+            start = getattr(self.navigator.locator, 'start', None)
+            if start is None:
+                raise InvalidMessage('it is for a robot with a map, this one is making its own')
+            pose = self.in_map(PoseStamped(header=message.header, pose=message.pose.pose))
+            if not self.navigator.locator.grid.has(pose[:2]):
+                raise InvalidMessage(f'({pose[0]:.2f}, {pose[1]:.2f}) is outside the map')
+            start(pose, from_covariance(message.pose.covariance))
         except InvalidMessage as error:
             self.say(f'initialpose: {error}: ignored')
 

@@ -8,6 +8,10 @@ from wasd_core.rotations import Pose
 from wasd_core.rotations import yaw_matrix
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+# Fewer rows or columns are no map: between the middles of two cells values are looked up.
+FEWEST = 3
+# Cells are no farther away than this: what is must not overflow.
+_FARTHEST = 2.0**60
 # What a tilted lidar sees below this height is the floor [m]; nor is anything that ends less far
 # below the lidar.
 FLOOR, LEAST_DESCENT = 0.05, 0.02
@@ -33,7 +37,7 @@ class Grid:
     def to_cells(self, points: np.ndarray) -> np.ndarray:
         """Return (row, column), shape (n, 2), of points, shape (n, 2) [m]; maybe outside."""
         steps = np.floor((points - np.array(self.origin)) / self.resolution)
-        cells: np.ndarray = steps[:, ::-1].astype(np.int64)
+        cells: np.ndarray = np.clip(steps, -_FARTHEST, _FARTHEST)[:, ::-1].astype(np.int64)
         return cells
 
     def to_points(self, cells: np.ndarray) -> np.ndarray:
@@ -45,6 +49,10 @@ class Grid:
         """Return which cells (row, column), shape (n, 2), lie in the grid, shape (n,)."""
         inside: np.ndarray = np.all((cells >= 0) & (cells < self.cells.shape), axis=1)
         return inside
+
+    def has(self, point: np.ndarray) -> bool:
+        """Return whether a point, shape (2,) [m], lies in the grid."""
+        return bool(self.covers(self.to_cells(point[None]))[0])
 
 
 @dataclass(frozen=True)

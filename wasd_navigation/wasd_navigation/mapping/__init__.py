@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from PIL import UnidentifiedImageError
 from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 from wasd_core.output_file import OutputFile
 from wasd_core.safe_files import read_file
 import yaml
 
+from wasd_navigation.records import FEWEST
 from wasd_navigation.records import FREE
 from wasd_navigation.records import Grid
 from wasd_navigation.records import OCCUPIED
@@ -108,11 +110,18 @@ def load_map(path: Path) -> Grid:
         raise MapFileError(f'{path}: mode: wanted trinary or scale, got {_shown(mode)}')
     occupied = _number(path, said, 'occupied_thresh', OCCUPIED_THRESHOLD)
     free = _number(path, said, 'free_thresh', FREE_THRESHOLD)
+    if not 0.0 <= free <= occupied <= 1.0:
+        wanted = 'wanted 0 <= free_thresh <= occupied_thresh <= 1'
+        raise MapFileError(f'{path}: {wanted}, got {free:g} and {occupied:g}')
     origin = _origin(path, said)
     try:
         shares = _read_shares(path.parent / image, bool(said.get('negate', 0)))
     except UserError as error:
-        raise MapFileError(f'{path}: image: {error}') from error
+        raise MapFileError(f'{path}: image: {one_line(error)}') from error
+    if min(shares.shape) < FEWEST:
+        rows, columns = shares.shape
+        wanted = f'wanted at least {FEWEST} x {FEWEST} pixels'
+        raise MapFileError(f'{path}: {wanted}, got {columns} x {rows}')
     if not 0.0 < resolution * max(shares.shape) <= LONGEST_SIDE:
         rows, columns = shares.shape
         size = f'{resolution * columns:.0f} m x {resolution * rows:.0f} m'
@@ -135,6 +144,9 @@ def _read_shares(path: Path, negate: bool) -> np.ndarray:
                 wanted = f'wanted at most {MOST_PIXELS} pixels'
                 raise MapFileError(f'{path}: {wanted}, got {picture.width} x {picture.height}')
             pixels = np.asarray(picture.convert('L'), dtype=np.float32) / np.float32(255)
+    except UnidentifiedImageError as error:
+        why = 'wanted a picture, PGM or PNG' if data else 'the file is empty'
+        raise MapFileError(f'{path}: {why}') from error
     except (OSError, ValueError, Image.DecompressionBombError) as error:
         raise MapFileError(f'{path}: no picture: {one_line(error)}') from error
     return pixels if negate else 1.0 - pixels

@@ -20,6 +20,7 @@ from wasd_navigation.planning.motion import clearance
 from wasd_navigation.planning.motion import least_clearance
 from wasd_navigation.planning.sampling import value_at
 from wasd_navigation.planning.surroundings import Surroundings
+from wasd_navigation.records import FEWEST
 
 # The robot is on its way up to so far from it [m], and passes no more points of it at once.
 _OFF_WAY, _PASSED = 0.15, 20
@@ -195,7 +196,7 @@ def refusal(
     if not np.isfinite(goal).all():
         return f'the goal must be finite numbers, got ({goal[0]}, {goal[1]}, {goal[2]})'
     grid = around.grid
-    if grid is None:
+    if grid is None or min(grid.cells.shape) < FEWEST:
         return 'there is no map yet: drive around first, or give one'
     place = f'({goal[0]:.2f}, {goal[1]:.2f})'
     cell = grid.to_cells(goal[None, :2])
