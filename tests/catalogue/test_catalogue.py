@@ -97,9 +97,19 @@ def test_every_description_has_a_row_and_every_row_a_description() -> None:
     assert files == {row.path for row in ROWS}
 
 
+@pytest.fixture(scope='module')
+def loaded() -> dict[str, Any]:
+    """Return the robots that were loaded and are still to be driven, by their rows."""
+    return {}
+
+
 @each(*(row for row in ROWS if row.verdict == 'loads'))
-def test_it_loads_and_says_what_it_makes_of_it(row: Row, caplog: pytest.LogCaptureFixture) -> None:
-    row.load()
+def test_it_loads_and_says_what_it_makes_of_it(
+    row: Row, caplog: pytest.LogCaptureFixture, loaded: dict[str, Any]
+) -> None:
+    robot = row.load()
+    if row.drives:
+        loaded[repr(row)] = robot
     for word in row.words:
         assert word in caplog.text
 
@@ -143,9 +153,8 @@ def yaw_of(robot: Any) -> float:
     return float(rpy_from_matrix(matrix_from_quaternion(robot.truth.orientation))[2])
 
 
-def drive_wheels(row: Row) -> None:
+def drive_wheels(robot: Any) -> None:
     """Go 1 m ahead, then turn by 360 degrees on the spot."""
-    robot = row.load()
     robot.run(REST)
     start, ahead = robot.truth.position.copy(), yaw_of(robot)
     robot.drive(SPEED)
@@ -185,11 +194,6 @@ def velocity(robot: Any) -> np.ndarray:
     return way / MEASURED
 
 
-def drive_legs(row: Row) -> None:
-    """Walk as `walk` says."""
-    walk(row.load())
-
-
 def walk(robot: Any) -> None:
     """Stand up, walk ahead, sideways and on the spot, as fast as told or as full stick is."""
     robot.press('2')
@@ -205,7 +209,7 @@ def walk(robot: Any) -> None:
     assert matrix_from_quaternion(robot.truth.orientation)[2, 2] > math.cos(0.1)  # upright
 
 
-DRIVES: dict[str, Callable[[Row], None]] = {'diff-drive': drive_wheels, 'quadruped': drive_legs}
+DRIVES: dict[str, Callable[[Any], None]] = {'diff-drive': drive_wheels, 'quadruped': walk}
 
 
 # All robots of example-robot-data that have four legs of three joints and masses; two have arms.
@@ -236,5 +240,5 @@ def test_a_quadruped_of_example_robot_data_walks(
 
 
 @each(*(row for row in ROWS if row.drives))
-def test_it_goes_where_it_is_sent(row: Row) -> None:
-    DRIVES[row.kind](row)
+def test_it_goes_where_it_is_sent(row: Row, loaded: dict[str, Any]) -> None:
+    DRIVES[row.kind](loaded.pop(repr(row), None) or row.load())
