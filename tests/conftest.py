@@ -13,6 +13,7 @@ import sys
 import time
 from typing import Any
 
+import expansions
 import pytest
 
 pytest_plugins = ['marking', 'hanging']
@@ -75,9 +76,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Collect garbage from here on, but not what is loaded: it stays till the end."""
+    """
+    Collect garbage from here on, but not what is loaded: it stays till the end.
+
+    And remember what descriptions expand to, see tests/expansions.py.
+    """
     gc.freeze()
     gc.enable()
+    expansions.remember()
 
 
 # Domains up to 101 have their ports below the ephemeral ones; 0 is everybody's. Two test runs on

@@ -21,6 +21,8 @@ import termios
 import threading
 from typing import Any
 
+import expansions
+
 # What `wasd` and the nodes import, some of them only when it is needed.
 MODULES = (
     'wasd_bringup.cli',
@@ -44,7 +46,7 @@ STREAMS = 3
 
 
 def load() -> None:
-    """Load what the programs load: modules, the leg controller's compiled functions."""
+    """Load what the programs load: modules, compiled functions, our robots' expanded files."""
     for name in MODULES:
         importlib.import_module(name)
     from quadruped_sim.robot_model import RobotModel
@@ -52,6 +54,8 @@ def load() -> None:
 
     from quadruped_sim import leg_controller_node
 
+    expansions.remember()
+    load_robot('mbot')
     leg_controller_node.warm_up(RobotModel(load_robot('go2')))
     # What that loads is loaded once; of the model it keeps nothing.
     leg_controller_node.warm_up = lambda model: None
