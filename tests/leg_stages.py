@@ -2,11 +2,11 @@
 """The stages of a tick one by one, by the compiled functions that `step_feet` calls."""
 
 from quadruped_sim.algebra import plain
-from quadruped_sim.estimation.contacts import follow_plane
-from quadruped_sim.estimation.grip import feel_grip
+from quadruped_sim.estimation import feel_grip
+from quadruped_sim.estimation import follow_plane
+from quadruped_sim.locomotion.footwork import find_step_height
 from quadruped_sim.locomotion.reference import advance
 from quadruped_sim.locomotion.reference import blank_reference
-from quadruped_sim.locomotion.step_height import find_step_height
 from quadruped_sim.locomotion.swing import blank_targets
 from quadruped_sim.locomotion.swing import find_landing
 from quadruped_sim.locomotion.swing import FootPaths

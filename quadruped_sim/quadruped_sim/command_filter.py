@@ -9,10 +9,10 @@ from robot_description.morphology.quadruped import GO2
 from robot_description.morphology.quadruped import Scale
 from wasd_core.timing import Watchdog
 
-from quadruped_sim.parameters import CommandParameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.presets import LIMITS
 from quadruped_sim.presets import VelocityLimits
+from quadruped_sim.tuning import CommandParameters
 
 
 def velocity_limits(

@@ -19,9 +19,9 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import all_leg_angles
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.locomotion.swing import foot_velocities
-from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.tuning import GaitParameters
 
 NOTICE = 'compiling, once: the leg controller, which takes up to a minute of a core'
 # How long a stop may go unnoticed while the other process compiles [s].

@@ -13,13 +13,13 @@ from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import plain
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.command_filter import velocity_limits
-from quadruped_sim.estimation.contacts import ContactDetector
-from quadruped_sim.estimation.ground_touch import feel_ground
-from quadruped_sim.estimation.ground_touch import TouchRules
+from quadruped_sim.estimation import ContactDetector
 from quadruped_sim.estimation.heading import Heading
 from quadruped_sim.estimation.kalman import Footing
 from quadruped_sim.estimation.kalman import KalmanEstimator
+from quadruped_sim.estimation.load import feel_ground
 from quadruped_sim.estimation.load import LoadObserver
+from quadruped_sim.estimation.load import TouchRules
 from quadruped_sim.keys import GAIT_KEYS
 from quadruped_sim.keys import GET_UP_KEYS
 from quadruped_sim.keys import KeyWords
@@ -29,7 +29,7 @@ from quadruped_sim.keys import StateName
 from quadruped_sim.keys import Sticks
 from quadruped_sim.keys import SUCCESSORS
 from quadruped_sim.keys import TRANSITIONS
-from quadruped_sim.locomotion.locomotion import Locomotion
+from quadruped_sim.locomotion import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel

@@ -47,9 +47,9 @@ from wasd_core.topics import TfBroadcaster
 
 from quadruped_sim.compilation import compile_once
 from quadruped_sim.compilation import warm_up
-from quadruped_sim.executables import leg_controller
 from quadruped_sim.keys import StickValues
 from quadruped_sim.leg_controller import LegController
+from quadruped_sim.parameters import leg_controller
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import RobotModel

@@ -8,8 +8,8 @@ from wasd_core.jit import jit
 from wasd_core.robot_io import JointCommand
 from wasd_core.robot_io import Reading
 
-from quadruped_sim.parameters import SafetyParameters
 from quadruped_sim.robot_model import JointLimits
+from quadruped_sim.tuning import SafetyParameters
 
 # Readings in a row that may be broken before the controller lets go.
 _BROKEN_READINGS_MAX = 3

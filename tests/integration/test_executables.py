@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PROGRAMS = {
     name: getattr(import_module(target.partition(':')[0]), target.partition(':')[2])
     for name, target in SCRIPTS.items()
-    if target.partition(':')[0].endswith(('executables', 'parameters'))
+    if target.partition(':')[0].endswith('parameters')
 }
 # Of processor time, which other programs do not take away [s].
 AT_ONCE = 1.0

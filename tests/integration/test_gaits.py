@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.presets import GAITS
+from quadruped_sim.tuning import GaitParameters
 import wasd
 
 STEPS, COUNT = 0.1, 12

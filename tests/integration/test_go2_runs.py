@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from quadruped_sim.parameters import SafetyParameters
+from quadruped_sim.tuning import SafetyParameters
 
 Report = dict[str, Any]
 

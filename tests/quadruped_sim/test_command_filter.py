@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 from quadruped_sim.command_filter import CommandFilter
-from quadruped_sim.parameters import CommandParameters
+from quadruped_sim.tuning import CommandParameters
 
 DT = 0.002
 

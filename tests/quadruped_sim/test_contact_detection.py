@@ -3,12 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from quadruped_sim.estimation.contacts import ContactDetector
-from quadruped_sim.estimation.contacts import feel_touch
-from quadruped_sim.estimation.contacts import find_touch
+from quadruped_sim.estimation import ContactDetector
+from quadruped_sim.estimation import feel_touch
+from quadruped_sim.estimation import find_touch
 from quadruped_sim.leg_kinematics import leg_motion
-from quadruped_sim.parameters import ContactParameters
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.tuning import ContactParameters
 
 DT = 0.002
 LEVEL = np.array((1.0, 0.0, 0.0, 0.0))

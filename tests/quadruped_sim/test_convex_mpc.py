@@ -2,10 +2,10 @@
 import numpy as np
 import pytest
 from quadruped_sim.locomotion.convex_mpc import ConvexMpc
+from quadruped_sim.locomotion.convex_mpc import FrictionPyramids
 from quadruped_sim.locomotion.convex_mpc import MpcProblem
-from quadruped_sim.locomotion.friction_qp import FrictionPyramids
-from quadruped_sim.locomotion.friction_qp import QpSolver
-from quadruped_sim.parameters import MpcParameters
+from quadruped_sim.locomotion.convex_mpc import QpSolver
+from quadruped_sim.tuning import MpcParameters
 
 MASS = 16.0
 INERTIA = np.diag((0.2, 0.5, 0.55))

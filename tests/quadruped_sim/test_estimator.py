@@ -9,8 +9,8 @@ from quadruped_sim.estimation.kalman import Footing
 from quadruped_sim.estimation.kalman import KalmanEstimator
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
-from quadruped_sim.parameters import EstimatorParameters
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.tuning import EstimatorParameters
 from wasd_core.robot_io import ImuReading
 from wasd_core.rotations import yaw_matrix
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import view_of
-from quadruped_sim.estimation.contacts import Plane
+from quadruped_sim.estimation import Plane
 
 
 def test_what_compiled_stages_write_is_seen_in_the_record(robot_state):

@@ -3,17 +3,17 @@ import numpy as np
 import pytest
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import plain
-from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation import Ground
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import find_landing
 from quadruped_sim.locomotion.swing import keep_apart
 from quadruped_sim.locomotion.swing import SwingLegs
-from quadruped_sim.parameters import FootholdParameters
-from quadruped_sim.parameters import GroundParameters
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.parameters import ReferenceParameters
 from quadruped_sim.robot_state import BaseMotion
+from quadruped_sim.tuning import FootholdParameters
+from quadruped_sim.tuning import GroundParameters
+from quadruped_sim.tuning import ReferenceParameters
 from wasd_core.rotations import yaw_matrix
 
 STANCE = 0.2

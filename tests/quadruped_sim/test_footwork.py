@@ -4,9 +4,9 @@
 import leg_stages
 import numpy as np
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.locomotion.locomotion import Locomotion
-from quadruped_sim.parameters import GaitParameters
+from quadruped_sim.locomotion import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.tuning import GaitParameters
 from wasd_core.robot_io import JointStates
 
 PARAMETERS = LegControllerParameters(gait=GaitParameters(step_in_place=True))

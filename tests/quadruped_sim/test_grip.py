@@ -4,8 +4,8 @@ from dataclasses import replace
 import leg_stages
 import numpy as np
 import pytest
-from quadruped_sim.estimation.grip import Grip
-from quadruped_sim.parameters import GripParameters
+from quadruped_sim.estimation import Grip
+from quadruped_sim.tuning import GripParameters
 
 TICK = 0.002
 GUESS = 0.4

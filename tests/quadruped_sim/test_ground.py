@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import leg_stages
 import numpy as np
-from quadruped_sim.estimation.contacts import Ground
-from quadruped_sim.estimation.contacts import height_at
-from quadruped_sim.parameters import GroundParameters
+from quadruped_sim.estimation import Ground
+from quadruped_sim.estimation import height_at
+from quadruped_sim.tuning import GroundParameters
 
 FEET = np.array(((0.2, 0.15, 0.0), (0.2, -0.15, 0.0), (-0.2, 0.15, 0.0), (-0.2, -0.15, 0.0)))
 ALL = np.ones(4, dtype=bool)

@@ -4,9 +4,9 @@ import pytest
 from quadruped_sim.keys import KeyWords
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import foot_positions
-from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.presets import GAITS
+from quadruped_sim.tuning import GaitParameters
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
 
@@ -233,7 +233,7 @@ def test_a_failing_solver_is_survived_then_counted_against_it(controller, run, m
         run(controller, 3)
     solver = controller.locomotion.whole_body.solver
     failed = None, None, -1, None
-    monkeypatch.setattr('quadruped_sim.locomotion.friction_qp.daqp.solve', lambda *_: failed)
+    monkeypatch.setattr('quadruped_sim.locomotion.convex_mpc.daqp.solve', lambda *_: failed)
     command = run(controller, 10)
     assert controller.state == 'balance test'
     assert np.isfinite(command.effort).all()

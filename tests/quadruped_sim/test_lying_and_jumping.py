@@ -12,13 +12,13 @@ from mujoco_sim.world import World
 import numpy as np
 import pytest
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.parameters import JumpParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.states.lying import rolling_poses
 from quadruped_sim.states.lying import ROLLS
 from quadruped_sim.states.lying import TRIES_MAX
+from quadruped_sim.tuning import JumpParameters
 from robot_description.description import load_robot
 from robot_description.morphology.quadruped import FOLDED
 from robot_description.morphology.quadruped import similar_pose

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.parameters import SafetyParameters
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.safety import Safety
+from quadruped_sim.tuning import SafetyParameters
 from wasd_core.rotations import rpy_matrix
 
 ANGLES = np.tile((0.0, 0.8, -1.6), 4)

@@ -5,11 +5,11 @@ import math
 import leg_stages
 import numpy as np
 import pytest
-from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation import Ground
+from quadruped_sim.locomotion.footwork import StepHeight
 from quadruped_sim.locomotion.gait import GaitState
-from quadruped_sim.locomotion.step_height import StepHeight
-from quadruped_sim.parameters import GroundParameters
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.tuning import GroundParameters
 
 TICK = 0.002
 PARAMETERS = LegControllerParameters()

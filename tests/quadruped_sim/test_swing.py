@@ -2,17 +2,17 @@
 import leg_stages
 import numpy as np
 import pytest
-from quadruped_sim.estimation.contacts import Ground
+from quadruped_sim.estimation import Ground
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import headroom
 from quadruped_sim.locomotion.swing import swing_point
 from quadruped_sim.locomotion.swing import swing_profile
 from quadruped_sim.locomotion.swing import SwingLegs
-from quadruped_sim.parameters import GroundParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_state import BaseMotion
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.tuning import GroundParameters
 from wasd_core.rotations import rpy_matrix
 
 START = np.array((0.1, -0.1, 0.02))

@@ -10,9 +10,9 @@ import pytest
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_controller_node import LegControllerNode
-from quadruped_sim.parameters import CommandParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.parameters import LegNodeParameters
+from quadruped_sim.tuning import CommandParameters
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node

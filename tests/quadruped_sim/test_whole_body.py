@@ -8,10 +8,10 @@ from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.locomotion.whole_body import motor_range
 from quadruped_sim.locomotion.whole_body import WholeBody
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
-from quadruped_sim.parameters import MpcParameters
-from quadruped_sim.parameters import WholeBodyParameters
 from quadruped_sim.robot_state import BaseMotion
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.tuning import MpcParameters
+from quadruped_sim.tuning import WholeBodyParameters
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion

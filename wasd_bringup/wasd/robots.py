@@ -23,12 +23,12 @@ from mujoco_sim.world import build_world
 import numpy as np
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.parameters import CommandParameters
-from quadruped_sim.parameters import GaitParameters
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import LegOdometry
+from quadruped_sim.tuning import CommandParameters
+from quadruped_sim.tuning import GaitParameters
 from robot_description.description import load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.morphology.wheels import WheelChoice

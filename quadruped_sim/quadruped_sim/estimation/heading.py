@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from quadruped_sim.parameters import EstimatorParameters
+from quadruped_sim.tuning import EstimatorParameters
 
 # Feet that stay so near to where they were [m], seen from the base, stand still,
 STILL = 0.006

@@ -16,8 +16,8 @@ from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import view_of
 from quadruped_sim.leg_kinematics import LegMotion
-from quadruped_sim.parameters import EstimatorParameters
 from quadruped_sim.robot_state import turn_base
+from quadruped_sim.tuning import EstimatorParameters
 
 # Variance added per second to the position of a foot that moves freely.
 _SWING_VARIANCE = 100.0

@@ -18,11 +18,11 @@ from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.leg_kinematics import solve_leg
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
-from quadruped_sim.parameters import BalanceParameters
-from quadruped_sim.parameters import WholeBodyParameters
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import BaseMotion
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.tuning import BalanceParameters
+from quadruped_sim.tuning import WholeBodyParameters
 
 
 def gains_of(params: BalanceParameters | WholeBodyParameters) -> np.ndarray:

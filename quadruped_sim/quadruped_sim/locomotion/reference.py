@@ -10,9 +10,9 @@ from wasd_core.jit import jit
 
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import plain
-from quadruped_sim.estimation.contacts import height_at
-from quadruped_sim.parameters import ReferenceParameters
+from quadruped_sim.estimation import height_at
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.tuning import ReferenceParameters
 
 # Largest correction by the height integral [m], and the velocity error beyond which an error is
 # a push, which does not wind the velocity integral faster [m/s]; both on the Go2.

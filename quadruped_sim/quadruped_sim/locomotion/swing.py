@@ -11,7 +11,7 @@ from wasd_core.robot_io import GRAVITY
 from quadruped_sim.algebra import cross3
 from quadruped_sim.algebra import flatten
 from quadruped_sim.algebra import rotate
-from quadruped_sim.estimation.contacts import height_at
+from quadruped_sim.estimation import height_at
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.parameters import LegControllerParameters

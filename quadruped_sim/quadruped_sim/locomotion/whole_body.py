@@ -15,13 +15,13 @@ from quadruped_sim.algebra import put
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import solve_in_place
-from quadruped_sim.locomotion.friction_qp import ForceBounds
-from quadruped_sim.locomotion.friction_qp import FrictionPyramids
-from quadruped_sim.locomotion.friction_qp import QpSolver
-from quadruped_sim.parameters import MpcParameters
-from quadruped_sim.parameters import WholeBodyParameters
+from quadruped_sim.locomotion.convex_mpc import ForceBounds
+from quadruped_sim.locomotion.convex_mpc import FrictionPyramids
+from quadruped_sim.locomotion.convex_mpc import QpSolver
 from quadruped_sim.robot_model import JointLimits
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.tuning import MpcParameters
+from quadruped_sim.tuning import WholeBodyParameters
 
 
 class WholeBodyTask(NamedTuple):

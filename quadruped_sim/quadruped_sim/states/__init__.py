@@ -2,12 +2,12 @@
 """One class per state of the leg controller."""
 
 from quadruped_sim.keys import StateName
-from quadruped_sim.states.base import ControllerParts
-from quadruped_sim.states.base import State
+from quadruped_sim.states.driving import ControllerParts
 from quadruped_sim.states.driving import FixedStand
 from quadruped_sim.states.driving import FreeStand
 from quadruped_sim.states.driving import MoveBase
 from quadruped_sim.states.driving import Passive
+from quadruped_sim.states.driving import State
 from quadruped_sim.states.driving import Trotting
 from quadruped_sim.states.exercises import BalanceTest
 from quadruped_sim.states.exercises import StepTest

@@ -15,8 +15,8 @@ from quadruped_sim.leg_kinematics import FR
 from quadruped_sim.leg_kinematics import FRONT
 from quadruped_sim.leg_kinematics import LEFT
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.states.base import approach
-from quadruped_sim.states.base import State
+from quadruped_sim.states.driving import approach
+from quadruped_sim.states.driving import State
 
 # x, y, z [m] and yaw [rad] of the base at full stick, and how fast it follows, per second.
 BALANCE_FULL = np.array((0.05, 0.05, 0.04, math.radians(20.0)))

@@ -17,8 +17,8 @@ from quadruped_sim.locomotion.feedback import pd_law
 from quadruped_sim.locomotion.feedback import rotation_error
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.states.base import smooth
 from quadruped_sim.states.driving import AfterTrot
+from quadruped_sim.states.driving import smooth
 from quadruped_sim.states.driving import stiff_command
 
 # Of the Go2. How far the hips are above the feet: crouched, at take-off, with folded legs in the

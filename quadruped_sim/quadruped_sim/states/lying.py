@@ -14,11 +14,11 @@ from quadruped_sim.leg_kinematics import LEFT
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.states.base import approach
-from quadruped_sim.states.base import ControllerParts
-from quadruped_sim.states.base import smooth
-from quadruped_sim.states.base import State
 from quadruped_sim.states.driving import AfterTrot
+from quadruped_sim.states.driving import approach
+from quadruped_sim.states.driving import ControllerParts
+from quadruped_sim.states.driving import smooth
+from quadruped_sim.states.driving import State
 from quadruped_sim.states.driving import stiff_command
 
 

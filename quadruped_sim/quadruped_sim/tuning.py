@@ -1,0 +1,384 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Tuning of the leg controller, validated; docs/references.md resolves the papers' keys.
+
+The numbers are the Go2's, also those that a user gives. `scaling` gives those of another robot, by
+the units that stand here.
+"""
+
+from dataclasses import dataclass
+
+from wasd_core.parameters import InvalidParameter
+from wasd_core.parameters import parameter
+from wasd_core.parameters import Parameters
+
+from quadruped_sim.presets import DUTY_MAX
+from quadruped_sim.presets import GAITS
+from quadruped_sim.presets import LIMITS
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaitParameters(Parameters):
+    """Which foot steps when: period and duty run from the slow to the fast value over speed."""
+
+    name: str = parameter('trot', name='gait', choices=GAITS, doc='Order in which the feet step')
+    slow_period: float = parameter(
+        0.45,
+        above=0.0,
+        unit='s',
+        doc='Gait period up to slow_speed; unitree_guide trots at 0.45 s',
+    )
+    fast_period: float = parameter(0.26, above=0.0, unit='s', doc='Gait period from fast_speed on')
+    slow_duty: float = parameter(
+        0.55,
+        above=0.0,
+        maximum=DUTY_MAX,
+        doc='Share of the period a foot stands, up to slow_speed',
+    )
+    fast_duty: float = parameter(
+        0.27,
+        above=0.0,
+        maximum=DUTY_MAX,
+        doc='Share of the period a foot stands, from fast_speed on',
+    )
+    slow_speed: float = parameter(
+        0.4, minimum=0.0, unit='m/s', doc='Commanded speed below which the gait is the slow one'
+    )
+    fast_speed: float = parameter(
+        3.0, above=0.0, unit='m/s', doc='Commanded speed above which the gait is the fast one'
+    )
+    step_in_place: bool = parameter(
+        False,
+        name='step_in_place',
+        doc='Trot on the spot at zero command; false stands on four feet until disturbed',
+    )
+    step_height: float = parameter(
+        0.05, above=0.0, unit='m', doc='Height of the swing foot above flat ground'
+    )
+    rough_step_height: float = parameter(
+        0.14, above=0.0, unit='m', doc='Height of the swing foot after a stumble, on rough ground'
+    )
+    terrain_time: float = parameter(
+        2.0, above=0.0, unit='s', doc='Time constant in which rough ground is forgotten'
+    )
+    haste_error: float = parameter(
+        0.35, minimum=0.0, unit='m/s', doc='Velocity error from which on the gait hastens'
+    )
+    haste_gain: float = parameter(
+        3.0, minimum=0.0, doc='Speed that the gait takes on, per velocity error beyond that'
+    )
+    haste_decay: float = parameter(
+        2.0, above=0.0, unit='m/s^2', doc='How fast the gait calms down again'
+    )
+    early_contact_phase: float = parameter(
+        0.6, minimum=0.0, maximum=1.0, doc='Share of the swing after which a touch ends it'
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class FootholdParameters(Parameters):
+    """Where the feet land [Raibert1986]."""
+
+    velocity_gain: float = parameter(
+        0.04, minimum=0.0, unit='s', doc='Foothold shift per error of velocity (capture term)'
+    )
+    reach: float = parameter(
+        0.35, above=0.0, unit='m', doc='Largest horizontal distance of a foothold from its hip'
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class MpcParameters(Parameters):
+    """Single-rigid-body convex MPC [DiCarlo2018]."""
+
+    steps: int = parameter(12, minimum=2, maximum=40, doc='Steps of the horizon')
+    step: float = parameter(0.025, above=0.0, unit='s', doc='Duration of one horizon step')
+    period: float = parameter(
+        0.02, above=0.0, unit='s', doc='Time between solutions; every contact switch adds one'
+    )
+    friction: float = parameter(
+        0.4,
+        above=0.0,
+        doc='Friction coefficient the forces stay inside; guessed at first, then felt: see grip',
+    )
+    force_min: float = parameter(5.0, minimum=0.0, unit='N', doc='Least normal force of a foot')
+    force_max: float = parameter(260.0, above=0.0, unit='N', doc='Largest normal force of a foot')
+    pose_weights: tuple[float, ...] = parameter(
+        (80.0, 120.0, 60.0, 30.0, 30.0, 250.0),
+        minimum=0.0,
+        doc='Cost of roll, pitch, yaw, x, y, z errors',
+    )
+    rate_weights: tuple[float, ...] = parameter(
+        (1.0, 2.0, 2.0, 8.0, 8.0, 4.0),
+        minimum=0.0,
+        doc='Cost of angular and linear velocity errors',
+    )
+    force_weight: float = parameter(4e-5, above=0.0, doc='Cost of force squared')
+
+    def __post_init__(self) -> None:
+        """Check each value, and that there is a force between the two limits."""
+        super().__post_init__()
+        if self.force_min >= self.force_max:
+            raise InvalidParameter(
+                f'mpc.force_min must be < mpc.force_max = {self.force_max:g} N, '
+                f'got {self.force_min:g}'
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeBodyParameters(Parameters):
+    """Whole-body QP: weights and the base's feedback."""
+
+    acceleration_weights: tuple[float, ...] = parameter(
+        (1.0, 1.0, 1.0, 0.3, 0.3, 0.1),
+        minimum=0.0,
+        doc='Cost of linear and angular base acceleration errors',
+    )
+    force_weight: float = parameter(1e-3, above=0.0, doc='Cost of leaving the MPC forces')
+    position_gains: tuple[float, ...] = parameter(
+        (0.0, 0.0, 30.0),
+        minimum=0.0,
+        unit='1/s^2',
+        doc='Base acceleration per position error, x y z',
+    )
+    velocity_gains: tuple[float, ...] = parameter(
+        (2.0, 2.0, 6.0), minimum=0.0, unit='1/s', doc='Base acceleration per velocity error, x y z'
+    )
+    rotation_gains: tuple[float, ...] = parameter(
+        (80.0, 80.0, 20.0),
+        minimum=0.0,
+        unit='1/s^2',
+        doc='Angular acceleration per rotation error',
+    )
+    rate_gains: tuple[float, ...] = parameter(
+        (12.0, 12.0, 6.0), minimum=0.0, unit='1/s', doc='Angular acceleration per rate error'
+    )
+    swing_position_gain: float = parameter(
+        900.0, minimum=0.0, unit='1/s^2', doc='Swing foot acceleration per position error'
+    )
+    swing_velocity_gain: float = parameter(
+        50.0, minimum=0.0, unit='1/s', doc='Swing foot acceleration per velocity error'
+    )
+    swing_kp: float = parameter(
+        10.0, minimum=0.0, unit='N m/rad', doc='Joint stiffness of a swing leg in the motor'
+    )
+    swing_kd: float = parameter(
+        0.5, minimum=0.0, unit='N m s/rad', doc='Joint damping of a swing leg in the motor'
+    )
+    stance_kd: float = parameter(
+        0.3, minimum=0.0, unit='N m s/rad', doc='Joint damping of a stance leg in the motor'
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class BalanceParameters(Parameters):
+    """Feedback of the base while it stands on feet that do not step."""
+
+    position_gains: tuple[float, ...] = parameter(
+        (60.0, 60.0, 80.0),
+        minimum=0.0,
+        unit='1/s^2',
+        doc='Base acceleration per position error, x y z',
+    )
+    velocity_gains: tuple[float, ...] = parameter(
+        (12.0, 12.0, 14.0),
+        minimum=0.0,
+        unit='1/s',
+        doc='Base acceleration per velocity error, x y z',
+    )
+    rotation_gains: tuple[float, ...] = parameter(
+        (120.0, 120.0, 80.0),
+        minimum=0.0,
+        unit='1/s^2',
+        doc='Angular acceleration per rotation error',
+    )
+    rate_gains: tuple[float, ...] = parameter(
+        (16.0, 16.0, 14.0), minimum=0.0, unit='1/s', doc='Angular acceleration per rate error'
+    )
+    acceleration_max: float = parameter(
+        5.0, above=0.0, unit='m/s^2', doc='Largest linear acceleration asked for, per axis'
+    )
+    rotation_max: float = parameter(
+        40.0, above=0.0, unit='rad/s^2', doc='Largest angular acceleration asked for, per axis'
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceParameters(Parameters):
+    """Desired motion of the base in trot."""
+
+    height: float = parameter(
+        0.30, above=0.0, unit='m', doc="Height of the hips above the feet's ground"
+    )
+    position_leash: float = parameter(
+        0.10, above=0.0, unit='m', doc='Farthest the desired position runs ahead of the real one'
+    )
+    velocity_integral: float = parameter(
+        0.6, minimum=0.0, unit='1/s', doc='Integral gain on velocity, against steady slip'
+    )
+    velocity_integral_limit: float = parameter(
+        0.3, minimum=0.0, unit='m/s', doc='Largest correction by the velocity integral'
+    )
+    height_integral: float = parameter(1.5, minimum=0.0, unit='1/s', doc='Integral gain on height')
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundParameters(Parameters):
+    """Plane under the feet, from where they stood last."""
+
+    slope_time: float = parameter(
+        0.25, above=0.0, unit='s', doc='Time constant of the estimated slope'
+    )
+    height_time: float = parameter(
+        0.1, above=0.0, unit='s', doc='Time constant of the estimated ground height'
+    )
+    slope_max: float = parameter(0.6, minimum=0.0, unit='rad', doc='Steepest slope believed in')
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactParameters(Parameters):
+    """Contact from joint torques: a momentum observer [DeLuca2006] with hysteresis."""
+
+    bandwidth: float = parameter(
+        120.0, above=0.0, unit='rad/s', doc='Bandwidth of the force estimate'
+    )
+    force_on: float = parameter(25.0, above=0.0, unit='N', doc='Normal force that makes a contact')
+    force_off: float = parameter(12.0, above=0.0, unit='N', doc='Normal force that ends a contact')
+    load_time: float = parameter(
+        0.5, above=0.0, unit='s', doc='Time constant in which a load is felt'
+    )
+
+    def __post_init__(self) -> None:
+        """Check each value, and that a contact ends at less force than it begins with."""
+        super().__post_init__()
+        if self.force_off >= self.force_on:
+            raise InvalidParameter(
+                f'contact.force_off must be < contact.force_on = {self.force_on:g} N, '
+                f'got {self.force_off:g}'
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class GripParameters(Parameters):
+    """Friction by what feet feel [Focchi2018]; `mpc.friction` is the guess it starts from."""
+
+    slip_speed: float = parameter(
+        0.25, above=0.0, unit='m/s', doc='Speed from which on a foot that stands slips'
+    )
+    share: float = parameter(
+        0.8, above=0.0, maximum=1.0, doc='Share of the friction felt that forces may use'
+    )
+    fall_time: float = parameter(
+        0.02, above=0.0, unit='s', doc='Time constant in which slipping feet lower it'
+    )
+    rise: float = parameter(
+        0.5, minimum=0.0, unit='1/s', doc='How fast feet raise it that bear more and do not slip'
+    )
+    least: float = parameter(0.1, above=0.0, doc='Least friction believed in')
+    most: float = parameter(0.7, above=0.0, doc='Largest friction believed in')
+
+    def __post_init__(self) -> None:
+        """Check each value, and that there is a friction to believe in."""
+        super().__post_init__()
+        if self.least > self.most:
+            raise InvalidParameter(
+                f'grip.least must be <= grip.most = {self.most:g}, got {self.least:g}'
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimatorParameters(Parameters):
+    """Kalman filter of base position, velocity and the feet [Bloesch2012, linear form]."""
+
+    acceleration_noise: float = parameter(
+        0.04,
+        above=0.0,
+        unit='m/s^2',
+        doc='Accelerometer, without its bias: velocity lost per root second',
+    )
+    bias: float = parameter(
+        0.05,
+        minimum=0.0,
+        unit='m/s^2',
+        doc="Standard deviation of the accelerometer's bias at the start",
+    )
+    bias_noise: float = parameter(
+        0.005, minimum=0.0, unit='m/s^2', doc='How far that bias walks per root second'
+    )
+    foot_noise: float = parameter(
+        0.02, above=0.0, unit='m/s', doc='Slip of a standing foot, white, per root second'
+    )
+    kinematics_noise: float = parameter(
+        0.004, above=0.0, unit='m', doc='Standard deviation of a foot position by joint angles'
+    )
+    velocity_noise: float = parameter(
+        0.08, above=0.0, unit='m/s', doc='Standard deviation of base velocity by one standing leg'
+    )
+    slip_speed: float = parameter(
+        0.05,
+        above=0.0,
+        unit='m/s',
+        doc='Disagreement of a foot with the IMU at which it is believed half',
+    )
+    gyro_noise: float = parameter(
+        0.01, above=0.0, unit='rad/s', doc='Standard deviation of a reading of the gyro'
+    )
+    gyro_bias: float = parameter(
+        2e-4, minimum=0.0, unit='rad/s', doc="Standard deviation of the gyro's bias at the start"
+    )
+    gyro_walk: float = parameter(
+        5e-6, minimum=0.0, unit='rad/s', doc='How far that bias walks per root second'
+    )
+    level_band: float = parameter(
+        0.02, minimum=0.0, unit='m', doc='Feet farther from the start level are not drawn to it'
+    )
+    level_time: float = parameter(0.3, above=0.0, unit='s', doc='Time constant of that draw')
+    phase_window: float = parameter(
+        0.1, minimum=0.0, maximum=0.5, doc='Share of stance at both ends with less trust'
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandParameters(Parameters):
+    """What a velocity command may ask for; the limits are presets."""
+
+    limits: str = parameter(
+        'sport',
+        name='limits',
+        choices=LIMITS,
+        doc='Full stick: good on any ground, as in unitree_guide, or all that a good floor allows',
+    )
+    forward_acceleration: float = parameter(2.0, above=0.0, unit='m/s^2', doc='Ramp of vx')
+    lateral_acceleration: float = parameter(1.5, above=0.0, unit='m/s^2', doc='Ramp of vy')
+    curve_acceleration: float = parameter(
+        2.3, above=0.0, unit='m/s^2', doc='Largest speed times yaw rate; beyond, both are lowered'
+    )
+    yaw_acceleration: float = parameter(6.0, above=0.0, unit='rad/s^2', doc='Ramp of yaw rate')
+    timeout: float = parameter(
+        0.5, above=0.0, unit='s', doc='Silence on cmd_vel after which the command is zero'
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class JumpParameters(Parameters):
+    """How a robot jumps."""
+
+    height: float = parameter(
+        0.18, above=0.0, unit='m', doc='How high the base rises after take-off'
+    )
+    distance: float = parameter(0.0, unit='m', doc='How far ahead it lands, behind if negative')
+
+
+@dataclass(frozen=True, kw_only=True)
+class SafetyParameters(Parameters):
+    """When the controller lets go."""
+
+    tilt_max: float = parameter(
+        1.0471975511965976, above=0.0, unit='rad', doc='Tilt beyond which it goes passive: 60 deg'
+    )
+    joint_margin: float = parameter(
+        0.3, minimum=0.0, unit='rad', doc='How far past its limit a joint reading is believed'
+    )
+    solver_failures: int = parameter(
+        25, minimum=1, doc='Failed QPs in a row after which it goes passive'
+    )
