@@ -9,6 +9,7 @@ RINK = """<mujoco><worldbody><body>
 </body></worldbody></mujoco>"""
 
 
+@pytest.mark.slow
 def test_it_speeds_up_on_ice_without_falling(tmp_path):
     path = tmp_path / 'rink.xml'
     path.write_text(RINK)

@@ -199,6 +199,7 @@ def test_a_go2_that_stoops_sees_the_floor_where_its_rays_meet_it(go2, make):
     assert ahead == pytest.approx(height / math.sin(pitch), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_on_a_trotting_go2_it_sees_the_walls_as_a_level_one_would(make):
     robot = wasd.Go2(world='flat:3')
     lidar = make(robot._world, robot._loaded)

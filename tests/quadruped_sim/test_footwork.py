@@ -3,6 +3,7 @@
 
 import leg_stages
 import numpy as np
+import pytest
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.locomotion import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
@@ -13,6 +14,7 @@ PARAMETERS = LegControllerParameters(gait=GaitParameters(step_in_place=True))
 COMMAND, DT = np.array((0.5, 0.1, 0.3)), 0.002
 
 
+@pytest.mark.slow
 def test_one_call_does_what_the_stages_do_one_by_one(model, standing, rng):
     controller, alone = LegController(model, PARAMETERS), Locomotion(model, PARAMETERS)
     legs, ticks_in_air = controller.locomotion, 0

@@ -61,6 +61,7 @@ def resting(dynamics, forces, velocity):
     return replace(robot, base=base, contact=contact, dynamics=dynamics, forces=forces)
 
 
+@pytest.mark.slow
 def test_a_robot_that_carries_nothing_is_what_its_model_says(model, observer, dynamics):
     plain = dynamics()
     found = felt(observer, dynamics, model.mass, plain.com)
@@ -69,6 +70,7 @@ def test_a_robot_that_carries_nothing_is_what_its_model_says(model, observer, dy
     np.testing.assert_allclose(found.com, plain.com, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_load_is_felt_where_it_is(model, observer, dynamics):
     plain = dynamics()
     place = np.array((0.05, 0.1, 0.0))
@@ -99,6 +101,7 @@ def test_it_takes_its_time_and_is_forgotten_by_a_reset(model, observer, dynamics
     assert float(fresh.mass[0, 0]) == pytest.approx(model.mass, abs=0.05)
 
 
+@pytest.mark.slow
 def test_no_more_is_believed_than_a_robot_can_carry(model, observer, dynamics):
     com = dynamics().com
     found = felt(observer, dynamics, 4.0 * model.mass, com + (0.15, 0.0, 0.0))
