@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-# A test takes seconds, and on a busy machine some ten times as long [s].
-LIMIT = 120.0
+# A test takes seconds, and up to 30 times as long where 14 processes share two processors [s].
+LIMIT = 300.0
 
 _stderr = pytest.StashKey[int]()
 
