@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stages of a tick one by one, by the compiled functions that `step_feet` calls."""
 
+import numpy as np
 from quadruped_sim.algebra import plain
 from quadruped_sim.estimation import feel_grip
 from quadruped_sim.estimation import follow_plane
@@ -11,6 +12,9 @@ from quadruped_sim.locomotion.swing import blank_targets
 from quadruped_sim.locomotion.swing import find_landing
 from quadruped_sim.locomotion.swing import FootPaths
 from quadruped_sim.locomotion.swing import lead
+
+# How long feet have sought the ground that find it [s].
+NEVER = np.zeros(4)
 
 
 def stand(ground, contacts, is_contact, dt):
@@ -42,11 +46,15 @@ def follow(own, state, command, ground, pose, dt):
     return wanted
 
 
-def swing(legs, state, schedule, reference, ground, tread):
-    """Return the targets of feet that are lifted so high [m] and set so firmly: `tread`."""
+def swing(legs, state, schedule, reference, ground, tread, sought=NEVER):
+    """
+    Return the targets of feet that are lifted so high [m] and set so firmly: `tread`.
+
+    They have `sought` the ground for so long, (4,) [s].
+    """
     landing, targets = legs.lift_off.copy(), blank_targets(schedule.is_stance)
     asked = plain(schedule), plain(reference), tread[1]
     find_landing(legs.rule, state.flat, ground.flat, asked, landing)
     paths = plain(FootPaths(legs.lift_off, landing, *tread, legs.hips, legs.room))
-    lead(state.flat, paths, asked[0], plain(legs.gains), plain(targets))
+    lead(state.flat, paths, asked[0], (plain(legs.gains), sought), plain(targets))
     return targets

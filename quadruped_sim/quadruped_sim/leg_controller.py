@@ -308,7 +308,7 @@ class LegController:
         is_trotting = self._machine.state in (StateName.TROTTING, StateName.MOVE_BASE)
         normal = self.locomotion.ground.normal() if is_trotting else _UP
         if truth is None or not self._uses_truth:
-            self._filter(reading.imu, normal, dt)
+            self._filter(reading.imu, normal, is_trotting, dt)
         else:
             base.position[:], robot.orientation[:], base.velocity[:], base.omega[:] = truth
         self._feel(joints.effort, normal, dt)
@@ -328,7 +328,7 @@ class LegController:
         load = self._load.rule(self._params.contact.load_time)
         return flatten(TouchRules(self._detector.rule, load, self.model.geometry.foot_radius))
 
-    def _filter(self, imu: ImuReading, normal: np.ndarray, dt: float) -> None:
+    def _filter(self, imu: ImuReading, normal: np.ndarray, is_walking: bool, dt: float) -> None:
         """Base by the Kalman filter; orientation by the IMU, less the drift known."""
         robot, base, motion = self._robot, self._robot.base, self._robot.motion
         state, kalman, R = self._states[self._machine.state], self._kalman, self._measured
@@ -346,7 +346,8 @@ class LegController:
             base.position[:], base.velocity[:] = kalman.position, kalman.velocity
         else:
             self._level = None
-            kalman.step(robot.flat, imu, drift, Footing(state.trust, normal), dt)
+            footing = Footing(state.trust, normal, self.locomotion.ground.flat, is_walking)
+            kalman.step(robot.flat, imu, drift, footing, dt)
 
     def _is_down(self, R: np.ndarray) -> bool:
         """Whether something else than the feet carries the robot; `R` turns base axes to world."""

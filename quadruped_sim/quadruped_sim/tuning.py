@@ -333,6 +333,25 @@ class EstimatorParameters(Parameters):
         0.02, minimum=0.0, unit='m', doc='Feet farther from the start level are not drawn to it'
     )
     level_time: float = parameter(0.3, above=0.0, unit='s', doc='Time constant of that draw')
+    level_slope: float = parameter(
+        0.02, above=0.0, doc='Rise over way of ground from which on they are not drawn to it'
+    )
+    step_band: float = parameter(
+        0.03,
+        minimum=0.0,
+        unit='m',
+        doc='Feet farther off the plane of the steps before are not drawn to it',
+    )
+    step_time: float = parameter(0.04, above=0.0, unit='s', doc='Time constant of that draw')
+    step_speed: float = parameter(
+        2.0, above=0.0, unit='m/s', doc='Speed from which on that draw is whole'
+    )
+    step_middle: float = parameter(
+        0.12,
+        above=0.0,
+        unit='m',
+        doc="Feet whose middle is farther from the base's are not drawn to that plane",
+    )
     phase_window: float = parameter(
         0.1, minimum=0.0, maximum=0.5, doc='Share of stance at both ends with less trust'
     )

@@ -5,17 +5,21 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from quadruped_sim.estimation import Ground
+from quadruped_sim.estimation.kalman import _anchor
 from quadruped_sim.estimation.kalman import Footing
 from quadruped_sim.estimation.kalman import KalmanEstimator
 from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.tuning import EstimatorParameters
+from quadruped_sim.tuning import GroundParameters
 from wasd_core.robot_io import ImuReading
 from wasd_core.rotations import yaw_matrix
 
 DT = 0.002
 UP = np.array((0.0, 0.0, 1.0))
+PLANE = Ground(GroundParameters()).flat
 ANGLES = np.tile((0.0, 0.8, -1.6), 4)
 
 
@@ -35,12 +39,16 @@ class Seen(NamedTuple):
     acceleration: np.ndarray
 
 
+STILL = Seen(0.0, np.zeros(3), np.array((0.0, 0.0, 9.81)))
+
+
 def follow(estimator, seen, motion, trust):
-    """Take one reading of IMU and legs on level ground."""
+    """Take one reading of IMU and legs on level ground, of a robot that does not step."""
     turned = np.array((math.cos(0.5 * seen.yaw), 0.0, 0.0, math.sin(0.5 * seen.yaw)))
     imu = ImuReading(turned, seen.omega, seen.acceleration)
     robot = replace(RobotState.blank(), motion=motion)
-    estimator.step(robot.flat, imu, (0.0, 0.0), Footing(trust, UP), DT)
+    footing = Footing(trust, UP, PLANE, False)
+    estimator.step(robot.flat, imu, (0.0, 0.0), footing, DT)
     np.testing.assert_allclose(robot.base.position, estimator.position)
     np.testing.assert_allclose(robot.base.velocity, estimator.velocity)
 
@@ -123,6 +131,47 @@ def test_height_error_is_drawn_back_near_the_start_level_only(model):
     assert abs(remaining[1] - 0.2) < 5e-3
 
 
+def drawn(model, heights, speed=0.0, aside=0.0, gradient=0.0):
+    """
+    Return how high a robot is over the start level after 40 ms of walking, four feet down [m].
+
+    `heights` are its own at first and the plane's under it [m]; `aside` is how far its feet are
+    from it [m].
+    """
+    estimator, ground = make(model), Ground(GroundParameters())
+    height, plane = heights
+    estimator.reset(estimator.position + (aside, 0.0, height), estimator.feet + (0.0, 0.0, height))
+    ground.reset(estimator.feet * (1.0, 1.0, 0.0) + (0.0, 0.0, plane))
+    ground._plane.gradient[0] = gradient
+    ground._plane.centre[0] = 0.0
+    estimator._estimate.x[1, 0] = speed
+    footing = Footing(np.ones(4), UP, ground.flat, True)
+    for _ in range(20):
+        _anchor(estimator._estimate, footing, estimator._sensors[0], DT)
+    return estimator.feet[:, 2].mean() - model.geometry.foot_radius
+
+
+@pytest.mark.parametrize(
+    ('speed', 'aside', 'share'),
+    [(2.0, 0.0, 1.0), (3.0, 0.0, 1.0), (1.0, 0.0, 0.25), (2.0, 0.06, 0.5), (2.0, 0.13, 0.0)],
+)
+def test_at_speed_feet_are_drawn_to_the_plane_of_the_steps_before(model, speed, aside, share):
+    """By exp(-t / step_time), upstairs as well; the less the slower, and the more aside."""
+    left = drawn(model, (1.02, 1.0), speed, aside) - 1.0
+    assert left == pytest.approx(0.02 * (1.0 - share * DT / 0.04) ** 20, abs=1e-6)
+
+
+def test_feet_far_off_the_plane_of_the_steps_before_are_on_other_ground(model):
+    assert drawn(model, (1.04, 1.0), 2.0) == pytest.approx(1.04, abs=1e-12)
+
+
+@pytest.mark.parametrize(('gradient', 'share'), [(0.0, 1.0), (0.01, 0.75), (0.02, 0.0)])
+def test_on_a_slope_nobody_is_drawn_to_the_start_level(model, gradient, share):
+    """A gentle slope rises by less than the draw takes back: it would never be seen."""
+    left = drawn(model, (0.01, 0.0), gradient=gradient)
+    assert left == pytest.approx(0.01 * (1.0 - share * DT / 0.3) ** 20, abs=1e-6)
+
+
 def test_a_foot_that_slips_is_left_out(model, rolling_rates):
     """One leg says 1 m/s, three say rest: all believed, they would make it 0.25 m/s."""
     estimator = make(model)
@@ -133,9 +182,6 @@ def test_a_foot_that_slips_is_left_out(model, rolling_rates):
         motion = leg_motion(model.geometry, ANGLES, slipping)
         follow(estimator, imu, motion, np.ones(4))
     np.testing.assert_allclose(estimator.velocity, 0.0, atol=1e-6)
-
-
-STILL = Seen(0.0, np.zeros(3), np.array((0.0, 0.0, 9.81)))
 
 
 def slipping(model, feet, velocity):

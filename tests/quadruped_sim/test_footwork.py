@@ -49,5 +49,52 @@ def by_stages(alone, legs, robot):
     wanted = leg_stages.follow(alone.reference, robot, COMMAND, ground, pose, DT)
     tread = rise, max(schedule.pace, alone.step_height.roughness)
     schedule = schedule._replace(is_stance=legs.is_stance)
-    swing = leg_stages.swing(alone.swing_legs, robot, schedule, wanted, ground, tread)
+    swing = leg_stages.swing(alone.swing_legs, robot, schedule, wanted, ground, tread, feet.sought)
     return *wanted, *swing
+
+
+def in_the_air(model, standing, ticks):
+    """Return a controller that trots for some ticks without a torque that ground would give."""
+    controller = LegController(model, PARAMETERS)
+    joints = standing.joints._replace(effort=np.zeros(12))
+    for tick in range(ticks + 30):
+        if tick in (0, 30):
+            controller.press('2' if tick == 0 else '4')
+        controller.step(standing._replace(joints=joints), DT)
+    return controller
+
+
+def test_a_foot_that_finds_no_ground_bears_nothing_and_goes_on_down(model, standing):
+    """After 30 ms, at 1.5 m/s from where it is, as long as its schedule lets it stand."""
+    controller = in_the_air(model, standing, 150)
+    legs, sinking = controller.locomotion, 0
+    for _ in range(120):
+        legs.schedule = legs.gait.step(DT, 0.5, wants_steps=True)
+        _, targets = legs._step_feet(controller.robot, COMMAND, DT)
+        schedule, feet = legs.schedule, legs._feet
+        waited = schedule.phase * schedule.stance_time - 0.03
+        seeks = schedule.is_stance & (waited > 0.0)
+        np.testing.assert_array_equal(feet.sought > 0.0, seeks)
+        np.testing.assert_array_equal(feet.is_stance, schedule.is_stance & ~seeks)
+        depth = legs.swing_legs.lift_off - targets.position
+        np.testing.assert_allclose(depth[seeks, 2], np.minimum(1.5 * waited[seeks], 0.12))
+        np.testing.assert_allclose(depth[seeks, :2], 0.0, atol=1e-12)
+        sinking += seeks.sum()
+    assert sinking > 100
+
+
+def test_a_foot_that_has_found_ground_stands_to_the_end_of_its_stance(model, standing):
+    """Also where the force on it fades: a light foot is no foot in a hole."""
+    controller = in_the_air(model, standing, 150)
+    legs, robot = controller.locomotion, controller.robot
+    while not legs._feet.sought.any():
+        legs.schedule = legs.gait.step(DT, 0.5, wants_steps=True)
+        legs._step_feet(robot, COMMAND, DT)
+    (foot, *_) = np.flatnonzero(legs._feet.sought)
+    robot.is_contact[foot] = True
+    legs._step_feet(robot, COMMAND, DT)
+    robot.is_contact[foot] = False
+    while legs.schedule.is_stance[foot]:
+        legs._step_feet(robot, COMMAND, DT)
+        assert legs.is_stance[foot]
+        legs.schedule = legs.gait.step(DT, 0.5, wants_steps=True)

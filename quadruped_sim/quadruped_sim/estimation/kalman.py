@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the base is and how fast it moves: a linear Kalman filter on IMU and leg kinematics."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from quadruped_sim.algebra import put
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import view_of
+from quadruped_sim.estimation import height_at
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.robot_state import turn_base
 from quadruped_sim.tuning import EstimatorParameters
@@ -40,10 +42,17 @@ class ImuSample(NamedTuple):
 
 
 class Footing(NamedTuple):
-    """How surely each foot stands, (4,) in [0, 1], and the ground's normal (3,), world axes."""
+    """
+    What is known of where the feet stand.
+
+    `trust` (4,) in [0, 1] says how surely each does; the ground has a unit `normal` (3,), world
+    axes. A robot that `is_walking` stood last on `plane`, a flat `Plane`.
+    """
 
     trust: np.ndarray
     normal: np.ndarray
+    plane: np.ndarray
+    is_walking: bool
 
 
 class Gaussian(NamedTuple):
@@ -70,7 +79,10 @@ class SensorModel(NamedTuple):
 
     Those are of acceleration, of its bias' walk, of a standing foot, of foot position by joint
     angles and of velocity by a leg; `slip` is what velocity a foot is doubted at [m/s]. Feet less
-    than `level_band` [m] off level ground are drawn to it in `level_time` [s].
+    than `level_band` [m] off the start level are drawn to it in `level_time` [s] while the ground
+    is not as steep as `level_slope`, and those less than
+    `step_band` off where feet stood before them to that in `step_time`, from `step_speed` [m/s] on
+    and the less the farther their middle is from the base's, up to `middle` [m].
     """
 
     imu_offset: np.ndarray
@@ -83,6 +95,11 @@ class SensorModel(NamedTuple):
     slip: float
     level_band: float
     level_time: float
+    level_slope: float
+    step_band: float
+    step_time: float
+    step_speed: float
+    middle: float
 
 
 class KalmanEstimator:
@@ -129,6 +146,11 @@ class KalmanEstimator:
                 params.slip_speed,
                 params.level_band,
                 params.level_time,
+                params.level_slope,
+                params.step_band,
+                params.step_time,
+                params.step_speed,
+                params.step_middle,
             )
         )
 
@@ -195,24 +217,42 @@ class KalmanEstimator:
 
 
 @jit
-def _anchor(estimate: Gaussian, trust: np.ndarray, sensors: SensorModel, dt: float) -> None:
+def _anchor(estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: float) -> None:
     """
-    Draw feet that stand near the start level to it, taking the robot with them.
+    Draw feet that stand near the start level, or near where others stood before, to these.
 
-    Leg odometry has no height reference and drifts. On level ground this removes the drift; beyond
-    `level_band` the ground has really changed and nothing is done.
+    The robot is taken with them. Leg odometry has no height reference and drifts: at speed a foot
+    lands hard, sinks in, and rises while it is believed. What feet stand off the plane of the
+    steps before is such drift, as footfalls lie on one ground [Sun2026]; left alone it would raise
+    the plane over the robot, whose feet, led there, would land the harder. Feet around the middle
+    of the base tell, whatever the slope of that plane. On level ground the start level removes the
+    rest. Beyond a band the ground has really changed and nothing is done.
     """
-    total = level = 0.0
+    trust, plane, feet = footing.trust, footing.plane[0], estimate.x[2:6]
+    total = level = off = ahead = left = 0.0
     for i in range(4):
+        height = feet[i, 2] - sensors.radius
         total += trust[i]
-        level += trust[i] * estimate.x[2 + i, 2]
+        level += trust[i] * height
+        off += trust[i] * (height - height_at(plane, feet[i, 0], feet[i, 1]))
+        ahead += trust[i] * (feet[i, 0] - estimate.x[0, 0] + estimate.lever[0])
+        left += trust[i] * (feet[i, 1] - estimate.x[0, 1] + estimate.lever[1])
     if total < 1.0:
         return
-    level = level / total - sensors.radius
+    level, off, draw, shift = level / total, off / total, 1.0, 0.0
+    if footing.is_walking:  # on a slope the way leads off the start level
+        steep = (plane.gradient[0] ** 2 + plane.gradient[1] ** 2) / sensors.level_slope**2
+        draw = max(1.0 - steep, 0.0)
     if abs(level) < sensors.level_band:
-        estimate.x[0, 2] -= dt / sensors.level_time * level
-        for i in range(4):
-            estimate.x[2 + i, 2] -= dt / sensors.level_time * level
+        shift -= dt / sensors.level_time * draw * level
+    if footing.is_walking and abs(off) < sensors.step_band:
+        aside = math.hypot(ahead, left) / (total * sensors.middle)
+        speed = math.hypot(estimate.x[1, 0], estimate.x[1, 1]) / sensors.step_speed
+        draw = max(1.0 - aside, 0.0) * min(speed * speed, 1.0)
+        shift -= dt / sensors.step_time * draw * off
+    estimate.x[0, 2] += shift
+    for i in range(4):
+        feet[i, 2] += shift
 
 
 @jit
@@ -274,7 +314,7 @@ def _filter_step(
             noise = sensors.velocity * sensors.velocity / belief[i]
             _scalar_update(estimate, h, velocity[i], noise)
     put(x[6], rotate_back(R, x[6]))
-    _anchor(estimate, footing.trust, sensors, dt)
+    _anchor(estimate, footing, sensors, dt)
 
 
 @jit

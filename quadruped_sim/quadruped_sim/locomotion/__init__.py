@@ -125,7 +125,7 @@ class Locomotion:
         self.ground.reset(state.feet - (0.0, 0.0, self._model.geometry.foot_radius))
         self._height = float(state.base.position[2]) - self.ground.height
         self.schedule = self.gait.state()
-        self.is_stance[:], self._feet.is_early[:] = True, False
+        self.is_stance[:], self._feet.is_early[:], self._feet.has_touched[:] = True, False, True
         self.swing_legs.reset(state.feet)
         self.step_height.reset()
         self.forget_grip()
@@ -147,7 +147,10 @@ class Locomotion:
         is_driven = in_place or max(map(abs, command.tolist())) > 1e-3
         wants_steps = is_driven or self._is_unsteady(state)
         error = self._velocity_error(state, command)
+        stepped = self.gait.is_stepping
         self.schedule = self.gait.step(dt, speed, wants_steps, error, is_ending=not is_driven)
+        if stepped and not self.gait.is_stepping:
+            self.reference.stay(state)
         reference, swing = self._step_feet(state, command, dt)
         self._use_grip()
         if self.gait.is_stepping:

@@ -38,6 +38,8 @@ _MID_SWING = (0.15, 0.85)
 _NOSE = 0.08
 # Share of a stance after which a foot has come to rest.
 _SETTLED = 0.15
+# So long a foot that is to stand is waited for before it is led on down [s].
+_PATIENCE = 0.03
 
 
 class StepRule(NamedTuple):
@@ -144,7 +146,8 @@ class Feet(NamedTuple):
 
     `points` is where they touch or would touch and `landing` where they are to land, world axes
     [m], `trust` in [0, 1] how surely they stand. Flags are who stands, touched before its time,
-    and bears load, so that it tells of the ground.
+    has touched since it swung, and bears load, so that it tells of the ground. `sought` says for
+    how long a foot has looked for ground below its landing [s].
     """
 
     points: np.ndarray
@@ -152,13 +155,15 @@ class Feet(NamedTuple):
     trust: np.ndarray
     is_stance: np.ndarray
     is_early: np.ndarray
+    has_touched: np.ndarray
     is_loaded: np.ndarray
+    sought: np.ndarray
 
 
 def blank_feet() -> tuple[np.ndarray, Feet]:
     """Return feet that all stand, flat and as a view on that."""
     three, flags = np.zeros((4, 3)), np.zeros(4, dtype=bool)
-    blank = Feet(three, three, np.ones(4), ~flags, flags, flags)
+    blank = Feet(three, three, np.ones(4), ~flags, flags, ~flags, flags, np.zeros(4))
     flat = flatten(blank)
     return flat, view_of(flat, blank)
 
@@ -213,7 +218,7 @@ class FootAims(NamedTuple):
     targets: SwingTargets
     lift_off: np.ndarray
     hips: np.ndarray
-    room: tuple[float, float]
+    room: tuple[float, float, float, float]
 
 
 @jit
@@ -234,7 +239,7 @@ def step_feet(
     own, rules = FootStages(*stages[0]), FootRules(*stages[1])
     command, height, dt, is_stepping = asked
     stance = StanceRule(*rules.stance)
-    is_new = _feel_stance(robot, feet, schedule, stance, aims.lift_off)
+    is_new = _feel_stance(robot, feet, schedule, stance, (aims.lift_off, is_stepping))
     follow_plane(own.plane, legs.points, legs.is_loaded, rules.plane)
     scheduled = schedule.is_stance, schedule.phase
     step = StepRule(*rules.step)
@@ -247,7 +252,7 @@ def step_feet(
     steps = GaitState(legs.is_stance, schedule.phase, *times)
     find_landing(rules.foothold, robot, own.plane, (steps, wanted, firmness), legs.landing)
     paths = FootPaths(aims.lift_off, legs.landing, rise, firmness, aims.hips, aims.room)
-    lead(robot, paths, steps, rules.gains, aims.targets)
+    lead(robot, paths, steps, (rules.gains, legs.sought), aims.targets)
     _find_trust(robot, feet, schedule.phase, stance, is_stepping)
     return is_new
 
@@ -258,20 +263,27 @@ def _feel_stance(
     feet: np.ndarray,
     schedule: GaitState,
     rule: StanceRule,
-    lift_off: np.ndarray,
+    walk: tuple[np.ndarray, bool],
 ) -> bool:
     """
     Write which feet stand, from where they have just lifted, which touched early, and bear load.
 
-    A foot stands by schedule, or from a touch late in the swing on. It bears load if it is felt
-    to, once it has settled: only these say where the ground is. Return if others stand now.
+    A foot stands by schedule, or from a touch late in the swing on; but while legs step, one that
+    has felt no ground for a while stands nowhere and goes on down [Focchi2013]. It bears load if
+    it is felt to, once it has settled: only these say where the ground is. `walk` are the points
+    of lift-off (4, 3), and if legs step. Return if others stand now.
     """
     state, legs, is_new = robot[0], feet[0], False
+    lift_off, is_stepping = walk
     for i in range(4):
         touches, phase = state.is_contact[i] != 0, schedule.phase[i]
         scheduled = schedule.is_stance[i]
         early = not scheduled and (legs.is_early[i] != 0 or (phase > rule.late and touches))
-        stands, stood = scheduled or early, legs.is_stance[i] != 0
+        legs.has_touched[i] = touches or (scheduled and legs.has_touched[i] != 0)
+        sought = phase * schedule.stance_time - _PATIENCE
+        misses = is_stepping and scheduled and legs.has_touched[i] == 0 and sought > 0.0
+        legs.sought[i] = sought if misses else 0.0
+        stands, stood = (scheduled and not misses) or early, legs.is_stance[i] != 0
         legs.is_early[i], legs.is_stance[i] = early, stands
         is_new = is_new or stood != stands
         legs.is_loaded[i] = stands and touches and (phase > _SETTLED or early)

@@ -87,6 +87,10 @@ class Reference:
         here, yaw = state.base.position[:2], float(state.base.rpy[2])
         self.flat[:] = flatten(ReferenceState(here, np.zeros(2), yaw))
 
+    def stay(self, state: RobotState) -> None:
+        """Desire to be here: a trunk that has come to rest is not to be drawn back."""
+        self.flat['xy'] = state.base.position[:2]
+
 
 @jit
 def advance(

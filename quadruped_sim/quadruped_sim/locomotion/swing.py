@@ -188,6 +188,8 @@ _LANDING = (0.003, 0.005, -0.004)
 # foot as near to the hip's axis as the thigh is beside it (0.0955) cannot be led sideways: on
 # stairs, nose up, hip and thigh ran into their ends, which felt like ground in the air.
 _ROOM, _LEAST = 0.12, 0.02
+# A foot that finds no ground is led on down so fast [m/s] and so far [m], on the Go2.
+_SEEKING = 1.5, 0.12
 
 
 class SwingTargets(NamedTuple):
@@ -229,7 +231,13 @@ class SwingLegs:
         self.nominal[:, 2] = 0.0
         self.lift_off = np.zeros((4, 3))
         self.hips = model.geometry.hip
-        self.room = _ROOM * model.scale.of('m'), _LEAST * model.scale.of('m')
+        own = model.scale.of
+        self.room = (
+            _ROOM * own('m'),
+            _LEAST * own('m'),
+            _SEEKING[0] * own('m/s'),
+            _SEEKING[1] * own('m'),
+        )
         self.tune(params)
 
     def tune(self, params: LegControllerParameters) -> None:
@@ -298,7 +306,8 @@ class FootPaths(NamedTuple):
     """
     Where the feet left the ground and will land, both (4, 3), and the tread of all.
 
-    `hips` (4, 3) are in base axes; `room` is kept below them, and above both ends [m].
+    `hips` (4, 3) are in base axes; `room` is kept below them, and above both ends [m], and ground
+    that is missing is sought so fast [m/s] and so deep [m].
     """
 
     lift_off: np.ndarray
@@ -306,7 +315,7 @@ class FootPaths(NamedTuple):
     height: float
     firmness: float
     hips: np.ndarray
-    room: tuple[float, float]
+    room: tuple[float, float, float, float]
 
 
 @jit
@@ -323,12 +332,17 @@ def lead(
     robot: np.ndarray,
     paths: FootPaths,
     schedule: GaitState,
-    gains: SwingGains,
+    by: tuple[SwingGains, np.ndarray],
     targets: SwingTargets,
 ) -> None:
-    """Write the targets of the feet in the air; those that stand stay where they are."""
+    """
+    Write the targets of the feet in the air; those that stand stay where they are.
+
+    They are led `by` gains; those that have `sought` the ground for some time, (4,) [s], on down.
+    """
     lift_off, landing, height, firmness, hips, room = paths
-    schedule, gains, targets = GaitState(*schedule), SwingGains(*gains), SwingTargets(*targets)
+    schedule, targets = GaitState(*schedule), SwingTargets(*targets)
+    gains, sought = SwingGains(*by[0]), by[1]
     position, velocity, acceleration = targets.position, targets.velocity, targets.acceleration
     moves, feet, base = _foot_velocities(robot), robot[0].feet, robot[0].base
     arrival = _ARRIVAL + firmness * (1.0 - _ARRIVAL)
@@ -346,6 +360,12 @@ def lead(
         )
         rise = min(height, max(top - ends, room[1]))
         p, v, a = swing_point(start, end, rise, phase, schedule.swing_time, arrival)
+        if sought[leg] > 0.0:
+            for k in range(3):
+                p[k], v[k], a[k] = start[k], 0.0, 0.0
+            depth = room[2] * sought[leg]
+            p[2] -= min(depth, room[3])
+            v[2] = -room[2] if depth < room[3] else 0.0
         for k in range(3):
             position[leg, k], velocity[leg, k] = p[k], v[k]
             acceleration[leg, k] = (
