@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Go2 knows how high it is, where nothing but its feet tells it."""
+
+import math
+
+import pytest
+import wasd
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('world', 'velocity'),
+    [('flat', (-2.0, -1.0)), ('slope:5', (0.5, 0.0)), ('slope:3', (0.5, 0.0))],
+)
+def test_the_height_that_it_believes_in_is_right_to_two_percent_of_the_way(world, velocity):
+    """At (-2, -1) m/s it sank by 14 cm a second, and of a gentle slope it saw nothing."""
+    dog = wasd.Go2(world=world, seed=33, limits='race')
+    dog.press('2')
+    dog.run(2.5)
+    dog.press('5')
+    dog.drive(*velocity)
+    dog.run(1.0)
+    begin = dog.truth.position - dog.odometry.position
+    start = dog.truth.position
+    dog.run(6.0)
+    off = dog.truth.position - dog.odometry.position - begin
+    way = math.dist(dog.truth.position, start)
+    assert dog.state == 'move base'
+    assert way > 2.5
+    assert abs(off[2]) < 0.02 * way
