@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 # A test takes seconds, and up to 30 times as long where 14 processes share two processors [s].
-LIMIT = 300.0
+LIMIT = 600.0
 
 _stderr = pytest.StashKey[int]()
 

@@ -39,7 +39,10 @@ from wasd_bringup.robots import UNITREE_PRESET
 # What a quick test does without; tests/marking.py sets the first four by what a test uses.
 SLOW_MARKS = ('process', 'ros', 'run', 'browser', 'slow')
 # Tests wait more than they compute; a module's runs are shared by its tests.
-WORKERS = ('-n', 'auto', '--maxprocesses', '6', '--dist', 'loadfile', '--no-loadscope-reorder')
+WORKERS = (
+    *('-n', 'auto', '--maxprocesses', '6', '--dist', 'loadfile', '--no-loadscope-reorder'),
+    '--max-worker-restart=3',  # who replaces one begins with the test that ended it
+)
 LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',))
 
 
