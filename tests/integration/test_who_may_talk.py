@@ -75,7 +75,7 @@ class Host:
         process = starting.Popen(
             words,
             machine=self._holder.pid,
-            env={**kept, **environment},
+            env={**kept, **NAMED, **environment},  # never forked: all start as a user does
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
