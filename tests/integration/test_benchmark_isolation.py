@@ -35,7 +35,7 @@ if __name__ == '__main__':
 """
 GOES = '0 0.3 0 0\n'
 STANDS = '0 0 0 0\n'
-LONG = ('--duration', '50')  # at full speed still seconds of wall time
+LONG = ('--duration', '200')  # at full speed still seconds of wall time
 ALONE = 1e-6  # a robot that nobody else drives stays within so much [m]
 
 
