@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Makes any velocity command one the robot can follow: clamp, ramp, watchdog, no NaN."""
 
+from collections.abc import Sequence
 import math
 from operator import mul
 
@@ -37,7 +38,8 @@ class CommandFilter:
 
     State: the request, its age and the present command. One `step` ages the request and moves the
     command; a request older than `timeout` counts as zero. `grip` in (0, 1] slows the ramps on
-    slippery ground.
+    slippery ground. Behind a command that its `velocity` (2,), ahead and to the left [m/s], is far
+    from a robot would run with all the friction there is: that command waits, unless it slows down.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class CommandFilter:
         """Take other limits, ramps and time-out; they hold for the present request, too."""
         self._params = params
         self.limits = velocity_limits(params.limits, *self._robot, gait)
+        self._leash = params.leash * self._robot[0].of('m/s')
         able = velocity_limits('race', *self._robot)
         self._able = np.array((able.forward, able.lateral, able.yaw))
         self._acceleration = GAITS[gait].agility * np.array(
@@ -72,6 +75,7 @@ class CommandFilter:
         self._request = np.zeros(3)
         self.command = np.zeros(3)
         self.grip = 1.0
+        self.velocity: np.ndarray | None = None  # not known: it waits for nobody
         self.forget_request()
 
     def forget_request(self) -> None:
@@ -126,18 +130,30 @@ class CommandFilter:
         goes = may_go and not self.is_silent
         target = self._request.tolist() if goes else (0.0, 0.0, 0.0)
         slow = self.grip * dt
+        plane = slow * self._share(target)
         # In plain numbers: numpy takes ten times as long for three of them.
         vx, vy, turn = map(
             _approach,
             self.command.tolist(),
             target,
             self._acceleration.tolist(),
-            (slow, slow, slow),
+            (plane, plane, slow),
         )
         # On its way from one curve to another the yaw rate waits for the speed.
         tightest = self.grip * self._params.curve_acceleration / max(math.hypot(vx, vy), 1e-9)
         self.command = np.array((vx, vy, min(max(turn, -tightest), tightest)))
         return self.command
+
+    def _share(self, target: Sequence[float]) -> float:
+        """Share in [0, 1] of its ramp that a command takes toward a target."""
+        if self.velocity is None:
+            return 1.0
+        (vx, vy, _), (x, y) = self.command.tolist(), self.velocity.tolist()
+        more_x, more_y, ahead, left = target[0] - vx, target[1] - vy, vx - x, vy - y
+        is_behind = ahead * more_x + left * more_y > 0.0
+        if vx * more_x + vy * more_y < 0.0 or not is_behind:  # nobody has to wait to go slower
+            return 1.0
+        return min(max(2.0 - math.hypot(ahead, left) / self._leash, 0.0), 1.0)
 
 
 def _approach(now: float, wanted: float, acceleration: float, time: float) -> float:

@@ -373,6 +373,12 @@ class CommandParameters(Parameters):
         2.3, above=0.0, unit='m/s^2', doc='Largest speed times yaw rate; beyond, both are lowered'
     )
     yaw_acceleration: float = parameter(6.0, above=0.0, unit='rad/s^2', doc='Ramp of yaw rate')
+    leash: float = parameter(
+        0.35,
+        above=0.0,
+        unit='m/s',
+        doc='On the Go2: farther behind a command a robot is not asked for more; at twice for none',
+    )
     timeout: float = parameter(
         0.5, above=0.0, unit='s', doc='Silence on cmd_vel after which the command is zero'
     )
