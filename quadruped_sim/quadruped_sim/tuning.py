@@ -330,11 +330,13 @@ class EstimatorParameters(Parameters):
         5e-6, minimum=0.0, unit='rad/s', doc='How far that bias walks per root second'
     )
     level_band: float = parameter(
-        0.02, minimum=0.0, unit='m', doc='Feet farther from the start level are not drawn to it'
+        0.05, minimum=0.0, unit='m', doc="Feet farther off the ground's level stand on another"
     )
-    level_time: float = parameter(0.3, above=0.0, unit='s', doc='Time constant of that draw')
+    level_time: float = parameter(
+        0.3, above=0.0, unit='s', doc='Time constant of what draws feet on even ground to its level'
+    )
     level_slope: float = parameter(
-        0.02, above=0.0, doc='Rise over way of ground from which on they are not drawn to it'
+        0.02, above=0.0, doc='Rise over way of ground from which on it is not even'
     )
     step_band: float = parameter(
         0.03,

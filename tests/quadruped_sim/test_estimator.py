@@ -23,8 +23,9 @@ PLANE = Ground(GroundParameters()).flat
 ANGLES = np.tile((0.0, 0.8, -1.6), 4)
 
 
-def make(model, yaw=0.0):
-    estimator = KalmanEstimator(EstimatorParameters(), model.geometry.foot_radius, np.zeros(3))
+def make(model, yaw=0.0, **parameters):
+    parameters = EstimatorParameters(**parameters)
+    estimator = KalmanEstimator(parameters, model.geometry.foot_radius, np.zeros(3))
     feet = foot_positions(model.geometry, ANGLES) @ yaw_matrix(yaw).T
     position = np.array((0.0, 0.0, model.geometry.foot_radius - feet[:, 2].min()))
     estimator.reset(position, position + feet)
@@ -115,7 +116,7 @@ def test_velocity_converges_within_its_own_bounds(model, rng):
 
 
 @pytest.mark.slow
-def test_height_error_is_drawn_back_near_the_start_level_only(model):
+def test_height_error_is_drawn_back_near_the_level_of_the_ground_only(model):
     motion = leg_motion(model.geometry, ANGLES, np.zeros(12))
     imu = Seen(0.0, np.zeros(3), np.array((0.0, 0.0, 9.81)))
     remaining = []
@@ -131,24 +132,32 @@ def test_height_error_is_drawn_back_near_the_start_level_only(model):
     assert abs(remaining[1] - 0.2) < 5e-3
 
 
-def drawn(model, heights, speed=0.0, aside=0.0, gradient=0.0):
-    """
-    Return how high a robot is over the start level after 40 ms of walking, four feet down [m].
+NEVER = 1e12  # a time constant of what is not looked at [s]
 
-    `heights` are its own at first and the plane's under it [m]; `aside` is how far its feet are
-    from it [m].
+
+def walked(model, heights, speed=0.0, aside=0.0, gradient=0.0, level_time=0.3):
     """
-    estimator, ground = make(model), Ground(GroundParameters())
+    Return an estimator after 40 ms of walking, four feet down.
+
+    `heights` are those over the start of the robot at first, and of the ground that it takes to be
+    under it [m]; `aside` is how far its feet are from it [m].
+    """
+    estimator, ground = make(model, level_time=level_time), Ground(GroundParameters())
     height, plane = heights
     estimator.reset(estimator.position + (aside, 0.0, height), estimator.feet + (0.0, 0.0, height))
     ground.reset(estimator.feet * (1.0, 1.0, 0.0) + (0.0, 0.0, plane))
     ground._plane.gradient[0] = gradient
     ground._plane.centre[0] = 0.0
-    estimator._estimate.x[1, 0] = speed
+    estimator._estimate.x[1, 0], estimator._estimate.level[0] = speed, plane
     footing = Footing(np.ones(4), UP, ground.flat, True)
     for _ in range(20):
         _anchor(estimator._estimate, footing, estimator._sensors[0], DT)
-    return estimator.feet[:, 2].mean() - model.geometry.foot_radius
+    return estimator
+
+
+def drawn(model, *ground, **more):
+    """Return how high over the start the feet then are [m]."""
+    return walked(model, *ground, **more).feet[:, 2].mean() - model.geometry.foot_radius
 
 
 @pytest.mark.parametrize(
@@ -157,19 +166,42 @@ def drawn(model, heights, speed=0.0, aside=0.0, gradient=0.0):
 )
 def test_at_speed_feet_are_drawn_to_the_plane_of_the_steps_before(model, speed, aside, share):
     """By exp(-t / step_time), upstairs as well; the less the slower, and the more aside."""
-    left = drawn(model, (1.02, 1.0), speed, aside) - 1.0
+    left = drawn(model, (1.02, 1.0), speed, aside, level_time=NEVER) - 1.0
     assert left == pytest.approx(0.02 * (1.0 - share * DT / 0.04) ** 20, abs=1e-6)
 
 
 def test_feet_far_off_the_plane_of_the_steps_before_are_on_other_ground(model):
-    assert drawn(model, (1.04, 1.0), 2.0) == pytest.approx(1.04, abs=1e-12)
+    assert drawn(model, (1.04, 1.0), 2.0, level_time=NEVER) == pytest.approx(1.04, abs=1e-12)
 
 
+@pytest.mark.parametrize('level', [0.0, 1.0])
 @pytest.mark.parametrize(('gradient', 'share'), [(0.0, 1.0), (0.01, 0.75), (0.02, 0.0)])
-def test_on_a_slope_nobody_is_drawn_to_the_start_level(model, gradient, share):
+def test_on_even_ground_nobody_drifts_off_its_level(model, level, gradient, share):
     """A gentle slope rises by less than the draw takes back: it would never be seen."""
-    left = drawn(model, (0.01, 0.0), gradient=gradient)
+    left = drawn(model, (level + 0.01, level), gradient=gradient) - level
     assert left == pytest.approx(0.01 * (1.0 - share * DT / 0.3) ** 20, abs=1e-6)
+
+
+def test_feet_far_off_the_level_are_on_other_ground_and_its_level_is_theirs(model):
+    estimator = walked(model, (1.06, 1.0))
+    assert estimator._estimate.level[0] == pytest.approx(1.06, abs=1e-12)
+    assert estimator.feet[:, 2].mean() - model.geometry.foot_radius == pytest.approx(1.06)
+
+
+def test_the_level_climbs_with_the_slope(model):
+    """Who stands still where it is steep is not drawn; the level comes to the feet."""
+    assert walked(model, (1.0, 1.0), 0.5, gradient=0.02)._estimate.level[0] == pytest.approx(
+        1.0 + 0.02 * 0.5 * 20 * DT, abs=1e-9
+    )
+    steep = walked(model, (1.03, 1.0), gradient=0.1)
+    assert steep._estimate.level[0] == pytest.approx(1.03 - 0.03 * (1.0 - DT / 0.3) ** 20)
+    assert steep.feet[:, 2].mean() - model.geometry.foot_radius == pytest.approx(1.03)
+
+
+def test_a_level_near_that_of_the_start_becomes_it(model):
+    levels = [walked(model, (at, at))._estimate.level[0] for at in (0.015, 0.03)]
+    assert levels[0] == pytest.approx(0.015 * (1.0 - DT) ** 20, abs=1e-4)
+    assert levels[1] == pytest.approx(0.03)
 
 
 def test_a_foot_that_slips_is_left_out(model, rolling_rates):

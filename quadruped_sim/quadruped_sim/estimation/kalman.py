@@ -31,6 +31,8 @@ _FAR = 1.0 / 17.0
 _QUICK = 20.0
 # Least share of belief in a foot that counts at all.
 _LEAST = 1e-3
+# A level of even ground so near to the start's is the same [m], in the long run [s].
+_START, _RETURN = 0.02, 1.0
 
 
 class ImuSample(NamedTuple):
@@ -61,7 +63,8 @@ class Gaussian(NamedTuple):
 
     Rows are position and velocity of the IMU, four feet, all in world axes, and the bias of the
     accelerometer, in base axes. `lever` (3,) is from the base's origin to the IMU and `whirl` (3,)
-    what that moves by, of turning, world axes; `belief` (4,) says how far each foot was believed.
+    what that moves by, of turning, world axes; `belief` (4,) says how far each foot was believed,
+    `level` (1,) how high the ground is that the robot is on [m], above that at the start.
     Until it `is_placed` the first row is of the base: it is not known yet where the IMU is.
     """
 
@@ -70,6 +73,7 @@ class Gaussian(NamedTuple):
     lever: np.ndarray
     whirl: np.ndarray
     belief: np.ndarray
+    level: np.ndarray
     is_placed: np.ndarray
 
 
@@ -79,10 +83,10 @@ class SensorModel(NamedTuple):
 
     Those are of acceleration, of its bias' walk, of a standing foot, of foot position by joint
     angles and of velocity by a leg; `slip` is what velocity a foot is doubted at [m/s]. Feet less
-    than `level_band` [m] off the start level are drawn to it in `level_time` [s] while the ground
-    is not as steep as `level_slope`, and those less than
-    `step_band` off where feet stood before them to that in `step_time`, from `step_speed` [m/s] on
-    and the less the farther their middle is from the base's, up to `middle` [m].
+    than `level_band` [m] off the ground's level are drawn to it in `level_time` [s] while that is
+    not as steep as `level_slope`, and those less than `step_band` off where feet stood before them
+    to that in `step_time`, from `step_speed` [m/s] on and the less the farther their middle is
+    from the base's, up to `middle` [m].
     """
 
     imu_offset: np.ndarray
@@ -124,7 +128,7 @@ class KalmanEstimator:
     ) -> None:
         self._radius = foot_radius
         self._imu_offset = imu_offset
-        blank = Gaussian(*(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4, 1)))
+        blank = Gaussian(*(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4, 1, 1)))
         blank = blank._replace(is_placed=np.zeros(1, dtype=bool))
         self._flat = flatten(blank)
         self._estimate: Gaussian = view_of(self._flat, blank)
@@ -160,7 +164,7 @@ class KalmanEstimator:
         estimate.x[:] = np.vstack((position, np.zeros(3), feet, np.zeros(3)))
         estimate.P[:] = np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, bias))
         estimate.lever[:], estimate.whirl[:], estimate.belief[:] = 0.0, 0.0, 1.0
-        estimate.is_placed[:] = False
+        estimate.level[:], estimate.is_placed[:] = 0.0, False
 
     def hold(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Be at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]; no surer."""
@@ -219,32 +223,27 @@ class KalmanEstimator:
 @jit
 def _anchor(estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: float) -> None:
     """
-    Draw feet that stand near the start level, or near where others stood before, to these.
+    Draw feet that stand on even ground to its level, and to where others stood before them.
 
     The robot is taken with them. Leg odometry has no height reference and drifts: at speed a foot
     lands hard, sinks in, and rises while it is believed. What feet stand off the plane of the
     steps before is such drift, as footfalls lie on one ground [Sun2026]; left alone it would raise
     the plane over the robot, whose feet, led there, would land the harder. Feet around the middle
-    of the base tell, whatever the slope of that plane. On level ground the start level removes the
-    rest. Beyond a band the ground has really changed and nothing is done.
+    of the base tell, whatever the slope of that plane.
     """
     trust, plane, feet = footing.trust, footing.plane[0], estimate.x[2:6]
-    total = level = off = ahead = left = 0.0
+    total = height = off = ahead = left = 0.0
     for i in range(4):
-        height = feet[i, 2] - sensors.radius
+        above = feet[i, 2] - sensors.radius
         total += trust[i]
-        level += trust[i] * height
-        off += trust[i] * (height - height_at(plane, feet[i, 0], feet[i, 1]))
+        height += trust[i] * above
+        off += trust[i] * (above - height_at(plane, feet[i, 0], feet[i, 1]))
         ahead += trust[i] * (feet[i, 0] - estimate.x[0, 0] + estimate.lever[0])
         left += trust[i] * (feet[i, 1] - estimate.x[0, 1] + estimate.lever[1])
     if total < 1.0:
         return
-    level, off, draw, shift = level / total, off / total, 1.0, 0.0
-    if footing.is_walking:  # on a slope the way leads off the start level
-        steep = (plane.gradient[0] ** 2 + plane.gradient[1] ** 2) / sensors.level_slope**2
-        draw = max(1.0 - steep, 0.0)
-    if abs(level) < sensors.level_band:
-        shift -= dt / sensors.level_time * draw * level
+    height, off = height / total, off / total
+    shift = _level(estimate, footing, height, sensors, dt)
     if footing.is_walking and abs(off) < sensors.step_band:
         aside = math.hypot(ahead, left) / (total * sensors.middle)
         speed = math.hypot(estimate.x[1, 0], estimate.x[1, 1]) / sensors.step_speed
@@ -253,6 +252,33 @@ def _anchor(estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: floa
     estimate.x[0, 2] += shift
     for i in range(4):
         feet[i, 2] += shift
+
+
+@jit
+def _level(
+    estimate: Gaussian, footing: Footing, height: float, sensors: SensorModel, dt: float
+) -> float:
+    """
+    Follow the ground's level under feet at a `height` [m]; return how far these are to be drawn.
+
+    The level follows slopes by their gradient, which drift does not show in, and the feet where it
+    is steep or they stand far off: there the ground has really changed. On even ground near the
+    start's it goes back to that.
+    """
+    gradient, velocity, level = footing.plane[0].gradient, estimate.x[1], estimate.level[0]
+    even = 1.0
+    if footing.is_walking:
+        slope = math.hypot(gradient[0], gradient[1]) / sensors.level_slope
+        even = max(1.0 - slope * slope, 0.0)
+        level += dt * (1.0 - even) * (gradient[0] * velocity[0] + gradient[1] * velocity[1])
+        follow = dt / sensors.level_time * min(max(slope - 1.0, 0.0), 1.0)
+        level += min(follow, 1.0) * (height - level)
+    if abs(height - level) > sensors.level_band:
+        level = height
+    if abs(level) < _START:
+        level -= dt / _RETURN * even * level
+    estimate.level[0] = level
+    return dt / sensors.level_time * even * (level - height)
 
 
 @jit
