@@ -4,8 +4,8 @@ Ends a process of the tests that hangs, and shows where it did.
 
 Nothing in Python ends a wait in a library that holds Python's lock, and a worker that hangs keeps
 the whole run from its end. So a thread of C looks at the time: it writes what each thread does,
-and ends the process. What shared the tests among workers then names the test, and goes on with
-another worker.
+and ends the process. What shared the tests among workers then names the test. What that worker had
+still to do is not done: the run says so by its status, which is not that of a failure.
 """
 
 from collections.abc import Iterator
@@ -19,6 +19,7 @@ import pytest
 LIMIT = 600.0
 
 _stderr = pytest.StashKey[int]()
+_has_lost = pytest.StashKey[bool]()
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -38,3 +39,17 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
         return (yield)
     finally:
         faulthandler.cancel_dump_traceback_later()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any, error: object) -> None:
+    """Note that a worker was lost."""
+    if error:
+        node.config.stash[_has_lost] = True
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Tell a run in which nobody looked at some tests from one in which some failed."""
+    if session.config.stash.get(_has_lost, False):
+        session.exitstatus = pytest.ExitCode.INTERNAL_ERROR

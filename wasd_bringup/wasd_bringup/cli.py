@@ -41,7 +41,7 @@ SLOW_MARKS = ('process', 'ros', 'run', 'browser', 'slow')
 # Tests wait more than they compute; a module's runs are shared by its tests.
 WORKERS = (
     *('-n', 'auto', '--maxprocesses', '6', '--dist', 'loadfile', '--no-loadscope-reorder'),
-    '--max-worker-restart=3',  # who replaces one begins with the test that ended it
+    '--max-worker-restart=0',  # who replaces one would begin with the test that ended it
 )
 LINTERS = (('ruff', 'check', '.'), ('ruff', 'format', '--check', '.'), ('mypy',))
 
