@@ -31,8 +31,6 @@ class Safety:
         """Forget the last reading."""
         self._last: Reading | None = None
         self.broken_in_a_row = 0
-        self.broken_readings = 0
-        self.broken_commands = 0
 
     def filter_reading(self, reading: Reading) -> Reading | None:
         """
@@ -45,7 +43,6 @@ class Safety:
             self.broken_in_a_row = 0
             return reading
         self.broken_in_a_row += 1
-        self.broken_readings += 1
         return self._last
 
     def tilt(self, R: np.ndarray) -> float:
@@ -75,7 +72,6 @@ class Safety:
         """Command with efforts inside the motors' limits; None instead of one with NaN."""
         parts = np.concatenate(command).reshape(5, -1)
         if not _limit(parts, self._limits.effort):
-            self.broken_commands += 1
             return None
         return JointCommand(*parts)
 
