@@ -156,14 +156,21 @@ def _troubles(name: str, tries: int) -> Row:
                 trials.append((drive, drive.record(seed=seed, kind=kind)))
         seed += 1
     touched = sum(drive.gap <= 0.0 for drive, _ in trials)
-    slowest = max(drive.replanned for drive, _ in trials)
     says = sum(drive.state in GIVEN_UP and bool(drive.reason) for drive, _ in trials)
     arrived = sum(drive.state == 'arrived' for drive, _ in trials)
+    # Where there is no other way the one beside what is seen of a box may lead through its rest.
+    slowest, latest = (
+        max(
+            (drive.replanned for drive, _ in trials if (drive.state == 'arrived') is is_new),
+            default=0.0,
+        )
+        for is_new in (True, False)
+    )
     return Row(
         what=f'goals, {name}: boxes in the way, doors closed',
         measured=f'{touched} of {tries} touched, slowest new way {slowest:.2f} s, '
-        f'{arrived} arrived, {says} said why not',
-        must=f'0 touched, <= {SOON} s; the others say why',
+        f'{arrived} arrived; {says} said why not, and knew it after {latest:.2f} s',
+        must=f'0 touched, a new way <= {SOON} s; the others say why',
         passed=touched == 0 and slowest <= SOON and arrived + says == tries,
         trials=[record for _, record in trials],
     )
