@@ -4,6 +4,7 @@
 from dataclasses import replace
 
 import numpy as np
+from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointCommand
@@ -71,7 +72,7 @@ class LegController:
         estimator: str = 'kalman',
     ) -> None:
         if estimator not in ('kalman', 'truth'):
-            raise ValueError(f"estimator must be 'kalman' or 'truth', got {estimator!r}")
+            raise UserError(f"estimator must be 'kalman' or 'truth', got {estimator!r}")
         self._uses_truth = estimator == 'truth'
         self.model = model
         scale = model.scale

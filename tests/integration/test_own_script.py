@@ -3,6 +3,7 @@
 
 from pathlib import Path
 import re
+import signal
 import subprocess
 import sys
 from typing import Any
@@ -22,6 +23,15 @@ class NoRos:
             raise ImportError(f'no {name} here')
 sys.meta_path.insert(0, NoRos())
 runpy.run_path(sys.argv[1])
+"""
+
+# A process of its own: what draws in one that has drawn otherwise fails.
+DRAWS = """
+import sys, wasd
+try:
+    wasd.Mbot().picture(sys.argv[1])
+except wasd.UserError as error:
+    print(error)
 """
 
 
@@ -66,8 +76,10 @@ def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path:
             text=True,
             timeout=120,
         )
+        node.send_signal(signal.SIGINT)
+        assert node.wait(30.0) == 0
     finally:
-        node.terminate()
+        node.kill()
         node.wait()
     assert done.returncode == 0, done.stderr
     x, y = map(float, re.search(r'mbot at (\S+) (\S+) m', done.stdout).groups())
@@ -91,6 +103,28 @@ def test_the_same_seed_and_calls_are_the_run_of_the_command(wasd: Any):
     samples = report['samples']
     there = [samples['position'][samples['t'].index(t)] for t in (0.5, 3.0, 3.5, 4.98)]
     assert positions == there
+
+
+@pytest.mark.slow
+def test_a_velocity_ends_with_the_state_that_follows_it():
+    import wasd
+
+    dog = wasd.Go2(estimator='truth')
+    for key in '25':
+        dog.press(key)
+        dog.run(2.5)
+    dog.drive(0.5)
+    dog.run(1.0)
+    dog.press('2')
+    dog.run(2.0)
+    start = dog.truth.position
+    dog.press('5')
+    dog.run(2.0)
+    assert dog.state == 'move base'
+    assert np.hypot(*(dog.truth.position - start)[:2]) < 0.02
+    dog.drive(0.5)
+    dog.run(1.0)
+    assert np.hypot(*(dog.truth.position - start)[:2]) > 0.2
 
 
 @pytest.mark.slow
@@ -137,6 +171,32 @@ def test_what_is_not_legal_says_why():
         dog.drive(0.5)
     with pytest.raises(wasd.UserError, match='finite time'):
         dog.run(-1.0)
+    with pytest.raises(wasd.UserError, match='press: got 2, wanted'):
+        dog.press(2)
+    with pytest.raises(wasd.UserError, match='for a time > 0'):
+        dog.push((50.0, 0.0, 0.0), -1.0)
+    assert 'press 2' in dog.press('w')
+
+
+@pytest.mark.parametrize('seed', [-1, 1.5])
+def test_a_seed_that_is_none_is_refused(seed):
+    import wasd
+
+    with pytest.raises(wasd.UserError, match='seed: got'):
+        wasd.Mbot(seed=seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('path', ['nowhere/dog.png', 'dog.xyz'])
+def test_a_picture_that_cannot_be_written_says_why(path, tmp_path):
+    done = subprocess.run(
+        [sys.executable, '-c', DRAWS, tmp_path / path],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.stdout.startswith('picture: '), done.stderr
 
 
 @pytest.mark.slow

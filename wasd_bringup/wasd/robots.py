@@ -53,6 +53,9 @@ class Robot:
     Everything happens inside `run`: between two calls simulated time stands still. The same seed
     and the same calls give the same bits. A velocity holds until the next, since who commands it
     is known to be alive: it is this process that steps the robot.
+
+    Raises:
+        UserError: the seed is no whole number from 0 on.
     """
 
     _distance = 1.8
@@ -68,6 +71,8 @@ class Robot:
         wheels: WheelChoice = ANY_WHEELS,
         untold: Untold = NOTHING,
     ) -> None:
+        if not isinstance(seed, int) or seed < 0:
+            raise UserError(f'seed: got {seed!r}, wanted a whole number >= 0')
         search = [Path(folder) for folder in package_path]
         self._loaded = load_robot(description, search, xacro_arguments, wheels=wheels)
         setup = usual_setup(self._loaded, self._with_noise, untold)
@@ -109,11 +114,15 @@ class Robot:
         Push the base with a world-frame force [N], shape (3,), for so long [s].
 
         It acts at a point of the base's frame [m], shape (3,), or else at the centre of mass.
+
+        Raises:
+            UserError: not three finite numbers, or a time that is not above 0.
         """
-        if not self._world.push(force, seconds, point):
+        if not (seconds > 0.0 and self._world.push(force, seconds, point)):
             at = '' if point is None else f' at {point!r}'
             raise UserError(
-                f'push: got {force!r} for {seconds!r} s{at}, wanted three finite numbers'
+                f'push: got {force!r} for {seconds!r} s{at}, '
+                'wanted three finite numbers, for a time > 0'
             )
 
     def reset(self) -> None:
@@ -121,9 +130,17 @@ class Robot:
         self._simulation.reset()
 
     def picture(self, path: str | os.PathLike[str]) -> None:
-        """Write what the robot looks like now as a PNG of 1280 x 720."""
+        """
+        Write what the robot looks like now as a picture of 1280 x 720, a PNG by its name.
+
+        Raises:
+            UserError: it cannot be written there, or its name ends as none of a picture.
+        """
         view = Viewpoint(self.truth.position.tolist(), self._distance, AZIMUTH, ELEVATION)
-        take_picture(self._world, view, Path(path))
+        try:
+            take_picture(self._world, view, Path(path))
+        except (OSError, ValueError) as error:
+            raise UserError(f'picture: {error}') from error
 
     def show(self) -> None:
         """
@@ -144,6 +161,11 @@ class Robot:
             self._window.sync()
         if timeout > 0.0:
             time.sleep(timeout)
+
+
+def _check_key(key: str) -> None:
+    if not isinstance(key, str):
+        raise UserError(f"press: got {key!r}, wanted the name of a key, such as '2'")
 
 
 class Go2(Robot):
@@ -211,11 +233,13 @@ class Go2(Robot):
         """
         Press a key of the Go2: a state (0 to 9, v) or a stick (w a s d j l i k, space).
 
-        Return what the status line would say to it, if anything.
+        Return what the status line would say to it, if anything: a key that does nothing in this
+        state says what to press.
 
         Raises:
-            UserError: the state cannot follow the present one; says what to press.
+            UserError: the state cannot follow the present one, and what to press; or no text.
         """
+        _check_key(key)
         said = self._controller.press(key)
         if said is not None and key in STATE_KEYS:
             raise UserError(said)
@@ -223,7 +247,7 @@ class Go2(Robot):
 
     def drive(self, vx: float, vy: float = 0.0, wz: float = 0.0) -> None:
         """
-        Command a velocity [m/s], [m/s], [rad/s] in the state move base, until the next.
+        Command a velocity [m/s], [m/s], [rad/s] in the state move base, until the next or its end.
 
         Raises:
             UserError: not finite, or the robot is in another state.
@@ -235,6 +259,8 @@ class Go2(Robot):
         self._velocity = (vx, vy, wz)
 
     def _control(self) -> None:
+        if self._controller.coming_state != 'move base':
+            self._velocity = None  # who comes back to move base stands until it is driven
         if self._velocity is not None and self._controller.state == 'move base':
             self._controller.set_velocity(*self._velocity)
         reading = self._joints.reading(self._world.read())
@@ -306,7 +332,13 @@ class Mbot(Robot):
         return self._unit.controller.odometry_state
 
     def press(self, key: str) -> None:
-        """Press a key of the keymap; held keys are pressed again, 30 times a second."""
+        """
+        Press a key of the keymap; held keys are pressed again, 30 times a second.
+
+        Raises:
+            UserError: no text.
+        """
+        _check_key(key)
         self._is_driven_by_keys = True
         self._keys.press(key)
 
