@@ -114,6 +114,8 @@ def _encodes(stream: TextIO, text: str) -> bool:
     return True
 
 
+# In a window of fewer lines no empty one is left above the status.
+_ROOM = 3
 # The line is rewritten at most this often: readable, and cheap over a slow connection [s].
 LINE_PERIOD = 0.1
 
@@ -125,8 +127,8 @@ class StatusLine:
 
     It is written in one piece and only when it changed, so it does not flicker; a text that is
     wider than the window is cut, so it stays one line; control characters are shown, not done.
-    With a `board` of lines above it the cursor waits on an empty line above them all: what others
-    write, as a log does, goes there and stays, and the rest moves down.
+    The cursor waits on an empty line above it and above the `board`, lines that may stand over it:
+    what others write, as a log does, goes there and stays, and the rest moves down.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -164,14 +166,15 @@ class StatusLine:
         last = visible(compose(width))[:width]
         above = [styled(line, self._in_ascii) for line in board(width, size.lines)]
         text = f'\r{last}\x1b[K'
-        if above:
+        is_alone = size.lines < _ROOM  # what others write then has to go behind it
+        if not is_alone:
             lines = '\x1b[K\r\n'.join(['', *above, last])
             text = f'\r{lines}\x1b[J\r\x1b[{len(above) + 1}A'
-        if self._below and not above:
+        elif self._below:
             text = f'\r\x1b[J{text}'
         # Where there is no room for it, a later one will do.
         if text == self._shown or offer(self._stream, text):
-            self._shown, self._below = text, len(above) + 1 if above else 0
+            self._shown, self._below = text, 0 if is_alone else len(above) + 1
         self._shown_at = now
 
     def _tell(self, text: str) -> None:

@@ -2,6 +2,7 @@
 import io
 import re
 
+import pytest
 from teleop_keyboard.dashboard import Line
 from teleop_keyboard.screen import StatusLine
 from teleop_keyboard.screen import styled
@@ -12,13 +13,43 @@ class Screen(io.StringIO):
         return True
 
 
+def placed(text):
+    """Return how a text is drawn: an empty line, the text, the cursor back on the first."""
+    return f'\r\x1b[K\r\n{text}\x1b[J\r\x1b[1A'
+
+
+@pytest.fixture(autouse=True)
+def window(monkeypatch):
+    monkeypatch.setenv('COLUMNS', '80')
+    monkeypatch.setenv('LINES', '24')
+
+
 def test_the_line_is_rewritten_in_place_and_only_when_it_changed():
     screen = Screen()
     line = StatusLine(screen)
     for now, text in enumerate(['one', 'one', 'two']):
         line.show(lambda _, text=text: text, float(now))
     line.close()
+    assert screen.getvalue() == placed('one') + placed('two') + '\x1b[1B\r\n'
+
+
+def test_in_a_window_of_two_lines_it_is_the_line_at_the_cursor(monkeypatch):
+    monkeypatch.setenv('LINES', '2')
+    screen = Screen()
+    line = StatusLine(screen)
+    line.show(lambda _: 'one', 0.0)
+    line.show(lambda _: 'two', 1.0)
+    line.close()
     assert screen.getvalue() == '\rone\x1b[K\rtwo\x1b[K\n'
+
+
+def test_a_window_that_shrinks_loses_nothing(monkeypatch):
+    screen = Screen()
+    line = StatusLine(screen)
+    line.show(lambda _: 'one', 0.0)
+    monkeypatch.setenv('LINES', '2')
+    line.show(lambda _: 'two', 1.0)
+    assert screen.getvalue() == placed('one') + '\r\x1b[J\rtwo\x1b[K'
 
 
 def test_no_color_leaves_out_colours_and_keeps_what_is_bright_or_dim(monkeypatch):
@@ -38,7 +69,7 @@ def test_the_line_is_not_rewritten_faster_than_one_can_read():
     line = StatusLine(screen)
     for index in range(100):
         line.show(lambda _, index=index: str(index), index * 0.01)
-    assert screen.getvalue().count('\r') <= 11
+    assert screen.getvalue().count('\x1b[K') <= 11
 
 
 def test_a_wide_text_stays_one_line(monkeypatch):
@@ -82,7 +113,7 @@ def test_lines_are_written_above_and_the_status_comes_again_below():
     line.show(lambda _: 'status', 0.0)
     line.print(['one', 'two'])
     line.show(lambda _: 'status', 0.01)
-    assert screen.getvalue() == '\rstatus\x1b[K\r\x1b[Kone\ntwo\n\rstatus\x1b[K'
+    assert screen.getvalue() == placed('status') + '\r\x1b[Jone\ntwo\n' + placed('status')
 
 
 def test_lines_are_written_plainly_where_no_terminal_is():
