@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages as text in ros2cli's form, and requests from YAML."""
 
+import math
+
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
 from geometry_msgs.msg import PoseStamped
@@ -99,6 +101,16 @@ def test_what_was_written_fills_the_same_message_again() -> None:
         (PoseArray(), {'poses': {'x': 1}}, 'poses: wanted sequence'),
         (Imu(), {'orientation_covariance': [1.0]}, 'orientation_covariance: wanted double'),
         (PoseStamped(), {'header': {'stamp': {'sec': 0.5}}}, 'header.stamp.sec: wanted int32'),
+        (
+            PoseStamped(),
+            {'header': {'stamp': {'sec': math.inf}}},
+            'header.stamp.sec: wanted int32',
+        ),
+        (
+            PoseStamped(),
+            {'header': {'stamp': {'sec': math.nan}}},
+            'header.stamp.sec: wanted int32',
+        ),
         (ByteMultiArray(), {'data': [300]}, 'wanted octet'),
     ],
 )

@@ -86,7 +86,8 @@ class Go2Stack(ControlStack):
         """Why it follows no velocity now, with what is to be done; '' where it does."""
         if self.state == StateName.MOVE_BASE:
             return ''
-        return f'press 2 to stand, then 5 to move: it is {self.state}'
+        first = '' if self.state == StateName.FIXED_STAND else '2 to stand, then '
+        return f'press {first}5 to move: it is {self.state}'
 
     @property
     def drive_limits(self) -> dict[str, float]:

@@ -4,6 +4,7 @@
 from array import array
 from collections.abc import Callable, Mapping
 from functools import cache
+import math
 import re
 import sys
 from typing import Any, NamedTuple
@@ -167,9 +168,10 @@ def _primitive(value: Any, kind: str, where: str) -> Any:
         return value
     if kind in ('float', 'double') and is_number:
         return float(value)
-    if kind.startswith(('int', 'uint')) and is_number and value == int(value):
+    is_whole = is_number and math.isfinite(value) and value == int(value)
+    if kind.startswith(('int', 'uint')) and is_whole:
         return int(value)
-    if kind == 'octet' and is_number and 0 <= value <= 255:
+    if kind == 'octet' and is_whole and 0 <= value <= 255:
         return bytes([int(value)])
     raise UserError(f'{where}: wanted {kind}, got {value!r}')
 
