@@ -38,8 +38,8 @@ class CommandFilter:
 
     State: the request, its age and the present command. One `step` ages the request and moves the
     command; a request older than `timeout` counts as zero. `grip` in (0, 1] slows the ramps on
-    slippery ground. Behind a command that its `velocity` (2,), ahead and to the left [m/s], is far
-    from a robot would run with all the friction there is: that command waits, unless it slows down.
+    slippery ground. A robot whose `velocity` (2,), ahead and to the left [m/s], is far behind
+    would catch up with all the friction there is: its command waits, unless it slows down.
     """
 
     def __init__(

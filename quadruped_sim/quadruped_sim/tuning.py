@@ -333,7 +333,10 @@ class EstimatorParameters(Parameters):
         0.05, minimum=0.0, unit='m', doc="Feet farther off the ground's level stand on another"
     )
     level_time: float = parameter(
-        0.3, above=0.0, unit='s', doc='Time constant of what draws feet on even ground to its level'
+        0.3,
+        above=0.0,
+        unit='s',
+        doc='Time constant of what draws feet on even ground to its level',
     )
     level_slope: float = parameter(
         0.02, above=0.0, doc='Rise over way of ground from which on it is not even'
@@ -379,7 +382,7 @@ class CommandParameters(Parameters):
         0.35,
         above=0.0,
         unit='m/s',
-        doc='On the Go2: farther behind a command a robot is not asked for more; at twice for none',
+        doc='Lag of a Go2 from which on its command grows more slowly; at twice that, not at all',
     )
     timeout: float = parameter(
         0.5, above=0.0, unit='s', doc='Silence on cmd_vel after which the command is zero'

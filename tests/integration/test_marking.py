@@ -4,6 +4,7 @@
 from pathlib import Path
 
 import pytest
+
 from wasd_bringup import cli
 
 pytest_plugins = ['pytester']

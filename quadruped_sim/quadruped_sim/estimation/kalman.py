@@ -278,7 +278,7 @@ def _level(
     if abs(level) < _START:
         level -= dt / _RETURN * even * level
     estimate.level[0] = level
-    return dt / sensors.level_time * even * (level - height)
+    return float(dt / sensors.level_time * even * (level - height))
 
 
 @jit
