@@ -18,7 +18,7 @@ HEAD = """# Numbers
 
 This is what `./{command}` printed at version {version} ({date}, {machine}, {minutes:.1f} minutes);
 `./wasd bench --write` writes it. In brackets behind a count is its Wilson 95 % interval.
-`./wasd bench` runs more seeds than `--quick`, and more robots.{note}{alone}
+`./wasd bench` runs more seeds than `--quick`, and more robots.{alone}
 
 """
 FOOT = """
@@ -47,7 +47,6 @@ def page(result: dict[str, Any]) -> str:
         date=result['date'],
         machine=result['machine'],
         minutes=result['seconds'] / 60.0,
-        note=f'\n{result["note"]}' if 'note' in result else '',
         alone=''.join(_say_alone(name, found) for name, found in result.get('alone', {}).items()),
     )
     table = format_table([_as_row(row) for row in result['rows']])
