@@ -109,7 +109,8 @@ TOUR = (
         'Go2, keys: stand up, trot, turn, take a push, gallop, pronk, fall and slide, get up',
         20.0,
         robot=GO2,
-        keys='0.3 2\n2.5 4\n2.8 w*10\n4.6 l*8\n5.6 j*16\n6.6 l*8\n8.4 N\n10 N\n11.6 n n\n12.8 SPACE\n16 2',
+        keys='0.3 2\n2.5 4\n2.8 w*10\n4.6 l*8\n5.6 j*16\n6.6 l*8\n8.4 N\n10 N\n11.6 n n\n'
+        '12.8 SPACE\n16 2',
         film=Viewpoint((0.0, 0.0, 0.2), 1.7, 120.0, -16.0),
         # 15 N s, and 30 that tip it over; how far it slides then, its feet cannot tell.
         pushes=(parse_push('7.4 0 150 0 0.1'), parse_push('13.6 0 300 0 0.1 0 0 0.4')),
