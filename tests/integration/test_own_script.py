@@ -186,6 +186,12 @@ def test_a_seed_that_is_none_is_refused(seed):
         wasd.Mbot(seed=seed)
 
 
+def test_a_seed_may_be_one_of_numpys():
+    import wasd
+
+    assert wasd.Mbot(seed=np.arange(3)[1]).time == 0.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize('path', ['nowhere/dog.png', 'dog.xyz'])
 def test_a_picture_that_cannot_be_written_says_why(path, tmp_path):

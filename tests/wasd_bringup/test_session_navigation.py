@@ -333,6 +333,19 @@ def test_a_go2_that_does_not_follow_velocities_says_what_to_press(session_of):
     assert 'press 2' in session.stack.status().message
 
 
+def test_a_goal_of_the_command_line_says_what_it_waits_for(session_of):
+    dog = session_of('go2', preset='unitree', goals=(GOAL,))
+    line = 'maps: the goal waits: press 2 to stand, then 5 to move; any key takes over'
+    assert navigation(dog).first_line == line
+    dog.press('2')
+    dog.simulation.advance(3000)
+    assert dog.stack.refusal == 'press 5 to move: it is fixed stand'
+
+
+def test_a_goal_that_does_not_wait_says_no_such_thing(session_of):
+    assert 'waits' not in navigation(session_of(goals=(GOAL,))).first_line
+
+
 def test_a_report_tells_where_it_ended(session_of):
     session = session_of(goals=(GOAL,))
     navigation(session).navigator.pilot.end = ('arrived', '')

@@ -71,7 +71,7 @@ class Robot:
         wheels: WheelChoice = ANY_WHEELS,
         untold: Untold = NOTHING,
     ) -> None:
-        if not isinstance(seed, int) or seed < 0:
+        if not isinstance(seed, (int, np.integer)) or seed < 0:
             raise UserError(f'seed: got {seed!r}, wanted a whole number >= 0')
         search = [Path(folder) for folder in package_path]
         self._loaded = load_robot(description, search, xacro_arguments, wheels=wheels)

@@ -90,10 +90,8 @@ class SessionNavigation:
         what = 'in a map' if self._options.map else 'maps'
         of_several = ' the robot in turn, TAB the one it leaves' * bool(self._robot.world.prefix)
         begin = "click a goal on the page's Map, or send goal_pose"
-        if self._goals:
-            begin = 'the first goal waits'
-            if self._stack.refusal:
-                begin += f': {self._stack.refusal.partition(":")[0]}'
+        if self._goals and self._stack.refusal:
+            begin = f'the goal waits: {self._stack.refusal.partition(":")[0]}'
         return f'{what}: {begin}; any key takes over{of_several}'
 
     def go(self, goal: Sequence[float], from_page: bool = False) -> None:
