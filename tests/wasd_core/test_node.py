@@ -3,6 +3,7 @@ from dataclasses import dataclass
 import gc
 import os
 import signal
+import threading
 import time
 from typing import ClassVar
 
@@ -320,6 +321,64 @@ def test_a_topic_with_many_messages_does_not_make_the_pump_look_at_all_others(sp
     spawn.pump.handle()
     assert len(heard) == 9
     assert looked.count(quiet) == 1
+
+
+def test_rclpy_gathers_what_to_wait_for_only_when_something_has_come(spawn, spin_until):
+    node, heard, gathered = spawn(Node('quiet')), [], []
+    node.create_subscription(String, 'words', heard.append, 10)
+    publisher = node.create_publisher(String, 'words', 10)
+    spin_until(spawn.pump, publisher.get_subscription_count)
+    spawn.pump.EVENT_PERIOD = 1e9
+    spawn.pump.handle(0.1)  # what has woken it, that there is something new, is gone
+    may = spawn.pump.can_execute
+    spawn.pump.can_execute = lambda entity: gathered.append(entity) or may(entity)
+    for _ in range(20):
+        spawn.pump.handle()
+    assert not gathered
+    publisher.publish(String(data='now'))
+    spin_until(spawn.pump, lambda: heard)
+    assert gathered
+
+
+def test_what_a_node_gets_and_loses_between_two_looks_is_heard_and_harms_nothing(
+    spawn, spin_until
+):
+    node, heard = spawn(Node('changing')), []
+    spawn.pump.handle()
+    for topic in ('first', 'second'):
+        subscription = node.create_subscription(String, topic, heard.append, 10)
+        publisher = node.create_publisher(String, topic, 10)
+        spin_until(spawn.pump, publisher.get_subscription_count)
+        publisher.publish(String(data=topic))
+        spin_until(spawn.pump, lambda topic=topic: [m.data for m in heard] == [topic])
+        heard.clear()
+        node.destroy_subscription(subscription)
+        spawn.pump.handle()
+    ticks = []
+    timer = node.create_timer(0.01, lambda: ticks.append(1))
+    spin_until(spawn.pump, lambda: len(ticks) > 2)
+    timer.destroy()  # nobody is told
+    spawn.pump.handle()
+    future = spawn.pump.create_task(lambda: 'done')
+    spawn.pump.handle()
+    assert future.result() == 'done'
+
+
+def test_a_pump_waits_for_what_comes_within_the_time_and_no_longer(spawn, spin_until):
+    node, heard = spawn(Node('waiting')), []
+    node.create_subscription(String, 'words', lambda m: heard.append(time.monotonic()), 10)
+    publisher = node.create_publisher(String, 'words', 10)
+    spin_until(spawn.pump, publisher.get_subscription_count)
+    sender = threading.Timer(0.1, publisher.publish, [String(data='late')])
+    started = time.monotonic()
+    sender.start()
+    for _ in range(10):  # more may come than this message
+        spawn.pump.handle(60.0)
+        if heard:
+            break
+    sender.join()
+    assert heard
+    assert time.monotonic() - started < 50.0  # it was woken
 
 
 def test_all_messages_that_wait_are_handled_in_one_go(spawn, spin_until):
