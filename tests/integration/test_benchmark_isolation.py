@@ -35,7 +35,7 @@ if __name__ == '__main__':
 """
 GOES = '0 0.3 0 0\n'
 STANDS = '0 0 0 0\n'
-LONG = ('--duration', '200')  # at full speed still seconds of wall time
+LONG = ('--duration', '100')  # at full speed still seconds of wall time
 ALONE = 1e-6  # a robot that nobody else drives stays within so much [m]
 
 
@@ -56,7 +56,7 @@ def domain(new_runner: Any, ros_domains: Iterator[int]) -> Iterator[int]:
     domain = next(ros_domains)
     other = new_runner(domain)
     (other.folder / 'goes').write_text(GOES)
-    driving = ('mbot', '--twist', 'goes', '--viewer', 'none', '--duration', '900')
+    driving = ('mbot', '--twist', 'goes', '--viewer', 'none', '--duration', '900', '--speed', '1')
     process = other.start(*driving, '--discovery', 'localhost')
     while other('echo', '--once', 'cmd_vel').returncode:
         assert process.poll() is None

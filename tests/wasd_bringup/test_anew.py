@@ -2,11 +2,13 @@
 """A run that starts anew by its page: with which words, and when it does not."""
 
 from pathlib import Path
+import socket
 
 from mujoco_sim.scene import TERRAINS
 from mujoco_sim.scene import WORLDS as PLAIN
 import pytest
 from wasd_bringup.anew import Anew
+from wasd_bringup.anew import page_port
 from wasd_bringup.anew import words_anew
 from wasd_bringup.anew import WORLDS
 from wasd_bringup.cli import make_parser
@@ -41,6 +43,16 @@ def test_a_run_starts_anew_with_its_options_in_another_world_on_the_same_page(be
     assert len(again) == len(words)
     options = read_options(make_parser().parse_args(again))
     assert (options.world, options.port, options.opens_page) == ('flat', 8083, False)
+
+
+def test_a_port_that_was_taken_in_between_is_not_insisted_on(monkeypatch, capsys):
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        assert page_port(port) == port  # a user asked for it, and is told
+        monkeypatch.setenv('WASD_ANEW', '1')
+        assert page_port(port) == 0
+        assert f'port {port} was taken in between' in capsys.readouterr().out
+    assert page_port(port) == port
 
 
 def test_what_is_for_ros_stays_behind_all_options():

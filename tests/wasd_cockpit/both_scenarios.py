@@ -76,7 +76,9 @@ def scenario_whatever_a_spectator_sends_the_go2_walks_on(page: Page) -> None:
     chance, sticks = random.Random(1), controller.sticks.values
     words = ('force_control', 'request_control', 'leave_queue', 'grant', 'theme=light', 'w', '')
     driver = page.puppet
-    with connect(f'{page.url.replace("http", "ws")}state?sid=spectator') as spectator:
+    with connect(
+        f'{page.url.replace("http", "ws")}state?sid=spectator', max_queue=None
+    ) as spectator:
         for _ in range(1000):
             keys = {code(chance.choice(('W', 'N1', 'N2', 'Space')))}
             packet = input_packet(keys, buttons=chance.choice((0, 1)))

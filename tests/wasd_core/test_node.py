@@ -164,6 +164,14 @@ def test_parameters_describe_themselves(arm, spawn, spin_until):
     assert above.to_value == float('inf')
 
 
+@pytest.fixture(autouse=True)
+def interruptible():
+    """Let Ctrl-C end these tests, after one in which it has ended something."""
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def test_a_first_signal_asks_for_a_stop():
     with StopSignals() as stop:
         assert not stop.requested
@@ -177,6 +185,8 @@ def test_ctrl_c_is_the_normal_way_to_leave_even_when_it_is_held_down():
         for _ in range(5):
             os.kill(os.getpid(), signal.SIGINT)
         assert stop.requested
+    # Nor when it still is while Python is left.
+    os.kill(os.getpid(), signal.SIGINT)
     assert stop.exit_status == 0
 
 

@@ -3,15 +3,18 @@
 A run that starts anew with another robot or in another world, by its page.
 
 A world is compiled into the model that everything holds. So the run ends as it always does, and
-its process becomes that of a new one on the same terminal and port, and the page comes back.
+its process becomes that of a new one on the same terminal and port, and the page comes back. If
+another program takes the port in between, the new run has a page on another.
 """
 
 from collections.abc import Mapping, Sequence
 import os
+import socket
 import sys
 from typing import NoReturn
 
 from mujoco_sim.scene import WORLDS as PLAIN
+from mujoco_sim.viewer.server import HOST
 from wasd_cockpit.link import Start
 
 from wasd_bringup.options import RunOptions
@@ -25,6 +28,8 @@ WORLDS = (
     *('ice:0.2', 'gap:0.15'),
 )
 _WITH_VALUE, _ALONE = ('--world', '--port'), ('--no-open',)
+# Set for a run that starts anew: its port is the one that it had, not one that a user asks for.
+_MARK = 'WASD_ANEW'
 
 
 class Anew:
@@ -82,4 +87,22 @@ def become(words: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
     sys.stdout.flush()
     sys.stderr.flush()
     program = (sys.executable, '-m', 'wasd_bringup.cli', *words)
-    os.execve(sys.executable, program, dict(environment))
+    os.execve(sys.executable, program, {**environment, _MARK: '1'})
+
+
+def page_port(port: int) -> int:
+    """Return the port to take for a page: any, 0, where the one that it had has gone meanwhile."""
+    if _MARK not in os.environ or _is_free(port):
+        return port
+    print(f'port {port} was taken in between: the page is elsewhere now')
+    return 0
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError:
+            return False
+    return True

@@ -29,7 +29,8 @@ class StopSignals:
 
     `requested` turns True at the first signal and `number` keeps it; the loop that owns the robot
     looks at it and leaves in order. Another SIGINT some seconds later raises KeyboardInterrupt:
-    the way out of a shutdown that hangs. Sooner it means nothing: a held Ctrl-C repeats.
+    the way out of a shutdown that hangs. Sooner it means nothing, nor does it once the context is
+    left: a held Ctrl-C repeats, and what it has ended is about to leave Python.
 
     Where nobody looks at `requested` in time, since the loop is stuck or has not begun, a thread
     calls the `last_words` and ends the process. What is ignored, as SIGHUP under nohup, stays so.
@@ -84,10 +85,11 @@ class StopSignals:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Put back the handlers that were there."""
+        """Put back the handlers that were there; a Ctrl-C that ended us stays without effect."""
         self.entered.remove(self)
         for number, previous in self._previous.items():
-            signal.signal(number, previous)
+            is_held = number == self.number == signal.SIGINT
+            signal.signal(number, signal.SIG_IGN if is_held else previous)
         self._previous.clear()
         signal.set_wakeup_fd(self._previous_wakeup)
         self._over.set()
@@ -129,13 +131,7 @@ def _status(number: int | None) -> int:
 
 
 def last_status(stop: StopSignals) -> int:
-    """
-    Return the exit status of a process; a Ctrl-C still held down no longer interrupts it.
-
-    Where a signal is there to have the process die of it, it does.
-    """
-    if stop.number == signal.SIGINT:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Return the exit status of a process that does not die here, as of some signals it does."""
     if stop.number in DUMPING:
         signal.signal(stop.number, signal.SIG_DFL)
         signal.raise_signal(stop.number)

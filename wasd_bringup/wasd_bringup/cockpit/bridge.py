@@ -27,6 +27,7 @@ from wasd_core.timing import RELEASE
 from wasd_core.timing import split_event
 
 from wasd_bringup.anew import Anew
+from wasd_bringup.anew import page_port
 from wasd_bringup.cockpit import Described
 from wasd_bringup.report import SAMPLE_PERIOD
 from wasd_bringup.robots import load_class
@@ -327,9 +328,8 @@ def open_view(session: Session, kind: str) -> str:
         SimulationError: the port is taken, or there is no display.
     """
     bridge = CockpitBridge(session)
-    view, where = start_view(
-        kind, session.world, session.stack.camera, bridge.content, session.options.port
-    )
+    port = page_port(session.options.port)
+    view, where = start_view(kind, session.world, session.stack.camera, bridge.content, port)
     session.take_view(view, where)
     if kind == 'web':
         bridge.attach(where)
