@@ -79,8 +79,12 @@ def test_a_message_that_is_echoed(
     node.create_publisher(String, 'state', latched).publish(String(data=f'{TITLE}{BIDI}'))
     cli = ['-m', 'wasd_bringup.cli']
     for field in ([], ['--field', 'data']):
-        session = run_on_terminal([*cli, 'echo', 'state', '--once', *field], environment, tmp_path)
-        assert session.end(60.0) == 0, session.shown
+        for _ in range(5):  # on a busy machine a topic may be discovered too late for one
+            words = [*cli, 'echo', 'state', '--once', *field]
+            session = run_on_terminal(words, environment, tmp_path)
+            if session.end(60.0) == 0:
+                break
+            assert 'no topic' in session.shown
         assert 'owned' in session.shown
         assert '\x1b]' not in session.shown
         assert BIDI not in session.shown
