@@ -16,7 +16,7 @@ from typing import Any
 import expansions
 import pytest
 
-pytest_plugins = ['marking', 'hanging']
+pytest_plugins = ['small_expander', 'marking', 'hanging']
 
 # How long a message may take to arrive on a busy machine [s].
 PATIENCE = 10.0

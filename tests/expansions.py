@@ -2,8 +2,8 @@
 """
 Remembers what our own descriptions expand to, for whoever loads a robot.
 
-Each expansion is a fork of a process that has loaded everything: a tenth of a second of a
-processor, and tests load the same two robots some thousand times. Lint, and tests of expanding,
+Each expansion is a fork, up to a tenth of a second of a processor where everything is loaded, and
+tests load the same two robots some thousand times. Lint, and tests of expanding,
 expand by themselves; so does every program that is started from the beginning.
 """
 

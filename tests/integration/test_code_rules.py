@@ -4,6 +4,7 @@
 import ast
 from collections.abc import Iterator
 import functools
+import gc
 from pathlib import Path
 import re
 
@@ -33,9 +34,15 @@ ONE_HOME = {
 
 @pytest.fixture(scope='module', autouse=True)
 def _forget_syntax_trees():
-    """Let half a million nodes go: later tests fork, and collect garbage."""
+    """
+    Let half a million nodes go: later tests fork, and collect garbage.
+
+    While they are made, there is none, and to look for it takes twice as long as to make them.
+    """
+    gc.disable()
     yield
     nodes.cache_clear()
+    gc.enable()
 
 
 @functools.cache

@@ -161,6 +161,7 @@ def test_what_is_untold_is_that_of_the_command(wasd: Any) -> None:
     assert dog.truth.position.tolist() == report['samples']['position'][-1]
 
 
+@pytest.mark.slow
 def test_what_is_not_legal_says_why():
     import wasd
 

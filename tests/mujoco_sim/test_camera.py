@@ -17,6 +17,9 @@ from robot_description.mujoco import find_renderer
 from robot_description.mujoco.builder import to_mujoco
 from wasd_core.errors import SimulationError
 
+# Each renders.
+pytestmark = pytest.mark.slow
+
 WALL = 2.0  # from the origin to the wall [m]
 PILLAR = (1.2, 0.3)
 RED, GREEN = (1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0)

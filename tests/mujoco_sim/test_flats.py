@@ -52,6 +52,7 @@ def reached(flat, radius):
     return points[known]
 
 
+@pytest.mark.slow
 def test_every_room_is_reached_through_doors(flat):
     found = reached(flat, 0.35)
     for room in flat.rooms:
@@ -78,6 +79,7 @@ def test_boxes_stand_inside_and_are_high_enough_to_be_seen(flat):
     assert (flat.boxes[:, 4] >= 0.5).all()
 
 
+@pytest.mark.slow
 def test_a_flat_has_the_size_of_one():
     for seed in range(10):
         width, length = np.sort(make_flat(seed).size - 0.1)
@@ -99,6 +101,7 @@ def test_a_flat_is_not_the_same_turned_around(flat):
     assert (off > 0.1).mean() > 0.7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['flat:3', 'office'])
 def test_the_world_has_the_boxes_of_the_flat(name):
     world = build_world(robot_named('mbot'), name)

@@ -54,6 +54,7 @@ def test_feet_have_the_friction_asked_for_and_other_links_their_own(go2, frictio
     assert {link: usual[link] for link in feet} == dict.fromkeys(feet, {0.6})
 
 
+@pytest.mark.slow
 def test_on_ice_everything_slides_whatever_its_own_friction(go2):
     middle = ICE_AHEAD + EDGE + 1.0
     for friction in (None, 1.0):

@@ -150,6 +150,7 @@ def go2():
     return robot_named('go2')
 
 
+@pytest.mark.slow
 def test_the_go2_walks_on_its_lidar_or_not_the_same(go2):
     # Nor does it weigh anything, for who plans with the description.
     urdf = ElementTree.fromstring(go2.urdf)

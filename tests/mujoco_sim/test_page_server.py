@@ -212,6 +212,7 @@ async def leave_a_task_that_fails_with(error: Exception) -> None:
     gc.collect()
 
 
+@pytest.mark.slow
 def test_a_browser_that_goes_while_it_is_sent_something_is_not_reported(view, caplog):
     asyncio.run(leave_a_task_that_fails_with(ConnectionClosedOK(None, None)))
     assert caplog.text == ''
@@ -255,6 +256,7 @@ def test_control_that_is_asked_for_goes_when_it_is_given_or_the_driver_rests(
     assert 'j' in view.pressed_keys()
 
 
+@pytest.mark.slow
 def test_what_waits_behind_the_message_that_ends_control_makes_nobody_drive(view, port):
     with PagePuppet(view.url, session='first') as page:
         page.draw()

@@ -83,6 +83,7 @@ def test_a_kinect_has_colour_and_depth():
     assert kinect.depth_topic == 'kinect/depth/image_raw'
 
 
+@pytest.mark.slow
 def test_a_robot_without_sensors_has_none():
     loaded = robot_named('mbot_bare')
     assert read_sensor_tags(loaded.robot) == ([[], []], [])

@@ -77,6 +77,7 @@ def test_at_rest_a_biased_accelerometer_does_not_carry_it_away(model):
     assert np.linalg.norm(estimator.position[:2]) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('yaw', [0.0, 1.2])
 def test_rolling_feet_are_not_read_as_slow(model, rolling_rates, yaw):
     """Base at 0.5 m/s over rolling feet: the estimate is right to 1 %, without it 5 % are lost."""
@@ -225,6 +226,7 @@ def slipping(model, feet, velocity):
     return leg_motion(model.geometry, ANGLES, rates.ravel())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('feet', [(1,), (0, 3), (0, 1, 2, 3)])
 def test_feet_that_slip_are_left_out(model, feet):
     """0.2 s at 0.5 m/s: believed, they are the robot's velocity, 0.5 m/s, 0.25 if half of them."""
@@ -239,6 +241,7 @@ def test_feet_that_slip_are_left_out(model, feet):
     assert np.delete(estimator.belief, feet).min(initial=1.0) > 0.5
 
 
+@pytest.mark.slow
 def test_a_blow_between_two_readings_does_not_stay(model):
     """The accelerometer is told 500 m/s^2 for one reading: 1 m/s that never was."""
     estimator = make(model)
@@ -261,6 +264,7 @@ def test_the_bias_of_the_accelerometer_is_found_in_ten_seconds_of_rest(model):
     np.testing.assert_allclose(estimator.acceleration_bias, bias, atol=0.006)
 
 
+@pytest.mark.slow
 def test_turning_about_the_base_moves_the_imu_but_not_the_base(model):
     """An IMU 0.1 m ahead feels the centre, 0.4 m/s^2 away, and is carried round it."""
     params, offset, rate = EstimatorParameters(), np.array((0.1, 0.0, 0.0)), 2.0

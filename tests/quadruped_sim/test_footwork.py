@@ -64,6 +64,7 @@ def in_the_air(model, standing, ticks):
     return controller
 
 
+@pytest.mark.slow
 def test_a_foot_that_finds_no_ground_bears_nothing_and_goes_on_down(model, standing):
     """After 30 ms, at 1.5 m/s from where it is, as long as its schedule lets it stand."""
     controller = in_the_air(model, standing, 150)

@@ -91,6 +91,7 @@ def test_a_load_is_felt_where_it_is(model, observer, dynamics):
     np.testing.assert_allclose(found.mass[:3, 3:6], coupling, atol=0.02)
 
 
+@pytest.mark.slow
 def test_it_takes_its_time_and_is_forgotten_by_a_reset(model, observer, dynamics):
     com = dynamics().com
     soon = felt(observer, dynamics, model.mass + 5.0, com, TIME)

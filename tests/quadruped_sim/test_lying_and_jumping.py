@@ -285,6 +285,7 @@ def hyq() -> RobotModel:
     return RobotModel(load_robot(str(robots / 'hyq_description/robots/hyq_no_sensors.urdf')))
 
 
+@pytest.mark.slow
 def test_a_jump_takes_a_larger_robot_longer_by_the_root_of_its_size(model, hyq, standing, truth):
     """As its feet feel nothing, each stage takes the longest that it may."""
 

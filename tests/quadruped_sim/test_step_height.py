@@ -61,6 +61,7 @@ def test_the_more_uneven_the_footholds_the_higher_the_steps(walk):
     assert heights[-1] == pytest.approx(HIGH)
 
 
+@pytest.mark.slow
 def test_rough_ground_is_forgotten_in_its_time(walk):
     walk.step(force=40.0)
     for _ in range(round(PARAMETERS.gait.terrain_time / TICK)):

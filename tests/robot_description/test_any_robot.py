@@ -129,6 +129,7 @@ def test_a_missing_collision_mesh_is_said_with_its_link_and_url():
         load(link('a', INERTIAL + mesh('collision')))
 
 
+@pytest.mark.slow
 def test_a_mirrored_mesh_is_not_inside_out(tetrahedron):
     model = load(
         link('a', INERTIAL + mesh('visual') + mesh('visual', scale='1 -1 1')),

@@ -126,6 +126,7 @@ def test_a_child_whose_parent_was_killed_ends(size):
     assert done.stdout == b''
 
 
+@pytest.mark.slow
 def test_a_child_that_waits_for_ever_ends_by_itself(monkeypatch):
     monkeypatch.setattr(sandbox, 'WALL', 0.5)
     monkeypatch.setattr(sandbox.select, 'select', lambda *wanted: [True])

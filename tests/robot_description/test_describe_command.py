@@ -8,6 +8,7 @@ import pytest
 from robot_description.describe_command import main
 
 
+@pytest.mark.slow
 def test_expand_prints_the_urdf(capsys):
     assert main(['expand', 'mbot']) == 0
     assert '<link name="left_wheel_link">' in capsys.readouterr().out
@@ -20,6 +21,7 @@ def test_xacro_arguments_may_stand_anywhere(capsys, tmp_path):
     assert capsys.readouterr().out == ''
 
 
+@pytest.mark.slow
 def test_info_warns_of_an_argument_that_the_file_does_not_have(capsys):
     assert main(['info', 'go2', 'DEBUGG:=true']) == 0
     assert "no argument 'DEBUGG' here; it has: DEBUG" in capsys.readouterr().out

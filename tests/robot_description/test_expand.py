@@ -42,12 +42,14 @@ def test_properties_are_evaluated(write):
     assert '<link name="link_4"/>' in expand(path)
 
 
+@pytest.mark.slow
 def test_arguments_reach_the_file(write):
     path = write('<xacro:arg name="side" default="left"/><link name="$(arg side)"/>')
     assert 'name="left"' in expand(path)
     assert 'name="right"' in expand(path, {'side': 'right'})
 
 
+@pytest.mark.slow
 def test_find_answers_from_the_search_path_first(write, tmp_path):
     write('<link name="theirs"/>', 'robot_description/part.xacro')
     path = write('<xacro:include filename="$(find robot_description)/part.xacro"/>')
@@ -266,6 +268,7 @@ def test_a_file_that_is_no_text_is_an_error(tmp_path):
     error_of(path)
 
 
+@pytest.mark.slow
 def test_a_failed_expansion_leaves_the_next_one_alone(write):
     broken = write('<link name="$(find nope)"/>', 'broken.xacro')
     whole = write('<link name="whole"/>', 'whole.xacro')
@@ -288,6 +291,7 @@ def test_an_unknown_robot_lists_the_known_ones():
         description_path('dog')
 
 
+@pytest.mark.slow
 def test_a_package_that_only_a_plugin_wants_is_a_warning(write):
     find = '$(find nope)/a.yaml'
     path = write(f'<gazebo><plugin name="a"><file>{find}</file></plugin></gazebo>')

@@ -12,6 +12,9 @@ from robot_description.urdf import parse_urdf
 from robot_description.xacro import expand
 from wasd_core.errors import DescriptionError
 
+# Each mends by expanding several times.
+pytestmark = pytest.mark.slow
+
 FIXTURES = Path(__file__).parent / 'fixtures'
 HEAD = '<robot name="robot" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 

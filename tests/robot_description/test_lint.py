@@ -110,6 +110,7 @@ def test_a_name_that_a_controller_expects_gets_the_rename(capsys):
     assert 'describe fix --rename left_wheel_joint:=base_l_wheel_joint' in said
 
 
+@pytest.mark.slow
 def test_xacro_arguments_count(tmp_path):
     path = tmp_path / 'robot.xacro'
     path.write_text(

@@ -343,6 +343,7 @@ def test_a_description_that_is_a_link_may_read_the_package_it_leads_to(tmp_path)
     assert main(['info', str(installed / 'robot.xacro')]) == 0
 
 
+@pytest.mark.slow
 def test_a_given_folder_may_be_read(tmp_path, capsys):
     package = furnish(tmp_path)
     elsewhere = tmp_path / 'elsewhere'

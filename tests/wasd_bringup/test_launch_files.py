@@ -152,6 +152,7 @@ def test_without_physics_no_simulator_and_no_simulated_time_are_there(launch_fil
     assert {node.parameters['use_sim_time'] for node in nodes} == {False}
 
 
+@pytest.mark.slow
 def test_both_robots_can_be_chosen_and_share_seed_and_speed(launch_file):
     nodes = launch_file(FOLDER / 'both.launch.py').start(
         go2_description='a1', mbot_description='mbot_lidar', seed='4', speed='2'

@@ -18,6 +18,9 @@ from wasd_navigation.planning.route import SLICE
 from wasd_navigation.records import Grid
 from wasd_navigation.records import Scan
 
+# Each drives a robot for a while.
+pytestmark = pytest.mark.slow
+
 DT = 0.05
 ROUND = Footprint(radius=0.2)
 LONG = Footprint(half_length=0.35, half_width=0.155)

@@ -62,6 +62,7 @@ def grid() -> Grid:
     return map_room(with_box=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('angle', np.linspace(0.0, 2.0 * math.pi, 4, endpoint=False))
 def test_half_a_metre_and_30_degrees_off_is_put_right_in_3_s(grid: Grid, angle: float) -> None:
     poses = circle(240)[30:47]

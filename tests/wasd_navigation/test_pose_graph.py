@@ -73,6 +73,7 @@ def test_edges_that_agree_give_their_poses() -> None:
 HUB = [(1, other) for other in range(3, COUNT, 2)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('more', [(), HUB], ids=['rounds', 'hub'])
 def test_a_step_is_that_of_dense_least_squares(more: Sequence[tuple[int, int]]) -> None:
     poses, edges = ring(), link(ring(), 0.02, more)

@@ -42,6 +42,7 @@ def test_a_map_of_next_to_nothing_is_none(shape, sizes):
     assert driver.reason == 'there is no map yet: drive around first, or give one'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('room', [0.0, 0.02])
 def test_beside_a_wall_a_long_robot_is_not_said_to_have_a_way_through_a_closed_door(room):
     corridor = np.zeros((26, 120), np.int8)
@@ -62,6 +63,7 @@ def test_beside_a_wall_a_long_robot_is_not_said_to_have_a_way_through_a_closed_d
     assert 'no way 0.41 m wide' in driver.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('yaw', [0.0, 0.2, -0.2])
 def test_a_long_robot_beside_a_wall_finds_out_of_where_it_may_not_be(yaw):
     cells = np.zeros((40, 120), np.int8)

@@ -22,6 +22,9 @@ from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import Grid
 from wasd_navigation.se2 import compose
 
+# Each compiles, or reads what was compiled.
+pytestmark = pytest.mark.slow
+
 SIZES = {'round': {}, 'long': {'footprint_length': 0.7, 'footprint_width': 0.31}}
 
 
