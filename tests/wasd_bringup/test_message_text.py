@@ -78,6 +78,13 @@ def test_a_wrong_path_is_refused(path: str) -> None:
         field_of(PoseStamped(), path)
 
 
+@pytest.mark.parametrize('text', ['1e-1', '1E-1', '+1.e-1', '0.1', '1.0e-01'])
+def test_a_number_may_have_an_exponent_as_people_write_it(text: str) -> None:
+    pose = PoseStamped()
+    fill(pose, yaml.safe_load(f'{{pose: {{position: {{x: {text}}}}}}}'), find_message)
+    assert pose.pose.position.x == 0.1
+
+
 def test_what_was_written_fills_the_same_message_again() -> None:
     message = PoseArray()
     message.header.frame_id = 'map'

@@ -150,6 +150,19 @@ def test_a_hand_pushes_the_robot_in_turn_alone(run_of):
     assert data.xfrc_applied[[go2, mbot], 0].tolist() == [0.0, 1.0]
 
 
+@pytest.mark.parametrize(('robot', 'preset'), [('go2', 'unitree'), ('mbot', 'ramps')])
+def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(run_of, robot, preset):
+    run = run_of(robot, preset)
+    run.session.press('w', from_view=True)
+    run.session._stop_what_the_view_moved()
+    stack = run.session.stack
+    assert run.heard == [['w', stack.stop_key]]
+    # Not what that key does, which nobody has pressed.
+    assert stack.notice.text == 'it was stopped (the viewer that drove it is gone)'
+    run.session._stop_what_the_view_moved()  # it drives no more
+    assert len(run.heard[0]) == 2
+
+
 def test_a_stick_let_go_at_a_change_of_robot_is_told_and_saved_as_its_keys(run_of, tmp_path):
     run = run_of('both', 'unitree', save_keys=OutputFile(tmp_path / 'saved', '--save-keys'))
     run.look(Stick(0.1))

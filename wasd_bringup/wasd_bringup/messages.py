@@ -162,7 +162,13 @@ def _from_plain(value: Any, kind: str, find_type: FindType, where: str) -> Any:
     return _primitive(value, kind, where)
 
 
+# A number to people and to ROS's files, and a text to YAML 1.1, which wants a point and a sign.
+_EXPONENT = re.compile(r'[-+]?\d+(\.\d*)?[eE][-+]?\d+')
+
+
 def _primitive(value: Any, kind: str, where: str) -> Any:
+    if isinstance(value, str) and _EXPONENT.fullmatch(value):
+        value = float(value)
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if kind == 'boolean' and isinstance(value, bool):
         return value

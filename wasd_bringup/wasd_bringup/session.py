@@ -345,7 +345,9 @@ class Session:
     def _stop_what_the_view_moved(self) -> None:
         """Stop what moves by keys and goals of a viewer that is gone: keys as a driver would."""
         for robot in self._page_drive.moved:
-            self.press_for(robot, (self.robots[robot].stack.stop_key,))
+            stack = self.robots[robot].stack
+            self.press_for(robot, (stack.stop_key,))
+            stack.notice.say('it was stopped (the viewer that drove it is gone)')
             self._page_drive.forget(robot)
         for each in self.navigations:
             each.lose_page()

@@ -26,6 +26,8 @@ DENSEST = 30_000.0
 LEAST_MASS = 0.02
 # Small parts are drawn as points, and their mass rounded up [kg].
 LEAST_HEAVY = 0.1
+# No robot weighs more than a ship, of any size [kg].
+HEAVIEST = 1e6
 # MuJoCo takes what is smaller for zero [kg m^2].
 SMALLEST = 1e-15
 # Rounded numbers of CAD programs miss the triangle inequality by less than this.
@@ -101,9 +103,10 @@ def check_masses(model: Model) -> Iterator[Finding]:
         # A link that is drawn as a mesh may collide as something much smaller.
         is_mesh = any(visual.find('geometry/mesh') for visual in body.link.all('visual'))
         volume = _volume(body.link)
-        if body.mass > max(DENSEST * volume, LEAST_HEAVY) and volume > 0.0 and not is_mesh:
-            text = f'link {name!r} weighs {body.mass:g} kg in {volume * 1e6:.3g} cm3'
-            yield finding('absurd-mass', place, text)
+        is_dense = body.mass > max(DENSEST * volume, LEAST_HEAVY) and volume > 0.0 and not is_mesh
+        if is_dense or body.mass > HEAVIEST:
+            size = f' in {volume * 1e6:.3g} cm3' * is_dense
+            yield finding('absurd-mass', place, f'link {name!r} weighs {body.mass:g} kg{size}')
 
 
 def check_inertias(model: Model) -> Iterator[Finding]:

@@ -112,7 +112,7 @@ RULES = {
              'a link that moves has no mass, but carries some; other programs refuse it',
              'add `<inertial>` with mass and inertia'),
         Rule('bad-mass', ERROR, 'a mass is negative, or zero on a link that moves', 'weigh it'),
-        Rule('absurd-mass', WARNING, 'a link is denser than any metal',
+        Rule('absurd-mass', WARNING, 'a link is denser than any metal, or has a million kilograms',
              'check units: kilograms and metres'),
         Rule('bad-inertia', ERROR, 'an inertia that no body can have: not positive definite',
              'compute it from mass and shape'),
