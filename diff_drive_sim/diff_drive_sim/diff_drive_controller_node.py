@@ -77,10 +77,14 @@ def read_given(node: Node, file: ControllerFile | None = None) -> GivenParameter
     for name, given in list(overrides.items()):
         outward, value = translate(name, given.value)
         if (outward, value) != (name, given.value):
+            del overrides[name]
             overrides[outward] = Parameter(outward, value=value)
+        elif name in unused:
+            del overrides[name]
         elif not _is_known(node, name):
+            del overrides[name]
             hint = did_you_mean(name, [*_known_names(), *ALIASES])
-            node.get_logger().warning(f'unknown parameter {name!r}{hint}: ignored')
+            node.get_logger().warning(visible(f'unknown parameter {name!r}{hint}: ignored'))
     path = overrides['controller'].value if 'controller' in overrides else ''
     if file is None and isinstance(path, str) and path:
         file = read_controller_file(path)

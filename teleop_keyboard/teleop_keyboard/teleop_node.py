@@ -16,7 +16,9 @@ from std_msgs.msg import String
 from wasd_core.node import explain_ros_errors
 from wasd_core.node import MessagePump
 from wasd_core.node import run_program
+from wasd_core.ros_parameters import misspelt_parameters
 from wasd_core.signals import StopSignals
+from wasd_core.streams import visible
 from wasd_core.timing import is_press
 from wasd_core.timing import Notice
 from wasd_core.topics import LATCHED
@@ -100,6 +102,9 @@ class Teleop:
         self._nodes: tuple[Any, ...] = (self.keys, self.twist, self._monitor)
         for node in self._nodes:
             self._executor.add_node(node)
+        for text in misspelt_parameters(*self._nodes):
+            self.twist.get_logger().warning(visible(text))
+            self._notice.say(text)
         if reader.terminal is not None:
             # A suspended process cannot stop the robot any more.
             reader.terminal.before_suspend.append(self.twist.close)

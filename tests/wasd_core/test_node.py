@@ -21,6 +21,7 @@ from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 from wasd_core.ros_parameters import declare_parameters
+from wasd_core.ros_parameters import misspelt_parameters
 from wasd_core.signals import StopSignals
 
 from wasd_core import node as node_support
@@ -261,6 +262,20 @@ def test_malformed_ros_arguments_are_one_line_and_status_2(isolated_ros, capfd, 
     # The next start is not harmed, and rcl says again what it has to say.
     assert run_node(Closing, []) == 128 + signal.SIGTERM
     assert rclpy.logging.get_logger_effective_level('rcl') < rclpy.logging.LoggingSeverity.FATAL
+
+
+@pytest.mark.parametrize(
+    ('name', 'said'),
+    [('sped', "unknown parameter 'sped', did you mean speed?: ignored"), ('cargo', '')],
+)
+def test_a_misspelt_parameter_is_told_and_one_of_another_node_is_not(ros, name, said):
+    class Driver(ArmNode):
+        def __init__(self):
+            super().__init__(**{name: 2.0, 'speed': 2.0})
+
+    driver = Driver()
+    assert misspelt_parameters(driver) == ([said] if said else [])
+    driver.destroy_node()
 
 
 def test_the_pump_handles_what_is_there_and_returns(spawn, spin_until):

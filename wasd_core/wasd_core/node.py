@@ -32,11 +32,13 @@ from wasd_core.network import is_sourced
 from wasd_core.network import join_domain
 from wasd_core.network import keep_to_this_machine
 from wasd_core.network import remove_segments_of_the_dead
+from wasd_core.ros_parameters import misspelt_parameters
 from wasd_core.signals import last_status
 from wasd_core.signals import StopSignals
 from wasd_core.streams import never_wait
 from wasd_core.streams import prepare_streams
 from wasd_core.streams import print_error
+from wasd_core.streams import visible
 
 # A node with a `close`.
 NodeType = TypeVar('NodeType', bound=Any)
@@ -158,6 +160,8 @@ def open_node(make_node: Callable[[], NodeType], stop: StopSignals) -> Iterator[
     """
     with explain_ros_errors():
         node = make_node()
+    for text in misspelt_parameters(node):
+        node.get_logger().warning(visible(text))
     stop.last_words.append(node.close)
     try:
         yield node

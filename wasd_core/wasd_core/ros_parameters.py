@@ -17,6 +17,7 @@ import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from wasd_core.errors import did_you_mean
 from wasd_core.parameters import describe_range
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import Known
@@ -107,6 +108,18 @@ def declare_parameters(
     current = before.changed(values)
     _take_changes(node, current, known, on_change)
     return current
+
+
+def misspelt_parameters(*nodes: Node) -> list[str]:
+    """
+    Return what to say of parameters that were given to nodes of one process, which none has.
+
+    Only those that are nearly one of theirs: a file for all nodes has some of others.
+    """
+    own = {name for node in nodes for name in node._parameters}
+    given = {name for node in nodes for name in node._parameter_overrides}
+    hints = {name: did_you_mean(name, own) for name in sorted(given - own)}
+    return [f'unknown parameter {name!r}{hint}: ignored' for name, hint in hints.items() if hint]
 
 
 def _take_changes(
