@@ -23,10 +23,9 @@ class Robot:
     def __init__(self, name):
         self.key_topic = f'/{name}/keys'
         self.keys, self.velocities = [], []
-        self.press = self.keys.append
+        self.press, self.drive = self.keys.append, self.velocities.append
         self.stack = SimpleNamespace(
             command_topic=f'/{name}/cmd_vel',
-            drive=self.velocities.append,
             stop_key='STOP',
             stops=lambda key: key == 'STOP',
             latches=lambda key: key in ('i', 'j'),

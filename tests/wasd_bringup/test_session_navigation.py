@@ -187,7 +187,7 @@ def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of, 
     if end == 'key':
         session.press('k')
     elif end == 'velocity':
-        session.stack.drive((0.0, 0.0, 0.0))
+        session.robot.drive((0.0, 0.0, 0.0))
     elif end == 'pause':
         session.simulation.paused = True
         session._poll(0.0)

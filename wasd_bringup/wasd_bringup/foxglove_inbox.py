@@ -35,9 +35,6 @@ class Stack(Drive, Protocol):
     def command_topic(self) -> str:
         """Its cmd_vel, by its full name."""
 
-    def drive(self, velocity: Velocity) -> None:
-        """Command a velocity [m/s], [m/s], [rad/s]."""
-
 
 class Robot(Protocol):
     """A robot that clients drive."""
@@ -52,6 +49,9 @@ class Robot(Protocol):
 
     def press(self, key: str) -> None:
         """Press a key, and tell whoever listens."""
+
+    def drive(self, velocity: Velocity) -> None:
+        """Command a velocity [m/s], [m/s], [rad/s]."""
 
 
 class Sender(NamedTuple):
@@ -95,7 +95,7 @@ class _Client:
                 f'{topic}: stopped; to drive again send a zero, or nothing for {SILENCE} s'
             )
         (self._driven.add if any(velocity) else self._driven.discard)(robot)
-        self._robots[robot].stack.drive(velocity)
+        self._robots[robot].drive(velocity)
 
     def press(self, robot: int, key: str) -> None:
         self.hear()
@@ -121,7 +121,7 @@ class _Client:
     def stop(self) -> None:
         """Stop what it has set moving."""
         for robot in sorted(self._driven):
-            self._robots[robot].stack.drive(STANDSTILL)
+            self._robots[robot].drive(STANDSTILL)
         for robot in self._keys.moved:
             self._robots[robot].press(self._robots[robot].stack.stop_key)
         self._driven.clear()

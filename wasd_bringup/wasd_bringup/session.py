@@ -269,7 +269,7 @@ class Session:
             if command.key is not None and robot.stack.has_states:
                 robot.press(command.key)
             elif command.velocity is not None:
-                robot.stack.drive(command.velocity)
+                robot.drive(command.velocity)
 
     def press(self, key: str, from_view: bool = False) -> None:
         """Give a key to the robot that it is for."""

@@ -74,7 +74,7 @@ class SessionNavigation:
         self.node.refusal = lambda: self._stack.refusal
         self.navigator.on_end.append(self._on_end)
         self._simulation.on_reset += [self._forget_goals, self.node.reset]
-        self._stack.takeovers.append(self._give_way)
+        robot.takeovers.append(self._give_way)
         LoopbackSubscription.observers.append(self._on_message_of_others)
         prefix = robot.world.prefix
         for joint in robot.description.robot.joints.values():
@@ -195,7 +195,7 @@ class SessionNavigation:
 
     def _send(self, velocity: np.ndarray) -> None:
         vx, vy, wz = velocity.tolist()
-        self._stack.command_velocity((vx, vy, wz))
+        self._stack.drive((vx, vy, wz))
 
     def _give_way(self, by: str) -> None:
         self._stop(f'{by} takes over')

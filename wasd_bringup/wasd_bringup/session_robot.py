@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One robot of a session: its part of the world, its nodes, its scripts, its report."""
 
+from collections.abc import Callable
 import dataclasses
 import math
 from typing import Any
@@ -46,13 +47,16 @@ from wasd_bringup.report import SAMPLE_PERIOD
 from wasd_bringup.robots import LEGGED
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.stack import make_stack
+from wasd_bringup.stack import Velocity
 
 
 class SessionRobot:
     """
-    A robot with the nodes that simulate and drive it; `stack` takes keys, `keys` tells of them.
+    A robot with the nodes that simulate and drive it.
 
-    The session steps it: `begin_instant` first, then what was scheduled.
+    A driver, wherever their keys and velocities come from, has `press` and `drive`; `stack` does
+    what they ask for, `keys` tells of it, and what drives by itself ends by `takeovers`. The
+    session steps it: `begin_instant` first, then what was scheduled.
     """
 
     def __init__(
@@ -78,6 +82,8 @@ class SessionRobot:
         self.nodes: list[Node] = [self.simulator, *self.stack.nodes, self._states, self.keys]
         self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
+        # Told of what a driver does, in words, before it is done.
+        self.takeovers: list[Callable[[str], None]] = []
         if world.prefix:
             self._say_where_it_begins()
 
@@ -95,15 +101,24 @@ class SessionRobot:
     def press(self, key: str) -> None:
         """Press a key, in this instant, and tell whoever listens."""
         if split_event(key)[0] != RELEASE:
-            self.stack.take_over('a key')
+            self._take_over('a key')
         self.stack.press(key)
         self.keys.publish_key(key)
+
+    def drive(self, velocity: Velocity) -> None:
+        """Command a driver's velocity [m/s], [m/s], [rad/s]."""
+        self._take_over('a velocity')
+        self.stack.drive(velocity)
+
+    def _take_over(self, by: str) -> None:
+        for tell in self.takeovers:
+            tell(by)
 
     def schedule_control(self, schedule: Schedule) -> None:
         """Have scripts and controllers stepped."""
         options = self.options
         if options.twists is not None:
-            twists = TwistPlayer(options.twists, self.stack.drive)
+            twists = TwistPlayer(options.twists, self.drive)
             schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
         self.stack.schedule(schedule)
 

@@ -3,7 +3,6 @@
 
 from abc import ABC
 from abc import abstractmethod
-from collections.abc import Callable
 import time
 from typing import Any
 
@@ -61,8 +60,6 @@ class ControlStack(ABC):
             self._teleop.receivers.append(controller.cmd_vel.put)
             self.nodes.append(self._teleop)
             self.own_keys = frozenset(self._teleop.logic.keymap.keys)
-        # Told of what a driver does, in words, before it is done.
-        self.takeovers: list[Callable[[str], None]] = []
         self._is_released = False
         self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
         self.ticks = TickStatistics(self.period)
@@ -121,17 +118,7 @@ class ControlStack(ABC):
         """Whether what a press of this key sets moving goes on when the key is let go."""
         return self._teleop is not None and self._teleop.logic.latches(key)
 
-    def take_over(self, by: str) -> None:
-        """Tell what drives by itself that a driver does something."""
-        for tell in self.takeovers:
-            tell(by)
-
     def drive(self, velocity: Velocity) -> None:
-        """Command a driver's velocity [m/s], [m/s], [rad/s]."""
-        self.take_over('a velocity')
-        self.command_velocity(velocity)
-
-    def command_velocity(self, velocity: Velocity) -> None:
         """Command a velocity [m/s], [m/s], [rad/s] through cmd_vel, whoever drives."""
         message = self._to_twist(velocity)
         self._controller.cmd_vel.put(message)

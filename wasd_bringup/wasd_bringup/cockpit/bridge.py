@@ -275,7 +275,7 @@ class CockpitBridge:
         if keys is None:
             full = watched.described.stick_use().full
             forward, left, turn = (share * most for share, most in zip(stick, full, strict=True))
-            watched.robot.stack.drive((forward, left, turn))
+            watched.robot.drive((forward, left, turn))
         elif keys:
             self._session.press_for(robot, keys, from_view=True)
 
