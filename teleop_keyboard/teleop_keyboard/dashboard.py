@@ -203,6 +203,9 @@ def dashboard(logic: KeysToTwist, around: Surroundings, width: int, height: int)
         lines += [Line(f' {text}'.rstrip()) for text in logic.keymap.help_lines]
     if len(lines) >= height:
         lines = [line for line in lines if line.text]
+    if around.shows_help and (hidden := len(lines) - (height - 1)) > 0:
+        more = Line(f'{hidden + 1} more: make the window higher', 'dim')
+        lines = [*lines[: max(height - 2, 0)], more]
     return [Line(line.text[:columns], line.style) for line in lines[: height - 1]]
 
 

@@ -178,6 +178,18 @@ def test_the_help_that_was_asked_for_is_all_there_in_a_small_window():
     assert page[1:] == table_lines(logic.keymap)
 
 
+@pytest.mark.parametrize('height', range(1, 30))
+def test_a_window_too_low_for_the_help_says_how_much_is_missing(height):
+    logic = driving()
+    page = [line.text for line in dashboard(logic, Surroundings(shows_help=True), 80, height)]
+    wanted = [line for line in table_lines(logic.keymap) if line]
+    missing = [line for line in wanted if line not in page]
+    assert len(page) < height
+    if height > 2:
+        assert bool(missing) == ('more: make the window higher' in page[-1])
+        assert not missing or page[-1] == f'{len(missing)} more: make the window higher'
+
+
 def test_a_hint_stands_beside_the_key_that_it_is_about():
     logic = KeysToTwist(load_preset('mbot'))
     logic.press('w')
