@@ -17,6 +17,7 @@ from mujoco.studio import messages
 from mujoco.studio import plugin
 from mujoco.studio import viewer_protocol
 from mujoco.studio import web_viewer
+from mujoco.studio.web import web_server
 import numpy as np
 from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
@@ -54,6 +55,8 @@ class CameraView(NamedTuple):
 class _LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has no types
     """Studio's viewer, which would listen on all interfaces, made to listen on one."""
 
+    _http_sock: socket.socket
+    _http_port: int
     # The base class sets '::' before it binds; a constant in its place keeps the page private.
     _host = property(lambda self: HOST, lambda self, _: None)
 
@@ -64,8 +67,39 @@ class _LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has
         page: '_Page',
     ) -> None:
         use_page_server(page.input, page.text)
+        self._asked_port = config.http_port
         super().__init__(config, endpoint, plugins=[page])
         self._headless_ui: Any = PacedUi(self._headless_ui, page.input, page.pace)
+
+    def _start_server(self) -> None:
+        """
+        Begin once a first frame has been: in that one Studio has no fonts yet.
+
+        A browser that were connected in the midst of it would have it look one up: it ends Python.
+        """
+        self._headless_ui.new_frame()
+        self._headless_ui.end_frame()
+        self._claim_port()
+        super()._start_server()
+
+    def _claim_port(self) -> None:
+        """
+        Listen at once: until somebody does, two runs that start together may bind one port.
+
+        Raises:
+            OSError: the port that was asked for has gone to another.
+        """
+        while True:
+            try:
+                self._http_sock.listen()
+            except OSError:
+                if self._asked_port:
+                    raise
+                self._http_sock.close()
+                self._http_sock = web_server.bind_public_socket(HOST, 0)
+                self._http_port = self._http_sock.getsockname()[1]
+            else:
+                return
 
     @property
     def is_drawing(self) -> bool:
