@@ -13,6 +13,7 @@ from teleop_keyboard.keymap import factor_words
 from teleop_keyboard.keymap import key_words
 from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import SpeedFactor
+from teleop_keyboard.keymap import STOP_KEY
 from teleop_keyboard.keymap import table_lines
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.keys_to_twist import Velocity
@@ -114,6 +115,8 @@ class KeyHints:
 
     def press(self, key: str) -> str | None:
         """Return what to tell of a key that was just pressed; None where the robot answers."""
+        if key == STOP_KEY:
+            return 'stopped'
         keymap = self._logic.keymap
         base = key[:1] if keymap.first_character_only else key
         way = keymap.motion.get(base, Direction())

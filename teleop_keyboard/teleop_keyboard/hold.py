@@ -74,11 +74,15 @@ class KeyHold:
     were pressed together. Where a terminal tells releases (`keep_down`, `release`), these count.
     In any case a key ends when nothing was heard of it for `longest` [s]. One `step` passes
     simulated time.
+
+    After a stop, keys whose release will be told do not count until then (`ignore_down`): a
+    finger that rests on one is no wish to go on.
     """
 
     def __init__(self) -> None:
         self.longest = math.inf
         self._keys: dict[str, _Key] = {}
+        self._ignored: dict[str, float] = {}  # since when nothing was heard of each [s]
         self._first_timeout = FIRST_REPEAT_TIMEOUT
 
     @property
@@ -89,7 +93,7 @@ class KeyHold:
     @property
     def is_idle(self) -> bool:
         """Whether no key is remembered, so that time makes no difference."""
-        return not self._keys
+        return not (self._keys or self._ignored)
 
     @property
     def first_timeout(self) -> float:
@@ -111,8 +115,22 @@ class KeyHold:
         self._keys.pop(name, None)
         self._keys[name] = _Key(self._first_timeout)
 
+    def ignore_down(self) -> None:
+        """Forget all keys; those that are down count again when they were let go."""
+        told = (name for name, key in self._keys.items() if key.is_told and key.is_down)
+        self._ignored |= dict.fromkeys(told, 0.0)
+        self._keys.clear()
+
+    def is_ignored(self, name: str) -> bool:
+        """Hear a key, and say whether it has been down since a stop."""
+        if name in self._ignored:
+            self._ignored[name] = 0.0
+        return name in self._ignored
+
     def keep_down(self, name: str) -> None:
         """Note that a key is down, and that its release will be told."""
+        if self.is_ignored(name):
+            return
         key = self._keys.setdefault(name, _Key(self._first_timeout))
         key.is_told = key.is_down = True
         key.age = 0.0
@@ -120,6 +138,7 @@ class KeyHold:
     def release(self, name: str) -> None:
         """Forget one key."""
         self._keys.pop(name, None)
+        self._ignored.pop(name, None)
 
     def clear(self) -> None:
         """Forget all keys."""
@@ -127,6 +146,9 @@ class KeyHold:
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass; keys that did not repeat in time are released."""
+        heard = {name: age + dt for name, age in self._ignored.items()}
+        # Its release may have been lost.
+        self._ignored = {name: age for name, age in heard.items() if age < HELD_TIMEOUT}
         for name, key in list(self._keys.items()):
             key.age += dt
             is_over = key.age >= key.timeout - ROUNDING and not self._is_led(key)
@@ -226,6 +248,8 @@ class Motion:
 
     def press(self, key: str) -> None:
         """Take a press or a repeat of a motion key."""
+        if self._hold.is_ignored(key):
+            return
         self._hold.press(key)
         self._silence = 0.0
         asked = self._keys[key]
@@ -251,6 +275,11 @@ class Motion:
     def forget(self) -> None:
         """Ask for standing still."""
         self._hold.clear()
+        self._latched = NOWHERE
+
+    def stop(self) -> None:
+        """Ask for standing still, also while keys are down: they count when pressed anew."""
+        self._hold.ignore_down()
         self._latched = NOWHERE
 
     def step(self, dt: float) -> None:

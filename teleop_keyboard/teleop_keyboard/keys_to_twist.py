@@ -262,7 +262,7 @@ class KeysToTwist:
 
     def stop(self) -> None:
         """Stop without a ramp; the next `step` returns a zero, whatever the idle policy."""
-        self._motion.forget()
+        self._motion.stop()
         self._velocity = STANDSTILL
         self._is_silent = False
         self._since_publish = math.inf

@@ -2,14 +2,19 @@
 import math
 
 import pytest
+from teleop_keyboard.hold import HELD_TIMEOUT
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap import IDLE_POLICIES
+from teleop_keyboard.keymap import STOP_KEY
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keymap_file import preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
 from wasd_core.parameters import InvalidParameter
+from wasd_core.timing import HELD
+from wasd_core.timing import RELEASE
+from wasd_core.timing import with_event
 
 STEP = 0.002
 
@@ -269,3 +274,51 @@ def test_a_reset_returns_to_the_start():
 def test_the_same_keys_give_the_same_twists():
     script = '0 u*20\n1 q j*9\n2 k ,*40 x'
     assert run(teleop(), script, 4.0) == run(teleop(), script, 4.0)
+
+
+def hold_told(logic, key, seconds):
+    """Hold a key whose release will be told; return the velocities meanwhile."""
+    logic.press(key)
+    velocities = []
+    for index in range(round(seconds / STEP)):
+        if index % 50 == 0:
+            logic.press(with_event(HELD, key))
+        if index % 15 == 0:
+            logic.press(key)  # it repeats, too
+        logic.step(STEP)
+        velocities.append(logic.velocity)
+    return velocities
+
+
+@pytest.mark.parametrize('stop', [STOP_KEY, 'k'])
+@pytest.mark.parametrize('mode', ['hold', 'latch', 'step'])
+def test_after_a_stop_a_key_that_stays_down_drives_no_more_until_it_is_pressed_anew(stop, mode):
+    logic = teleop(mode=mode)
+    assert hold_told(logic, 'i', 0.5)[-1].vx > 0.1
+    logic.press(stop)
+    logic.step(STEP)
+    assert set(hold_told(logic, 'i', 3.0)) == {STANDSTILL}
+    assert not logic.is_silent  # its release is still to come
+    assert hold_told(logic, ',', 0.5)[-1].vx < -0.01  # another key is a wish
+    logic.press(with_event(RELEASE, ','))
+    logic.press(stop)
+    logic.press(with_event(RELEASE, 'i'))
+    assert hold_told(logic, 'i', 0.5)[-1].vx > 0.1
+
+
+def test_a_key_down_since_a_stop_counts_again_when_its_release_was_lost():
+    logic = teleop()
+    hold_told(logic, 'i', 0.5)
+    logic.press(STOP_KEY)
+    for _ in range(round(HELD_TIMEOUT / STEP) + 2):
+        logic.step(STEP)
+    assert hold_told(logic, 'i', 0.5)[-1].vx > 0.1
+
+
+def test_without_told_releases_a_press_after_a_stop_drives_at_once():
+    logic = teleop()
+    run(logic, '0 i*10', 0.3)
+    logic.press(STOP_KEY)
+    logic.press('i')
+    logic.step(STEP)
+    assert logic.target.vx > 0.0

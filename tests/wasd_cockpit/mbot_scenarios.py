@@ -168,9 +168,16 @@ def scenario_reset_puts_the_robot_back(page: Page) -> None:
 def scenario_the_emergency_stop_ends_a_motion_that_keys_have_set_going(page: Page) -> None:
     page.puppet.keys = {code('I')}
     page.wait_until(lambda: page.session.stack.driver.controller.target.linear > 0.0, 'drives')
-    page.click('e-stop')
-    page.puppet.keys = set()
+    page.puppet.press_at(page.show('e-stop'))  # and not let go: neither the button nor the key
     page.wait_until(lambda: page.session.stack.driver.controller.target.linear == 0.0, 'stands')
+    since = page.session.world.time
+    page.wait(1.0)
+    assert last_command(page, since + 0.1) == 0.0
+    page.puppet.let_go()
+    page.puppet.keys = set()
+    page.puppet.draw(4)
+    page.puppet.keys = {code('I')}
+    page.wait_until(lambda: page.session.stack.driver.controller.target.linear > 0.0, 'drives')
 
 
 def scenario_a_page_without_panels_still_has_the_emergency_stop(page: Page) -> None:

@@ -239,6 +239,10 @@ class TwistPlayer:
         self._publish = publish
         self._velocity: tuple[float, float, float] | None = None
 
+    def end(self) -> None:
+        """Command nothing more."""
+        self._player, self._velocity = Player([]), None
+
     def step(self, time: float) -> None:
         """Publish the command in force at a simulated time [s], if there is one."""
         for command in self._player.due(time):

@@ -37,6 +37,9 @@ from wasd_bringup.stack import Velocity
 
 WASD_ADVICE = 'or start with --preset wasd'
 
+# Who sends it may not know that the robot was stopped.
+REFUSED = 'drive by keys, or end who sends cmd_vel (it is refused since E-STOP)'
+
 
 class MbotStack(ControlStack):
     """
@@ -75,6 +78,7 @@ class MbotStack(ControlStack):
         self._other_presets = WASD_ADVICE if is_usual and not options.namespace else ''
         self._hints = KeyHints(self.logic, HELP_KEY, advice=self._other_presets, axes=('x', 'yaw'))
         self.notice = Notice()
+        self._driver.cmd_vel.on_refusal = lambda: self.say(REFUSED)
 
     @property
     def driver(self) -> DiffDriveControllerNode:

@@ -82,6 +82,7 @@ class SessionRobot:
         self.nodes: list[Node] = [self.simulator, *self.stack.nodes, self._states, self.keys]
         self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
+        self._script: TwistPlayer | None = None
         # Told of what a driver does, in words, before it is done.
         self.takeovers: list[Callable[[str], None]] = []
         if world.prefix:
@@ -110,6 +111,11 @@ class SessionRobot:
         self._take_over('a velocity')
         self.stack.drive(velocity)
 
+    def end_script(self) -> None:
+        """Have a script of velocities drive no more."""
+        if self._script is not None:
+            self._script.end()
+
     def _take_over(self, by: str) -> None:
         for tell in self.takeovers:
             tell(by)
@@ -118,7 +124,7 @@ class SessionRobot:
         """Have scripts and controllers stepped."""
         options = self.options
         if options.twists is not None:
-            twists = TwistPlayer(options.twists, self.drive)
+            twists = self._script = TwistPlayer(options.twists, self.drive)
             schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
         self.stack.schedule(schedule)
 

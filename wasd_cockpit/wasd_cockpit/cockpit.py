@@ -293,7 +293,7 @@ class Cockpit:
         pace = 'paused' if snapshot.is_paused else f'x{snapshot.pace:.2f}'
         page.widgets.words(f'{snapshot.time:.1f} s   {pace}', style.DIM)
         if page.layout.place_of('robot') is None and page.widgets.button(
-            'stop at once', STOP_LABEL, (110.0, 0.0), fill=style.ALARM
+            'stop at once', STOP_LABEL, (110.0, 0.0), fill=style.ALARM, at_once=True
         ):
             page.link.order(Order('e-stop'))
         for text in filter(None, (snapshot.message, self._slow_words)):

@@ -106,11 +106,13 @@ class Widgets:
         fill: style.Rgb | None = None,
         text: style.Rgb | None = None,
         refusal: str = '',
+        at_once: bool = False,
     ) -> bool:
         """
         Draw a button of a size [pixels], 0 as large as it needs; return whether it was pressed.
 
-        For fingers it is higher than that.
+        A press is one that was let go on it, or that begins, `at_once`. For fingers it is higher
+        than that.
 
         One with a refusal is grey, and says it to the pointer.
         """
@@ -122,6 +124,7 @@ class Widgets:
         if refusal:
             imgui.BeginDisabled(True)
         pressed = bool(imgui.Button(f'{label}##{name}', imgui.Vec2(size[0], self.scale * size[1])))
+        pressed = bool(imgui.IsItemActivated()) if at_once else pressed
         if refusal:
             imgui.EndDisabled()
         if fill is not None or text is not None:

@@ -235,6 +235,7 @@ class CockpitBridge:
         session = self._session
         session.disarm()
         for watched in self._watched:
+            watched.robot.end_script()
             watched.described.emergency_stop()
         for number, watched in enumerate(self._watched):
             session.press_for(number, watched.described.stop_keys, from_view=True)

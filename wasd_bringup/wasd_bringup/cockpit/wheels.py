@@ -44,6 +44,10 @@ class Wheels(Described):
         logic = self._stack.logic
         return StickUse((logic.speed, 0.0, logic.turn), 'drives', sideways=False)
 
+    def emergency_stop(self) -> None:
+        """Take no velocity of another program, which may go on sending them."""
+        self._stack.driver.cmd_vel.refuse()
+
     def motion(self) -> Motion:
         """Return this instant for the plots."""
         controller = self._stack.driver.controller

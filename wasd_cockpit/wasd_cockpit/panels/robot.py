@@ -39,7 +39,7 @@ class Robot:
     def _draw_stop(self, page: PageState, snapshot: Snapshot) -> None:
         widgets, order = page.widgets, page.link.order
         width = imgui.GetContentRegionAvail().x
-        if widgets.button('e-stop', STOP_LABEL, (width, 30.0), fill=style.ALARM):
+        if widgets.button('e-stop', STOP_LABEL, (width, 30.0), fill=style.ALARM, at_once=True):
             order(Order('e-stop'))
         third = columns(3)
         is_paused = snapshot.is_paused
