@@ -247,6 +247,14 @@ def answer(process: Any, spawn: Any, spin_until: Any) -> str:
     return str(said)
 
 
+@pytest.mark.parametrize('verb', ['list', 'get', 'set'])
+def test_params_with_a_verb_of_ros2_says_how_it_is_written(ask: Ask, verb: str) -> None:
+    done = ask('params', verb, 'simulator')
+    assert (done.returncode, done.stdout) == (1, '') or done.returncode == 2
+    assert f'no node /{verb}' in done.stderr
+    assert 'write params NODE [NAME [VALUE]]' in done.stderr
+
+
 def test_params_waits_while_a_robot_appears_piece_by_piece(
     asking: Any, spawn: Any, spin_until: Any
 ) -> None:

@@ -282,6 +282,9 @@ def _virtual_links(robot: Robot) -> set[str]:
         DescriptionError: there is a link that moves without any.
     """
     for link, beyond in robot.massless.items():
+        own = robot.links[link].mass
+        if own < 0.0:
+            raise DescriptionError(f'link {link!r} has a mass of {own:g} kg: weigh it')
         if beyond <= 0.0:
             joint = robot.parent_joints.get(link)
             by = f' (joint {joint.name!r})' if joint is not None else ''

@@ -173,10 +173,18 @@ def call(graph: RosGraph, arguments: argparse.Namespace) -> int:
     return 0
 
 
+# What `ros2 param` has before the node.
+VERBS_OF_ROS = ('list', 'get', 'set')
+
+
 def params(graph: RosGraph, arguments: argparse.Namespace) -> int:
     """List a node's parameters, or get or set one."""
     node = full_name(arguments.node)
-    graph.require_node(node)
+    try:
+        graph.require_node(node)
+    except NotFound as error:
+        usage = '; write params NODE [NAME [VALUE]]' * (arguments.node in VERBS_OF_ROS)
+        raise NotFound(f'{error}{usage}') from None
     client = AsyncParameterClient(graph.node, node)
     there = client.services_are_ready
     if graph.wait(lambda: there() or None) is None:
