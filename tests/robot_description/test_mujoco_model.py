@@ -17,6 +17,9 @@ SPHERE = '<sphere radius="0.1"/>'
 CYLINDER = '<cylinder radius="0.1" length="1"/>'
 
 
+BALL = '<sphere radius="0.1"/>'
+
+
 def link(name, *shapes):
     collisions = ''.join(
         f'<collision><geometry>{shape}</geometry></collision>' for shape in shapes
@@ -126,18 +129,28 @@ def test_a_joint_without_an_effort_limit_swings_freely():
     assert to_mujoco(parse_urdf(text)).compile().nu == 0
 
 
+@pytest.mark.parametrize(
+    ('shape', 'size'),
+    [
+        ('<sphere radius="0"/>', 'a sphere of 0 m'),
+        ('<cylinder radius="-0.05" length="0.02"/>', 'a cylinder of -0.05 x 0.02 m'),
+        ('<box size="1 0 1"/>', 'a box of 1 x 0 x 1 m'),
+    ],
+)
+def test_a_shape_without_a_size_is_refused_by_its_link(shape, size):
+    with pytest.raises(DescriptionError) as caught:
+        to_mujoco(parse_urdf(f'<robot name="r">{link("base", shape)}</robot>'))
+    assert str(caught.value) == f"link 'base' has {size}: wanted numbers above zero"
+
+
 def test_what_mujoco_cannot_compile_is_one_line():
-    flat = '<sphere radius="0"/>'
-    free = parse_urdf(f'<robot name="r">{link("base", flat)}</robot>')
+    spec = to_mujoco(parse_urdf(f'<robot name="r">{link("base", BALL)}</robot>'))
+    spec.geoms[0].size = [0.0, 0.0, 0.0]
     with pytest.raises(
         DescriptionError, match='^MuJoCo: Error: size 0 must be positive'
     ) as caught:
-        compile_model(to_mujoco(free))
+        compile_model(spec)
     assert '\n' not in str(caught.value)
-    weld = '<joint name="j" type="fixed"><parent link="world"/><child link="base"/></joint>'
-    held = f'<robot name="r"><link name="world"/>{link("base", flat)}{weld}</robot>'
-    with pytest.raises(DescriptionError, match='^MuJoCo: '):
-        to_mujoco(parse_urdf(held))
 
 
 def robot_of_two(arm, joint):

@@ -141,6 +141,11 @@ def add_geoms(
             colour = shape.rgba
             if not visuals:
                 continue
+        if shape.kind != 'mesh' and min(shape.size) <= 0.0:
+            size = ' x '.join(f'{edge:g}' for edge in shape.size)
+            raise DescriptionError(
+                f'link {link.name!r} has a {shape.kind} of {size} m: wanted numbers above zero'
+            )
         try:
             geom = _add_geom(body, shape, colour, meshes)
         except MissingMesh as why:
