@@ -143,6 +143,17 @@ def test_a_shape_without_a_size_is_refused_by_its_link(shape, size):
     assert str(caught.value) == f"link 'base' has {size}: wanted numbers above zero"
 
 
+def test_a_negative_mass_is_quoted_as_it_is_written_whatever_hangs_on_the_link():
+    text = (
+        '<robot name="r"><link name="base"><inertial><mass value="-2"/>'
+        f'<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>{link("arm")}'
+        '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/></joint>'
+        '</robot>'
+    )
+    with pytest.raises(DescriptionError, match="^link 'base' has a mass of -2 kg: weigh it$"):
+        to_mujoco(parse_urdf(text))
+
+
 def test_what_mujoco_cannot_compile_is_one_line():
     spec = to_mujoco(parse_urdf(f'<robot name="r">{link("base", BALL)}</robot>'))
     spec.geoms[0].size = [0.0, 0.0, 0.0]
