@@ -146,7 +146,8 @@ def test_a_shape_without_a_size_is_refused_by_its_link(shape, size):
 def test_a_negative_mass_is_quoted_as_it_is_written_whatever_hangs_on_the_link():
     text = (
         '<robot name="r"><link name="base"><inertial><mass value="-2"/>'
-        f'<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>{link("arm")}'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'{link("arm")}'
         '<joint name="hinge" type="continuous"><parent link="base"/><child link="arm"/></joint>'
         '</robot>'
     )
