@@ -65,7 +65,7 @@ def read_given(node: Node, file: ControllerFile | None = None) -> GivenParameter
     Read the file that the parameter `controller` names, unless its content is given.
 
     What ROS was given comes before the file, under the names of this node. What means nothing
-    here is said once.
+    here is said once, and taken out: what stays is declared.
 
     Raises:
         InvalidParameter: what is wrong with the file, with its line.

@@ -121,15 +121,15 @@ class KeyHold:
         self._ignored |= dict.fromkeys(told, 0.0)
         self._keys.clear()
 
-    def is_ignored(self, name: str) -> bool:
-        """Hear a key, and say whether it has been down since a stop."""
+    def hear_ignored(self, name: str) -> bool:
+        """Return whether a key has been down since a stop, and note that it was heard."""
         if name in self._ignored:
             self._ignored[name] = 0.0
         return name in self._ignored
 
     def keep_down(self, name: str) -> None:
         """Note that a key is down, and that its release will be told."""
-        if self.is_ignored(name):
+        if self.hear_ignored(name):
             return
         key = self._keys.setdefault(name, _Key(self._first_timeout))
         key.is_told = key.is_down = True
@@ -248,7 +248,7 @@ class Motion:
 
     def press(self, key: str) -> None:
         """Take a press or a repeat of a motion key."""
-        if self._hold.is_ignored(key):
+        if self._hold.hear_ignored(key):
             return
         self._hold.press(key)
         self._silence = 0.0

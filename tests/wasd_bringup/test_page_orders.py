@@ -9,7 +9,9 @@ from quadruped_sim.keys import StateName
 from quadruped_sim.keys import ZERO_KEYS
 from wasd_bringup.cockpit.bridge import CockpitBridge
 from wasd_bringup.cockpit.bridge import SNAPSHOT_EVERY
+from wasd_bringup.inputs import ScriptedTwist
 from wasd_bringup.inputs import SWITCH_KEY
+from wasd_bringup.mbot_stack import REFUSED
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
 from wasd_cockpit.link import Order
@@ -161,6 +163,25 @@ def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(run_of, r
     assert stack.notice.text == 'it was stopped (the viewer that drove it is gone)'
     run.session._stop_what_the_view_moved()  # it drives no more
     assert len(run.heard[0]) == 2
+
+
+def test_the_emergency_stop_ends_a_script_and_has_wheels_refuse_others(run_of):
+    run = run_of('mbot', 'mbot', twists=(ScriptedTwist(0.0, (0.2, 0.0, 0.0)),))
+    simulation, stack = run.session.simulation, run.session.stack
+    controller = stack.driver.controller
+    simulation.advance(1000)
+    assert controller.target.linear == 0.2
+    run.order('e-stop')
+    simulation.advance(100)
+    assert controller.target.linear == 0.0
+    simulation.advance(2000)  # the script would have gone on
+    assert controller.target.linear == 0.0
+    assert stack.driver.cmd_vel._is_stale(0)
+    assert stack.notice.text == REFUSED
+    stack.press('i')
+    simulation.advance(100)  # its driver drives
+    assert controller.target.linear > 0.0
+    assert not stack.driver.cmd_vel._is_stale(0)
 
 
 def test_a_stick_let_go_at_a_change_of_robot_is_told_and_saved_as_its_keys(run_of, tmp_path):

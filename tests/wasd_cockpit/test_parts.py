@@ -2,7 +2,9 @@
 """What the panels are made of, without a page: history, link, layout, runs of stance, stick."""
 
 import math
+from pathlib import Path
 import random
+import re
 
 import numpy as np
 import pytest
@@ -34,6 +36,8 @@ from wasd_cockpit.panels.plots import thin
 from wasd_cockpit.scene import CAMERAS
 from wasd_cockpit.style import TEXT
 from wasd_cockpit.widgets import Rect
+
+KEYBOARD = Path(__file__).parents[2] / 'docs/keyboard.md'
 
 SIZES = [(1280, 720), (1920, 1080), (390, 844), (844, 500), (1024, 768), (900, 600)]
 
@@ -70,6 +74,11 @@ def test_a_stick_that_nobody_renews_is_let_go():
     assert link.stick == Stick(0.5)
     link.hold(None)
     assert link.stick is None
+
+
+def test_a_stick_is_held_by_as_few_pictures_a_second_as_the_page_on_keys_says():
+    (said,) = re.findall(r'a stick needs (\d+) a second', ' '.join(KEYBOARD.read_text().split()))
+    assert 1.0 / int(said) < STICK_PROOF <= 1.0 / (int(said) - 1)
 
 
 def test_orders_come_once_and_no_more_than_a_hand_can_give():

@@ -198,8 +198,8 @@ class _Watch:
     """
     Says whether anything has come for nodes, events of quality of service left out.
 
-    An executor of rclpy gathers anew at each look what there is to wait for, which takes a robot
-    a millisecond; this is made once, for the things that there are.
+    An executor of rclpy gathers anew at each look what there is to wait for; this is made once,
+    for the things that there are, and takes half as long.
     """
 
     def __init__(self, nodes: Sequence[Node], guards: Sequence[Any], context: Any) -> None:
@@ -278,6 +278,7 @@ class MessagePump(SingleThreadedExecutor):
         self._looks_at_events, self._events_at = True, -math.inf
         self._only: set[Any] | None = None  # what this pass is about; None: everything
         self._watch: _Watch | None = None
+        self._has_changed = True  # what there is to wait for, also by another thread
 
     def can_execute(self, entity: Any) -> bool:
         """Whether this pass is about a subscription, a timer or the like."""
@@ -304,17 +305,17 @@ class MessagePump(SingleThreadedExecutor):
 
     def wake(self) -> None:
         """Note that nodes have got or lost something that can be waited for, or rclpy ends."""
-        self._watch = None
+        self._has_changed = True
         super().wake()
 
     def add_node(self, node: Node) -> bool:
         """Handle a node's messages, too."""
-        self._watch = None
+        self._has_changed = True
         return super().add_node(node)
 
     def remove_node(self, node: Node) -> None:
         """Handle a node's messages no more."""
-        self._watch = None
+        self._has_changed = True
         super().remove_node(node)
 
     def _has_come(self, timeout: float) -> bool:
@@ -324,11 +325,12 @@ class MessagePump(SingleThreadedExecutor):
         if self._tasks or self._is_shutdown or any(True for node in nodes for _ in node.guards):
             return True
         try:
-            watch = self._watch or _Watch(nodes, (self._guard, self._sigint_gc), self._context)
-            self._watch = watch
-            return watch.wait(timeout) or not self._context.ok()
+            if self._has_changed or self._watch is None:
+                self._has_changed = False  # first: what changes meanwhile is for the next look
+                self._watch = _Watch(nodes, (self._guard, self._sigint_gc), self._context)
+            return self._watch.wait(timeout) or not self._context.ok()
         except InvalidHandle:  # between a thing's end and the word of it
-            self._watch = None
+            self._has_changed = True
             return True
 
     def _handle(self, timeout: float) -> None:

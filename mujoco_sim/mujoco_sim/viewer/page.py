@@ -73,9 +73,9 @@ class _LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has
 
     def _start_server(self) -> None:
         """
-        Begin once a first frame has been: in that one Studio has no fonts yet.
+        Start the server after a first frame: in that one Studio has no fonts yet.
 
-        A browser that were connected in the midst of it would have it look one up: it ends Python.
+        A browser that connects meanwhile makes it use one, and that crashes Python.
         """
         self._headless_ui.new_frame()
         self._headless_ui.end_frame()
@@ -135,13 +135,7 @@ class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
     def on_init(self, event: plugin.ViewerInitEvent) -> None:
         """Remember the port that was found."""
         self.port = event.viewer._http_port
-        self._socket = event.viewer._http_sock
         self.started.set()
-
-    @property
-    def is_listening(self) -> bool:
-        """Whether a browser would get an answer: the server's thread begins a little later."""
-        return bool(self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN))
 
     @functools.partial(handler, priority=messages.Priority.INTERNAL - 1)
     def on_model(self, event: messages.PostModelEvent) -> None:
@@ -261,8 +255,7 @@ class WebView:
 
     def _wait_until_started(self) -> None:
         deadline = time.monotonic() + START_TIMEOUT
-        while not (self._page.started.wait(0.05) and self._page.is_listening):
-            time.sleep(0.01)
+        while not self._page.started.wait(0.05):
             self._handle.is_running()  # raises what ended the viewer's thread
             if time.monotonic() > deadline:
                 raise RuntimeError(f'no answer for {START_TIMEOUT:.0f} s')
