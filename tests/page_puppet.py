@@ -165,6 +165,14 @@ class PagePuppet:
             self.mouse = round(x + share * (to_x - x)), round(y + share * (to_y - y))
             self.draw(1)
 
+    def tap_at(self, place: tuple[int, int]) -> None:
+        """Put the pointer somewhere, and the mouse's button down and up at once."""
+        self.mouse = place
+        self.draw()
+        with self._sending:
+            for buttons in (1, 0):
+                self.socket.send(input_packet(self.keys, self.mouse, buttons, self.size))
+
     def let_go(self) -> None:
         """Let the mouse's button up."""
         self.buttons = 0

@@ -213,3 +213,23 @@ def test_a_click_is_known_until_a_frame_was_begun_for_it(page):
     page.hear('tab', NONE, buttons=1)
     page.hear('tab', NONE, buttons=1)
     assert page.has_clicked
+
+
+def test_a_click_that_no_frame_has_seen_is_not_to_be_ended(page):
+    page.hear('tab', NONE, buttons=0)
+    assert not page.is_click_unseen
+    page.hear('tab', NONE, buttons=1)
+    assert page.is_click_unseen
+    assert page.loses_click(0) and page.loses_click(3)
+    assert not page.loses_click(1)  # the pointer moves while the button is down
+    page.see(1)
+    assert not page.is_click_unseen
+    assert not page.loses_click(0)
+
+
+def test_a_button_that_no_mouse_has_and_one_of_a_page_that_is_gone_wait_for_no_frame(page):
+    page.hear('tab', NONE, buttons=1 << 40)
+    assert not page.is_click_unseen
+    page.hear('tab', NONE, buttons=1)
+    page.lose('tab')
+    assert not page.is_click_unseen

@@ -18,6 +18,7 @@ class Ui:
     """A user interface that counts the frames that are begun."""
 
     frames = 0
+    buttons = 0  # that a frame sees down
 
     def new_frame(self) -> bool:
         """Begin one."""
@@ -63,7 +64,7 @@ def test_a_hurried_page_has_a_frame_of_panels_for_a_click_at_once(page, monkeypa
     monkeypatch.setattr('mujoco_sim.viewer.drawing.HURRIED_SCENE_PERIOD', LONG)
     monkeypatch.setattr('mujoco_sim.viewer.drawing.HURRIED_PANEL_PERIOD', LONG)
     pace, inner = Pace(page), Ui()
-    ui = PacedUi(inner, page, pace)
+    ui = PacedUi(inner, page, pace, lambda: inner.buttons)
     pace.is_hurried = True
     page.hear('driver', NONE)
     assert ui.new_frame()
@@ -83,15 +84,29 @@ def test_what_a_click_does_is_shown_without_waiting_for_a_hurried_page(page, mon
     """Panels may see a press or its end only in the frame after the one that is begun for it."""
     monkeypatch.setattr('mujoco_sim.viewer.drawing.HURRIED_PANEL_PERIOD', LONG)
     pace, inner = Pace(page), Ui()
-    ui = PacedUi(inner, page, pace)
+    ui = PacedUi(inner, page, pace, lambda: inner.buttons)
     pace.is_hurried = True
     begun = []
     for buttons in (0, 1, 1, 1):
         page.hear('driver', NONE, buttons=buttons)
+        inner.buttons = buttons
         ui.new_frame()
         ui.end_frame()
         begun.append(inner.frames)
     assert begun == [1, 2, 3, 3]
+
+
+def test_a_click_that_a_frame_did_not_see_yet_gets_another_without_a_picture(page, monkeypatch):
+    """The page draws none for it: its later packets are held back until then."""
+    monkeypatch.setattr('mujoco_sim.viewer.drawing.PANEL_PERIOD', 0.0)
+    inner = Ui()
+    ui = PacedUi(inner, page, Pace(page), lambda: inner.buttons)
+    page.hear('driver', NONE, buttons=1)
+    for frames, seen in ((1, 0), (2, 1), (2, 1)):
+        inner.buttons = seen
+        ui.new_frame()
+        ui.end_frame()
+        assert inner.frames == frames
 
 
 def test_a_rest_ends_by_itself(page):

@@ -87,7 +87,7 @@ def test_ctrl_z_stops_the_robot_bg_leaves_the_screen_alone_and_fg_goes_on(
     assert len(listener.twists) == count
 
     (tmp_path / 'bg').touch()
-    process.wait_for(b'BEHIND')
+    wait_until(lambda: re.search(rb'BEHIND \d+\s', process.output))
     job = re.search(rb'BEHIND (\d+)', process.output)[1].decode()
     process.output = b''
     process.type(b'X\n')

@@ -101,6 +101,14 @@ def scenario_keys_drive_after_a_click_on_a_button(page: Page) -> None:
     page.click('tab drive')
 
 
+def scenario_a_tap_counts_however_short_it_is(page: Page) -> None:
+    simulation = page.session.simulation
+    for _ in range(10):
+        place, was_paused = page.show('pause'), simulation.paused
+        page.puppet.tap_at(place)
+        page.wait_until(lambda was=was_paused: simulation.paused != was, 'the tap counts')
+
+
 def scenario_keys_count_while_the_stick_is_held(page: Page) -> None:
     hold_stick(page)
     page.puppet.keys = {code('K')}
@@ -327,9 +335,13 @@ def scenario_whatever_a_hand_does_no_panel_fails_and_nothing_grows(page: Page) -
     # What is made once is made in the first round. After that, 2 kB for each of the things that
     # are no moves would be 2.4 MB.
     scribble_everywhere(page, 100, chance)
-    sizes = scribble_everywhere(page, 1000, chance)
+    for _ in range(3):  # what grows does so each time, and not by a piece of 2 MB once
+        sizes = scribble_everywhere(page, 1000, chance)
+        if max(sizes) - sizes[0] < 1_500_000:
+            break
+    else:
+        raise AssertionError(f'memory grows: {sizes}')
     assert page.failed() == set()
-    assert max(sizes) - sizes[0] < 1_500_000, sizes
     page.wait_until(lambda: not page.session.simulation.paused, 'runs')
     page.click('tab drive')
     page.cockpit._drive.share = 0.5

@@ -10,6 +10,7 @@ import mujoco
 from mujoco.studio import ux
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
+from mujoco_sim.viewer.input import BUTTONS
 from mujoco_sim.viewer.input import PageInput
 
 _OVERLAY = (
@@ -206,6 +207,11 @@ class PictureDetail:
         ]
 
 
+def buttons_down() -> int:
+    """Return which of the mouse's buttons the frame that is drawn sees down, a bit for each."""
+    return sum(imgui.IsMouseDown(button) << button for button in BUTTONS)
+
+
 class Pace:
     """
     How often a page is worked on [s], by whoever does: the viewer's thread and the simulation's.
@@ -239,8 +245,15 @@ class PacedUi:
     browser gets them as a Pace says, and one for each button that goes down or up.
     """
 
-    def __init__(self, ui: Any, page_input: PageInput, pace: Pace) -> None:
+    def __init__(
+        self,
+        ui: Any,
+        page_input: PageInput,
+        pace: Pace,
+        buttons: Callable[[], int] = buttons_down,
+    ) -> None:
         self._ui = ui
+        self._buttons = buttons
         self._input = page_input
         self._pace = pace
         self._next_scene = 0.0
@@ -256,13 +269,16 @@ class PacedUi:
         now = time.monotonic()
         self._next_scene = now + self._pace.scene
         is_due = now >= self._next_panels or self._input.has_clicked
-        if (self._has_drawn and is_due) or self._may_connect(now):
+        is_wanted = self._has_drawn or self._input.is_click_unseen
+        if (is_wanted and is_due) or self._may_connect(now):
             self._has_drawn = False
             # Panels may see a press, or its end, only in the frame after the one begun for it.
             has_clicked = self._input.has_clicked
             self._next_panels = now + (PANEL_PERIOD if has_clicked else self._pace.panels)
             self._input.has_clicked = False
             self.is_drawing = self._ui.new_frame()
+            if self.is_drawing:
+                self._input.see(self._buttons())
         return True
 
     def end_frame(self) -> None:

@@ -26,6 +26,8 @@ LOSS = 0.85
 GONE = 2.0
 # A page that draws fewer pictures a second than this is slow.
 SLOW = 10
+# ImGui's numbers of the buttons of a mouse.
+BUTTONS = range(5)
 # How long pictures are counted [s], and how many at most.
 _WINDOW = 1.0
 _MOST_PICTURES = 500
@@ -115,6 +117,7 @@ class PageInput:
         self.turns = Turns(clock)
         self._is_ghost = False  # whether a button is down since before the browser was alive
         self.has_clicked = False  # until a frame of panels was begun for it
+        self._seen_buttons = 0
 
     @property
     def is_alive(self) -> bool:
@@ -161,6 +164,19 @@ class PageInput:
         rate = self.rate
         return rate is not None and rate < SLOW
 
+    @property
+    def is_click_unseen(self) -> bool:
+        """Whether a button has gone down or up since the last frame of panels that saw any."""
+        return self._buttons != self._seen_buttons
+
+    def loses_click(self, buttons: int) -> bool:
+        """Whether panels have not yet seen a click that such buttons end, so never would."""
+        return self.is_click_unseen and buttons != self._buttons
+
+    def see(self, buttons: int) -> None:
+        """Take which of the mouse's buttons a frame of panels has seen down, a bit for each."""
+        self._seen_buttons = buttons
+
     def hear(
         self,
         source: object,
@@ -173,6 +189,7 @@ class PageInput:
 
         `buttons` has a bit for each of the mouse's that is; its pointer is at a `place` [pixels].
         """
+        buttons &= (1 << len(BUTTONS)) - 1
         with self._lock:
             self._step()
             if source is not self._source:
@@ -265,6 +282,7 @@ class PageInput:
         self._life.reset()
         self._presence.reset()
         self._undrawn = False
+        self._buttons = self._seen_buttons
 
 
 def _codes(*names: str) -> frozenset[int]:

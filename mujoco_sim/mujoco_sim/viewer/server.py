@@ -24,6 +24,8 @@ NAMES = (HOST, 'localhost')
 HEADER_TIMEOUT = 5.0
 # ... and so long to take the answer, which is megabytes for some: a page over a slow tunnel [s].
 ANSWER_TIMEOUT = 300.0
+# A click waits so long for panels that have not seen the one before, and looks so often [s].
+CLICK_PATIENCE, CLICK_LOOK = 0.25, 0.002
 # A browser that answers no ping for so long is let go [s].
 PING_PERIOD, PING_TIMEOUT, CLOSE_TIMEOUT = 5.0, 10.0, 1.0
 # Somebody who waits for control gets it from a page that is silent for so long [s].
@@ -141,7 +143,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         turns = self._input.turns
         if self._path == '/ui' and isinstance(message, bytes):
             turns.leave(self._session)
-            self._hear(message)
+            await self._hear(message)
             if turns.take_end():
                 # Studio then grants control to the one who has waited longest.
                 await self.close(CONTROL_TAKEN, 'control was asked for')
@@ -167,18 +169,35 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         if self.request is None:
             self.transport.abort()
 
-    def _hear(self, data: bytes) -> None:
-        # What has waited here until its connection ended is from nobody: heard, it would be a page
-        # that is there for ever, and keep all others out.
-        if self._packets is None or self._is_lost:
+    async def _hear(self, data: bytes) -> None:
+        if self._packets is None:
             return
         try:
-            for pressed in self._packets.feed(data):
-                self._input.hear(self, *pressed)
+            told = list(self._packets.feed(data))
         except UnknownPacket as error:
             self._packets = None
             self._input.lose(self)
             _LOG.error('the page cannot drive: its browser sent %s', error)
+            return
+        await self._let_see(told)
+        # What has waited here until its connection ended is from nobody: heard, it would be a page
+        # that is there for ever, and keep all others out.
+        if not self._is_lost:
+            for pressed in told:
+                self._input.hear(self, *pressed)
+
+    async def _let_see(self, told: 'list[Pressed]') -> None:
+        """
+        Wait a moment where buttons change before panels have seen the change before.
+
+        NetImgui hands each frame the latest input alone: a tap that is shorter than a frame of a
+        busy machine would never have been.
+        """
+        deadline = self.loop.time() + CLICK_PATIENCE
+        while any(self._input.loses_click(pressed.buttons) for pressed in told):
+            if self.loop.time() >= deadline:
+                return
+            await asyncio.sleep(CLICK_LOOK)
 
 
 def _serve(
