@@ -130,7 +130,7 @@ def _print_info(console: Console, info: Description) -> None:
     base = f'hangs on {root}' if robot.is_fixed else f'floats, root {root}'
     movable = len(robot.movable_joints)
     console.print(
-        f'[bold]{_shown(robot.name)}[/]  {info.kind}, {robot.mass:.3f} kg, {base}; '
+        f'[bold]{_shown(robot.name)}[/]  {info.kind}, {_kilograms(robot.mass)} kg, {base}; '
         f'{len(robot.links)} links, {len(robot.joints)} joints, {movable} of them movable'
     )
     if info.kind == QUADRUPED:
@@ -185,6 +185,11 @@ def _legs(quadruped: Quadruped) -> Table:
             'backward' if leg.bend > 0.0 else 'forward',
         )
     return table
+
+
+def _kilograms(mass: float) -> str:
+    """Return a mass to the gram; one of a thousand tons or more, a mistake, in few digits."""
+    return f'{mass:.3f}' if mass < 1e6 else f'{mass:.4g}'
 
 
 def _shown(text: str) -> str:

@@ -6,7 +6,7 @@ The reader works on YAML nodes and not on loaded values: nodes know their lines,
 `1` or `~` stays the character that it is.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import dataclasses
 import functools
 from importlib import resources
@@ -48,16 +48,17 @@ def preset_names() -> tuple[str, ...]:
     )
 
 
-def load_preset(name_or_path: str, layout: str = 'qwerty') -> Keymap:
+def load_preset(name_or_path: str, layout: str = 'qwerty', others: Sequence[str] = ()) -> Keymap:
     """
     Return a built-in preset by name, or the keymap in a YAML file by path.
 
     Keymaps name the keys of a qwerty keyboard; on another `layout` the same places are meant.
+    `others` are names that the caller knows beside those of keymaps.
 
     Raises:
         KeymapError: when there is no such preset or file, or when it is not valid.
     """
-    keymap = _load(name_or_path)
+    keymap = _load(name_or_path, others)
     return keymap if layout == 'qwerty' else _with_keys_of_layout(keymap, layout)
 
 
@@ -77,12 +78,12 @@ def _with_keys_of_layout(keymap: Keymap, layout: str) -> Keymap:
     return dataclasses.replace(moved, help_lines=(', '.join(title), *help_table(moved)))
 
 
-def _load(name_or_path: str) -> Keymap:
-    names = preset_names()
-    if name_or_path in names:
+def _load(name_or_path: str, others: Sequence[str]) -> Keymap:
+    if name_or_path in preset_names():
         return _built_in(name_or_path)
     path = Path(name_or_path).expanduser()
     if '/' not in name_or_path and path.suffix not in ('.yaml', '.yml'):
+        names = (*preset_names(), *others)
         hint = did_you_mean(name_or_path, names)
         known = ', '.join(names)
         raise KeymapError(
@@ -104,14 +105,14 @@ def _built_in(name: str) -> Keymap:
     return read_keymap(file.read_text(encoding='utf-8'), f'{name}.yaml', name)
 
 
-def describe_keymap(name: str, layout: str) -> list[str]:
+def describe_keymap(name: str, layout: str, others: Sequence[str] = ()) -> list[str]:
     """
-    Return everything about a keymap that a driver wants to know.
+    Return everything about a keymap that a driver wants to know; `others` as in `load_preset`.
 
     Raises:
         KeymapError: there is no such keymap, or it is not valid.
     """
-    keymap = load_preset(name, layout)
+    keymap = load_preset(name, layout, others)
     lines = [
         f'preset {keymap.name}, keyboard {layout}',
         f'  mode {keymap.mode}, idle {keymap.idle}, {keymap.rate:g} Hz',

@@ -35,7 +35,8 @@ class KeysToTwistNode(Node):
 
     Alone it steps itself with a timer on its own clock (simulated time, if so set). With
     `lock_step` somebody else calls `step` and hands keys over by `keys.put`. `receivers` are
-    called with each message first: controllers of the same process.
+    called with each message first: controllers of the same process. `other_presets` are names that
+    whoever makes it knows beside those of keymaps, for the error.
 
     Raises:
         InvalidParameter: when a parameter or the preset is not valid.
@@ -47,13 +48,15 @@ class KeysToTwistNode(Node):
         lock_step: bool = False,
         namespace: str = '',
         parameter_overrides: list[Parameter] | None = None,
+        other_presets: Sequence[str] = (),
     ) -> None:
         super().__init__(
             'keys_to_twist', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
         self._settings = declare_parameters(self, TeleopParameters, self._on_parameters)
         self.logic = KeysToTwist(
-            load_preset(self._settings.preset, self._settings.layout), self._settings
+            load_preset(self._settings.preset, self._settings.layout, other_presets),
+            self._settings,
         )
         stamped = declare_stamped(self)
         self._output = TwistOutput(

@@ -44,6 +44,12 @@ def forks(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         (['mbot', '--speed', '-1'], 2, "error: --speed: got '-1'"),
         (['mbot', '--duration', '1', '--preset', 'piano'], 2, "error: unknown preset 'piano'"),
         (
+            ['go2', '--duration', '1', '--preset', 'untree'],
+            2,
+            "error: unknown preset 'untree',",
+        ),
+        (['keys', 'untree'], 2, "error: unknown preset 'untree', did you mean unitree?"),
+        (
             ['mbot', '--duration', '0.1', '--speed', '0', '--report', 'r.json'],
             0,
             '0.1 s simulated',

@@ -127,6 +127,15 @@ def test_a_page_that_draws_fewer_than_ten_pictures_a_second_is_slow(page, clock,
     assert page.is_slow == is_slow
 
 
+@pytest.mark.parametrize(('rate', 'can_hold'), [(1, False), (2, False), (5, True), (60, True)])
+def test_a_page_holds_what_it_draws_twice_in_a_silence(page, clock, rate, can_hold):
+    assert page.can_hold  # as far as is known of one that is new
+    for _ in range(3 * rate):
+        clock.now += 1.0 / rate
+        page.hear('tab', NONE)
+    assert page.can_hold == can_hold
+
+
 def names(page: PageInput) -> list[str]:
     """Return what came without HELD and RELEASE."""
     return [key for key in page.take_keys() if '+' not in key]

@@ -42,6 +42,11 @@ def test_it_finds_what_the_fixture_announces_and_nothing_else(path):
         assert here == announced(file), [one.line() for one in found]
 
 
+def test_a_tag_that_is_misspelt_is_said_with_what_was_meant():
+    found = lint(next(path for path in FILES if path.name == 'tags.urdf'))
+    assert any('did you mean collision?' in one.message for one in found)
+
+
 def test_every_rule_has_a_fixture():
     codes = {code for path in [*FILES, MBOT / 'mbot_base.xacro'] for _, code in announced(path)}
     assert codes == set(RULES)

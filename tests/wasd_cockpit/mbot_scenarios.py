@@ -203,8 +203,25 @@ def scenario_a_page_without_panels_still_has_the_emergency_stop(page: Page) -> N
 def scenario_a_page_that_draws_few_pictures_is_told_so(page: Page) -> None:
     usual, page.puppet.rate = page.puppet.rate, 5.0
     page.wait_until(lambda: SLOW_PAGE in page.cockpit._slow_words, 'it is told')
+    assert 'cannot hold' not in page.rects
+    page.puppet.rate = 2.0
+    page.wait_until(lambda: 'cannot hold' in page.rects, 'it is told at the stick')
     page.puppet.rate = usual
     page.wait_until(lambda: not page.cockpit._slow_words, 'it is told no more')
+    page.wait_until(lambda: 'cannot hold' not in page.rects, 'nor at the stick')
+
+
+def scenario_however_much_is_to_be_said_it_stays_within_the_scene(page: Page) -> None:
+    say = page.session.stack.say
+    say('a lot')
+    page.wait_until(lambda: 'message' in page.rects, 'it is said')
+    page.puppet.draw(4)
+    line = page.rects['message'].height
+    say('a lot ' * 60)
+    page.wait_until(lambda: page.rects['message'].height > 1.5 * line, 'in more than one line')
+    page.puppet.draw(4)
+    assert page.rects['message'].right < page.cockpit.page.layout.scene.right
+    say('')
 
 
 def scenario_the_mode_of_the_drive_and_its_limits_are_shown(page: Page) -> None:

@@ -120,7 +120,8 @@ def print_keys(arguments: argparse.Namespace) -> int:
     elif arguments.preset == UNITREE_PRESET:
         print('\n'.join(preset_help(UNITREE_PRESET, arguments.layout)))
     else:
-        print('\n'.join(describe_keymap(arguments.preset, arguments.layout)))
+        keymap = describe_keymap(arguments.preset, arguments.layout, [UNITREE_PRESET])
+        print('\n'.join(keymap))
     return 0
 
 

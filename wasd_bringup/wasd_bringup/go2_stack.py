@@ -52,6 +52,7 @@ class Go2Stack(ControlStack):
     """
 
     has_states = True
+    other_presets = (UNITREE_PRESET,)
 
     def __init__(self, loaded: Description, world: World, options: RunOptions) -> None:
         self.layout = options.layout

@@ -39,6 +39,7 @@ class ControlStack(ABC):
     """
 
     has_states = False  # whether keys are more than velocities
+    other_presets: tuple[str, ...] = ()  # those that are no keymaps
     # Where its feet reach as it stands, in the base frame (n, 2) [m]; none for who has none.
     feet = np.empty((0, 2))
     camera: CameraView
@@ -56,7 +57,7 @@ class ControlStack(ABC):
         self.nodes: list[Node] = [controller]
         self.own_keys: frozenset[str] = frozenset()  # those that mean something to this robot
         if self._keys_are_velocities(options):
-            self._teleop = _make_teleop(options)
+            self._teleop = _make_teleop(options, self.other_presets)
             self._teleop.receivers.append(controller.cmd_vel.put)
             self.nodes.append(self._teleop)
             self.own_keys = frozenset(self._teleop.logic.keymap.keys)
@@ -195,7 +196,7 @@ class ControlStack(ABC):
         self.ticks.add(time.perf_counter() - started)
 
 
-def _make_teleop(options: RunOptions) -> KeysToTwistNode:
+def _make_teleop(options: RunOptions, other_presets: tuple[str, ...]) -> KeysToTwistNode:
     return KeysToTwistNode(
         lock_step=True,
         namespace=options.namespace,
@@ -203,6 +204,7 @@ def _make_teleop(options: RunOptions) -> KeysToTwistNode:
             Parameter('preset', value=options.preset),
             Parameter('layout', value=options.layout),
         ],
+        other_presets=other_presets,
     )
 
 

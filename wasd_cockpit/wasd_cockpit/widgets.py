@@ -146,14 +146,16 @@ class Widgets:
         imgui.Spacing()
         self.words(text, style.DIM)
 
-    def words(self, text: str, rgb: style.Rgb = style.TEXT, wrapped: bool = False) -> None:
-        """Draw words in a colour."""
+    def words(
+        self, text: str, rgb: style.Rgb = style.TEXT, wrapped: bool = False, width: float = 0.0
+    ) -> None:
+        """Draw words in a colour, broken at the window's edge, `wrapped`, or at a width [px]."""
         imgui.PushStyleColor(_TEXT, style.colour(rgb))
         # Not `Text`, for which `%` begins a format.
-        if wrapped:
-            imgui.PushTextWrapPos(0.0)
+        if wrapped or width:
+            imgui.PushTextWrapPos(width)
         imgui.TextUnformatted(text)
-        if wrapped:
+        if wrapped or width:
             imgui.PopTextWrapPos()
         imgui.PopStyleColor()
 

@@ -169,6 +169,12 @@ class PageInput:
         """Whether a button has gone down or up since the last frame of panels that saw any."""
         return self._buttons != self._seen_buttons
 
+    @property
+    def can_hold(self) -> bool:
+        """Whether the browser draws often enough to hold something: twice in a SILENCE."""
+        rate = self.rate
+        return rate is None or rate * SILENCE >= 2.0
+
     def loses_click(self, buttons: int) -> bool:
         """Whether panels have not yet seen a click that such buttons end, so never would."""
         return self.is_click_unseen and buttons != self._buttons

@@ -57,7 +57,7 @@ RULES = {
              'complete the joint'),
         Rule('bad-number', ERROR,
              'a number is missing, not a number, not finite, or a size is not positive',
-             'write a number'),
+             'write a finite number; sizes are above 0'),
         Rule('missing-limit', ERROR,
              'a revolute or prismatic joint has no limit, or one without effort or velocity',
              'add `<limit lower upper effort velocity>`'),

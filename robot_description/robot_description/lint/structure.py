@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import math
 import re
 
+from wasd_core.errors import did_you_mean
 from wasd_core.safe_files import Place
 
 from robot_description.lint.model import Element
@@ -98,7 +99,8 @@ def check_tags(model: Model) -> Iterator[Finding]:
                 )
                 yield finding('illegal-child', child.place, f'{where}; it belongs under {homes}')
             elif child.tag != 'gazebo' and child not in _almost_joints(model):
-                yield finding('unknown-tag', child.place, f'{where} is no tag of URDF')
+                meant = did_you_mean(child.tag, wanted)
+                yield finding('unknown-tag', child.place, f'{where} is no tag of URDF{meant}')
 
 
 def _named(element: Element) -> str:

@@ -20,6 +20,7 @@ _LARGEST_PAD, _SMALLEST_PAD = 250.0, 90.0
 _KNOB, _BAR = 16.0, 26.0
 # What is below the pad [pixels].
 _BELOW = 112.0
+CANNOT_HOLD = 'page too slow to hold the stick: drive by keys'
 # A key's button.
 _CAP, _HEIGHT = 58.0, 22.0
 _NAMES = {' ': 'SPACE'}
@@ -56,7 +57,11 @@ class Drive:
         scaled = Stick(*(self.share * value for value in stick))
         values = [share * full for share, full in zip(scaled, use.full, strict=True)]
         text = '{:+.2f} {:+.2f} m/s  {:+.2f} rad/s'.format(*(value + 0.0 for value in values))
-        page.widgets.words(text if any(use.full) else use.words, style.DIM, wrapped=True)
+        if page.input is not None and not page.input.can_hold:
+            page.widgets.words(CANNOT_HOLD, style.ODOMETRY, wrapped=True)
+            page.widgets.note('cannot hold')
+        else:
+            page.widgets.words(text if any(use.full) else use.words, style.DIM, wrapped=True)
         imgui.SetNextItemWidth(columns(1))
         label = 'full stick: %.2f of full speed'
         _, self.share = imgui.SliderFloat('##share', self.share, LEAST_SHARE, 1.0, label)
