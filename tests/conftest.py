@@ -19,7 +19,7 @@ import pytest
 pytest_plugins = ['small_expander', 'marking', 'hanging']
 
 # How long a message may take to arrive on a busy machine [s].
-PATIENCE = 10.0
+PATIENCE = 40.0
 # The files that take longest, the longest first, by their names without `test_`: begun last, one
 # of them would keep one worker busy while the others have nothing left.
 LONGEST = (

@@ -28,7 +28,7 @@ from wasd_bringup.session import Session
 from wasd_core.node import init_ros
 
 # How long anything may take on a busy machine [s].
-PATIENCE = 20.0
+PATIENCE = 40.0
 DESK = (1280, 720)
 SCENARIOS = Path(__file__).with_name('wasd_cockpit')
 

@@ -15,7 +15,7 @@ END_AFTER = 1.0
 AT_MOST = 3.0
 
 
-def wait_until(condition: Callable[[], bool], timeout: float = 20.0) -> float:
+def wait_until(condition: Callable[[], bool], timeout: float = 40.0) -> float:
     """Wait until a condition holds, return when; fail after `timeout` [s]."""
     deadline = time.monotonic() + timeout
     while not condition():

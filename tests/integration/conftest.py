@@ -234,7 +234,7 @@ class TerminalSession:
                 return
             timeout = 0.0
 
-    def wait_for(self, text: str, timeout: float = 20.0) -> None:
+    def wait_for(self, text: str, timeout: float = 40.0) -> None:
         """Wait until a text is shown."""
         deadline = time.monotonic() + timeout
         while text not in self.shown:
@@ -260,7 +260,7 @@ class TerminalSession:
         """Leave no room on the screen for another byte; `read` would make room again."""
         fill(self.slave)
 
-    def end(self, timeout: float = 10.0) -> int:
+    def end(self, timeout: float = 40.0) -> int:
         """Wait for the end, reading on so that it can write; return the exit status."""
         deadline = time.monotonic() + timeout
         while self.process.poll() is None:

@@ -60,7 +60,7 @@ class Robot:
 
     def wait_until(self, condition: Callable[[], bool], what: str) -> None:
         """Wait for a condition, long enough for a busy machine."""
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + 40.0
         while not condition():
             assert time.monotonic() < deadline, what
             time.sleep(0.01)

@@ -24,7 +24,7 @@ from terminals import fill
 from terminals import wait_until
 
 # How long a process may take to start or to end on a busy machine [s].
-PATIENCE = 20.0
+PATIENCE = 40.0
 
 
 class PtyProcess:

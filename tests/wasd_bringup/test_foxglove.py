@@ -47,7 +47,7 @@ class Run:
 
     def wait_until(self, condition, act=lambda: None):
         """Let time pass until what a client or the server's threads do is done."""
-        deadline = time.monotonic() + 20.0
+        deadline = time.monotonic() + 40.0
         while not condition():
             assert time.monotonic() < deadline
             self.step(0.02, act)
