@@ -13,10 +13,14 @@ from page_puppet import input_packet
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.presets import GAITS
+from run_scenarios import DESK
 from run_scenarios import Page
 from wasd_cockpit.link import Columns
 from wasd_cockpit.scene import axes_of
 from websockets.sync.client import connect
+
+# A desk whose plots have hardly more room than their names.
+SMALL = (1040, 560)
 
 
 def enter(page: Page, state: str) -> None:
@@ -149,6 +153,20 @@ def scenario_every_page_of_plots_has_something_to_show(page: Page) -> None:
         page.show(plot)
         assert page.rects[plot].width > 100
     page.click('plot velocity')
+
+
+def scenario_a_legend_is_whole_on_a_small_desk(page: Page) -> None:
+    layout = page.cockpit.page.layout
+    page.open('small', SMALL)
+    page.wait_until(lambda: layout._size == SMALL, 'a small page')
+    for name in ('velocity', 'torque', 'feet'):
+        page.click(f'plot {name}')
+        page.puppet.draw(4)
+        ends = [at.right for label, at in page.rects.items() if label.startswith('legend ')]
+        assert 0.0 < max(ends) <= layout.place_of('plots').rect.right
+    page.click('plot velocity')
+    page.open()
+    page.wait_until(lambda: layout._size == DESK, 'the usual page')
 
 
 def scenario_no_panel_has_failed(page: Page) -> None:

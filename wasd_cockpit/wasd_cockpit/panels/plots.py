@@ -102,8 +102,12 @@ class Plots:
                 imgui.SameLine(0.0, 10.0)
             else:
                 page.beside_tabs(24.0)
+            text = word.removesuffix('_joint')
+            if imgui.GetContentRegionAvail().x < imgui.CalcTextSize(text).x:
+                imgui.NewLine()
             imgui.AlignTextToFramePadding()
-            page.widgets.words(word.removesuffix('_joint'), rgb)
+            page.widgets.words(text, rgb)
+            page.widgets.note(f'legend {text}')
 
     def _draw_velocity(
         self, page: PageState, snapshot: Snapshot, width: float, height: float
