@@ -162,7 +162,7 @@ def scenario_a_legend_is_whole_on_a_small_desk(page: Page) -> None:
     for name in ('velocity', 'torque', 'feet'):
         page.click(f'plot {name}')
         page.puppet.draw(4)
-        ends = [at.right for label, at in page.rects.items() if label.startswith('legend ')]
+        ends = [at.right for label, at in page.rects.items() if label.startswith('text legend ')]
         assert 0.0 < max(ends) <= layout.place_of('plots').rect.right
     page.click('plot velocity')
     page.open()

@@ -298,7 +298,7 @@ class Cockpit:
             page.link.order(Order('e-stop'))
         for text in filter(None, (snapshot.message, self._slow_words)):
             page.widgets.words(text, style.ODOMETRY, width=max(scene.width - 40.0, 100.0))
-            page.widgets.note('message')
+            page.widgets.note('text message')
         self._draw_turns()
         imgui.End()
 

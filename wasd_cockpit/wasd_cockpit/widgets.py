@@ -88,7 +88,7 @@ class Widgets:
         self.rects = self._next
 
     def note(self, name: str) -> None:
-        """Remember where the last widget is."""
+        """Remember where the last widget is; `text ...` are the names of what none presses."""
         low, high = imgui.GetItemRectMin(), imgui.GetItemRectMax()
         self._next[name] = Rect(low.x, low.y, high.x, high.y)
 

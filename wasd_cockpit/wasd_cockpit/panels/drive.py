@@ -59,7 +59,7 @@ class Drive:
         text = '{:+.2f} {:+.2f} m/s  {:+.2f} rad/s'.format(*(value + 0.0 for value in values))
         if page.input is not None and not page.input.can_hold:
             page.widgets.words(CANNOT_HOLD, style.ODOMETRY, wrapped=True)
-            page.widgets.note('cannot hold')
+            page.widgets.note('text cannot hold')
         else:
             page.widgets.words(text if any(use.full) else use.words, style.DIM, wrapped=True)
         imgui.SetNextItemWidth(columns(1))

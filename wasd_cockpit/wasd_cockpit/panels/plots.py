@@ -107,7 +107,7 @@ class Plots:
                 imgui.NewLine()
             imgui.AlignTextToFramePadding()
             page.widgets.words(text, rgb)
-            page.widgets.note(f'legend {text}')
+            page.widgets.note(f'text legend {text}')
 
     def _draw_velocity(
         self, page: PageState, snapshot: Snapshot, width: float, height: float
