@@ -21,6 +21,13 @@ def test_the_sticks_of_the_go2_are_where_the_hand_is(wasd):
     np.testing.assert_allclose([forward, left, turn], full * 0.05 * [4, 2, 2], atol=1e-9)
 
 
+def test_a_key_that_comes_back_from_its_topic_is_not_pressed_again(wasd):
+    """As the legs know it, `w` of azerty is `z`; as it is published, it is `w` of qwerty."""
+    options = '--layout', 'azerty', '--speed', '1', '--duration', '4'
+    report = wasd.report('go2', *options, play='0.1 2\n2.1 4\n2.3 w*8')
+    assert report['samples']['command'][-1] == [0.0, 0.0, 0.0]
+
+
 def test_an_unknown_layout_is_one_line(wasd):
     done = wasd('go2', '--layout', 'qwertz')
     assert done.returncode == 2

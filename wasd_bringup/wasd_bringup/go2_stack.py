@@ -128,7 +128,8 @@ class Go2Stack(ControlStack):
         legs_key = ZERO_KEYS[0] if key == STOP_KEY else key
         if self.layout != 'qwerty':
             legs_key = on_qwerty(legs_key, self.layout)
-        self._legs.keys.put(String(data=legs_key))
+        # What is published, and comes back, is the key as it was pressed.
+        self._legs.keys.put(String(data=legs_key), published=String(data=key))
         if self._teleop is None or self._hints is None:
             return
         self._teleop.keys.put(String(data=key))

@@ -230,9 +230,10 @@ class LoopbackSubscription(Generic[Message]):
         qos: QoSProfile = self._subscription.qos_profile
         return qos
 
-    def put(self, message: Message) -> None:
-        """Hand over a message that this process is publishing, too."""
-        self._pending.append((time.monotonic(), serialize_message(message)))
+    def put(self, message: Message, published: Message | None = None) -> None:
+        """Hand over a message that this process is publishing, too, or as `published`."""
+        sent = message if published is None else published
+        self._pending.append((time.monotonic(), serialize_message(sent)))
         self._callback(message)
 
     def notify(self, message: Any) -> None:
