@@ -32,6 +32,7 @@ from quadruped_sim.keys import SUCCESSORS
 from quadruped_sim.keys import TRANSITIONS
 from quadruped_sim.locomotion import Locomotion
 from quadruped_sim.parameters import LegControllerParameters
+from quadruped_sim.parameters import scale_parameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import LegOdometry
@@ -40,7 +41,6 @@ from quadruped_sim.robot_state import read_legs
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.robot_state import turn_base
 from quadruped_sim.safety import Safety
-from quadruped_sim.scaling import scale_parameters
 from quadruped_sim.states import ControllerParts
 from quadruped_sim.states import make_states
 from quadruped_sim.states.driving import damping_command

@@ -2,8 +2,8 @@
 """
 Tuning of the leg controller, validated; docs/references.md resolves the papers' keys.
 
-The numbers are the Go2's, also those that a user gives. `scaling` gives those of another robot, by
-the units that stand here.
+The numbers are the Go2's, also those that a user gives. `scale_parameters` gives those of another
+robot, by the units that stand here.
 """
 
 from dataclasses import dataclass
