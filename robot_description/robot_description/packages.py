@@ -13,6 +13,7 @@ from wasd_core.errors import DescriptionError
 from wasd_core.errors import PackageNotFound
 
 MANIFEST = 'package.xml'
+PACKAGE = 'package://'
 # Folders that hold a robot's description beside its meshes, where there is no package.xml.
 DESCRIPTION_FOLDERS = {'urdf', 'urdfs', 'xacro', 'robot', 'robots', 'model', 'models', 'sdf'}
 # No package hides in these, or it is a copy.
@@ -50,6 +51,13 @@ def own_package(description: Path) -> Path | None:
         if (folder / MANIFEST).is_file():
             return folder
     return None
+
+
+def package_url(file: Path) -> str | None:
+    """Return the URL of a file by its package; None for a file in none."""
+    package = own_package(file)
+    name = manifest_name(package) if package else None
+    return f'{PACKAGE}{name}/{file.relative_to(package)}' if package and name else None
 
 
 def own_folder(description: Path) -> Path:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of mesh files: what a URL means, which file was meant, where RViz finds it."""
+"""Names of mesh files: which file was meant, and where RViz finds it."""
 
 from collections.abc import Collection, Iterable, Mapping
 import difflib
@@ -8,21 +8,17 @@ import os
 from pathlib import Path
 from pathlib import PurePosixPath
 import re
-from typing import NamedTuple
 from urllib.parse import unquote
 import xml.etree.ElementTree as ElementTree
 from xml.sax.saxutils import quoteattr
 
 from robot_description.morphology import SIDES
 from robot_description.morphology import words
-from robot_description.packages import manifest_name
-from robot_description.packages import own_package
+from robot_description.packages import PACKAGE
 
 # Formats that can be read, the ones that say most about a mesh with least trouble first.
 EXTENSIONS = ('.obj', '.stl', '.dae', '.glb', '.gltf', '.ply')
 MOST_FILES = 50_000
-# Of a file's name, and of a path with room for the folders before it.
-LONGEST_NAME, LONGEST_PATH = 255, 3000
 # Words for the part that carries the legs or wheels; robots are rebuilt, references stay.
 ALIASES = {'trunk': 'base', 'body': 'base', 'base_link': 'base', 'base': 'base'}
 # Words beside SIDES that tell parts of one robot apart however alike their names are.
@@ -43,61 +39,6 @@ PARTS = {
 }
 # A mesh with the URL in it; comments and what is no mesh stay as they are.
 MESH = re.compile(r"""<!--.*?-->|(<mesh\b[^<>]*?\bfilename\s*=\s*)("[^"]*"|'[^']*')""", re.DOTALL)
-PACKAGE = 'package://'
-
-
-class MeshUrl(NamedTuple):
-    """
-    A URL taken apart.
-
-    `package` is its package, None for a plain path; `path` is relative to the package, absolute,
-    or relative to the description; `kinds` are the repairs that reading it took.
-    """
-
-    package: str | None
-    path: PurePosixPath
-    kinds: tuple[str, ...] = ()
-
-
-def read_url(url: str) -> list[MeshUrl]:
-    """
-    Return what a URL may mean, the likelier reading first; nothing when it is no local file.
-
-    A percent escape is tried as it stands, then decoded; a backslash then as a slash.
-    """
-    plain = _read(url.strip())
-    if plain is None or plain.path == PurePosixPath('.') or _is_no_name(plain.path):
-        return []
-    readings = [plain]
-    for kind, path in (
-        ('percent-escape', unquote(str(plain.path))),
-        ('backslash', str(plain.path).replace('\\', '/')),
-    ):
-        if path != str(plain.path) and not _is_no_name(PurePosixPath(path)):
-            meant = plain._replace(path=PurePosixPath(path), kinds=(*plain.kinds, kind))
-            readings.append(meant)
-    return readings
-
-
-def _is_no_name(path: PurePosixPath) -> bool:
-    """Whether a path is such that no file can be called so."""
-    longest = max((len(os.fsencode(part)) for part in path.parts), default=0)
-    return '\0' in str(path) or longest > LONGEST_NAME or len(str(path)) > LONGEST_PATH
-
-
-def _read(url: str) -> MeshUrl | None:
-    if left := re.fullmatch(r'\$\(find\s+([^\s)]+)\s*\)/*(.*)', url.removeprefix('file://')):
-        return MeshUrl(left[1], PurePosixPath(left[2]), ('find-left',))
-    scheme, colon, rest = url.partition('://')
-    rest = re.sub('/{2,}', '/', rest)
-    if not colon:
-        return MeshUrl(None, PurePosixPath(re.sub('/{2,}', '/', url)))
-    if scheme.lower() == 'file':
-        return MeshUrl(None, PurePosixPath(rest))
-    if scheme.lower() in ('package', 'model'):
-        package, _, path = rest.lstrip('/').partition('/')
-        return MeshUrl(unquote(package), PurePosixPath(path))
-    return None
 
 
 def mesh_files(folder: Path) -> list[Path]:
@@ -276,10 +217,3 @@ def _share(package: str) -> Path | None:
         if prefix and Path(prefix, 'share/ament_index/resource_index/packages', package).is_file():
             return Path(prefix, 'share', package)
     return None
-
-
-def package_url(file: Path) -> str | None:
-    """Return the URL of a file by its package; None for a file in none."""
-    package = own_package(file)
-    name = manifest_name(package) if package else None
-    return f'{PACKAGE}{name}/{file.relative_to(package)}' if package and name else None

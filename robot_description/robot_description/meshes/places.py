@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the file of a mesh URL may be, and how it is best called: own package first."""
+"""What a mesh URL means, where its file may be, and how it is best called: own package first."""
 
 from collections.abc import Iterable, Iterator, Sequence
 import os
 from pathlib import Path
 from pathlib import PurePosixPath
+import re
 from typing import NamedTuple
+from urllib.parse import unquote
 
-from robot_description.meshes.files import MeshUrl
-from robot_description.meshes.files import package_url
-from robot_description.meshes.files import read_url
 from robot_description.packages import AllowedPaths
 from robot_description.packages import dependencies
 from robot_description.packages import installed_folders
@@ -18,7 +17,10 @@ from robot_description.packages import manifest_name
 from robot_description.packages import own_folder
 from robot_description.packages import OWN_PACKAGE
 from robot_description.packages import own_package
+from robot_description.packages import package_url
 
+# Of a file's name, and of a path with room for the folders before it.
+LONGEST_NAME, LONGEST_PATH = 255, 3000
 # Where absolute paths begin.
 ROOT = Path('/')
 # Ranks of a place. What the user gave, what is around the description, and its own package:
@@ -27,6 +29,60 @@ NEAR = 0
 OTHER = 1
 # An installed package of the own one's name:
 NAMESAKE = 2
+
+
+class MeshUrl(NamedTuple):
+    """
+    A URL taken apart.
+
+    `package` is its package, None for a plain path; `path` is relative to the package, absolute,
+    or relative to the description; `kinds` are the repairs that reading it took.
+    """
+
+    package: str | None
+    path: PurePosixPath
+    kinds: tuple[str, ...] = ()
+
+
+def read_url(url: str) -> list[MeshUrl]:
+    """
+    Return what a URL may mean, the likelier reading first; nothing when it is no local file.
+
+    A percent escape is tried as it stands, then decoded; a backslash then as a slash.
+    """
+    plain = _read(url.strip())
+    if plain is None or plain.path == PurePosixPath('.') or _is_no_name(plain.path):
+        return []
+    readings = [plain]
+    for kind, path in (
+        ('percent-escape', unquote(str(plain.path))),
+        ('backslash', str(plain.path).replace('\\', '/')),
+    ):
+        if path != str(plain.path) and not _is_no_name(PurePosixPath(path)):
+            meant = plain._replace(path=PurePosixPath(path), kinds=(*plain.kinds, kind))
+            readings.append(meant)
+    return readings
+
+
+def _is_no_name(path: PurePosixPath) -> bool:
+    """Whether a path is such that no file can be called so."""
+    longest = max((len(os.fsencode(part)) for part in path.parts), default=0)
+    return '\0' in str(path) or longest > LONGEST_NAME or len(str(path)) > LONGEST_PATH
+
+
+def _read(url: str) -> MeshUrl | None:
+    if left := re.fullmatch(r'\$\(find\s+([^\s)]+)\s*\)/*(.*)', url.removeprefix('file://')):
+        return MeshUrl(left[1], PurePosixPath(left[2]), ('find-left',))
+    scheme, colon, rest = url.partition('://')
+    rest = re.sub('/{2,}', '/', rest)
+    if not colon:
+        return MeshUrl(None, PurePosixPath(re.sub('/{2,}', '/', url)))
+    if scheme.lower() == 'file':
+        return MeshUrl(None, PurePosixPath(rest))
+    if scheme.lower() in ('package', 'model'):
+        package, _, path = rest.lstrip('/').partition('/')
+        return MeshUrl(unquote(package), PurePosixPath(path))
+    return None
 
 
 class MeshPlace(NamedTuple):
