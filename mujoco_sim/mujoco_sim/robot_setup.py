@@ -150,7 +150,7 @@ def robot_spec(loaded: Description, setup: RobotSetup, visuals: bool = False) ->
         DescriptionError: MuJoCo cannot read the robot.
     """
     try:
-        spec = to_mujoco(loaded.robot, loaded.meshes.files.get, visuals)
+        spec = to_mujoco(loaded.robot, visuals)
     except DescriptionError as error:
         raise DescriptionError(f'{loaded.path}: {error}') from None
     for joint, inertia in setup.reflected_inertia.items():

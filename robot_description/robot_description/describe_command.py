@@ -185,7 +185,7 @@ def _info(options: argparse.Namespace) -> int:
     if options.picture is not None:
         from robot_description.mujoco.picture import draw
 
-        draw(info.robot.with_stand_in_masses(), info.meshes.files.get, options.picture)
+        draw(info.robot.with_stand_in_masses(), options.picture)
     return 0
 
 

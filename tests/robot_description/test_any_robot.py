@@ -2,6 +2,7 @@
 """Robots as other people describe them load into MuJoCo, or are refused in one line."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -36,6 +37,7 @@ DESCRIPTIONS = [
     if (name := str(path.relative_to(ROBOTS))) not in REFUSED
 ]
 QUADRUPEDS = ('a1', 'go1')
+URL = 'package://x/m.obj'
 
 MASS = '<mass value="1"/>'
 INERTIA = '<inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'
@@ -54,12 +56,13 @@ def joint(parent, child, kind='continuous', inside=''):
     )
 
 
-def load(*elements, find_mesh=lambda url: None, visuals=False):
+def load(*elements, mesh_file=None, visuals=False):
     text = f'<robot name="r">{"".join(elements)}</robot>'
-    return to_mujoco(parse_urdf(text), find_mesh, visuals).compile()
+    robot = replace(parse_urdf(text), mesh_files={URL: mesh_file} if mesh_file else {})
+    return to_mujoco(robot, visuals).compile()
 
 
-def mesh(kind, filename='package://x/m.obj', scale='1 1 1'):
+def mesh(kind, filename=URL, scale='1 1 1'):
     geometry = f'<geometry><mesh filename="{filename}" scale="{scale}"/></geometry>'
     return f'<{kind}>{geometry}</{kind}>'
 
@@ -118,7 +121,7 @@ def test_a_quadruped_floats_on_twelve_motors_and_shows_its_meshes(name):
 def test_what_collides_with_a_mesh_does_so_unseen_too(tetrahedron):
     elements = [link('a', INERTIAL + mesh('collision', scale='0.1 0.1 0.1'))]
     for visuals in (False, True):
-        model = load(*elements, find_mesh=lambda url: tetrahedron, visuals=visuals)
+        model = load(*elements, mesh_file=tetrahedron, visuals=visuals)
         assert model.nmesh == 1
         assert model.geom_contype.tolist() == [1]
         np.testing.assert_allclose(model.geom_rbound, [0.1], rtol=0.3)
@@ -133,7 +136,7 @@ def test_a_missing_collision_mesh_is_said_with_its_link_and_url():
 def test_a_mirrored_mesh_is_not_inside_out(tetrahedron):
     model = load(
         link('a', INERTIAL + mesh('visual') + mesh('visual', scale='1 -1 1')),
-        find_mesh=lambda url: tetrahedron,
+        mesh_file=tetrahedron,
         visuals=True,
     )
     assert model.nmesh == 2

@@ -58,7 +58,7 @@ def balls() -> dict[str, bytes]:
 
 def model_of(path: Path, visuals: bool = True) -> mujoco.MjModel:
     loaded = load_robot(str(path))
-    return compile_model(to_mujoco(loaded.robot, loaded.meshes.files.get, visuals))
+    return compile_model(to_mujoco(loaded.robot, visuals))
 
 
 BROKEN = {

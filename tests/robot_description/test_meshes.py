@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshes are found wherever a package keeps them; without them primitives are shown."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from descriptions import robot_named
@@ -11,6 +12,7 @@ import pytest
 from robot_description.description import load_robot
 from robot_description.meshes import load
 from robot_description.meshes.load import load_mesh
+from robot_description.meshes.resolver import mesh_shapes
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.urdf import parse_urdf
@@ -141,12 +143,10 @@ def test_drawing_does_not_change_what_happens():
 
 @pytest.mark.slow
 def test_a_missing_mesh_shows_primitives_instead(urdf):
-    files = robot_named('go2').meshes.files
-
-    def find(url):
-        return None if 'thigh' in url else files.get(url)
-
-    model = to_mujoco(parse_urdf(urdf), find, visuals=True).compile()
+    found = robot_named('go2').meshes.files
+    files = {url: file for url, file in found.items() if 'thigh' not in url}
+    robot = replace(parse_urdf(urdf), mesh_files=files)
+    model = to_mujoco(robot, visuals=True).compile()
     assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]
     assert mujoco.mjtGeom.mjGEOM_MESH in shown(model, 'FL_calf')
 
@@ -163,7 +163,9 @@ def test_without_any_mesh_it_loads_and_shows_primitives(urdf):
 def test_a_mesh_that_cannot_be_read_shows_primitives_too_and_is_said(urdf, tmp_path, caplog):
     broken = tmp_path / 'broken.dae'
     broken.write_text('<COLLADA>')
-    model = to_mujoco(parse_urdf(urdf), lambda url: broken, visuals=True).compile()
+    robot = parse_urdf(urdf)
+    robot = replace(robot, mesh_files={shape.url: broken for shape, _ in mesh_shapes(robot)})
+    model = to_mujoco(robot, visuals=True).compile()
     assert model.nmesh == 0
     assert shown(model, 'FL_thigh') == [mujoco.mjtGeom.mjGEOM_BOX]
     assert all('visual mesh left out' in record.message for record in caplog.records)

@@ -26,7 +26,6 @@ from robot_description.morphology.wheels import drive_wheels
 from robot_description.mujoco.geoms import add_geoms
 from robot_description.mujoco.geoms import exclude_all
 from robot_description.mujoco.geoms import exclude_pairs
-from robot_description.mujoco.geoms import FindMesh
 from robot_description.mujoco.geoms import Meshes
 from robot_description.mujoco.geoms import quaternion
 from robot_description.robot import Joint
@@ -40,13 +39,7 @@ CLEARANCE = 0.05
 NEXT_TO_NOTHING = 1e-9
 
 
-def find_nothing(_: str) -> None:
-    """Find no mesh: primitives only."""
-
-
-def to_mujoco(
-    robot: Robot, find_mesh: FindMesh = find_nothing, visuals: bool = False
-) -> mujoco.MjSpec:
+def to_mujoco(robot: Robot, visuals: bool = False) -> mujoco.MjSpec:
     """
     Return the robot as a MuJoCo model specification, nothing around it.
 
@@ -64,7 +57,7 @@ def to_mujoco(
         spec = _new_spec(robot)
         bodies = _add_bodies(spec, robot)
         add_masses(bodies, robot)
-        meshes = Meshes(spec, find_mesh)
+        meshes = Meshes(spec, robot.mesh_files)
         for link in robot.links.values():
             add_geoms(bodies[link.name], link, robot, meshes, visuals)
         for joint in robot.joints.values():

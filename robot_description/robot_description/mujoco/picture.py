@@ -14,7 +14,6 @@ from robot_description.mujoco import find_renderer
 from robot_description.mujoco import NO_RENDERER
 from robot_description.mujoco.builder import compile_model
 from robot_description.mujoco.builder import to_mujoco
-from robot_description.mujoco.geoms import FindMesh
 from robot_description.mujoco.geoms import VISUAL_GROUP
 from robot_description.robot import Robot
 
@@ -25,7 +24,7 @@ AZIMUTH = 130.0
 ELEVATION = -20.0
 
 
-def draw(robot: Robot, find_mesh: FindMesh, path: Path) -> None:
+def draw(robot: Robot, path: Path) -> None:
     """
     Write a picture of the robot as a PNG: joints at 0, or as near to it as their limits allow.
 
@@ -36,7 +35,7 @@ def draw(robot: Robot, find_mesh: FindMesh, path: Path) -> None:
     """
     if find_renderer() is None:
         raise DescriptionError(f'--picture needs {NO_RENDERER}')
-    spec = to_mujoco(robot, find_mesh, visuals=True)
+    spec = to_mujoco(robot, visuals=True)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = SIZE
     spec.visual.headlight.ambient = np.full(3, 0.4)
     spec.add_texture(
