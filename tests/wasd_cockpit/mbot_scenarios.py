@@ -23,6 +23,8 @@ STOP_TIME = 0.3
 PHONE = (390, 844)
 # What a finger presses is so high at least [pixels].
 FINGER = 30.0
+# A camera so low [degrees] is behind a wall of the room, if it is outside.
+LOW = -4.0
 
 
 def top_of(page: Page, name: str, share: float = 0.9) -> tuple[int, int]:
@@ -274,6 +276,27 @@ def scenario_the_camera_goes_where_it_is_sent_and_back(page: Page) -> None:
     page.click('camera free')
     page.click('camera back')
     page.wait_until(lambda: (camera.azimuth, camera.distance) == (azimuth, distance), 'back')
+
+
+def scenario_a_camera_that_follows_goes_up_where_a_wall_hides_the_robot(page: Page) -> None:
+    camera, scene = page.cockpit.page.viewer.camera, page.cockpit.scene
+    page.wait_until(lambda: scene.lifted == 0.0, 'something is in the way already')
+    elevation = camera.elevation
+
+    def is_lifted() -> bool:
+        if camera.elevation == elevation:  # also when the page wrote it at the same time
+            camera.distance, camera.elevation = 8.0, LOW
+        return scene.lifted > 5.0
+
+    page.wait_until(is_lifted, 'the robot is hidden')
+    page.wait(1.0)
+    assert scene.lifted == pytest.approx(LOW - camera.elevation, abs=1e-6)
+    page.click('camera free')  # nobody is to be taken away from what he looks at
+    up = camera.elevation
+    page.wait(0.5)
+    assert camera.elevation == up
+    page.click('camera back')
+    page.wait_until(lambda: abs(camera.elevation - elevation) < 1e-6, 'it stays up')
 
 
 def scenario_marks_are_drawn_where_they_are_wanted(page: Page) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 from mujoco.studio import ux
 from mujoco.studio.dear_imgui import dear_imgui as imgui
+from mujoco_sim.sensors.lidar import SEEN_GROUPS
 import numpy as np
 from wasd_core.rotations import rpy_from_matrix
 
@@ -34,6 +35,12 @@ OVERLAYS = {
 STIFFNESS, STRONGEST = 17.0, 10.0
 # How much farther away the camera is for a page with panels below the scene.
 TALL_DISTANCE = 1.6
+# A camera that follows goes up where furniture hides the robot: by so much at a time, no higher
+# than this [degrees], and so fast up and down [degrees/s].
+HIGHER, HIGHEST = 7.5, 82.0
+UP_RATE, DOWN_RATE = 120.0, 20.0
+# What is to be seen, as shares of a robot's size: before and behind its middle, above the ground.
+SEEN_SHARE, SEEN_ABOVE = 0.7, 0.4
 # More marks than these cost more than they show: each is 256 bytes a picture.
 MOST_DOTS, MOST_TRAIL = 60, 40
 _SPHERE, _ARROW = int(mujoco.mjtGeom.mjGEOM_SPHERE), int(mujoco.mjtGeom.mjGEOM_ARROW)
@@ -111,6 +118,8 @@ class Scene:
         self.shown: set[str] = {'motion', 'forces', 'footholds'}
         self.hand = ''  # one of HANDS, or none
         self.force = 0.0  # of the hand [N]
+        # How much higher the camera is than was asked for [degrees]; None before the first look.
+        self.lifted: float | None = None
         self._pool = Pool()
         self._home: tuple[float, float, float] | None = None
         self._grabbed: tuple[np.ndarray, tuple[float, float]] | None = None
@@ -136,6 +145,9 @@ class Scene:
 
     def _aim(self, page: PageState, snapshot: Snapshot) -> None:
         camera = page.viewer.camera
+        if self.camera == 'free':  # it stays where it is
+            self.lifted = 0.0
+        camera.elevation += self.lifted or 0.0
         if self._home is None:
             self._home = camera.distance, camera.azimuth, camera.elevation
         # Of a page that is narrower than high, more is needed to see as much.
@@ -148,6 +160,9 @@ class Scene:
                 camera.distance, camera.azimuth, camera.elevation = self._home
                 camera.distance *= scale
             self._in_force = self.camera
+        if self.camera == 'follow':
+            self.lifted = self._climb(page, snapshot)
+            camera.elevation -= self.lifted
         if self.camera == 'follow' and (page.layout.is_desk or page.layout.is_hidden):
             camera.type = _TRACKING
             return
@@ -156,7 +171,16 @@ class Scene:
             # Below the scene are panels: what is looked at is to be in what is left.
             camera.lookat[:] = snapshot.marks.place - self._lift(page, camera)
         elif self.camera == 'first person':
+            self.lifted = 0.0
             self._look_ahead(camera, snapshot.marks)
+
+    def _climb(self, page: PageState, snapshot: Snapshot) -> float:
+        """Return how much higher the camera is than was asked for [degrees]: to see the robot."""
+        wanted = lift_to_see(page.viewer, snapshot)
+        if self.lifted is None:
+            return wanted
+        dt = float(imgui.GetIO().DeltaTime)
+        return min(max(wanted, self.lifted - DOWN_RATE * dt), self.lifted + UP_RATE * dt)
 
     def _lift(self, page: PageState, camera: Any) -> np.ndarray:
         """Return how far above the page's middle that of the scene is, at the robot [m]."""
@@ -231,6 +255,37 @@ def axes_of(camera: Any) -> tuple[np.ndarray, np.ndarray]:
     sin, cos = math.sin(elevation), math.cos(elevation)
     up = np.array([-sin * math.cos(azimuth), -sin * math.sin(azimuth), cos])
     return right, up
+
+
+def lift_to_see(viewer: Any, snapshot: Snapshot) -> float:
+    """
+    Return how much higher a camera has to be to see a robot past what is around it [degrees].
+
+    It is 0 where the robot is seen as it is, or from nowhere.
+    """
+    camera, marks = viewer.camera, snapshot.marks
+    middle = np.array([*marks.place[:2], marks.height + SEEN_ABOVE * marks.size])
+    along = SEEN_SHARE * marks.size * np.array([*marks.rotation[:2, 0], 0.0])
+    azimuth = math.radians(camera.azimuth)
+    for lift in np.arange(0.0, HIGHEST + camera.elevation, HIGHER).tolist():
+        elevation = math.radians(camera.elevation - lift)
+        level = math.cos(elevation)
+        ahead = np.array(
+            [level * math.cos(azimuth), level * math.sin(azimuth), math.sin(elevation)]
+        )
+        eye = middle - camera.distance * ahead
+        places = (middle, middle + along, middle - along)
+        if all(_is_seen(viewer, eye, place, snapshot.body) for place in places):
+            return float(lift)
+    return 0.0
+
+
+def _is_seen(viewer: Any, eye: np.ndarray, place: np.ndarray, body: int) -> bool:
+    """Whether nothing but the robot itself, whose root is `body`, lies before a place in it."""
+    met = np.array([-1], dtype=np.int32)
+    model = viewer.model
+    share = mujoco.mj_ray(model, viewer.data, eye, place - eye, SEEN_GROUPS, True, -1, met)
+    return not 0.0 <= share < 1.0 or int(model.body_rootid[model.geom_bodyid[met[0]]]) == body
 
 
 def metres_per_pixel(viewer: Any, height: float) -> float:
