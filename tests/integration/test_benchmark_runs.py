@@ -93,6 +93,7 @@ def test_the_cluster_is_loaded_only_when_it_is_asked_for() -> None:
         assert not any('distributed' in line and 'import' in line for line in at_top), path
 
 
+@pytest.mark.slow
 def test_without_the_extra_a_cluster_is_refused_in_a_line(
     bench: Any, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

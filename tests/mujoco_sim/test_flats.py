@@ -60,6 +60,7 @@ def test_every_room_is_reached_through_doors(flat):
         assert inside.sum() * CELL**2 > 0.5
 
 
+@pytest.mark.slow
 def test_there_is_space_at_the_start_and_in_doors(flat):
     assert distances(flat, np.zeros((1, 2)))[0] >= 0.6
     assert (flat.doors[:, 2] >= 0.8).all()

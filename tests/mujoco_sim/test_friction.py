@@ -45,6 +45,7 @@ def contacts(description, friction, world='flat', x=0.0):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('friction', [0.1, 0.25, 1.2])
 def test_feet_have_the_friction_asked_for_and_other_links_their_own(go2, friction):
     found = contacts(go2, friction)

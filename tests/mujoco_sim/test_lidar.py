@@ -127,6 +127,7 @@ HEAD = """
 """
 
 
+@pytest.mark.slow
 def test_a_lidar_on_a_head_that_turns_turns_with_it(tmp_path, make):
     path = tmp_path / 'pan.urdf'
     path.write_text(HEAD)
@@ -178,6 +179,7 @@ def stand(world, pitch=0.0):
             world.data.joint(f'{leg}_{part}_joint').qpos[0] = angle
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('is_lying', [False, True])
 def test_a_go2_sees_the_walls_all_around_and_none_of_its_legs(go2, make, is_lying):
     world = build_world(go2, 'flat:3', setup=usual_setup(go2))

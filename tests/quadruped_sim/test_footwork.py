@@ -84,6 +84,7 @@ def test_a_foot_that_finds_no_ground_bears_nothing_and_goes_on_down(model, stand
     assert sinking > 100
 
 
+@pytest.mark.slow
 def test_a_foot_that_has_found_ground_stands_to_the_end_of_its_stance(model, standing):
     """Also where the force on it fades: a light foot is no foot in a hole."""
     controller = in_the_air(model, standing, 150)

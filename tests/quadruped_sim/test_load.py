@@ -110,6 +110,7 @@ def test_no_more_is_believed_than_a_robot_can_carry(model, observer, dynamics):
     assert found.com[0] - com[0] == pytest.approx(0.06)
 
 
+@pytest.mark.slow
 def test_a_robot_in_flight_carries_nothing(model, observer, dynamics):
     for step in range(200):
         falling = np.array((0.0, 0.0, -GRAVITY * DT * step))

@@ -185,6 +185,7 @@ def test_one_that_tips_over_whenever_it_stands_up_gives_up_as_well(model, standi
     assert controller.state == 'passive'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('key', 'state'), [('6', 'get up'), ('1', 'passive')])
 def test_a_robot_carried_around_while_it_lies_has_not_drifted(model, standing, key, state):
     """So slowly that a gyro might: but the feet in the air do not hold its heading."""
@@ -307,6 +308,7 @@ def test_a_jump_takes_a_larger_robot_longer_by_the_root_of_its_size(model, hyq, 
     assert ticks(hyq) == pytest.approx(ticks(model), abs=3)
 
 
+@pytest.mark.slow
 def test_a_robot_whose_joints_cannot_roll_it_over_says_which_when_it_has_fallen(
     hyq, standing, truth
 ):

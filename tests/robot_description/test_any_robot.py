@@ -246,6 +246,7 @@ def test_a_capsule_is_as_long_as_its_cylinder_and_two_balls():
     np.testing.assert_allclose(model.geom_aabb[0, 3:], [0.1, 0.1, 0.3])
 
 
+@pytest.mark.slow
 def test_the_points_of_a_mesh_are_those_of_its_file_scaled(tetrahedron):
     text = f'<robot name="r">{link("a", mesh("visual", "tetrahedron.obj", "1 1 -2"))}</robot>'
     robot = parse_description(text, tetrahedron.parent / 'r.urdf').robot

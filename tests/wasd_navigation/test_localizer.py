@@ -78,6 +78,7 @@ def test_half_a_metre_and_30_degrees_off_is_put_right_in_3_s(grid: Grid, angle: 
     assert taken_back == pytest.approx(robot.localizer.pose, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_without_a_word_the_whole_map_is_searched(grid: Grid) -> None:
     poses = circle(240)[100:160]
     robot = Robot(grid, poses[0])
