@@ -165,13 +165,17 @@ class PagePuppet:
             self.mouse = round(x + share * (to_x - x)), round(y + share * (to_y - y))
             self.draw(1)
 
-    def tap_at(self, place: tuple[int, int]) -> None:
-        """Put the pointer somewhere, and the mouse's button down and up at once."""
-        self.mouse = place
+    def tap_at(self, place: tuple[int, int], away: tuple[int, int] | None = None) -> None:
+        """
+        Put the pointer somewhere, and the mouse's button down and up at once.
+
+        With a place `away` it goes up there, and comes from there at once, too.
+        """
+        self.mouse = away or place
         self.draw()
         with self._sending:
-            for buttons in (1, 0):
-                self.socket.send(input_packet(self.keys, self.mouse, buttons, self.size))
+            for buttons, mouse in ((1, place), (0, self.mouse)):
+                self.socket.send(input_packet(self.keys, mouse, buttons, self.size))
 
     def let_go(self) -> None:
         """Let the mouse's button up."""

@@ -6,6 +6,7 @@ import struct
 
 from mujoco_sim.viewer.server import InputPackets
 from mujoco_sim.viewer.server import UnknownPacket
+from mujoco_sim.viewer.server import with_mouse
 from page_puppet import input_packet
 from page_puppet import VERSION_PACKET
 import pytest
@@ -20,7 +21,27 @@ def test_keys_are_read_however_the_stream_is_cut():
         cut = chance.randrange(1, 900)
         read += packets.feed(stream[:cut])
         stream = stream[cut:]
-    assert [pressed.keys for pressed in read] == sets
+    assert [pressed.keys for _, pressed in read if pressed is not None] == sets
+
+
+def test_what_is_passed_on_is_what_came_but_for_the_mouse():
+    chance = random.Random(3)
+    told = [
+        (chance.randrange(32), (chance.randrange(-9, 900), chance.randrange(-9, 600)))
+        for _ in range(100)
+    ]
+    text = struct.pack('<IB3x', 13, 6) + b'words'
+    stream = VERSION_PACKET + text.join(input_packet({520}, place, b) for b, place in told)
+    whole, packets, passed = stream, InputPackets(), b''
+    while stream:
+        cut = chance.randrange(1, 900)
+        for packet, pressed in packets.feed(stream[:cut]):
+            passed += packet if pressed is None else with_mouse(packet, *pressed[1:])
+        stream = stream[cut:]
+    assert passed + packets.rest == whole
+    assert with_mouse(input_packet({520}, (3, 4), 1), 2, (-5, 6)) == input_packet(
+        {520}, (-5, 6), 2
+    )
 
 
 @pytest.mark.parametrize('size', [0, 7, 2**20 + 1, 2**32 - 1])

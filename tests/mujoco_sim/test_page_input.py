@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gate of everything that a page commands: only of a browser that is known to be alive."""
 
+import random
+
+from mujoco_sim.viewer.input import CHANGE_PATIENCE
 from mujoco_sim.viewer.input import GONE
 from mujoco_sim.viewer.input import LOSS
 from mujoco_sim.viewer.input import LOST
+from mujoco_sim.viewer.input import MOST_CHANGES
 from mujoco_sim.viewer.input import PageInput
 from mujoco_sim.viewer.input import SILENCE
 from page_puppet import code
@@ -200,19 +204,31 @@ def test_a_connection_that_ends_is_lost_at_once_however_slow_it_was(page, clock)
     assert page.take_keys() == []
 
 
+def see(page: PageInput, buttons: int) -> None:
+    """Have a page tell of its mouse's buttons, and a frame of panels see them."""
+    page.see(page.hear('tab', NONE, buttons).buttons)
+
+
 def test_what_the_pointer_holds_counts_only_if_it_went_down_while_the_page_was_alive(page, clock):
-    page.hear('tab', NONE, buttons=1)
+    see(page, 1)
     assert not page.may_hold
-    page.hear('tab', NONE, buttons=0)
-    page.hear('tab', NONE, buttons=1)
+    see(page, 0)
+    see(page, 1)
     assert page.may_hold
     clock.now += SILENCE + 0.01
     assert not page.may_hold
     for _ in range(3):
-        page.hear('tab', NONE, buttons=1)
+        see(page, 1)
         assert page.is_alive
         assert not page.may_hold
-    page.hear('tab', NONE, buttons=0)
+    see(page, 0)
+    assert page.may_hold
+
+
+def test_a_press_after_one_that_does_not_count_does_though_no_frame_came_between(page, clock):
+    tell(page, clock, (1, A), (0, A), (1, B))
+    assert not page.may_hold
+    assert changes_seen(page, clock, (1, B)) == [(1, A), (0, A), (1, B)]
     assert page.may_hold
 
 
@@ -224,21 +240,107 @@ def test_a_click_is_known_until_a_frame_was_begun_for_it(page):
     assert page.has_clicked
 
 
-def test_a_click_that_no_frame_has_seen_is_not_to_be_ended(page):
-    page.hear('tab', NONE, buttons=0)
-    assert not page.is_click_unseen
-    page.hear('tab', NONE, buttons=1)
+A, B, C = (10, 20), (30, 40), (50, 60)
+MouseAt = tuple[int, tuple[int, int]]
+
+
+def tell(page: PageInput, clock: Clock, *mice: MouseAt) -> None:
+    """Have a page tell of a mouse 250 times a second, faster than any frame is drawn."""
+    for mouse in mice:
+        clock.now += 0.004
+        page.hear('tab', NONE, *mouse)
+
+
+def changes_seen(page: PageInput, clock: Clock, mouse: MouseAt) -> list[MouseAt]:
+    """Return what 20 frames of panels see of the buttons while a mouse stays as it is."""
+    seen: list[MouseAt] = []
+    for _ in range(20):
+        clock.now += 0.02
+        shown = page.hear('tab', NONE, *mouse)
+        page.see(shown.buttons)
+        if not seen or seen[-1][0] != shown.buttons:
+            seen.append((shown.buttons, shown.place))
+    return seen
+
+
+def test_a_click_shorter_than_a_frame_is_seen_where_it_was_made(page, clock):
+    tell(page, clock, (0, A), (1, B), (0, B), (0, C))
     assert page.is_click_unseen
-    assert page.loses_click(0) and page.loses_click(3)
-    assert not page.loses_click(1)  # the pointer moves while the button is down
+    assert changes_seen(page, clock, (0, C)) == [(1, B), (0, B)]
+    assert not page.is_click_unseen
+    assert page.hear('tab', NONE, 0, C) == (0, C)
+
+
+def test_a_press_is_seen_where_it_was_made_though_the_pointer_has_gone_on(page, clock):
+    tell(page, clock, (0, A), (1, B), (1, C))
+    assert changes_seen(page, clock, (1, C)) == [(1, B)]
+    assert page.hear('tab', NONE, 1, C) == (1, C)
+
+
+def test_the_pointer_moves_at_once_while_nothing_is_unseen(page, clock):
+    tell(page, clock, (0, A))
+    assert page.hear('tab', NONE, 0, B) == (0, B)
+    assert page.hear('tab', NONE, 1, B) == (1, B)
     page.see(1)
-    assert not page.is_click_unseen
-    assert not page.loses_click(0)
+    assert page.hear('tab', NONE, 1, C) == (1, C)
 
 
-def test_a_button_that_no_mouse_has_and_one_of_a_page_that_is_gone_wait_for_no_frame(page):
-    page.hear('tab', NONE, buttons=1 << 40)
-    assert not page.is_click_unseen
-    page.hear('tab', NONE, buttons=1)
+def test_of_clicks_faster_than_frames_the_first_and_the_last_are_seen_whole(page, clock):
+    tell(page, clock, (0, A), (1, A), (0, A))
+    tell(page, clock, *(mouse for _ in range(200) for mouse in ((1, C), (0, C))))
+    tell(page, clock, (1, B), (0, B))
+    seen = changes_seen(page, clock, (0, B))
+    assert seen[:2] == [(1, A), (0, A)]
+    assert seen[-2:] == [(1, B), (0, B)]
+    assert len(seen) <= MOST_CHANGES + 1
+
+
+def test_a_button_that_stays_down_after_a_rain_of_clicks_is_down(page, clock):
+    tell(page, clock, (0, A), *(mouse for _ in range(50) for mouse in ((1, C), (0, C))), (1, B))
+    assert changes_seen(page, clock, (1, B))[-1] == (1, B)
+
+
+def test_whatever_buttons_do_few_changes_wait_and_the_last_is_seen(page, clock):
+    chance = random.Random(4)
+    tell(page, clock, *((chance.randrange(32), A) for _ in range(500)), (5, B))
+    seen = changes_seen(page, clock, (5, B))
+    assert len(seen) <= MOST_CHANGES + 1
+    assert seen[-1] == (5, B)
+
+
+def test_what_no_frame_sees_for_long_gives_way(page, clock):
+    tell(page, clock, (0, A), (1, A), (0, B))
+    for _ in range(round((CHANGE_PATIENCE + 0.1) / 0.02)):
+        clock.now += 0.02
+        last = page.hear('tab', NONE, 0, C)
+    assert last.buttons == 0
+
+
+def test_keys_and_life_wait_for_no_click(page, clock):
+    page.hear('tab', NONE)
+    page.hear('tab', W)
+    page.take_keys()
+    for _ in range(10):
+        for buttons in (1, 0):
+            page.hear('tab', W, buttons, A)
+    page.hear('tab', NONE, 1, A)
+    assert page.take_keys() == ['RELEASE+w']
     page.lose('tab')
+    assert not page.is_present
+    assert page.take_keys() == [LOST]
+
+
+def test_clicks_of_a_page_that_fell_silent_or_left_are_forgotten(page, clock):
+    tell(page, clock, (0, A), (1, A), (0, A), (1, B), (0, B))
+    clock.now += SILENCE + 0.01
+    assert changes_seen(page, clock, (0, C)) == [(0, C)]
+    tell(page, clock, (1, A), (0, A), (1, B))
+    page.lose('tab')
+    assert not page.is_click_unseen
+    assert not page.has_clicked
+    assert page.hear('next', NONE, 0, C) == (0, C)
+
+
+def test_a_button_that_no_mouse_has_waits_for_no_frame(page):
+    assert page.hear('tab', NONE, buttons=1 << 40 | 1 << 5) == (0, (0, 0))
     assert not page.is_click_unseen

@@ -9,6 +9,7 @@ from mujoco_sim.viewer.drawing import SLOW_PAGE
 import numpy as np
 from page_puppet import code
 from page_puppet import PagePuppet
+from page_puppet import SCENE
 import pytest
 from run_scenarios import Page
 from scribbling import scribble_everywhere
@@ -188,6 +189,17 @@ def scenario_the_emergency_stop_ends_a_motion_that_keys_have_set_going(page: Pag
     page.puppet.draw(4)
     page.puppet.keys = {code('I')}
     page.wait_until(lambda: page.session.stack.driver.controller.target.linear > 0.0, 'drives')
+
+
+def scenario_the_emergency_stop_counts_though_the_pointer_passes_over_it(page: Page) -> None:
+    target = page.session.stack.driver.controller
+    for _ in range(5):
+        page.puppet.keys = {code('I')}
+        page.wait_until(lambda: target.target.linear > 0.0, 'drives')
+        page.puppet.tap_at(page.show('e-stop'), away=SCENE)
+        page.wait_until(lambda: target.target.linear == 0.0, 'stands')
+        page.puppet.keys = set()
+        page.puppet.draw(4)
 
 
 def scenario_a_page_without_panels_still_has_the_emergency_stop(page: Page) -> None:

@@ -24,8 +24,6 @@ NAMES = (HOST, 'localhost')
 HEADER_TIMEOUT = 5.0
 # ... and so long to take the answer, which is megabytes for some: a page over a slow tunnel [s].
 ANSWER_TIMEOUT = 300.0
-# A click waits so long for panels that have not seen the one before, and looks so often [s].
-CLICK_PATIENCE, CLICK_LOOK = 0.25, 0.002
 # A browser that answers no ping for so long is let go [s].
 PING_PERIOD, PING_TIMEOUT, CLOSE_TIMEOUT = 5.0, 10.0, 1.0
 # Somebody who waits for control gets it from a page that is silent for so long [s].
@@ -143,7 +141,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         turns = self._input.turns
         if self._path == '/ui' and isinstance(message, bytes):
             turns.leave(self._session)
-            await self._hear(message)
+            message = self._hear(message)
             if turns.take_end():
                 # Studio then grants control to the one who has waited longest.
                 await self.close(CONTROL_TAKEN, 'control was asked for')
@@ -169,35 +167,25 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         if self.request is None:
             self.transport.abort()
 
-    async def _hear(self, data: bytes) -> None:
-        if self._packets is None:
-            return
+    def _hear(self, data: bytes) -> bytes:
+        """Hear what a browser sends; return what Studio is to have of it."""
+        # What has waited until its connection ended is from nobody: heard, it would be a page that
+        # is there for ever, and keep all others out.
+        if self._packets is None or self._is_lost:
+            return data
+        shown = []
         try:
-            told = list(self._packets.feed(data))
+            for packet, pressed in self._packets.feed(data):
+                if pressed is not None:
+                    mouse = self._input.hear(self, *pressed)
+                    packet = with_mouse(packet, *mouse)
+                shown.append(packet)
         except UnknownPacket as error:
-            self._packets = None
+            rest, self._packets = self._packets.rest, None
             self._input.lose(self)
             _LOG.error('the page cannot drive: its browser sent %s', error)
-            return
-        await self._let_see(told)
-        # What has waited here until its connection ended is from nobody: heard, it would be a page
-        # that is there for ever, and keep all others out.
-        if not self._is_lost:
-            for pressed in told:
-                self._input.hear(self, *pressed)
-
-    async def _let_see(self, told: 'list[Pressed]') -> None:
-        """
-        Wait a moment where buttons change before panels have seen the change before.
-
-        NetImgui hands each frame the latest input alone: a tap that is shorter than a frame of a
-        busy machine would never have been.
-        """
-        deadline = self.loop.time() + CLICK_PATIENCE
-        while any(self._input.loses_click(pressed.buttons) for pressed in told):
-            if self.loop.time() >= deadline:
-                return
-            await asyncio.sleep(CLICK_LOOK)
+            shown.append(rest)
+        return b''.join(shown)
 
 
 def _serve(
@@ -283,31 +271,44 @@ class Pressed(NamedTuple):
 
 
 class InputPackets:
-    """Takes what one browser sends, however it is cut, and gives what is down."""
+    """Takes what one browser sends, however it is cut; `rest` is the begin of the next packet."""
 
     def __init__(self) -> None:
-        self._rest = b''
+        self.rest = b''
 
-    def feed(self, data: bytes) -> Iterator[Pressed]:
+    def feed(self, data: bytes) -> Iterator[tuple[bytes, Pressed | None]]:
         """
-        Yield, for each whole input packet, what is down.
+        Yield each packet that is whole, and what is down if it is one of input.
 
         Raises:
             UnknownPacket: what came is no packet, or an input packet of another layout.
         """
-        self._rest += data
-        while len(self._rest) >= _HEADER.size:
-            size, kind = _HEADER.unpack_from(self._rest)
+        self.rest += data
+        while len(self.rest) >= _HEADER.size:
+            size, kind = _HEADER.unpack_from(self.rest)
             if not _HEADER.size <= size <= LONGEST:
                 raise UnknownPacket(f'a packet of {size} bytes')
-            if len(self._rest) < size:
+            if len(self.rest) < size:
                 return
-            packet, self._rest = self._rest[:size], self._rest[size:]
-            if kind == INPUT_TYPE:
-                keys = keys_down(packet)
-                (buttons,) = _BUTTONS.unpack_from(packet, _BUTTONS_AT)
-                x, y = _PLACE.unpack_from(packet, _PLACE_AT)
-                yield Pressed(keys, buttons, (x, y))
+            packet = self.rest[:size]
+            pressed = _pressed(packet) if kind == INPUT_TYPE else None
+            self.rest = self.rest[size:]
+            yield packet, pressed
+
+
+def _pressed(packet: bytes) -> Pressed:
+    keys = keys_down(packet)
+    (buttons,) = _BUTTONS.unpack_from(packet, _BUTTONS_AT)
+    x, y = _PLACE.unpack_from(packet, _PLACE_AT)
+    return Pressed(keys, buttons, (x, y))
+
+
+def with_mouse(packet: bytes, buttons: int, place: tuple[int, int]) -> bytes:
+    """Return an input packet with other buttons of the mouse down, and its pointer elsewhere."""
+    changed = bytearray(packet)
+    _BUTTONS.pack_into(changed, _BUTTONS_AT, buttons)
+    _PLACE.pack_into(changed, _PLACE_AT, *place)
+    return bytes(changed)
 
 
 def keys_down(packet: bytes) -> frozenset[int]:
