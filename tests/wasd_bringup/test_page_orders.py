@@ -18,6 +18,8 @@ from wasd_cockpit.link import Order
 from wasd_cockpit.link import Stick
 from wasd_core.output_file import OutputFile
 
+from diff_drive_sim import messages as drive_messages
+
 PERIOD = 1.0 / 60.0  # of the scene [s]
 
 
@@ -165,7 +167,8 @@ def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(run_of, r
     assert len(run.heard[0]) == 2
 
 
-def test_the_emergency_stop_ends_a_script_and_has_wheels_refuse_others(run_of):
+def test_the_emergency_stop_ends_a_script_and_has_wheels_refuse_others(run_of, monkeypatch):
+    monkeypatch.setattr(drive_messages, 'QUIET', 60.0)  # of wall time: a busy machine takes some
     run = run_of('mbot', 'mbot', twists=(ScriptedTwist(0.0, (0.2, 0.0, 0.0)),))
     simulation, stack = run.session.simulation, run.session.stack
     controller = stack.driver.controller

@@ -162,3 +162,26 @@ def test_a_lost_echo_does_not_hold_up_the_next(receiver, outside, spawn, spin_un
     receiver.send(0.2)
     spin_until(spawn.pump, lambda: not receiver.subscription._pending)
     assert receiver.received == [0.1, 0.2]
+
+
+def test_an_equal_message_from_outside_that_comes_first_has_no_own_one_come_back(
+    receiver, outside, spawn, spin_until
+):
+    outside.publish(twist(0.2))
+    time.sleep(0.2)  # it waits before what comes now
+    receiver.send(0.1)
+    receiver.send(0.2)
+    outside.publish(twist(9.0))
+    spin_until(spawn.pump, lambda: 9.0 in receiver.received)
+    for _ in range(5):
+        spawn.pump.handle(0.02)
+    assert sorted(receiver.received) == [0.1, 0.2, 0.2, 9.0]
+
+
+def test_echoes_that_were_passed_over_are_not_waited_for_longer(impatient, spawn, spin_until):
+    for speed in range(100):
+        impatient.subscription.put(twist(0.1 * speed))  # lost
+    impatient.send(-0.5)
+    spin_until(spawn.pump, lambda: not impatient.subscription._pending)
+    assert len(impatient.subscription._late) <= topics_module.MOST_LATE
+    spin_until(spawn.pump, lambda: not impatient.subscription._late)

@@ -173,6 +173,8 @@ Message = TypeVar('Message')
 # How long the middleware may take to bring back what this process published itself [s]. Under
 # load, at --speed 0, a second of messages waits in its queues.
 ECHO_LIFETIME = 10.0
+# So many are looked for after a later one came: streams that lose many must not search long.
+MOST_LATE = 32
 
 
 class LoopbackSubscription(Generic[Message]):
@@ -187,9 +189,9 @@ class LoopbackSubscription(Generic[Message]):
     Echo and message are matched by their bytes, which are equal also where NaN is in them, and in
     the order in which they were put. An equal message from outside that overtakes an echo is
     dropped in its place, and the echo delivered: the receiver sees the same. An echo that gets
-    lost is waited for up to ECHO_LIFETIME, or until a later one comes; so long, one equal message
-    from outside may be taken for it. While nobody spins the node that time stands still: echoes
-    are waiting, too.
+    lost is waited for up to ECHO_LIFETIME, and the last MOST_LATE ones a quarter as long after a
+    later one came, which may have been from outside; so long, one equal message from outside may
+    be taken for it. While nobody spins the node that time stands still: echoes are waiting, too.
 
     `is_stale` is asked about each message from another process, with the system time [ns] at
     which it was sent; what it calls stale is dropped.
@@ -210,6 +212,7 @@ class LoopbackSubscription(Generic[Message]):
         self._callback = callback
         self._is_stale = is_stale
         self._pending: deque[tuple[float, bytes]] = deque(maxlen=EVENTS_DEPTH)
+        self._late: deque[tuple[float, bytes]] = deque(maxlen=MOST_LATE)
         # rclpy passes a message's origin to a callback of two parameters; its types do not say so.
         on_message: Any = self._on_message
         self._subscription: Any = node.create_subscription(message_type, topic, on_message, qos)
@@ -247,14 +250,20 @@ class LoopbackSubscription(Generic[Message]):
             self._callback(message)
 
     def _is_echo(self, message: Message) -> bool:
-        if not self._pending:
+        if not self._pending and not self._late:
             return False
         received = serialize_message(message)
+        for index, (_, sent) in enumerate(self._late):
+            if sent == received:
+                del self._late[index]
+                return True
         for index, (_, sent) in enumerate(self._pending):
             if sent == received:
-                # Echoes keep their order: whatever was sent before this one will not come back.
-                for _ in range(index + 1):
-                    self._pending.popleft()
+                # Echoes keep their order: what was sent before this one will not come back, unless
+                # this one is from outside.
+                now = time.monotonic()
+                self._late += [(now, self._pending.popleft()[1]) for _ in range(index)]
+                self._pending.popleft()
                 return True
         return False
 
@@ -264,4 +273,6 @@ class LoopbackSubscription(Generic[Message]):
         oldest = self._looked_at - 0.5 * ECHO_LIFETIME
         while self._pending and self._pending[0][0] < oldest:
             self._pending.popleft()
+        while self._late and self._late[0][0] < self._looked_at:
+            self._late.popleft()
         self._looked_at = time.monotonic()
