@@ -4,6 +4,7 @@
 import random
 import struct
 
+from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.server import InputPackets
 from mujoco_sim.viewer.server import UnknownPacket
 from mujoco_sim.viewer.server import with_mouse
@@ -36,10 +37,10 @@ def test_what_is_passed_on_is_what_came_but_for_the_mouse():
     while stream:
         cut = chance.randrange(1, 900)
         for packet, pressed in packets.feed(stream[:cut]):
-            passed += packet if pressed is None else with_mouse(packet, *pressed[1:])
+            passed += packet if pressed is None else with_mouse(packet, pressed.mouse)
         stream = stream[cut:]
     assert passed + packets.rest == whole
-    assert with_mouse(input_packet({520}, (3, 4), 1), 2, (-5, 6)) == input_packet(
+    assert with_mouse(input_packet({520}, (3, 4), 1), Mouse(2, (-5, 6))) == input_packet(
         {520}, (-5, 6), 2
     )
 

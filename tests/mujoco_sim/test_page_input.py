@@ -3,11 +3,12 @@
 
 import random
 
-from mujoco_sim.viewer.input import CHANGE_PATIENCE
+from mujoco_sim.viewer.clicks import CHANGE_PATIENCE
+from mujoco_sim.viewer.clicks import MOST_CHANGES
+from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.input import GONE
 from mujoco_sim.viewer.input import LOSS
 from mujoco_sim.viewer.input import LOST
-from mujoco_sim.viewer.input import MOST_CHANGES
 from mujoco_sim.viewer.input import PageInput
 from mujoco_sim.viewer.input import SILENCE
 from page_puppet import code
@@ -206,7 +207,7 @@ def test_a_connection_that_ends_is_lost_at_once_however_slow_it_was(page, clock)
 
 def see(page: PageInput, buttons: int) -> None:
     """Have a page tell of its mouse's buttons, and a frame of panels see them."""
-    page.see(page.hear('tab', NONE, buttons).buttons)
+    page.see(page.hear('tab', NONE, Mouse(buttons)).buttons)
 
 
 def test_what_the_pointer_holds_counts_only_if_it_went_down_while_the_page_was_alive(page, clock):
@@ -233,33 +234,32 @@ def test_a_press_after_one_that_does_not_count_does_though_no_frame_came_between
 
 
 def test_a_click_is_known_until_a_frame_was_begun_for_it(page):
-    page.hear('tab', NONE, buttons=0)
+    page.hear('tab', NONE, Mouse(0))
     assert not page.has_clicked
-    page.hear('tab', NONE, buttons=1)
-    page.hear('tab', NONE, buttons=1)
+    page.hear('tab', NONE, Mouse(1))
+    page.hear('tab', NONE, Mouse(1))
     assert page.has_clicked
 
 
 A, B, C = (10, 20), (30, 40), (50, 60)
-MouseAt = tuple[int, tuple[int, int]]
 
 
-def tell(page: PageInput, clock: Clock, *mice: MouseAt) -> None:
+def tell(page: PageInput, clock: Clock, *mice: tuple[int, tuple[int, int]]) -> None:
     """Have a page tell of a mouse 250 times a second, faster than any frame is drawn."""
     for mouse in mice:
         clock.now += 0.004
-        page.hear('tab', NONE, *mouse)
+        page.hear('tab', NONE, Mouse(*mouse))
 
 
-def changes_seen(page: PageInput, clock: Clock, mouse: MouseAt) -> list[MouseAt]:
+def changes_seen(page: PageInput, clock: Clock, mouse: tuple[int, tuple[int, int]]) -> list[Mouse]:
     """Return what 20 frames of panels see of the buttons while a mouse stays as it is."""
-    seen: list[MouseAt] = []
+    seen: list[Mouse] = []
     for _ in range(20):
         clock.now += 0.02
-        shown = page.hear('tab', NONE, *mouse)
+        shown = page.hear('tab', NONE, Mouse(*mouse))
         page.see(shown.buttons)
-        if not seen or seen[-1][0] != shown.buttons:
-            seen.append((shown.buttons, shown.place))
+        if not seen or seen[-1].buttons != shown.buttons:
+            seen.append(shown)
     return seen
 
 
@@ -268,21 +268,21 @@ def test_a_click_shorter_than_a_frame_is_seen_where_it_was_made(page, clock):
     assert page.is_click_unseen
     assert changes_seen(page, clock, (0, C)) == [(1, B), (0, B)]
     assert not page.is_click_unseen
-    assert page.hear('tab', NONE, 0, C) == (0, C)
+    assert page.hear('tab', NONE, Mouse(0, C)) == (0, C)
 
 
 def test_a_press_is_seen_where_it_was_made_though_the_pointer_has_gone_on(page, clock):
     tell(page, clock, (0, A), (1, B), (1, C))
     assert changes_seen(page, clock, (1, C)) == [(1, B)]
-    assert page.hear('tab', NONE, 1, C) == (1, C)
+    assert page.hear('tab', NONE, Mouse(1, C)) == (1, C)
 
 
 def test_the_pointer_moves_at_once_while_nothing_is_unseen(page, clock):
     tell(page, clock, (0, A))
-    assert page.hear('tab', NONE, 0, B) == (0, B)
-    assert page.hear('tab', NONE, 1, B) == (1, B)
+    assert page.hear('tab', NONE, Mouse(0, B)) == (0, B)
+    assert page.hear('tab', NONE, Mouse(1, B)) == (1, B)
     page.see(1)
-    assert page.hear('tab', NONE, 1, C) == (1, C)
+    assert page.hear('tab', NONE, Mouse(1, C)) == (1, C)
 
 
 def test_of_clicks_faster_than_frames_the_first_and_the_last_are_seen_whole(page, clock):
@@ -312,7 +312,7 @@ def test_what_no_frame_sees_for_long_gives_way(page, clock):
     tell(page, clock, (0, A), (1, A), (0, B))
     for _ in range(round((CHANGE_PATIENCE + 0.1) / 0.02)):
         clock.now += 0.02
-        last = page.hear('tab', NONE, 0, C)
+        last = page.hear('tab', NONE, Mouse(0, C))
     assert last.buttons == 0
 
 
@@ -322,8 +322,8 @@ def test_keys_and_life_wait_for_no_click(page, clock):
     page.take_keys()
     for _ in range(10):
         for buttons in (1, 0):
-            page.hear('tab', W, buttons, A)
-    page.hear('tab', NONE, 1, A)
+            page.hear('tab', W, Mouse(buttons, A))
+    page.hear('tab', NONE, Mouse(1, A))
     assert page.take_keys() == ['RELEASE+w']
     page.lose('tab')
     assert not page.is_present
@@ -338,9 +338,9 @@ def test_clicks_of_a_page_that_fell_silent_or_left_are_forgotten(page, clock):
     page.lose('tab')
     assert not page.is_click_unseen
     assert not page.has_clicked
-    assert page.hear('next', NONE, 0, C) == (0, C)
+    assert page.hear('next', NONE, Mouse(0, C)) == (0, C)
 
 
 def test_a_button_that_no_mouse_has_waits_for_no_frame(page):
-    assert page.hear('tab', NONE, buttons=1 << 40 | 1 << 5) == (0, (0, 0))
+    assert page.hear('tab', NONE, Mouse(1 << 40 | 1 << 5)) == (0, (0, 0))
     assert not page.is_click_unseen

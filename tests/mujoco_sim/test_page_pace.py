@@ -4,6 +4,7 @@
 import threading
 import time
 
+from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.drawing import Pace
 from mujoco_sim.viewer.drawing import PacedUi
 from mujoco_sim.viewer.drawing import UNSEEN_PERIOD
@@ -75,7 +76,7 @@ def test_a_hurried_page_has_a_frame_of_panels_for_a_click_at_once(page, monkeypa
     frame.join(0.2)
     assert frame.is_alive()
     assert inner.frames == 1
-    page.hear('driver', NONE, buttons=1)
+    page.hear('driver', NONE, Mouse(1))
     frame.join(LONG)
     assert inner.frames == 2
 
@@ -88,7 +89,7 @@ def test_what_a_click_does_is_shown_without_waiting_for_a_hurried_page(page, mon
     pace.is_hurried = True
     begun = []
     for buttons in (0, 1, 1, 1):
-        page.hear('driver', NONE, buttons=buttons)
+        page.hear('driver', NONE, Mouse(buttons))
         inner.buttons = buttons
         ui.new_frame()
         ui.end_frame()
@@ -101,7 +102,7 @@ def test_a_click_that_a_frame_did_not_see_yet_gets_another_without_a_picture(pag
     monkeypatch.setattr('mujoco_sim.viewer.drawing.PANEL_PERIOD', 0.0)
     inner = Ui()
     ui = PacedUi(inner, page, Pace(page), lambda: inner.buttons)
-    page.hear('driver', NONE, buttons=1)
+    page.hear('driver', NONE, Mouse(1))
     for frames, seen in ((1, 0), (2, 1), (2, 1)):
         inner.buttons = seen
         ui.new_frame()

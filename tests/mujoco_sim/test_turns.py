@@ -5,6 +5,7 @@ import math
 
 from mujoco_sim.viewer import GIVEN_AFTER
 from mujoco_sim.viewer import Turns
+from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.input import PageInput
 import pytest
 
@@ -106,9 +107,9 @@ def test_asking_again_does_not_begin_the_time_anew_and_the_first_counts(turns, c
 @pytest.mark.parametrize(
     'does',
     [
-        {'down': frozenset({550})},
-        {'down': frozenset(), 'buttons': 1},
-        {'down': frozenset(), 'place': (3, 4)},
+        (frozenset({550}),),
+        (frozenset(), Mouse(1)),
+        (frozenset(), Mouse(0, (3, 4))),
     ],
 )
 def test_a_key_a_button_and_a_pointer_that_moves_are_hands(clock, does):
@@ -118,5 +119,5 @@ def test_a_key_a_button_and_a_pointer_that_moves_are_hands(clock, does):
     clock.now += 0.5 * GIVEN_AFTER
     page.hear('page', frozenset())
     assert page.turns.remaining == 0.5 * GIVEN_AFTER
-    page.hear('page', **does)
+    page.hear('page', *does)
     assert page.turns.remaining == GIVEN_AFTER

@@ -47,6 +47,19 @@ def outside(spawn, receiver, spin_until):
     return publisher
 
 
+@pytest.fixture
+def end_with_nine(spawn, spin_until):
+    """Return what publishes 9.0 from outside, and waits until all that was sent has come."""
+
+    def end(receiver, outside):
+        outside.publish(twist(9.0))
+        spin_until(spawn.pump, lambda: 9.0 in receiver.received)
+        for _ in range(5):
+            spawn.pump.handle(0.02)
+
+    return end
+
+
 def test_a_message_put_in_arrives_at_once(receiver):
     receiver.subscription.put(twist(0.5))
     assert receiver.received == [0.5]
@@ -79,23 +92,17 @@ def test_the_echo_of_what_was_published_in_its_place_is_dropped(
     assert receiver.received == [0.1, 9.0]
 
 
-def test_the_echo_of_a_message_put_in_is_dropped(receiver, outside, spawn, spin_until):
+def test_the_echo_of_a_message_put_in_is_dropped(receiver, outside, end_with_nine):
     for index in range(20):
         receiver.send(0.1 * index)
-    outside.publish(twist(9.0))
-    spin_until(spawn.pump, lambda: 9.0 in receiver.received)
-    for _ in range(5):
-        spawn.pump.handle(0.02)
+    end_with_nine(receiver, outside)
     assert sorted(receiver.received) == pytest.approx([0.1 * index for index in range(20)] + [9.0])
 
 
-def test_equal_messages_put_in_twice_are_two(receiver, outside, spawn, spin_until):
+def test_equal_messages_put_in_twice_are_two(receiver, outside, end_with_nine):
     receiver.send(0.5)
     receiver.send(0.5)
-    outside.publish(twist(9.0))
-    spin_until(spawn.pump, lambda: 9.0 in receiver.received)
-    for _ in range(5):
-        spawn.pump.handle(0.02)
+    end_with_nine(receiver, outside)
     assert sorted(receiver.received) == [0.5, 0.5, 9.0]
 
 
@@ -108,13 +115,10 @@ def test_after_the_echo_an_equal_message_from_outside_counts(receiver, outside, 
 
 
 @pytest.mark.parametrize('bad', [math.nan, math.inf])
-def test_the_echo_of_what_is_no_number_is_dropped(receiver, outside, spawn, spin_until, bad):
+def test_the_echo_of_what_is_no_number_is_dropped(receiver, outside, end_with_nine, bad):
     # NaN is not equal to itself: compared by value, its echo would come through.
     receiver.send(bad)
-    outside.publish(twist(9.0))
-    spin_until(spawn.pump, lambda: 9.0 in receiver.received)
-    for _ in range(5):
-        spawn.pump.handle(0.02)
+    end_with_nine(receiver, outside)
     assert len(receiver.received) == 2
 
 
@@ -165,16 +169,13 @@ def test_a_lost_echo_does_not_hold_up_the_next(receiver, outside, spawn, spin_un
 
 
 def test_an_equal_message_from_outside_that_comes_first_has_no_own_one_come_back(
-    receiver, outside, spawn, spin_until
+    receiver, outside, end_with_nine
 ):
     outside.publish(twist(0.2))
     time.sleep(0.2)  # it waits before what comes now
     receiver.send(0.1)
     receiver.send(0.2)
-    outside.publish(twist(9.0))
-    spin_until(spawn.pump, lambda: 9.0 in receiver.received)
-    for _ in range(5):
-        spawn.pump.handle(0.02)
+    end_with_nine(receiver, outside)
     assert sorted(receiver.received) == [0.1, 0.2, 0.2, 9.0]
 
 

@@ -173,7 +173,8 @@ Message = TypeVar('Message')
 # How long the middleware may take to bring back what this process published itself [s]. Under
 # load, at --speed 0, a second of messages waits in its queues.
 ECHO_LIFETIME = 10.0
-# So many are looked for after a later one came: streams that lose many must not search long.
+# Of those that a later one has overtaken so many are looked for: a stream that loses many must not
+# search long.
 MOST_LATE = 32
 
 
@@ -189,9 +190,10 @@ class LoopbackSubscription(Generic[Message]):
     Echo and message are matched by their bytes, which are equal also where NaN is in them, and in
     the order in which they were put. An equal message from outside that overtakes an echo is
     dropped in its place, and the echo delivered: the receiver sees the same. An echo that gets
-    lost is waited for up to ECHO_LIFETIME, and the last MOST_LATE ones a quarter as long after a
-    later one came, which may have been from outside; so long, one equal message from outside may
-    be taken for it. While nobody spins the node that time stands still: echoes are waiting, too.
+    lost is waited for up to ECHO_LIFETIME; once a later one came, which may have been from
+    outside, up to half as long, and of such only the last MOST_LATE. So long, one equal message
+    from outside may be taken for it. While nobody spins the node that time stands still: echoes
+    are waiting, too.
 
     `is_stale` is asked about each message from another process, with the system time [ns] at
     which it was sent; what it calls stale is dropped.

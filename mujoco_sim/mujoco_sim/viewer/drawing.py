@@ -10,7 +10,7 @@ import mujoco
 from mujoco.studio import ux
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
-from mujoco_sim.viewer.input import BUTTONS
+from mujoco_sim.viewer.clicks import BUTTONS
 from mujoco_sim.viewer.input import PageInput
 
 _OVERLAY = (

@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 import threading
 import time
-from typing import NamedTuple
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from wasd_core.timing import HELD
@@ -17,6 +16,9 @@ from wasd_core.timing import Watchdog
 from wasd_core.timing import with_event
 
 from mujoco_sim.viewer import Turns
+from mujoco_sim.viewer.clicks import Clicks
+from mujoco_sim.viewer.clicks import IDLE
+from mujoco_sim.viewer.clicks import Mouse
 
 # What is held down on a page counts for so long after it was heard [s]: with every picture.
 SILENCE = 0.5
@@ -27,11 +29,6 @@ LOSS = 0.85
 GONE = 2.0
 # A page that draws fewer pictures a second than this is slow.
 SLOW = 10
-# ImGui's numbers of the buttons of a mouse.
-BUTTONS = range(5)
-# So many changes of the mouse's buttons wait for frames of panels, and a frame has so long to see
-# one [s].
-MOST_CHANGES, CHANGE_PATIENCE = 6, 2.0
 # How long pictures are counted [s], and how many at most.
 _WINDOW = 1.0
 _MOST_PICTURES = 500
@@ -116,7 +113,7 @@ class PageInput:
         self._is_typing = False
         self._pictures: deque[float] = deque(maxlen=_MOST_PICTURES)
         self._undrawn = False
-        self._mouse = Clicks()
+        self._clicks = Clicks()
         self._place = (0, 0)
         self.turns = Turns(clock)
         self._is_ghost = False  # whether a button is down since before the browser was alive
@@ -170,7 +167,7 @@ class PageInput:
     @property
     def is_click_unseen(self) -> bool:
         """Whether a button has gone down or up since the last frame of panels that saw any."""
-        return self.has_source and not self._mouse.is_seen
+        return self.has_source and not self._clicks.is_seen
 
     @property
     def can_hold(self) -> bool:
@@ -180,22 +177,14 @@ class PageInput:
 
     def see(self, buttons: int) -> None:
         """Take which of the mouse's buttons a frame of panels has seen down, a bit for each."""
-        self._mouse.see(buttons)
+        self._clicks.see(buttons)
 
-    def hear(
-        self,
-        source: object,
-        down: frozenset[int],
-        buttons: int = 0,
-        place: tuple[int, int] = (0, 0),
-    ) -> 'Mouse':
+    def hear(self, source: object, down: frozenset[int], mouse: Mouse = IDLE) -> Mouse:
         """
-        Take what a browser sends with each picture that it draws: the keys that are down.
+        Take what a browser sends with each picture that it draws: the keys that are down, a mouse.
 
-        `buttons` has a bit for each of the mouse's that is; its pointer is at a `place` [pixels].
         Returns what of the mouse the next frame of panels is to see.
         """
-        told = Mouse(buttons & ((1 << len(BUTTONS)) - 1), place)
         with self._lock:
             self._step()
             if source is not self._source:
@@ -205,11 +194,11 @@ class PageInput:
             if self._is_typing or self._life.age > GONE:
                 self._keys.ignore_down()
             if not self._life.is_alive:
-                self._mouse.forget()
+                self._clicks.forget()
             now = self._clock()
             since = now - self._pictures[-1] if self._pictures else 0.0
-            before = self._mouse.shown.buttons
-            shown = self._mouse.show(told, since)
+            before = self._clicks.shown.buttons
+            shown = self._clicks.show(mouse, since)
             is_ghost = self._is_ghost or not self._life.is_alive
             self._is_ghost = is_ghost and shown.buttons != 0
             self._keys.report(down, since)
@@ -217,9 +206,9 @@ class PageInput:
             self._presence.hear()
             self._pictures.append(now)
             self.has_clicked |= shown.buttons != before
-            if down or buttons or place != self._place:
+            if down or mouse.buttons or mouse.place != self._place:
                 self.turns.touch()
-            self._place = place
+            self._place = mouse.place
             self._undrawn = True
             # To be woken for nothing would cost the simulation a change of threads each time.
             if self.has_clicked or not self._is_resting:
@@ -295,74 +284,7 @@ class PageInput:
         self._presence.reset()
         self._undrawn = False
         self.has_clicked = False
-        self._mouse.forget()
-
-
-class Mouse(NamedTuple):
-    """A bit for each button of a mouse that is down, and where its pointer is [pixels]."""
-
-    buttons: int = 0
-    place: tuple[int, int] = (0, 0)
-
-
-class Clicks:
-    """
-    Shows the panels one change of a mouse's buttons at a time.
-
-    NetImgui hands each frame of panels the latest input alone: a tap shorter than a frame would
-    never have been, and a press from which the pointer went on at once would be elsewhere. So a
-    change stays, where it was made, until a frame has seen it; those after it wait. Of clicks that
-    come faster than frames, whole ones are left out, neither the first nor the last of them.
-    Keys, and whether the page is there, wait for nothing. Nothing here looks at a clock.
-    """
-
-    def __init__(self) -> None:
-        self.shown = Mouse()
-        self._seen = 0
-        self._age = 0.0
-        self._told = 0
-        self._waiting: list[Mouse] = []
-
-    @property
-    def is_seen(self) -> bool:
-        """Whether a frame of panels has seen the buttons that are shown."""
-        return self._seen == self.shown.buttons
-
-    def see(self, buttons: int) -> None:
-        """Take which buttons a frame of panels has seen down."""
-        self._seen = buttons
-
-    def forget(self) -> None:
-        """Let nothing wait: what is told next is shown."""
-        self._waiting.clear()
-        self._told = self._seen
-        self.shown = Mouse(self._seen, self.shown.place)
-
-    def show(self, told: Mouse, dt: float) -> Mouse:
-        """Take how the mouse is, `dt` [s] after the last time; return what is to be seen of it."""
-        self._age += dt
-        if told.buttons != self._told:
-            self._told = told.buttons
-            self._waiting.append(told)
-            self._thin_out()
-        if self.is_seen or self._age > CHANGE_PATIENCE:
-            if self._waiting:
-                self.shown, self._age = self._waiting.pop(0), 0.0
-            else:
-                self.shown = told
-        return self.shown
-
-    def _thin_out(self) -> None:
-        """Leave out a click in the middle of those that wait, if these are too many."""
-        if len(self._waiting) <= MOST_CHANGES:
-            return
-        buttons = [mouse.buttons for mouse in self._waiting]
-        for index in range(1, len(buttons) - 2):
-            # A press and its end: the end of one and the next press would be a click elsewhere.
-            if buttons[index] & ~buttons[index - 1] and buttons[index - 1] == buttons[index + 1]:
-                del self._waiting[index : index + 2]
-                return
-        del self._waiting[-2]
+        self._clicks.forget()
 
 
 def _codes(*names: str) -> frozenset[int]:

@@ -16,6 +16,7 @@ from mujoco.studio.web.web_server import Response
 from mujoco.studio.web.web_server import serve
 from mujoco.studio.web.web_server import ServerConnection
 
+from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.input import PageInput
 
 HOST = '127.0.0.1'
@@ -177,8 +178,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         try:
             for packet, pressed in self._packets.feed(data):
                 if pressed is not None:
-                    mouse = self._input.hear(self, *pressed)
-                    packet = with_mouse(packet, *mouse)
+                    packet = with_mouse(packet, self._input.hear(self, *pressed))
                 shown.append(packet)
         except UnknownPacket as error:
             rest, self._packets = self._packets.rest, None
@@ -259,15 +259,10 @@ class UnknownPacket(ValueError):
 
 
 class Pressed(NamedTuple):
-    """
-    What is down on a page: keys by ImGui's numbers, and a bit for each button of the mouse.
-
-    `place` is where its pointer is [pixels].
-    """
+    """What is down on a page: keys by ImGui's numbers, and of the mouse."""
 
     keys: frozenset[int]
-    buttons: int
-    place: tuple[int, int]
+    mouse: Mouse
 
 
 class InputPackets:
@@ -300,14 +295,14 @@ def _pressed(packet: bytes) -> Pressed:
     keys = keys_down(packet)
     (buttons,) = _BUTTONS.unpack_from(packet, _BUTTONS_AT)
     x, y = _PLACE.unpack_from(packet, _PLACE_AT)
-    return Pressed(keys, buttons, (x, y))
+    return Pressed(keys, Mouse(buttons, (x, y)))
 
 
-def with_mouse(packet: bytes, buttons: int, place: tuple[int, int]) -> bytes:
-    """Return an input packet with other buttons of the mouse down, and its pointer elsewhere."""
+def with_mouse(packet: bytes, mouse: Mouse) -> bytes:
+    """Return an input packet with another mouse."""
     changed = bytearray(packet)
-    _BUTTONS.pack_into(changed, _BUTTONS_AT, buttons)
-    _PLACE.pack_into(changed, _PLACE_AT, *place)
+    _BUTTONS.pack_into(changed, _BUTTONS_AT, mouse.buttons)
+    _PLACE.pack_into(changed, _PLACE_AT, *mouse.place)
     return bytes(changed)
 
 

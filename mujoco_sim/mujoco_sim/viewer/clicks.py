@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What panels are shown of a mouse, whose clicks may come faster than frames."""
+
+from typing import NamedTuple
+
+# ImGui's numbers of the buttons of a mouse, and a bit for each.
+BUTTONS = range(5)
+ALL_BUTTONS = (1 << len(BUTTONS)) - 1
+# So many changes of the mouse's buttons wait for frames of panels, and a frame has so long to see
+# one [s].
+MOST_CHANGES, CHANGE_PATIENCE = 6, 2.0
+
+
+class Mouse(NamedTuple):
+    """A bit for each button of a mouse that is down, and where its pointer is [pixels]."""
+
+    buttons: int = 0
+    place: tuple[int, int] = (0, 0)
+
+
+# No button is down.
+IDLE = Mouse()
+
+
+class Clicks:
+    """
+    Shows the panels one change of a mouse's buttons at a time.
+
+    NetImgui hands each frame of panels the latest input alone: a tap shorter than a frame would
+    never have been, and a press from which the pointer went on at once would be elsewhere. So a
+    change stays, where it was made, until a frame has seen it; those after it wait. Of clicks that
+    come faster than frames, whole ones are left out, neither the first nor the last of them.
+    Keys, and whether the page is there, wait for nothing. Nothing here looks at a clock.
+    """
+
+    def __init__(self) -> None:
+        self.shown = Mouse()
+        self._seen = 0
+        self._age = 0.0
+        self._told = 0
+        self._waiting: list[Mouse] = []
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether a frame of panels has seen the buttons that are shown."""
+        return self._seen == self.shown.buttons
+
+    def see(self, buttons: int) -> None:
+        """Take which buttons a frame of panels has seen down."""
+        self._seen = buttons
+
+    def forget(self) -> None:
+        """Let nothing wait: what is told next is shown."""
+        self._waiting.clear()
+        self._told = self._seen
+        self.shown = Mouse(self._seen, self.shown.place)
+
+    def show(self, told: Mouse, dt: float) -> Mouse:
+        """Take how the mouse is, `dt` [s] after the last time; return what is to be seen of it."""
+        told = Mouse(told.buttons & ALL_BUTTONS, told.place)
+        self._age += dt
+        if told.buttons != self._told:
+            self._told = told.buttons
+            self._waiting.append(told)
+            self._thin_out()
+        if self.is_seen or self._age > CHANGE_PATIENCE:
+            if self._waiting:
+                self.shown, self._age = self._waiting.pop(0), 0.0
+            else:
+                self.shown = told
+        return self.shown
+
+    def _thin_out(self) -> None:
+        """Leave out a click in the middle of those that wait, if these are too many."""
+        if len(self._waiting) <= MOST_CHANGES:
+            return
+        buttons = [mouse.buttons for mouse in self._waiting]
+        for index in range(1, len(buttons) - 2):
+            # A press and its end: the end of one and the next press would be a click elsewhere.
+            if buttons[index] & ~buttons[index - 1] and buttons[index - 1] == buttons[index + 1]:
+                del self._waiting[index : index + 2]
+                return
+        del self._waiting[-2]
