@@ -15,6 +15,7 @@ from rcl_interfaces.srv import ListParameters
 from rcl_interfaces.srv import SetParameters
 from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
+from terminals import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -79,8 +80,13 @@ def test_every_way_out_stops_the_robot_and_restores_the_terminal(
     arguments = ('-c', RAISE_ON_X) if way_out == 'exception' else MODULE
     process = pty_process(*arguments)
     listener.probe(process)
+
+    def drives() -> bool:
+        hold(process, b'u', 0.1)
+        return listener.velocities[-1].vx > 0.1
+
     hold(process, b'u', 0.7)
-    assert listener.velocities[-1].vx > 0.1
+    wait_until(drives)
     if way_out == 'Ctrl-C':
         process.type(b'\x03')
     elif way_out == 'exception':
