@@ -85,12 +85,15 @@ class Stranger:
         until = act(step)
         shown: Callable[[], str] = until or (lambda: self._session.shown[since:])
         deadline = time.monotonic() + PATIENCE
+        seen = 0
         for text in step.seen:
-            while text not in shown():
+            # One after the other: a screen from before may have the later one, too.
+            while (at := shown().find(text, seen)) < 0:
                 assert time.monotonic() < deadline, f'{step}: {shown()[-2000:]}'
                 if self._held:
                     self._session.type(self._held)
                 self._session.read(1.0 / 30.0)
+            seen = at + len(text)
 
     def close(self) -> None:
         """Leave the page."""
