@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
+import re
 
 from descriptions import robot_named
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
 import pytest
 from robot_description.urdf import parse_urdf
-from wasd_core.errors import SimulationError
 
 LIDAR = """
 <sensor type="{kind}" name="{name}"><update_rate>10</update_rate><pose>0 0 0.1 0 0 {yaw}</pose>
@@ -145,29 +145,68 @@ def test_other_sensors_are_left_to_others():
     )
 
 
-@pytest.mark.parametrize(
-    ('sensors', 'link', 'words'),
-    [
-        (
-            lidar(samples='many'),
-            'head',
-            "'eye': ray/scan/horizontal/samples must be a number >= 1",
-        ),
-        (lidar(samples=0), 'head', "got '0'"),
-        (lidar().replace('0 0 0.1', 'up'), 'head', "'eye': pose must be 6 numbers"),
-        (
-            '<sensor type="camera" name="c"><camera><image><width>99999</width></image></camera>'
-            '</sensor>',
-            'head',
-            "'c': camera/image/width must be a number >= 1 and <= 4096, got '99999'",
-        ),
-    ],
-)
-def test_what_cannot_be_is_one_line_that_names_the_sensor(sensors, link, words):
-    with pytest.raises(SimulationError) as caught:
-        read(sensors, link)
-    assert words in str(caught.value)
-    assert '\n' not in str(caught.value)
+def scan(**changes):
+    """Return a lidar with numbers of its tag replaced: `samples`, `min_angle`, `max`."""
+    text = lidar()
+    for name, value in changes.items():
+        text = re.sub(f'<{name}>[^<]*</{name}>', f'<{name}>{value}</{name}>', text)
+    return text
+
+
+NOISE = '<noise><type>{}</type><stddev>{}</stddev></noise></ray>'
+BROKEN = {
+    "'eye' is broken, ray/scan/horizontal/samples must be a number >= 1 and <= 100000, "
+    "got 'many'": scan(samples='many'),
+    "got '0'": scan(samples=0),
+    "got '1e308'": scan(samples='1e308'),
+    "got '-5'": scan(samples=-5),
+    "got ''": scan(samples=''),
+    "range/min must be a number >= 0 and <= 1e+06, got '-0.1'": scan(min=-0.1),
+    "range/max must be a number >= 0 and <= 1e+06, got 'inf'": scan(max='inf'),
+    "min_angle must be a number >= -100 and <= 100, got 'nan'": scan(min_angle='nan'),
+    "update_rate must be a number >= 0 and <= 10000, got 'NaN'": scan(update_rate='NaN'),
+    "pose must be 6 numbers, got 'up 0 0 0'": scan(pose='up 0 0 0'),
+    "pose must be 6 numbers, got '0 0 nan 0 0 0'": scan(pose='0 0 nan 0 0 0'),
+    "ray/noise/type must be one of none, gaussian, gaussian_quantized, custom, got 'pink'": (
+        lidar().replace('</ray>', NOISE.format('pink', 0.1))
+    ),
+    "ray/noise/stddev must be a number >= 0 and <= 1e+06, got '-1'": (
+        lidar().replace('</ray>', NOISE.format('gaussian', -1))
+    ),
+    "camera/image/width must be a number >= 1 and <= 4096, got '99999'": (
+        '<sensor type="camera" name="eye"><camera><image><width>99999</width></image></camera>'
+        '</sensor>'
+    ),
+    "'eye' has the type 'sonic', which is none of Gazebo": lidar(kind='sonic'),
+    "'' has the type '', which is none of Gazebo": '<sensor/>',
+}
+
+
+@pytest.mark.parametrize('words', BROKEN)
+def test_a_broken_sensor_is_left_out_with_one_line_and_the_others_stay(words):
+    (lidars, cameras), notes = read(BROKEN[words] + lidar(name='whole'))
+    assert [found.name for found in lidars] == ['whole']
+    assert not cameras
+    (note,) = notes
+    assert words in note
+    assert note.endswith(': left out')
+    assert '\n' not in note
+
+
+def test_limits_that_are_exchanged_are_taken_the_other_way_round_and_said():
+    ((found,), _), notes = read(scan(min_angle=2.27, max_angle=-2.27, min=30, max=0.1))
+    assert (found.min_angle, found.max_angle) == (-2.27, 2.27)
+    assert (found.min_range, found.max_range) == (0.1, 30.0)
+    assert notes == [
+        "sensor 'eye': scan/horizontal: min_angle and max_angle are exchanged (2.27, -2.27): "
+        'taken the other way round',
+        "sensor 'eye': range: min and max are exchanged (30, 0.1): taken the other way round",
+    ]
+
+
+def test_a_rate_of_zero_is_that_of_a_sensor_which_names_none():
+    ((found,), _), notes = read(scan(update_rate=0))
+    assert (found.rate, notes) == (10.0, [])
 
 
 def test_a_sensor_on_no_link_is_left_out_and_said_so():

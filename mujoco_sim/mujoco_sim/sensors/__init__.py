@@ -3,7 +3,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-import math
 import re
 from typing import Any, NamedTuple
 import xml.etree.ElementTree as ElementTree
@@ -11,16 +10,18 @@ import xml.etree.ElementTree as ElementTree
 import mujoco
 import numpy as np
 from robot_description.robot import Robot
-from wasd_core.errors import SimulationError
 from wasd_core.rotations import Pose
 from wasd_core.rotations import rpy_matrix
 
 from mujoco_sim.world import World
+from robot_description import sensor_tags
 
 # What noise is drawn with; None where sensors tell the truth.
 Random = np.random.Generator | None
 # What a message says, by the names of its fields; the header is the publisher's affair.
 Fields = dict[str, Any]
+# No sensor measures less often [Hz].
+SLOWEST = 0.001
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,42 +36,35 @@ class SensorTag:
 
 
 class TagReader:
-    """Reads one `<sensor>`: numbers with their bounds, names of topics and frames."""
+    """Reads one `<sensor>` that is not broken: numbers, names of topics and frames."""
 
     def __init__(self, tag: ElementTree.Element, link: str, notes: list[str]) -> None:
         """Take the tag, its link, and where to say what of it is not simulated."""
         self.tag = tag
+        self.kind = tag.get('type', '')
         self.notes = notes
         self.name = tag.get('name', '') or tag.get('type', '')
         self.link = link
 
-    def number(
-        self, paths: str, default: float, least: float = -math.inf, most: float = math.inf
-    ) -> float:
-        """Return the first of some elements (separated by spaces) as a number in its bounds."""
-        text = self._text(paths)
-        try:
-            value = default if text is None else float(text)
-        except ValueError:
-            value = math.nan
-        if not (math.isfinite(value) and least <= value <= most):
-            bounds = [f'>= {least:g}'] if math.isfinite(least) else []
-            bounds += [f'<= {most:g}'] if math.isfinite(most) else []
-            raise SimulationError(
-                f'sensor {self.name!r}: {paths.split()[0]} must be '
-                f'{" ".join(["a number", " and ".join(bounds)]).strip()}, got {text!r}'
-            )
-        return value
+    def number(self, tail: str, default: float) -> float:
+        """
+        Return a number by its path in sensor_tags.BOUNDS, or the default.
+
+        Raises:
+            ValueError: it is out of its bounds.
+        """
+        value = sensor_tags.number(self.kind, tail, self.tag.findtext)
+        return default if value is None else value
+
+    def pair(self, low: str, high: str, defaults: tuple[float, float]) -> tuple[float, float]:
+        """Return two numbers as `number` does, the lower one first whichever the tag has so."""
+        one, other = (self.number(t, d) for t, d in zip((low, high), defaults, strict=True))
+        return min(one, other), max(one, other)
 
     def _pose(self) -> Pose:
         """Return the sensor's own `<pose>` in its link; SDF writes it as x y z roll pitch yaw."""
-        text = self.tag.findtext('pose') or '0 0 0 0 0 0'
-        try:
-            x, y, z, roll, pitch, yaw = (float(word) for word in text.split())
-        except ValueError:
-            raise SimulationError(
-                f'sensor {self.name!r}: pose must be 6 numbers, got {text!r}'
-            ) from None
+        text = (self.tag.findtext('pose') or '').strip() or '0 0 0 0 0 0'
+        x, y, z, roll, pitch, yaw = (float(word) for word in text.split())
         return Pose(np.array([x, y, z]), rpy_matrix(roll, pitch, yaw))
 
     def word(self, *names: str) -> str:
@@ -98,12 +92,9 @@ class TagReader:
             'link': self.link,
             'pose': self._pose(),
             'frame': self.word(*frames) or self.link,
-            'rate': self.number('update_rate', rate, 0.001),
+            # 0 is Gazebo's word for a sensor that names none.
+            'rate': max(SLOWEST, self.number('update_rate', rate) or rate),
         }
-
-    def _text(self, paths: str) -> str | None:
-        texts = (self.tag.findtext(path) for path in paths.split())
-        return next((text for text in texts if text is not None), None)
 
 
 def legal_topic(topic: str) -> str:

@@ -14,6 +14,8 @@ import mujoco
 import numpy as np
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco import NO_RENDERER
+from robot_description.sensor_tags import COLOUR_TYPES
+from robot_description.sensor_tags import DEPTH_TYPES
 from wasd_core.errors import one_line
 from wasd_core.errors import SimulationError
 from wasd_core.rotations import Pose
@@ -25,13 +27,8 @@ from mujoco_sim.sensors import SensorTag
 from mujoco_sim.sensors import Site
 from mujoco_sim.sensors import TagReader
 from mujoco_sim.world import World
+from robot_description import sensor_tags
 
-# Words for one thing in Gazebo Classic and in its successor.
-COLOUR_TYPES = ('camera',)
-DEPTH_TYPES = ('depth', 'depth_camera')
-CAMERA_TYPES = (*COLOUR_TYPES, *DEPTH_TYPES, 'rgbd', 'rgbd_camera')
-# More pixels of an image's side than this are a typing error.
-LARGEST_IMAGE = 4096
 MOST_GEOMS = 10_000
 
 # The middles of 256 equally likely parts of a normal distribution: one for each random byte.
@@ -56,13 +53,8 @@ class CameraTag(SensorTag):
 
 
 def read_camera(reader: TagReader) -> CameraTag:
-    """
-    Return what a tag says of a camera.
-
-    Raises:
-        SimulationError: a value that cannot be; names the sensor.
-    """
-    kind = reader.tag.get('type', '')
+    """Return what a tag says of a camera."""
+    kind = reader.kind
     name = reader.word('cameraName', 'camera_name') or reader.name
     colour = reader.word('imageTopicName')
     if kind not in DEPTH_TYPES:
@@ -78,19 +70,19 @@ def read_camera(reader: TagReader) -> CameraTag:
         beside = image.rpartition('/')[0]
         return topic(reader.word(element) or f'{beside}/camera_info'.strip('/')) if image else ''
 
-    near = reader.number('camera/clip/near', 0.05, 0.001)
+    near, far = reader.pair(*sensor_tags.PAIRS[2], (0.05, 100.0))
     return CameraTag(
         **reader.common(30.0),
         colour_topic=topic(colour),
         colour_info_topic=info('cameraInfoTopicName', colour),
         depth_topic=topic(depth),
         depth_info_topic=info('depthImageCameraInfoTopicName', depth),
-        width=int(reader.number('camera/image/width', 640, 1, LARGEST_IMAGE)),
-        height=int(reader.number('camera/image/height', 480, 1, LARGEST_IMAGE)),
-        field_of_view=reader.number('camera/horizontal_fov', math.pi / 3.0, 0.01, 3.0),
+        width=int(reader.number('image/width', 640)),
+        height=int(reader.number('image/height', 480)),
+        field_of_view=reader.number('horizontal_fov', math.pi / 3.0),
         near=near,
-        far=reader.number('camera/clip/far', 100.0, 1.01 * near),
-        noise=reader.number('camera/noise/stddev noise/stddev', 0.0, 0.0),
+        far=max(far, 1.01 * near),
+        noise=reader.number('noise/stddev', 0.0),
     )
 
 

@@ -16,11 +16,7 @@ from mujoco_sim.sensors import Random
 from mujoco_sim.sensors import SensorTag
 from mujoco_sim.sensors import Site
 from mujoco_sim.sensors import TagReader
-
-# Words for one thing in Gazebo Classic and in its successor.
-LIDAR_TYPES = ('ray', 'gpu_ray', 'lidar', 'gpu_lidar')
-# More than this is a typing error.
-MOST_RAYS = 100_000
+from robot_description import sensor_tags
 
 # What is there to be looked at only is not there for a lidar: it sees the same without a viewer.
 SEEN_GROUPS = np.array([group != VISUAL_GROUP for group in range(mujoco.mjNGROUP)], dtype=np.uint8)
@@ -45,36 +41,23 @@ class LidarTag(SensorTag):
         return np.linspace(self.min_angle, self.max_angle, self.samples)
 
 
-def _ray(tail: str) -> str:
-    """Return where both Gazebos have something of a lidar."""
-    return f'ray/{tail} lidar/{tail}'
-
-
-def _scan(tail: str) -> str:
-    return _ray(f'scan/{tail}')
-
-
 def read_lidar(reader: TagReader) -> LidarTag:
-    """
-    Return what a tag says of a lidar.
-
-    Raises:
-        SimulationError: a value that cannot be; names the sensor.
-    """
-    if reader.number(_scan('vertical/samples'), 1) > 1:
+    """Return what a tag says of a lidar."""
+    if reader.number('scan/vertical/samples', 1) > 1:
         reader.notes.append(f'sensor {reader.name!r}: of its rows of rays, one is simulated')
-    low = reader.number(_scan('horizontal/min_angle'), -math.pi)
-    nearest = reader.number(_ray('range/min'), 0.0, 0.0)
+    angles, ranges = sensor_tags.PAIRS[:2]
+    low, high = reader.pair(*angles, (-math.pi, math.pi))
+    nearest, farthest = reader.pair(*ranges, (0.0, 10.0))
     return LidarTag(
         **reader.common(10.0),
         topic=legal_topic(reader.word('topicName', 'topic') or reader.remapped() or 'scan'),
-        samples=int(reader.number(_scan('horizontal/samples'), 360, 1, MOST_RAYS)),
+        samples=int(reader.number('scan/horizontal/samples', 360)),
         min_angle=low,
-        max_angle=reader.number(_scan('horizontal/max_angle'), math.pi, low),
+        max_angle=high,
         min_range=nearest,
-        max_range=reader.number(_ray('range/max'), 10.0, nearest),
-        resolution=reader.number(_ray('range/resolution'), 0.0, 0.0),
-        noise=reader.number(f'{_ray("noise/stddev")} noise/stddev', 0.0, 0.0),
+        max_range=farthest,
+        resolution=reader.number('range/resolution', 0.0),
+        noise=reader.number('noise/stddev', 0.0),
     )
 
 

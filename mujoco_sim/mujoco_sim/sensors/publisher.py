@@ -43,12 +43,7 @@ class SensorPublisher:
     def __init__(
         self, node: Node, loaded: Description, world: World, settings: SimulatorParameters
     ) -> None:
-        """
-        Find the sensors in the robot's description; nothing is rendered yet.
-
-        Raises:
-            SimulationError: a sensor that cannot be, in one line.
-        """
+        """Find the sensors in the robot's description; nothing is rendered yet."""
         self._world = world
         self._noise = settings.sensor_noise
         found = read_sensor_tags(loaded.robot)

@@ -6,6 +6,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 from robot_description.robot import Robot
+from robot_description.sensor_tags import CAMERA_TYPES
+from robot_description.sensor_tags import LIDAR_TYPES
 
 from mujoco_sim.sensors import Fields
 from mujoco_sim.sensors import legal_topic
@@ -14,11 +16,10 @@ from mujoco_sim.sensors import SensorTag
 from mujoco_sim.sensors import Site
 from mujoco_sim.sensors import TagReader
 from mujoco_sim.sensors.camera import Camera
-from mujoco_sim.sensors.camera import CAMERA_TYPES
 from mujoco_sim.sensors.camera import read_camera
 from mujoco_sim.sensors.lidar import Lidar
-from mujoco_sim.sensors.lidar import LIDAR_TYPES
 from mujoco_sim.sensors.lidar import read_lidar
+from robot_description import sensor_tags
 
 
 class Sensor(Protocol):
@@ -67,28 +68,39 @@ def read_sensor_tags(robot: Robot) -> SensorTags:
     """
     Return the sensors of a robot; those of kinds that have no row are left to others.
 
-    Topics are relative, so that a namespace prefixes them; what ROS does not allow in a name
-    becomes `_`. Where two sensors would publish one topic, both get their sensor's name before it.
-
-    Raises:
-        SimulationError: a value that cannot be; names the sensor.
+    A sensor whose tag is broken is left out, which a note says. Topics are relative, so that a
+    namespace prefixes them; what ROS does not allow in a name becomes `_`. Where two sensors would
+    publish one topic, both get their sensor's name before it.
     """
     found = SensorTags([[] for _ in SENSORS], [])
     for gazebo in robot.gazebo:
         link = gazebo.get('reference', '')
         for tag in gazebo.findall('sensor'):
             reader = TagReader(tag, link, found.notes)
+            why = _why_left_out(reader, robot)
+            if why:
+                found.notes.append(f'sensor {reader.name!r} {why}: left out')
+                continue
             for kind, tags in zip(SENSORS, found.kinds, strict=True):
-                if tag.get('type', '') not in kind.types:
-                    continue
-                if link in robot.links:
+                if reader.kind in kind.types:
                     tags.append(kind.read(reader))
-                else:
-                    found.notes.append(
-                        f'sensor {reader.name!r} is on {link!r}, which is no link: left out'
-                    )
     pairs = zip(found.kinds, SENSORS, strict=True)
     return found._replace(kinds=[_separate(tags, kind.topics) for tags, kind in pairs])
+
+
+def _why_left_out(reader: TagReader, robot: Robot) -> str:
+    """Return why a sensor is not simulated, in words after its name; says what is exchanged."""
+    if not any(reader.kind in kind.types for kind in SENSORS):
+        is_known = reader.kind in sensor_tags.OTHER_TYPES
+        return '' if is_known else f'has the type {reader.kind!r}, which is none of Gazebo'
+    if reader.link not in robot.links:
+        return f'is on {reader.link!r}, which is no link'
+    find = reader.tag.findtext
+    if wrong := sensor_tags.why_broken(reader.kind, find):
+        return f'is broken, {wrong}'
+    for line in sensor_tags.exchanged(reader.kind, find):
+        reader.notes.append(f'sensor {reader.name!r}: {line}: taken the other way round')
+    return ''
 
 
 def has_camera(robot: Robot) -> bool:

@@ -10,6 +10,7 @@ from wasd_core.safe_files import LocatedError
 from wasd_core.safe_files import Place
 
 from robot_description.lint import geometry
+from robot_description.lint import sensors
 from robot_description.lint import structure
 from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
@@ -47,6 +48,7 @@ CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     geometry.check_sides,
     geometry.check_wheels,
     geometry.check_footprint,
+    sensors.check_sensors,
 )
 # The cure where a mesh lies in a package that happens to be installed here.
 COPY = "copy the file to where the path says, in the description's own package"

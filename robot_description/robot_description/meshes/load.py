@@ -270,9 +270,10 @@ def _read_collada(path: Path) -> tuple[np.ndarray, np.ndarray]:
     import collada
 
     ignored = [collada.common.DaeError]
-    document = collada.Collada(str(path), ignore=ignored)
+    data = _without_remarks(path.read_bytes())
+    document = collada.Collada(io.BytesIO(data), ignore=ignored)
     if document.errors:  # of materials mostly, with which pycollada drops what they are on
-        document = collada.Collada(io.BytesIO(_without_materials(path)), ignore=ignored)
+        document = collada.Collada(io.BytesIO(_without_materials(data)), ignore=ignored)
     if document.scene is None:
         raise ValueError('no scene in it')
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
@@ -283,13 +284,24 @@ def _read_collada(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(vertices) @ _to_metres_z_up(document.assetInfo).T, np.concatenate(faces)
 
 
-def _without_materials(path: Path) -> bytes:
-    tree = ElementTree.parse(path)
-    for parent in list(tree.iter()):
+def _without_remarks(data: bytes) -> bytes:
+    """
+    Return XML without comments and processing instructions, which may stand anywhere.
+
+    To pycollada they are elements among the others, and numbers end where one begins.
+    """
+    if b'<!--' not in data and data.count(b'<?') <= data.lstrip().startswith(b'<?xml'):
+        return data
+    return ElementTree.tostring(ElementTree.fromstring(data))
+
+
+def _without_materials(data: bytes) -> bytes:
+    root = ElementTree.fromstring(data)
+    for parent in list(root.iter()):
         for child in list(parent):
             if child.tag.rpartition('}')[2] in MATERIALS:
                 parent.remove(child)
-    return ElementTree.tostring(tree.getroot())
+    return ElementTree.tostring(root)
 
 
 def _parts(scene: Any) -> Iterator[tuple[np.ndarray, np.ndarray]]:

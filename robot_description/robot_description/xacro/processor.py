@@ -16,6 +16,7 @@ import sys
 from types import SimpleNamespace
 from typing import Any
 from xml.dom import minidom
+from xml.dom import Node
 
 from wasd_core.errors import DescriptionError
 from wasd_core.errors import PackageNotFound
@@ -51,6 +52,7 @@ def describe_document(document: minidom.Document, file: Path) -> dict[str, Any]:
     nodes: list[list[Any]] = []
     waiting: list[tuple[Any, int]] = [(document.documentElement, -1)]
     for node, parent in waiting:  # which grows meanwhile
+        _join_text(node)
         # <xacro:attribute> leaves numbers.
         attributes = {name: str(value) for name, value in node.attributes.items()}
         for name, value in attributes.items():
@@ -71,6 +73,18 @@ def describe_document(document: minidom.Document, file: Path) -> dict[str, Any]:
             Place(file, 1), f'it expands to what is wrong: {error.reason}'
         ) from None
     return {'urdf': urdf, 'nodes': nodes}
+
+
+def _join_text(element: Any) -> None:
+    """Take remarks out of an element's text, which they would divide; others stay."""
+    remarks = (Node.COMMENT_NODE, Node.PROCESSING_INSTRUCTION_NODE)
+    texts = (child.data for child in element.childNodes if child.nodeType == Node.TEXT_NODE)
+    if not any(text.strip() for text in texts):
+        return
+    for child in list(element.childNodes):
+        if child.nodeType in remarks:
+            element.removeChild(child)
+    element.normalize()
 
 
 def listed(place: Place | None) -> list[Any] | None:
