@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
+from robot_description.morphology.kinds import name_kind
 from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.morphology.wheels import Drive
 from robot_description.morphology.wheels import find_drive
@@ -87,10 +88,14 @@ def find_pair(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
             known = ', '.join(joint.name for joint in robot.movable_joints)
             raise DiffDriveError(f'{robot.name!r} has no joint {name!r}; it has {known}')
     drive = find_drive(robot, choice)
-    if not drive.wheels:
-        cure = '' if choice.names else f'; {CURE}'
-        raise DiffDriveError(f'{robot.name!r} {drive.why_not()}{cure}')
-    return drive
+    if drive.wheels:
+        return drive
+    if choice.names:
+        raise DiffDriveError(f'{robot.name!r} {drive.why_not()}')
+    what, cure = name_kind(robot, drive)
+    if what:
+        raise DiffDriveError(f'{robot.name!r} is {what}; {cure}')
+    raise DiffDriveError(f'{robot.name!r} {drive.why_not()}; {CURE}')
 
 
 def geometry_of(drive: Drive) -> DiffDriveGeometry:

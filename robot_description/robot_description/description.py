@@ -17,6 +17,8 @@ from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.morphology.equip_wheels import equip_drive
 from robot_description.morphology.equip_wheels import hanging
+from robot_description.morphology.kinds import Kind
+from robot_description.morphology.kinds import name_kind
 from robot_description.morphology.quadruped import equip_legs
 from robot_description.morphology.quadruped import find_quadruped
 from robot_description.morphology.quadruped import NotAQuadruped
@@ -70,7 +72,7 @@ class Description:
         """
         if isinstance(self._quadruped, NotAQuadruped):
             # A new one: what is raised holds on to its callers, and this is kept.
-            raise NotAQuadruped(str(self._quadruped), self._quadruped.limbs)
+            raise NotAQuadruped(f'{self._is_instead}{self._quadruped}', self._quadruped.limbs)
         return self._quadruped
 
     @property
@@ -91,6 +93,17 @@ class Description:
         if isinstance(self._quadruped, Quadruped):
             return QUADRUPED
         return DIFF_DRIVE if self.drive.wheels else OTHER
+
+    @cached_property
+    def nature(self) -> Kind:
+        """What the robot is in words, and what to do with it."""
+        return name_kind(self.robot, self.drive)
+
+    @property
+    def _is_instead(self) -> str:
+        """What the robot is in place of a quadruped, as the beginning of a refusal."""
+        what, cure = self.nature
+        return f'{self.robot.name!r} is {what}: {cure}; ' if what else ''
 
     @cached_property
     def drive(self) -> Drive:

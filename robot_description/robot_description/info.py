@@ -45,6 +45,7 @@ def info_record(description: Description) -> dict[str, Any]:
         'path': str(description.path),
         'name': robot.name,
         'kind': description.kind,
+        'what': description.nature.what,
         'root': robot.root,
         'floating': not robot.is_fixed,
         'mass': robot.mass,
@@ -159,6 +160,8 @@ def _why(info: Description) -> Iterator[str]:
         yield f'driven wheels (left, right): {wheels}; track {drive.track:g} m'
         yield from drive.notes
     elif info.kind == OTHER:
+        if info.nature.what:
+            yield f'it is {info.nature.what}; {info.nature.cure}'
         yield f'no wheels to drive: it {drive.why_not()}'
         if info.why_no_quadruped is not None:
             yield f'no legs to walk on: {info.why_no_quadruped}'

@@ -241,4 +241,4 @@ def test_a_quadruped_of_example_robot_data_walks(
 
 @each(*(row for row in ROWS if row.drives))
 def test_it_goes_where_it_is_sent(row: Row, loaded: dict[str, Any]) -> None:
-    DRIVES[row.kind](loaded.pop(repr(row), None) or row.load())
+    DRIVES.get(row.kind, drive_wheels)(loaded.pop(repr(row), None) or row.load())

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command law, and its way through a message."""
 
+from pathlib import Path
+
 from builtin_interfaces.msg import Time
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
+from robot_description.description import load_robot
 from trajectory_msgs.msg import JointTrajectory
 from trajectory_msgs.msg import JointTrajectoryPoint
 from wasd_core.errors import InvalidMessage
@@ -13,6 +16,7 @@ from wasd_core.messages import to_joint_commands
 from wasd_core.robot_io import JointCommand
 
 LIMIT = 2.0
+CATALOGUE = Path(__file__).parents[1] / 'catalogue'
 NAMES = ('left_wheel_joint', 'right_wheel_joint')
 COMMAND = JointCommand(
     position=np.array([0.3, -0.2]),
@@ -138,3 +142,15 @@ def test_a_list_that_is_too_short_is_named():
     message.points[1].velocities = [0.1]
     with pytest.raises(InvalidMessage, match='2 joints but a list of 1 values'):
         from_joint_commands(message, NAMES)
+
+
+@pytest.mark.slow
+def test_joints_of_a_robot_that_nobody_drives_follow_commands():
+    arm = load_robot(str(CATALOGUE / 'legs/arm_alone.xacro'))
+    world = build_world(arm)
+    count = len(world.motor_names)
+    angles, still = np.full(count, 0.2), np.zeros(count)
+    world.apply(JointCommand(angles, still, still, np.full(count, 100.0), np.full(count, 2.0)))
+    world.step(1500)
+    assert count == 5
+    np.testing.assert_allclose(world.joints().position, angles, atol=0.05)

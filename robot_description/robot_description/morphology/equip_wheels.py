@@ -30,9 +30,9 @@ from wasd_core.rotations import Origin
 from wasd_core.rotations import rpy_from_matrix
 
 from robot_description.meshes.load import mesh_points
-from robot_description.morphology.wheels import carried
+from robot_description.morphology.tyre import carried
+from robot_description.morphology.tyre import Tyre
 from robot_description.morphology.wheels import Drive
-from robot_description.morphology.wheels import Tyre
 from robot_description.robot import Joint
 from robot_description.robot import Link
 from robot_description.robot import Robot
@@ -172,10 +172,12 @@ def equip_drive(robot: Robot, drive: Drive) -> Robot:
         friction = dict.fromkeys(parts, said[0] if said else TYRE_FRICTION) | friction
         if not wheel.tyre.is_exact:
             links[joint.child] = _with_tyre(links[joint.child], joint.axis, wheel.tyre)
+    idle = {link.name for joint in drive.idle for link, _ in carried(robot, joint.child)}
+    friction = {name: mu for name, mu in friction.items() if name not in idle}
     robot = replace(robot, joints=joints, links=links, friction=friction)
     floor = min(float(wheel.position[2]) - wheel.radius for wheel in drive.wheels)
-    low = [link for link in links if lowest_point(robot, link) <= floor + FLOOR_GAP]
-    casters = frozenset(link for link in low if link not in friction)
+    low = {link for link in links if lowest_point(robot, link) <= floor + FLOOR_GAP}
+    casters = frozenset(link for link in low | idle if link not in friction)
     friction |= dict.fromkeys(casters, 0.0)
     return replace(robot, casters=casters)
 

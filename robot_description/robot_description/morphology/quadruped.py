@@ -134,7 +134,8 @@ def find_quadruped(robot: Robot) -> Quadruped:
         legs = [leg for leg in legs if any(_is_mirrored(leg, other) for other in legs)]
     if len(legs) != 4:
         called = _call(robot, groups, limbs)
-        found = f'{called}found {_describe(limbs, why, robot.base)}'
+        rolling = [limb for limb in limbs if has_wheel(robot, groups, limb)]
+        found = f'{called}found {_describe(limbs, why, rolling, robot.base)}'
         raise NotAQuadruped(f'{WANTED}; {found}', why)
     used = {leg.joints[0].name for leg in legs}
     others = [limb for limb in limbs if limb[0].name not in used]
@@ -195,11 +196,15 @@ def _limbs(robot: Robot, groups: dict[str, tuple[str, ...]]) -> list[list[Joint]
     return [subtree(joint) for joint in below(groups[robot.base])]
 
 
-def _describe(limbs: list[list[Joint]], why: Mapping[str, str], base: str) -> str:
+def _describe(
+    limbs: list[list[Joint]], why: Mapping[str, str], rolling: list[list[Joint]], base: str
+) -> str:
     if not limbs:
         return f'no movable joint on {base}'
     shown = ', '.join(
-        f'{limb[0].name} ({len(limb)} joint{"s" if len(limb) > 1 else ""})'
+        f'{limb[0].name} ({_joints(len(limb) - 1)} and a wheel)'
+        if limb in rolling
+        else f'{limb[0].name} ({_joints(len(limb))})'
         for limb in limbs[:LISTED]
     )
     more = f' and {len(limbs) - LISTED} more' if len(limbs) > LISTED else ''
@@ -210,6 +215,10 @@ def _describe(limbs: list[list[Joint]], why: Mapping[str, str], base: str) -> st
         if why[limb[0].name]:
             return f'{text}; {limb[0].name} is no leg: {why[limb[0].name]}'
     return text
+
+
+def _joints(count: int) -> str:
+    return f'{count} joint{"s" if count > 1 else ""}'
 
 
 def poses_in_base(robot: Robot) -> dict[str, Pose]:

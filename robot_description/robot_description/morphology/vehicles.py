@@ -1,56 +1,55 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What else drives on wheels, by its shape and its names: cars, mecanum, tracks, skid-steers."""
+"""What else drives on wheels, by its shape, and by its names where shape says nothing."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import math
 from pathlib import PurePosixPath
 
 import numpy as np
 
 from robot_description.morphology import words
+from robot_description.morphology.rollers import CASTER_WORDS
+from robot_description.morphology.rollers import is_on_leg
+from robot_description.morphology.rollers import Roller
+from robot_description.morphology.rollers import steered_by
+from robot_description.morphology.rollers import turned_by
 from robot_description.robot import Joint
 from robot_description.robot import Robot
 
-# An axis that is upright within this [rad] steers or swivels.
-UPRIGHT = math.radians(30.0)
 # Axes of wheels that stand in each other's way by more than this [rad] are those of an omni base.
 CROSSED = math.radians(15.0)
+# Wheels that bear a robot alike differ by no more than this share of the largest radius.
+ALIKE = 0.3
 WHEEL_WORDS = {'wheel', 'wheels', 'tire', 'tyre', 'tires', 'tyres'}
-CASTER_WORDS = {'caster', 'castor', 'casters', 'castors', 'swivel'}
-STEER_WORDS = {'steer', 'steering', 'steered', 'ackermann', 'ackerman'}
 ROLLER_WORDS = {'mecanum', 'omni', 'omniwheel', 'swedish', 'roller', 'rollers'}
 TRACK_WORDS = {'track', 'tracks', 'crawler', 'crawlers', 'caterpillar'}
 # A vehicle with so many wheels on a side has them in tracks; a name says so of so many parts.
 TRACK_WHEELS = 4
 FEWEST_ROLLERS, FEWEST_TRACKS = 3, 2
-# A joint with less room than this [rad] steers; a caster swivels all around.
-STEERING_RANGE = 6.0
+# So many wheels that all swivel are steered: casters bear what others drive.
+FEWEST_SWIVELS = 3
+# A wheel of fewer small ones on its rim has decoration.
+FEWEST_BEADS = 4
 
 Place = tuple[Joint, np.ndarray]
 
 
-def is_upright(robot: Robot, joint: Joint) -> bool:
-    """Whether a joint turns about an axis that is upright where the robot rests."""
-    axis = robot.rest_poses[joint.child].rotation @ joint.axis
-    return joint.kind != 'prismatic' and abs(float(axis[2])) > math.cos(UPRIGHT)
-
-
-def other_vehicle(robot: Robot, wheels: Sequence[Place]) -> str:
+def other_vehicle(robot: Robot, wheels: Sequence[Place], rollers: Sequence[Roller]) -> str:
     """
     Return what a robot is that two driven wheels do not make, in words after `is`; else nothing.
 
-    `wheels` are the joints of those that the base holds, with the wheels' places in the root [m].
+    `wheels` are the joints of those that the base holds, with the wheels' places in the root [m];
+    `rollers` are all that it rolls on.
     """
-    above = _above_wheels(robot)
-    for joint in robot.movable_joints:
-        if joint.child in above and _steers(robot, joint):
-            return f'a car (Ackermann: {joint.name} steers a wheel)'
-    rollers = _named(robot, ROLLER_WORDS, WHEEL_WORDS)
-    if len(rollers) >= FEWEST_ROLLERS:
-        return f'a mecanum or omni base ({", ".join(rollers)})'
-    crossed = _crossed(robot)
-    if crossed:
-        return f'a mecanum or omni base ({crossed})'
+    steered = _steered(robot, rollers)
+    if steered:
+        return steered
+    rim = next(_rolling_rims(rollers), '') or _crossed(rollers)
+    if rim:
+        return f'a mecanum or omni base ({rim})'
+    named = _named(robot, ROLLER_WORDS, WHEEL_WORDS) or _slanted(robot, rollers)
+    if len(named) >= FEWEST_ROLLERS:
+        return f'a mecanum or omni base ({", ".join(named)})'
     tracks = _named(robot, TRACK_WORDS, TRACK_WORDS)
     if len(tracks) >= FEWEST_TRACKS:
         return f'a tracked vehicle ({", ".join(tracks)})'
@@ -58,22 +57,32 @@ def other_vehicle(robot: Robot, wheels: Sequence[Place]) -> str:
     return f'a tracked vehicle ({left} wheels on the left)' if left >= TRACK_WHEELS else ''
 
 
-def _steers(robot: Robot, joint: Joint) -> bool:
-    """Whether a joint steers what it carries: about an upright axis, by its name or its limits."""
-    said = {*words(joint.name), *words(joint.child)}
-    if said & CASTER_WORDS or not is_upright(robot, joint):
-        return False
-    return bool(said & STEER_WORDS) or joint.upper - joint.lower < STEERING_RANGE
+def _steered(robot: Robot, rollers: Sequence[Roller]) -> str:
+    """Return what a robot is that steers wheels: one of them, some, or all; else nothing."""
+    rollers = [roller for roller in rollers if not is_on_leg(roller, robot)]
+    by = {each.joint.name: steered_by(each, rollers, robot) for each in rollers}
+    steering = list(dict.fromkeys(joint.name for joint in by.values() if joint is not None))
+    held = [each for each in rollers if turned_by(each, robot) is None]
+    if len(rollers) >= FEWEST_SWIVELS and not held:
+        turned = [turned_by(each, robot) for each in rollers]
+        names = dict.fromkeys(joint.name for joint in turned if joint is not None)
+        if len(names) >= FEWEST_SWIVELS:
+            return f'a base that steers all its wheels ({", ".join(names)})'
+    if not steering:
+        return ''
+    steers = f'{steering[0]} steers'
+    if len(steering) > 1:
+        return f'a car (Ackermann: {steers} a wheel)'
+    return f'a {"tricycle" if len(held) > 1 else "bicycle"} ({steers} its wheel)'
 
 
-def _above_wheels(robot: Robot) -> set[str]:
-    """Return the links that are called wheels, and those that carry one."""
-    found: set[str] = set()
-    for link in reversed(robot.links_from_root[1:]):
-        joint = robot.parent_joints[link]
-        if link in found or WHEEL_WORDS & {*words(joint.name), *words(link)}:
-            found |= {link, joint.parent}
-    return found
+def _rolling_rims(rollers: Sequence[Roller]) -> Iterator[str]:
+    """Yield which wheels have small ones on their rims, and how these lie."""
+    for roller in rollers:
+        if len(roller.beads) >= FEWEST_BEADS:
+            angles = [math.acos(min(1.0, abs(float(roller.axis @ axis)))) for axis in roller.beads]
+            angle = math.degrees(float(np.median(angles)))
+            yield f'{roller.joint.name} has {len(angles)} rollers at {angle:.3g} degrees'
 
 
 def _named(robot: Robot, wanted: set[str], also: set[str]) -> list[str]:
@@ -88,22 +97,38 @@ def _named(robot: Robot, wanted: set[str], also: set[str]) -> list[str]:
     return found
 
 
-def _crossed(robot: Robot) -> str:
+def _slanted(robot: Robot, rollers: Sequence[Roller]) -> list[str]:
+    """Return the wheels that Gazebo lets slide aslant, `<fdir1>`, as mecanum ones are made of."""
+    aslant = set()
+    for tag in robot.gazebo:
+        text = (tag.findtext('fdir1') or '').split()
+        try:
+            x, y, _ = (abs(float(word)) for word in text)
+        except ValueError:
+            continue
+        if min(x, y) > math.sin(CROSSED) * math.hypot(x, y):
+            aslant.add(tag.get('reference'))
+    return [each.joint.name for each in rollers if each.joint.child in aslant]
+
+
+def _crossed(rollers: Sequence[Roller]) -> str:
     """Return which two wheels of three or more roll across each other, if any do."""
-    axes = {
-        joint.name: robot.rest_poses[joint.child].rotation @ joint.axis
-        for joint in robot.movable_joints
-        if joint.kind == 'continuous'
-        and {*words(joint.name), *words(joint.child)} & WHEEL_WORDS
-        and not {*words(joint.name), *words(joint.child)} & CASTER_WORDS
-        and robot.carriers[joint.parent] == robot.root
-    }
-    level = {name: axis for name, axis in axes.items() if abs(axis[2]) < math.sin(UPRIGHT)}
-    if len(level) < FEWEST_ROLLERS:
+    largest = max((roller.radius for roller in rollers), default=0.0)
+    bearing = [
+        roller
+        for roller in rollers
+        if not any(joint.kind != 'prismatic' for joint in roller.above)
+        and roller.radius >= (1.0 - ALIKE) * largest
+        and not {*words(roller.joint.name), *words(roller.joint.child)} & CASTER_WORDS
+    ]
+    if len(bearing) < FEWEST_ROLLERS:
         return ''
-    (first, axis), *others = level.items()
-    for name, other in others:
-        angle = math.acos(min(1.0, abs(float(axis @ other))))
+    first, *others = bearing
+    for other in others:
+        angle = math.acos(min(1.0, abs(float(first.axis @ other.axis))))
         if angle > CROSSED:
-            return f'{first} and {name} turn about axes {math.degrees(angle):.3g} degrees apart'
+            return (
+                f'{first.joint.name} and {other.joint.name} turn about axes '
+                f'{math.degrees(angle):.3g} degrees apart'
+            )
     return ''
