@@ -253,12 +253,13 @@ REFUSED: list[tuple[Callable[[], str], str]] = [
      'a robot with 6 legs is none: found 6 limbs on body'),
     (lambda: dog(extra=''.join(joint(f'{name}_w', f'{name}_3', f'{name}_wheel', '0 0 -0.3',
                                      '0 1 0', kind='continuous') for name in HIPS)),
-     'wheels at its feet (FL_w, FR_w, RL_w, RR_w) is none: found 4 limbs on body: FL_a (3 joints and a wheel)'),
+     'wheels at its feet (FL_w, FR_w, RL_w, RR_w) is none: found 4 limbs on body: '
+     'FL_a (3 joints and a wheel)'),
     (lambda: dog().replace('<axis', '<mimic joint="FL_b"/><axis', 1),
      'found 4 limbs on body: FL_a (3 joints), FR_a (3 joints), RL_a (3 joints), RR_a (3 joints); '
      'FL_a is no leg: FL_a mimics FL_b: a linkage, not a joint of its own'),
     (lambda: dog(extra=joint('rod', 'FL_1', 'FL_rod', '0 0 0', '0 1 0')),
-     'found 4 limbs on body: FL_a (3 joints and a wheel) joints)'),
+     'found 4 limbs on body: FL_a (4 joints)'),
     (lambda: dog(''.join(leg(name, *HIPS[name]) for name in ('FL', 'FR')), extra=joint(
         'spine', 'body', 'rump', '-0.2 0 0', '0 0 1') + ''.join(
         leg(name, 0.0, HIPS[name][1]).replace('"body"', '"rump"') for name in ('RL', 'RR'))),
