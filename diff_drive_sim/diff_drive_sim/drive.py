@@ -13,6 +13,7 @@ from diff_drive_sim.arbotix import LegacyController
 from diff_drive_sim.arbotix import setpoints_of
 from diff_drive_sim.controller import DiffDriveController
 from diff_drive_sim.controller import MAXIMUM_STEP
+from diff_drive_sim.controller import Velocity
 from diff_drive_sim.odometry import DiffDriveGeometry
 from diff_drive_sim.odometry import find_pair
 from diff_drive_sim.odometry import geometry_of
@@ -21,6 +22,7 @@ from diff_drive_sim.odometry import Pair
 from diff_drive_sim.odometry import WheelOdometry
 from diff_drive_sim.parameters import DiffDriveParameters
 from diff_drive_sim.parameters import WheelParameters
+from diff_drive_sim.shortfall import Shortfall
 from diff_drive_sim.wheel_loop import count_ticks
 from diff_drive_sim.wheel_loop import Gains
 from diff_drive_sim.wheel_loop import is_gap
@@ -121,7 +123,8 @@ class DiffDrive:
         self.notes = (*notes, *self._weaknesses(parameters, geometry))
         # Whoever wants to hear what is worth a line while it drives puts a function here.
         self.say: Callable[[str], None] = lambda _: None
-        self._has_said = False
+        self._has_said = self._has_said_short = False
+        self._shortfall = Shortfall(0.5 * geometry.wheel_separation)
         # Ticks belong to the wheel that is there, whatever radius it is believed to have.
         self._scale = parameters.ticks_meter * described.wheel_radius
         self.controller, self._drive = self._make_loops(geometry, parameters, delay)
@@ -169,6 +172,23 @@ class DiffDrive:
         self.controller.reset()
         self._drive.reset()
         self.fake.reset()
+        self._shortfall.reset()
+
+    def watch(self, ahead: float, turn: float, dt: float) -> None:
+        """
+        Look how fast the robot really is [m/s], [rad/s], `dt` [s] after the last look.
+
+        Says once that it falls short of a steady command.
+        """
+        if self._has_said_short:
+            return
+        controller = self.controller
+        wheels = Velocity(*controller.geometry.displacement(*self.wheel_velocities))
+        velocity = Velocity(*controller.velocity)
+        line = self._shortfall.step(velocity, wheels, Velocity(ahead, turn), dt)
+        if line:
+            self._has_said_short = True
+            self.say(line)
 
     def step(self, left: float, right: float, dt: float, late: float = 0.0) -> tuple[float, float]:
         """

@@ -11,6 +11,7 @@ A folder holds descriptions of one sort and `expected.yaml`, a row for each:
     info       all of these are in what `describe info` prints
     lint       all of these are in what `describe lint` prints
     drives     true: it goes where it is sent, by its own controller, in the real physics
+    falls_short  it is slower than it is told, and says so once, in these words, with the share
     command    `go2` or `mbot`, where it is another than its kind's (its folder's, without one)
     arguments  of xacro
     controller YAML of the controller, beside the table
@@ -21,6 +22,7 @@ from dataclasses import dataclass
 from dataclasses import field
 import math
 from pathlib import Path
+import re
 from typing import Any
 
 from mujoco_sim.world import build_world
@@ -54,6 +56,7 @@ class Row:
     info: tuple[str, ...] = ()
     lint: tuple[str, ...] = ()
     drives: bool = False
+    falls_short: str = ''
     command: str = ''
     arguments: dict[str, str] = field(default_factory=dict)
     controller: str = ''
@@ -173,6 +176,40 @@ def drive_wheels(robot: Any) -> None:
     robot.run(REST)
     yaws.append(yaw_of(robot))
     assert float(np.unwrap(yaws)[-1]) - yaws[0] == pytest.approx(TURN, rel=OFF)
+
+
+# What a robot is told that falls short [m/s]; the share that it says may be off by so much.
+STEADY, OFF_SHARE = 0.25, 0.05
+
+
+@each(*(row for row in ROWS if row.falls_short))
+def test_it_says_once_by_how_much_it_falls_short(
+    row: Row, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = row.load()
+    robot.run(REST)
+    robot.drive(STEADY)
+    speeds = []
+    for _ in range(100):
+        robot.run(0.1)
+        speeds.append(float(robot.truth.planar_velocity[0]))
+    said = re.findall(f'{row.falls_short}.*: (-?\\d+) % of the speed asked for', caplog.text)
+    assert len(said) == 1
+    # It is measured in the second second, after a ramp of less than one.
+    shares = [np.mean(speeds[start : start + 10]) / STEADY for start in range(10, 20)]
+    assert min(shares) - OFF_SHARE <= int(said[0]) / 100.0 <= max(shares) + OFF_SHARE
+
+
+@each(*(row for row in ROWS if row.drives and row.kind == 'diff-drive'))
+def test_it_says_nothing_of_speed_where_it_goes_where_it_is_sent(
+    row: Row, caplog: pytest.LogCaptureFixture
+) -> None:
+    robot = row.load()
+    robot.drive(SPEED)
+    robot.run(4.0)
+    robot.drive(0.0, RATE)
+    robot.run(4.0)
+    assert 'of the speed asked for' not in caplog.text
 
 
 # What a quadruped is told [m/s], [m/s], [rad/s], and how far off it may be, as a share.

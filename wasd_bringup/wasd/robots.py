@@ -363,6 +363,8 @@ class Mbot(Robot):
         self._unit.controller.command(*self._velocity)
         left, right = self._world.joints().position[self._wheels].tolist()
         speeds = self._unit.step(left, right, self._period)
+        ahead, _, turn = self.truth.planar_velocity.tolist()
+        self._unit.watch(ahead, turn, self._period)
         command = np.zeros((len(JointCommand._fields), len(self._world.motor_names)))
         command[1, self._motors] = speeds
         command[4, self._motors] = self._unit.motor.damping

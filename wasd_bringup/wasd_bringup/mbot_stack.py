@@ -196,6 +196,8 @@ class MbotStack(ControlStack):
             for row, part in zip(self._command, command, strict=True):
                 row[self._motors] = part
             self._world.apply(JointCommand(*self._command))
+            ahead, _, turn = self._world.base().planar_velocity.tolist()
+            self._driver.unit.watch(ahead, turn, self.period)
 
     def _drive_fake(self) -> None:
         """Let the robot of arithmetic drive, and show it in the world."""

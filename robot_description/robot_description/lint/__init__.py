@@ -2,6 +2,7 @@
 """Says what is wrong with a description, where, and how to cure it."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -132,7 +133,7 @@ def _in_order(found: list[Finding]) -> list[Finding]:
 
 
 def _check_meshes(model: Model, robot: Robot, sources: Mapping[Path, bytes]) -> Iterator[Finding]:
-    """Every mesh is where its path says, on other machines, too, and can be used."""
+    """Every mesh is where its path says, on other machines, too, and can be used; wheels roll."""
     try:
         report = open_meshes(robot, resolve_meshes(robot, model.path, model.search))
     except DescriptionError as error:
@@ -158,6 +159,9 @@ def _check_meshes(model: Model, robot: Robot, sources: Mapping[Path, bytes]) -> 
         if record.is_exact and record.better is not None and is_written:
             text = f'mesh {record.url!r} is an absolute path: other machines do not have it'
             yield finding('wrong-mesh-path', _place(model, record), text, f'write {record.better}')
+    yield from islice(
+        geometry.check_balance(model, replace(robot, mesh_files=report.files)), MOST_FINDINGS
+    )
 
 
 def _place(model: Model, record: MeshRecord) -> Place:

@@ -17,6 +17,10 @@ from robot_description.morphology import OPPOSITE
 from robot_description.morphology import part
 from robot_description.morphology import sides
 from robot_description.morphology import words
+from robot_description.morphology.rollers import find_rollers
+from robot_description.morphology.rollers import is_on_leg
+from robot_description.morphology.tyre import imbalance
+from robot_description.morphology.tyre import is_unbalanced
 from robot_description.robot import Robot
 from robot_description.urdf import INERTIA_COMPONENTS
 
@@ -92,6 +96,17 @@ def check_massless(model: Model, robot: Robot) -> Iterator[Finding]:
         else:
             text = f'link {name!r} moves by {model.joint_above[name].name!r} and has no mass'
             yield finding('no-mass', link.place, text)
+
+
+def check_balance(model: Model, robot: Robot) -> Iterator[Finding]:
+    """The centre of mass of a wheel is on its axle."""
+    for roller in find_rollers(robot):
+        is_known = roller.is_measured and not is_on_leg(roller, robot)
+        if is_known and is_unbalanced(robot, roller.joint, roller.radius):
+            link = model.links[roller.joint.child]
+            off = imbalance(robot, roller.joint)
+            text = f'the centre of mass of {link.name!r} is {off:.3g} m off its axle'
+            yield finding('unbalanced-wheel', (link.find('inertial') or link).place, text)
 
 
 def check_masses(model: Model) -> Iterator[Finding]:

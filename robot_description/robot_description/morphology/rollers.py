@@ -36,9 +36,10 @@ class Roller(NamedTuple):
     """
     A round part on the ground.
 
-    `position` is its centre in the root [m], `axis` (3,) its axis there, `radius` 0 where its mesh
-    is not to be had; `above` are the joints that move it, from its own holder up to the root;
-    `beads` are the axes of the small parts that turn on its rim, as a mecanum wheel has them.
+    `position` is its centre in the root [m], `axis` (3,) its axis there; `radius` [m] is that of
+    the largest where its own shape is not to be had: then it is not measured. `above` are the
+    joints that move it, from its own holder up to the root; `beads` are the axes of the small
+    parts that turn on its rim, as a mecanum wheel has them.
     """
 
     joint: Joint
@@ -47,6 +48,7 @@ class Roller(NamedTuple):
     radius: float
     above: tuple[Joint, ...]
     beads: tuple[np.ndarray, ...] = ()
+    is_measured: bool = True
 
     @property
     def bottom(self) -> float:
@@ -104,7 +106,9 @@ def _roller(robot: Robot, joint: Joint) -> list[Roller]:
             return []  # the foot of a leg whose knee knows no stops
         centre = (frame @ Pose(tyre.centre, np.eye(3))).position
         return [Roller(joint, centre, axis, tyre.radius, above)]
-    return [Roller(joint, frame.position, axis, 0.0, above)] if _is_lost(robot, joint) else []
+    if not _is_lost(robot, joint):
+        return []
+    return [Roller(joint, frame.position, axis, 0.0, above, is_measured=False)]
 
 
 def _is_lost(robot: Robot, joint: Joint) -> bool:

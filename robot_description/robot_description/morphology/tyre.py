@@ -19,6 +19,8 @@ from robot_description.robot import Shape
 OFF_AXIS = math.radians(1.0)
 # Radii that differ by no more than this share of the larger one are alike; nor is a mesh rounder.
 OFF_RADIUS = 0.1
+# A wheel's centre of mass is off its axle by more than this share of its radius, and this [m].
+OFF_BALANCE, LEAST_OFF_BALANCE = 0.1, 0.005
 # A wheel turns freely, or by more than this [rad]: some exporters know no continuous joint.
 FULL_TURN = 2.0 * math.pi
 # So exactly along the joint's axis a cylinder needs no other in its place.
@@ -71,6 +73,23 @@ def carried(robot: Robot, link: str) -> list[tuple[Link, Pose]]:
             if joint.kind == 'fixed' and joint.parent == above.name
         ]
     return found
+
+
+def imbalance(robot: Robot, joint: Joint) -> float:
+    """Return how far the centre of mass of what a joint turns is off its axis [m]."""
+    masses = [
+        (link.mass, (pose @ link.inertial).position) for link, pose in carried(robot, joint.child)
+    ]
+    total = sum(mass for mass, _ in masses)
+    if total <= 0.0:
+        return 0.0
+    centre = sum((mass * place for mass, place in masses), np.zeros(3)) / total
+    return float(np.linalg.norm(np.cross(joint.axis, centre)))
+
+
+def is_unbalanced(robot: Robot, joint: Joint, radius: float) -> bool:
+    """Whether a wheel of a radius [m] has its mass further off its axle than CAD's rounding."""
+    return imbalance(robot, joint) > max(OFF_BALANCE * radius, LEAST_OFF_BALANCE)
 
 
 def _measure(robot: Robot, axis: np.ndarray, shape: Shape, pose: Pose) -> Tyre | str:

@@ -19,6 +19,8 @@ from robot_description.morphology.rollers import Roller
 from robot_description.morphology.rollers import turned_by
 from robot_description.morphology.tyre import differ
 from robot_description.morphology.tyre import find_tyre
+from robot_description.morphology.tyre import imbalance
+from robot_description.morphology.tyre import is_unbalanced
 from robot_description.morphology.tyre import OFF_AXIS
 from robot_description.morphology.tyre import OFF_RADIUS
 from robot_description.morphology.tyre import turns_freely
@@ -132,7 +134,7 @@ def find_drive(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
     largest = max((max(a.radius, b.radius) for a, b in pairs), default=0.0)
     pairs = [pair for pair in pairs if differ(pair[0].radius, largest) <= OFF_RADIUS]
     if len(pairs) == 1 and not what:
-        return Drive(pairs[0], '', passed, _notes(*pairs[0], idle), idle)
+        return Drive(pairs[0], '', passed, _notes(robot, *pairs[0], idle), idle)
     if len(pairs) > 1 and not what:
         alike = dict.fromkeys(wheel.joint.name for pair in pairs for wheel in pair)
         what = f'a skid-steer ({", ".join(alike)} are driven alike)'
@@ -221,7 +223,7 @@ def _off(a: DriveWheel, b: DriveWheel) -> tuple[float, float]:
     return x, z
 
 
-def _notes(a: DriveWheel, b: DriveWheel, idle: Sequence[Joint]) -> tuple[str, ...]:
+def _notes(robot: Robot, a: DriveWheel, b: DriveWheel, idle: Sequence[Joint]) -> tuple[str, ...]:
     """Return what is odd about two wheels, and what becomes of those beside them."""
     notes = []
     if idle:
@@ -234,6 +236,10 @@ def _notes(a: DriveWheel, b: DriveWheel, idle: Sequence[Joint]) -> tuple[str, ..
         )
     if max(map(abs, _off(a, b))) > OFF_AXLE:
         notes.append(f'{a.joint.name} {_why_no_axle(a, b)}: driven as if it were on it')
+    for wheel in (a, b):
+        if is_unbalanced(robot, wheel.joint, wheel.radius):
+            off = imbalance(robot, wheel.joint)
+            notes.append(f'the centre of mass of {wheel.joint.child} is {off:.3g} m off its axle')
     mounts = {mount.name: mount for wheel in (a, b) for mount in wheel.mounts}
     for name, mount in mounts.items():
         on = [wheel.joint.name for wheel in (a, b) if mount in wheel.mounts]
