@@ -293,3 +293,19 @@ def test_text_that_is_not_utf8_is_not_mended(tmp_path):
 def test_the_trunk_that_is_not_there_becomes_the_base_that_is():
     path = FIXTURES / 'robots/dog_description/urdf/dog_trunk.urdf'
     assert mended_text(path) == path.read_text().replace('meshes/trunk.obj', 'meshes/base.obj')
+
+
+@pytest.mark.parametrize(('size', 'written'), [(0.2, True), (241.0, False)])
+def test_a_guess_of_absurd_size_is_not_written(size, written, write, tmp_path):
+    mesh = '<visual><geometry><mesh filename="plate.obj"/></geometry></visual>'
+    cover = joint('on', 'cover').replace(
+        '<link name="cover"/>', f'<link name="cover">{mesh}</link>'
+    )
+    path = write(joint('lid', 'lid_link', '0 0 0.2') + cover)
+    (tmp_path / 'shapes').mkdir()
+    corners = ('0 0 0', f'{size} 0 0', f'0 {size} 0')
+    text = ''.join(f'v {corner}\n' for corner in corners) + 'f 1 2 3\n'
+    (tmp_path / 'shapes/plate.obj').write_text(text)
+    fixes = mend(path)
+    assert ('wrong-mesh-path' in fixes.mended) == written
+    assert any('it would be 241 x 241 x 0 m' in one.message for one in fixes.left) != written

@@ -15,6 +15,7 @@ from robot_description.lint import lint_session
 from robot_description.lint.model import make_model
 from robot_description.lint.model import Model
 from robot_description.lint.rules import Finding
+from robot_description.meshes import open_meshes
 from robot_description.meshes.resolver import MeshReport
 from robot_description.meshes.resolver import resolve_meshes
 from robot_description.packages import own_folder
@@ -72,7 +73,8 @@ class Workspace:
         Raises:
             DescriptionError: the files do not expand, or to no robot.
         """
-        return resolve_meshes(parse_urdf(self._expand().urdf), self.path, self._search)
+        robot = parse_urdf(self._expand().urdf)
+        return open_meshes(robot, resolve_meshes(robot, self.path, self._search))
 
     def with_folders(self, text: str) -> str:
         """Return a text with the folders that its `$(find)` mean."""

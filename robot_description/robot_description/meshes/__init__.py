@@ -10,9 +10,11 @@ from wasd_core.rotations import NO_ORIGIN
 
 from robot_description.meshes.load import extent
 from robot_description.meshes.resolver import EXACT
+from robot_description.meshes.resolver import GUESSED
 from robot_description.meshes.resolver import mesh_shapes
 from robot_description.meshes.resolver import MeshRecord
 from robot_description.meshes.resolver import MeshReport
+from robot_description.meshes.resolver import MISSING
 from robot_description.meshes.resolver import SIZE
 from robot_description.meshes.resolver import UNUSABLE
 from robot_description.robot import Link
@@ -22,6 +24,8 @@ from robot_description.robot import Shape
 # A mesh is too large beyond so many times the robot's reach, and beyond so many metres at least;
 # the latter without a reach, as that of a single link.
 TIMES, LEAST_LARGE, LARGE = 20.0, 10.0, 100.0
+# One that was guessed is none beyond so many times the reach.
+TIMES_GUESSED = 10.0
 # One is too small below this [m], if the robot reaches so many times further.
 SMALL, TIMES_SMALLER = 1e-3, 50.0
 # What a mesh may be in for metres.
@@ -51,6 +55,13 @@ def _opened(record: MeshRecord, shape: Shape, reach: float) -> MeshRecord:
     except (OSError, ValueError) as error:
         return replace(record, kind=UNUSABLE, file=None, note=str(error))
     odd = _odd_size(edges, shape, reach)
+    if GUESSED & {*record.kind.split('+')} and (odd or edges.max() > TIMES_GUESSED * reach > 0.0):
+        size = ' x '.join(f'{edge:.3g}' for edge in edges)
+        note = f'it would be {size} m large, all else of the robot is within {reach:.2g} m'
+        candidates = (record.file,)
+        return replace(
+            record, kind=MISSING, file=None, candidates=candidates, note=note, better=None
+        )
     kinds = [kind for kind in (record.kind, SIZE) if kind != EXACT]
     return replace(record, kind='+'.join(kinds), note=odd) if odd else record
 

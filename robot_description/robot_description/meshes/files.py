@@ -23,8 +23,10 @@ MOST_FILES = 50_000
 ALIASES = {'trunk': 'base', 'body': 'base', 'base_link': 'base', 'base': 'base'}
 # Words beside SIDES that tell parts of one robot apart however alike their names are.
 MARKS = {'upper', 'lower', 'mirror', 'inner', 'outer', 'top', 'bottom', 'bl', 'br', 'lr', 'l', 'r'}
-# difflib's ratio; thigh and thigh1 have 0.91, calf and calf_mirror 0.53, thigh and shank 0.2.
+# difflib's ratio; thigh and thighs have 0.91, calf and calf_mirror 0.53, thigh and shank 0.2.
 LEAST_LIKENESS = 0.75
+# Words that any name may have: they make no two names alike.
+WEAK = {'link', 'joint', 'mesh', 'visual', 'collision', 'part', 'model'}
 # Words for folders that hold the meshes of a whole robot.
 WHOLE = {
     *('mesh', 'meshes', 'visual', 'visuals', 'collision', 'collisions', 'model', 'models', 'cad'),
@@ -167,7 +169,12 @@ def _likeness(one: str, other: str) -> float:
     """Return how alike two names are, 0 to 1; 0 when they differ in a side or a number."""
     if _marks(one) != _marks(other):
         return 0.0
-    return difflib.SequenceMatcher(None, one.lower(), other.lower()).ratio()
+    return difflib.SequenceMatcher(None, _core(one), _core(other)).ratio()
+
+
+def _core(stem: str) -> str:
+    """Return a name without the words that say nothing: `base` of `base_link`."""
+    return '_'.join(word for word in words(stem) if word not in WEAK) or stem.lower()
 
 
 def _marks(stem: str) -> list[str]:

@@ -49,6 +49,9 @@ REPAIRS = {
     'near-name': 'the only mesh not used otherwise whose name fits',
 }
 
+# Of these repairs the file may be another one than was meant.
+GUESSED = {'namesake', 'extension', 'moved', 'near-name'}
+
 
 @dataclass(frozen=True)
 class MeshRecord:
@@ -87,7 +90,8 @@ class MeshRecord:
         if self.kind == UNUSABLE:
             return f'{what}, {self.instead}: {self.note}'
         listed = ', '.join(str(path) for path in self.candidates) or 'none'
-        return f'{what}, {self.instead}; candidates: {listed}'
+        why = f' ({self.note})' * bool(self.note)
+        return f'{what}, {self.instead}; candidates: {listed}{why}'
 
     def record(self) -> dict[str, Any]:
         """Return it as JSON has it."""
