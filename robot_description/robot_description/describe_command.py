@@ -108,9 +108,12 @@ def _add_info(commands: 'argparse._SubParsersAction[OneLineParser]') -> None:
 
 
 def _folder(text: str) -> Path:
-    if not Path(text).is_dir():
-        raise argparse.ArgumentTypeError(f'{text}: no such folder')
-    return Path(text)
+    from robot_description.packages import readable_folder
+
+    try:
+        return readable_folder(text)
+    except UserError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def _expand(options: argparse.Namespace) -> int:

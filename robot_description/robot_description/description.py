@@ -157,7 +157,7 @@ def parse_description(urdf: str, path: Path, search: Sequence[Path] = ()) -> Des
         robot, lines = credible_inertias(parse_urdf(urdf))
         meshes = open_meshes(robot, resolve_meshes(robot, path, search))
         robot = with_stand_ins(replace(robot, mesh_files=meshes.files), meshes.is_usable)
-        return Description(path, urdf, robot, meshes, lines)
+        return Description(path, urdf, robot, meshes, (*robot.notes, *lines))
     except DescriptionError as error:
         raise DescriptionError(f'{path}: {error}') from None
 

@@ -110,7 +110,7 @@ def _joint_record(joint: Joint) -> dict[str, Any]:
         'axis': joint.axis.tolist(),
         'lower': joint.lower if math.isfinite(joint.lower) else None,
         'upper': joint.upper if math.isfinite(joint.upper) else None,
-        'effort': joint.effort,
+        'effort': joint.effort if joint.has_effort else None,
         'velocity': joint.velocity,
         'mimics': joint.mimics or None,
     }
@@ -227,7 +227,7 @@ def _joints(joints: Iterable[Joint]) -> Table:
             _shown(kind),
             _limit(joint.lower, unit),
             _limit(joint.upper, unit),
-            f'{joint.effort:g} {force}',
+            f'{joint.effort:g} {force}' if joint.has_effort else '-',
             f'{joint.velocity:g} {unit}/s',
         )
     return table

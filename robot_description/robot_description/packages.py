@@ -10,6 +10,7 @@ import sys
 import tempfile
 
 from wasd_core.errors import DescriptionError
+from wasd_core.errors import one_line
 from wasd_core.errors import PackageNotFound
 
 MANIFEST = 'package.xml'
@@ -48,7 +49,7 @@ def dependencies(folder: Path) -> set[str]:
 def own_package(description: Path) -> Path | None:
     """Return the package that a description file lies in: the nearest folder with a manifest."""
     for folder in _above(description):
-        if (folder / MANIFEST).is_file():
+        if os.path.isfile(folder / MANIFEST):
             return folder
     return None
 
@@ -102,7 +103,7 @@ def workspaces(description: Path) -> list[Path]:
     around = [package.parent] if package is not None else []
     around = [folder for folder in around if folder not in _shared_folders()]
     for folder in _above(description):
-        if folder.name == 'src' or (folder / '.git').exists():
+        if folder.name == 'src' or os.path.exists(folder / '.git'):
             around.append(folder)
     return list(dict.fromkeys(around))
 
@@ -209,7 +210,7 @@ class PackageFinder:
         for prefix in _ament_prefixes():
             if own is not None and prefix == Path(sys.prefix):
                 continue  # what the wheel put there is a copy of our own, which has its turn
-            if (prefix / 'share/ament_index/resource_index/packages' / name).is_file():
+            if os.path.isfile(prefix / 'share/ament_index/resource_index/packages' / name):
                 yield prefix / 'share' / name
         for folder in (*self._around, *_ros_package_path()):
             yield from self._below(folder).get(name, [])
@@ -218,13 +219,13 @@ class PackageFinder:
         for folder in _data_folders():
             if name == EXAMPLE_ROBOT_DATA:
                 yield folder.parent
-            elif (folder / name).is_dir():
+            elif os.path.isdir(folder / name):
                 yield folder / name
 
     def _in_given_folder(self, folder: Path, name: str) -> Iterator[Path]:
         for candidate in (folder, folder / name):
             # The name of a clone's folder need not be that of the package in it.
-            if candidate.is_dir() and name in (candidate.name, manifest_name(candidate)):
+            if os.path.isdir(candidate) and name in (candidate.name, manifest_name(candidate)):
                 yield candidate
         yield from self._below(folder).get(name, [])
 
@@ -264,7 +265,7 @@ def _data_folders() -> list[Path]:
     relative = Path('share', EXAMPLE_ROBOT_DATA, 'robots')
     wheels = [Path(entry, 'cmeel.prefix') for entry in dict.fromkeys(sys.path) if entry]
     roots = [*wheels, *_ament_prefixes()]
-    return [root / relative for root in roots if (root / relative).is_dir()]
+    return [root / relative for root in roots if os.path.isdir(root / relative)]
 
 
 def _ament_prefixes() -> list[Path]:
@@ -274,7 +275,7 @@ def _ament_prefixes() -> list[Path]:
 
 def _ros_package_path() -> list[Path]:
     listed = os.environ.get('ROS_PACKAGE_PATH', '').split(os.pathsep)
-    return [Path(entry) for entry in listed if entry and Path(entry).is_dir()]
+    return [Path(entry) for entry in listed if entry and os.path.isdir(entry)]
 
 
 def description_path(name_or_path: str) -> Path:
@@ -282,17 +283,44 @@ def description_path(name_or_path: str) -> Path:
     Return the description of a built-in robot, or the path itself when something is there.
 
     Raises:
-        DescriptionError: when it is neither; lists the names.
+        DescriptionError: when it is neither, which lists the names, or may not be looked at.
     """
     if name_or_path in DESCRIPTIONS:
         return share_directory('robot_description') / DESCRIPTIONS[name_or_path]
     path = Path(name_or_path)
-    if os.path.lexists(path):
+    try:
+        os.lstat(path)
+    except PermissionError as error:
+        raise DescriptionError(f'{path}: {one_line(error)}') from None
+    except (OSError, ValueError):  # ValueError: a NUL in the name
+        pass
+    else:
         return path
     raise DescriptionError(
         f'{name_or_path}: no such file, and no robot of that name; '
         f'robots: {", ".join(sorted(DESCRIPTIONS))}'
     )
+
+
+def readable_folder(text: str) -> Path:
+    """
+    Return a folder in which packages are to be looked for.
+
+    Raises:
+        DescriptionError: it is none, or may not be read.
+    """
+    if not os.path.isdir(text):
+        reason = 'no such folder'
+        try:
+            os.stat(text)
+        except PermissionError as error:
+            reason = one_line(error)
+        except (OSError, ValueError):
+            pass
+        raise DescriptionError(f'{text}: {reason}')
+    if not os.access(text, os.R_OK | os.X_OK):
+        raise DescriptionError(f'{text}: this folder may not be read')
+    return Path(text)
 
 
 class AllowedPaths:
@@ -306,6 +334,7 @@ class AllowedPaths:
     def __init__(self, description: Path, search: Sequence[Path] = ()) -> None:
         self.finder = PackageFinder(search, description)
         self._folders: set[Path] = set()
+        self.packages: list[Path] = list(self.finder.own)  # those that were found
         # A link to a description (colcon's symlink install) leads to its package as well.
         for folder in (*self.finder.own, *self.finder.search, *installed_folders()):
             self.add(folder)
@@ -326,6 +355,7 @@ class AllowedPaths:
         """
         folder = self.finder.find(name)
         self.add(folder)
+        self.packages.append(folder)
         return folder
 
     def has(self, path: Path) -> bool:

@@ -92,7 +92,7 @@ class Joint:
     Positions are in [rad] or [m], effort in [N m] or [N], velocity in [rad/s] or [m/s]; without
     limits `lower` and `upper` are infinite. Viscous `damping` is in [N m s/rad] or [N s/m], dry
     `friction` in [N m] or [N]. `mimics` names the joint that it follows, if any, at
-    `multiplier * position + offset`.
+    `multiplier * position + offset`. `has_effort` is whether the description names an effort.
     """
 
     name: str
@@ -110,6 +110,7 @@ class Joint:
     mimics: str
     multiplier: float
     offset: float
+    has_effort: bool = True
 
     @property
     def is_movable(self) -> bool:
@@ -138,7 +139,8 @@ class Robot:
     `friction` and `self_collide` map a link to what its gazebo tag says, where it does; `gazebo`
     are these tags, for what a simulator looks for in them. `mesh_files` maps the URL of a mesh to
     its file, as far as these were looked for and found. `casters` are links that carry the robot
-    beside its driven wheels, of which the description says no more.
+    beside its driven wheels, of which the description says no more. `notes` are lines about what
+    the description leaves out or says as no other reads it.
     """
 
     name: str
@@ -150,6 +152,7 @@ class Robot:
     gazebo: tuple[ElementTree.Element, ...]
     mesh_files: Mapping[str, Path] = field(default_factory=dict)
     casters: frozenset[str] = frozenset()
+    notes: tuple[str, ...] = ()
 
     @property
     def mass(self) -> float:

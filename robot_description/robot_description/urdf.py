@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads URDF text to a robot; what is wrong with it is said in one line."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 import math
 from typing import TypeVar
@@ -33,6 +33,8 @@ SIZES = {
 }
 # The upper triangle of an inertia, row by row.
 INERTIA_COMPONENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+# A mesh is scaled along x, y and z; what stands behind is passed over.
+MOST_SCALES = 3
 # Links in a chain; MuJoCo takes a minute to compile 1000 and refuses more.
 DEEPEST_TREE = 400
 # More names than these are not listed in an error.
@@ -101,8 +103,8 @@ def read_shape(tag: ElementTree.Element, colours: Mapping[str, Colour], where: s
     )
     if kind != 'mesh':
         return shape
-    scale = geometry.get('scale', '1')
-    count = 1 if len(scale.split()) == 1 else 3
+    scale = ' '.join(geometry.get('scale', '1').split()[:MOST_SCALES])
+    count = 1 if len(scale.split()) == 1 else MOST_SCALES
     x, y, z = np.broadcast_to(parse_numbers(scale, count, f'{where}: scale'), 3).tolist()
     return replace(shape, url=geometry.get('filename', ''), scale=(x, y, z))
 
@@ -168,7 +170,33 @@ def parse_urdf(text: str) -> Robot:
     _check_mimics(joints)
     friction, self_collide = _friction(tree), _self_collide(tree)
     gazebo = tuple(tree.findall('gazebo'))
-    return Robot(tree.get('name', ''), root, links, joints, friction, self_collide, gazebo)
+    name, notes = tree.get('name', ''), tuple(_notes(tree))
+    return Robot(name, root, links, joints, friction, self_collide, gazebo, notes=notes)
+
+
+def _notes(tree: ElementTree.Element) -> Iterator[str]:
+    """Yield a line for what is left out, or is not read as it is written."""
+    moving = [joint for joint in tree.findall('joint') if joint.get('type') in MOVABLE]
+    without = [
+        joint.get('name', '')
+        for joint in moving
+        if (axis := joint.find('axis')) is None or 'xyz' not in axis.attrib
+    ]
+    if without:
+        more = f' and {len(without) - MOST_NAMES} more' if len(without) > MOST_NAMES else ''
+        yield (
+            f'joints without an axis turn about x, as URDF has it: '
+            f'{", ".join(without[:MOST_NAMES])}{more}'
+        )
+    for link in tree.findall('link'):
+        for mesh in link.iter('mesh'):
+            scale = mesh.get('scale', '')
+            if len(scale.split()) > MOST_SCALES:
+                yield f'link {link.get("name")!r}: scale="{scale}": the first three numbers count'
+    for tag in tree.findall('gazebo'):
+        text = tag.findtext('mu1')
+        if tag.get('reference') and text and _friction_of(tag) is None:
+            yield f'mu1 of {tag.get("reference")!r} is no number, and has no effect: {text!r}'
 
 
 def _by_name(elements: list[Named]) -> dict[str, Named]:
@@ -279,6 +307,7 @@ def _joint(tag: ElementTree.Element) -> Joint:
         mimics=mimic.get('joint', '') if mimic is not None else '',
         multiplier=_number(mimic, 'multiplier', '1', where),
         offset=_number(mimic, 'offset', '0', where),
+        has_effort=limit is not None and 'effort' in limit.attrib,
     )
 
 
@@ -292,17 +321,21 @@ def _name_of(joint: ElementTree.Element, end: str) -> str:
 
 
 def _friction(tree: ElementTree.Element) -> dict[str, float]:
-    """
-    Return the first friction coefficient, mu1, of the links that give one.
-
-    Raises:
-        DescriptionError: it is no number.
-    """
+    """Return the first friction coefficient, mu1, of the links that give one."""
     return {
-        str(tag.get('reference')): float(parse_numbers(str(tag.findtext('mu1')), 1, 'mu1')[0])
+        str(tag.get('reference')): friction
         for tag in tree.findall('gazebo')
-        if tag.get('reference') and tag.findtext('mu1')
+        if tag.get('reference') and (friction := _friction_of(tag)) is not None
     }
+
+
+def _friction_of(gazebo: ElementTree.Element) -> float | None:
+    """Return what a tag of Gazebo's says of friction, if it is a number that friction can be."""
+    try:
+        value = float(gazebo.findtext('mu1') or '')
+    except ValueError:
+        return None
+    return value if math.isfinite(value) and value >= 0.0 else None
 
 
 def _self_collide(tree: ElementTree.Element) -> dict[str, bool]:

@@ -160,6 +160,7 @@ def test_a_footprint_stands_where_the_wheels_do(write):
     body = joint('left_wheel_joint', 'l', '0 0.19 -0.05', 'continuous') + joint(
         'right_wheel_joint', 'r', '0 -0.19 -0.05', 'continuous'
     )
+    body = body.replace('<child', '<axis xyz="0 1 0"/><child')
     path = write(
         body.replace('<link name="l"/>', f'<link name="l">{wheel}</link>').replace(
             '<link name="r"/>', f'<link name="r">{wheel}</link>'

@@ -9,8 +9,10 @@ import pytest
 from robot_description.packages import EXAMPLE_ROBOT_DATA
 from robot_description.packages import OWN_PACKAGE
 from robot_description.packages import share_directory
+from robot_description.xacro import expand_document
 from source_trees import PACKAGES
 from source_trees import ROOT
+from wasd_core.errors import DescriptionError
 from wasd_core.errors import PackageNotFound
 
 
@@ -71,3 +73,30 @@ def test_each_of_our_packages_is_found_where_its_shared_files_are(package):
             if '__pycache__' not in path.parts:
                 shared = found / path.relative_to(ROOT / package)
                 assert shared.read_bytes() == path.read_bytes()
+
+
+@pytest.mark.slow
+def test_a_clone_is_read_where_its_installation_leaves_folders_out(tmp_path):
+    # As CMake installs `description/urdf` and `description/parts` of a package.
+    robot, parts = tmp_path / 'demo/description/urdf', tmp_path / 'demo/description/parts'
+    shared = tmp_path / 'demo_shared/box'
+    for folder in (robot, parts, shared):
+        folder.mkdir(parents=True)
+    for name in ('demo', 'demo_shared'):
+        (tmp_path / name / 'package.xml').write_text(f'<package><name>{name}_1</name></package>')
+    head = '<robot name="demo" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    (parts / 'lid.xacro').write_text(f'{head}<link name="lid"/></robot>')
+    (shared / 'box.xacro').write_text(f'{head}<link name="box"/></robot>')
+    path = robot / 'demo.xacro'
+    path.write_text(
+        f'{head}<xacro:include filename="$(find demo_1)/parts/lid.xacro"/>'
+        '<xacro:include filename="$(find demo_shared_1)/box/box.xacro"/></robot>'
+    )
+    expansion = expand_document(path)
+    assert [node.attributes['name'] for node in expansion.nodes[1:]] == ['lid', 'box']
+    ((_, text),) = expansion.warnings
+    assert f'is not there, using {parts}/lid.xacro, which is installed so' in text
+    (tmp_path / 'demo/other/parts').mkdir(parents=True)
+    (tmp_path / 'demo/other/parts/lid.xacro').write_text(f'{head}</robot>')
+    with pytest.raises(DescriptionError, match='parts/lid.xacro: no such file'):
+        expand_document(path)

@@ -155,7 +155,6 @@ def test_every_collision_shape_is_kept_in_order():
             '<robot><link name="a"><inertial><origin xyz="0"/></inertial></link></robot>',
             "link 'a': inertial: xyz needs 3 numbers, got '0'",
         ),
-        (robot('a', rest='<gazebo reference="a"><mu1>low</mu1></gazebo>'), "mu1 .*'low'"),
     ],
 )  # fmt: skip
 def test_a_broken_description_is_one_line_that_says_where(text, message):
@@ -248,3 +247,23 @@ def test_the_longest_chain_is_shown(tmp_path, capsys):
     path.write_text(chain(*[''] * 399))
     assert main(['info', str(path)]) == 0
     assert 'j398' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('text', ['low', 'nan', '-1', 'inf'])
+def test_a_friction_that_is_no_number_is_noted_and_has_no_effect(text):
+    parsed = parse_urdf(robot('a', rest=f'<gazebo reference="a"><mu1>{text}</mu1></gazebo>'))
+    assert parsed.friction == {}
+    assert parsed.notes == (f"mu1 of 'a' is no number, and has no effect: {text!r}",)
+
+
+def test_axes_that_are_left_out_are_x_and_noted():
+    joints = ''.join(
+        f'<joint name="{kind}" type="{kind}"><parent link="a"/><child link="{kind[0]}1"/>{axis}'
+        f'</joint><link name="{kind[0]}1"/>'
+        for kind, axis in (('continuous', ''), ('revolute', '<axis/>'), ('fixed', ''))
+    )
+    parsed = parse_urdf(robot('a', rest=joints))
+    assert parsed.joints['continuous'].axis.tolist() == [1.0, 0.0, 0.0]
+    assert parsed.notes == (
+        'joints without an axis turn about x, as URDF has it: continuous, revolute',
+    )

@@ -61,6 +61,8 @@ RULES = {
         Rule('missing-limit', ERROR,
              'a revolute or prismatic joint has no limit, or one without effort or velocity',
              'add `<limit lower upper effort velocity>`'),
+        Rule('no-axis', WARNING, 'a joint that moves names no axis, so it is x (1 0 0)',
+             'write the axis: `<axis xyz="0 0 1"/>`'),
         Rule('reversed-limit', ERROR, 'lower is above upper', 'exchange the two'),
         Rule('unknown-joint', ERROR,
              'a joint is named that is not there: by a transmission, a mimic, a plugin, or '

@@ -19,6 +19,7 @@ from robot_description.morphology import guess_name
 from robot_description.morphology import hint_at
 from robot_description.morphology import sides
 from robot_description.morphology import words
+from robot_description.robot import MOVABLE
 from robot_description.robot import WORLD_LINK
 
 # Tag: what it may hold. After the URDF specification of urdfdom 4.
@@ -129,6 +130,12 @@ def check_numbers(model: Model) -> Iterator[Finding]:
             if text is None:
                 if wanted and tag in REQUIRED:
                     yield finding('bad-number', element.place, f'<{tag}> has no {attribute}')
+            elif attribute == 'scale':
+                count = len(text.split())
+                reason = _wrong(text, '1' if count == 1 else '3')
+                if reason is not None:
+                    message = f'<mesh scale="{text[:60]}">: {reason}'
+                    yield finding('bad-number', element.place, message)
             elif wanted and (reason := _wrong(text, wanted)) is not None:
                 message = f'<{tag} {attribute}="{text[:60]}">: {reason}'
                 yield finding('bad-number', element.place, message)
@@ -248,8 +255,11 @@ def check_joints(model: Model) -> Iterator[Finding]:
             if not end(joint, which):
                 text = f'joint {joint.name!r} has no <{which} link="...">'
                 yield finding('bad-joint', joint.place, text)
+        axis = joint.find('axis')
+        if kind in MOVABLE and (axis is None or 'xyz' not in axis.attributes):
+            text = f'joint {joint.name!r} has no axis: it turns about x, or slides along it'
+            yield finding('no-axis', joint.place, text)
         if kind in MOVING_KINDS and not joint.numbers('axis', 'xyz', '1 0 0').any():
-            axis = joint.find('axis')
             place = axis.place if axis else joint.place
             yield finding('bad-joint', place, f'the axis of joint {joint.name!r} is zero')
         yield from _check_limit(joint, kind)

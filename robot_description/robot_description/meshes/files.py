@@ -66,7 +66,7 @@ def in_any_case(folder: Path, relative: PurePosixPath) -> Path | None:
             for child in _children(place)
             if child.name.lower() == part.lower()
         ]
-    return only([place for place in places if place.is_file()])
+    return only([place for place in places if os.path.isfile(place)])
 
 
 def with_other_extension(path: Path) -> Path | None:
@@ -105,7 +105,7 @@ def closest(paths: Iterable[Path], wanted: PurePosixPath) -> list[Path]:
 
 def _is_mesh(path: Path) -> bool:
     """Whether a path is a file, not a link to nowhere, and its name ends as a mesh's does."""
-    return path.name.lower().endswith(EXTENSIONS) and path.is_file()
+    return path.name.lower().endswith(EXTENSIONS) and os.path.isfile(path)
 
 
 def _common_end(one: tuple[str, ...], other: tuple[str, ...]) -> int:
@@ -216,11 +216,13 @@ def opened_by_rviz(url: str) -> Path | None:
         file = share / path if share is not None else None
     elif url.startswith('file:///'):
         file = Path(unquote(url.removeprefix('file://')))
-    return file if file is not None and file.is_file() else None
+    return file if file is not None and os.path.isfile(file) else None
 
 
 def _share(package: str) -> Path | None:
     for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
-        if prefix and Path(prefix, 'share/ament_index/resource_index/packages', package).is_file():
+        if prefix and os.path.isfile(
+            Path(prefix, 'share/ament_index/resource_index/packages', package)
+        ):
             return Path(prefix, 'share', package)
     return None

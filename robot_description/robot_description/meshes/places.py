@@ -129,7 +129,9 @@ class MeshPlaces:
         inside = [place for place in places if self._may_use(place)]
         # An absolute path that is not there is one of another machine, and leads nowhere here.
         return inside, any(
-            place.folder != ROOT or place.file.is_file() for place in places if place not in inside
+            place.folder != ROOT or os.path.isfile(place.file)
+            for place in places
+            if place not in inside
         )
 
     def better_url(self, url: str, file: Path, is_exact: bool) -> str | None:
@@ -167,7 +169,7 @@ class MeshPlaces:
         for count in range(len(parts) - 1):
             is_named = self._is_renamed or count and parts[count - 1] in names
             tail = Path(*parts[count:])
-            if is_named and any((own / tail).is_file() for own in self._finder.own):
+            if is_named and any(os.path.isfile(own / tail) for own in self._finder.own):
                 return url.package, parts[:count]
         return None
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from functools import cached_property
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -49,6 +50,7 @@ REPAIRS = {
     'near-name': 'the only mesh not used otherwise whose name fits',
 }
 
+ON_THE_WEB = 'nothing is downloaded: save it beside the description, and write its path'
 # Of these repairs the file may be another one than was meant.
 GUESSED = {'namesake', 'extension', 'moved', 'near-name'}
 
@@ -216,7 +218,10 @@ class MeshResolver:
         else:
             kind, better = AMBIGUOUS if found.candidates else MISSING, None
         use = 'collision' if shape.collides else 'visual'
-        return MeshRecord(shape.url, link, use, kind, found.file, found.candidates, better=better)
+        note = ON_THE_WEB if shape.url.lower().startswith(('http://', 'https://')) else ''
+        return MeshRecord(
+            shape.url, link, use, kind, found.file, found.candidates, note, better=better
+        )
 
     def _refusal(self, url: str) -> DescriptionError:
         return DescriptionError(
@@ -226,7 +231,7 @@ class MeshResolver:
 
     def _resolve(self, url: str, places: list[MeshPlace], is_near: bool) -> Found:
         for place in places:
-            if (place.rank < NAMESAKE) == is_near and place.file.is_file():
+            if (place.rank < NAMESAKE) == is_near and os.path.isfile(place.file):
                 return Found(place.kinds, place.file)
         places = _to_repair(places, is_near)
         for place in places:

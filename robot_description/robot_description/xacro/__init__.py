@@ -18,6 +18,8 @@ from robot_description.xacro.processor import unlisted
 from robot_description.xacro.sandbox import OutOfBounds
 from robot_description.xacro.sandbox import run_bounded
 from robot_description.xacro.source import check_format
+from robot_description.xacro.source import check_name
+from robot_description.xacro.source import tidy
 
 
 class Node(NamedTuple):
@@ -66,9 +68,14 @@ class XacroSession:
         Raises:
             DescriptionError: see `expand`.
         """
-        data = self._texts[self.path] if self.path in self._texts else read_file(self.path)
+        try:
+            data = self._texts[self.path] if self.path in self._texts else read_file(self.path)
+        except DescriptionError:  # it is too large, say
+            check_name(self.path)
+            raise
+        data, notes = tidy(data)
         check_format(data, self.path)
-        answer = self._run() if _is_xacro(data) else self._read(data)
+        answer = self._run() if _is_xacro(data) else self._read(data, notes)
         if 'error' in answer:
             raise _to_error(**answer['error'])
         nodes = tuple(
@@ -78,11 +85,12 @@ class XacroSession:
         warnings = tuple((unlisted(place), text) for place, text in answer['warnings'])
         return Expansion(answer['urdf'], nodes, warnings, tuple(self.sources))
 
-    def _read(self, data: bytes) -> dict[str, Any]:
+    def _read(self, data: bytes, notes: Sequence[str]) -> dict[str, Any]:
         """Read a file in which xacro would change nothing."""
         check_xml(data, self.path)
         self.sources = {self.path: data}
-        unknown = [f'no argument {name!r} here; it has: none' for name in sorted(self._arguments)]
+        unknown = [*notes]
+        unknown += [f'no argument {name!r} here; it has: none' for name in sorted(self._arguments)]
         document = parse_with_places(data, self.path)
         described = describe_document(document, self.path)
         return {**described, 'warnings': [(None, text) for text in unknown]}

@@ -36,6 +36,7 @@ from robot_description.xacro.sandbox import evaluate_substitution
 from robot_description.xacro.sandbox import MEMORY
 from robot_description.xacro.source import check_format
 from robot_description.xacro.source import FOREIGN_TAGS
+from robot_description.xacro.source import tidy
 from robot_description.xacro.source import unprefixed_calls
 
 
@@ -55,6 +56,8 @@ def describe_document(document: minidom.Document, file: Path) -> dict[str, Any]:
         _join_text(node)
         # <xacro:attribute> leaves numbers.
         attributes = {name: str(value) for name, value in node.attributes.items()}
+        if attributes.pop('xmlns', None) is not None:  # all tags are URDF's, whoever named them
+            node.removeAttribute('xmlns')
         for name, value in attributes.items():
             node.setAttribute(name, value)
         texts = (child.data for child in node.childNodes if child.nodeType == child.TEXT_NODE)
@@ -104,6 +107,8 @@ LONGEST_NAME = 60
 MANY_MACROS = 50
 # Frames of Python; a macro within a macro takes about ten.
 FRAMES = 6000
+# What launch files write in place of $(find NAME).
+LAUNCH_FIND = '$(find-pkg-share'
 CONDITIONS = ('xacro:if', 'xacro:unless')
 
 
@@ -282,12 +287,33 @@ class Processor:
         """Stand in for xacro.parse, which opens what it is told to."""
         path = Path(filename)
         if len(xacro.filestack) > 1:
+            path = self._in_source(path)
             self._check_include(path)
-        data = self._texts[path] if path in self._texts else read_file(path)
+        data, notes = tidy(self._texts[path] if path in self._texts else read_file(path))
+        self.warnings += [(Place(path, 1), note) for note in notes]
         check_format(data, path)
         check_xml(data, path)
         self.read[path] = data
         return parse_with_places(data, path)
+
+    def _in_source(self, path: Path) -> Path:
+        """
+        Return where a file is in its package's source, whose folders an installation leaves out.
+
+        CMake installs `description/urdf` as `urdf`; only one file may be meant.
+        """
+        for package in self._allowed.packages:
+            if os.path.lexists(path) or not path.is_relative_to(package):
+                continue
+            tail = path.relative_to(package)
+            meant = [
+                found for found in package.glob(f'*/{glob.escape(str(tail))}') if found.is_file()
+            ]
+            if len(meant) == 1:
+                self._warn(f'{path} is not there, using {meant[0]}, which is installed so')
+                xacro.filestack[-1] = str(meant[0])
+                return meant[0]
+        return path
 
     def _check_include(self, path: Path) -> None:
         self._allowed.check(path)
@@ -338,6 +364,9 @@ class Processor:
             if '$' not in text:
                 return text  # what xacro would find, too, and most of its time
             self._note([listed(self._failed_at), text[:LONGEST_NOTE]])
+            if LAUNCH_FIND in text:
+                self._warn(f'{LAUNCH_FIND} NAME) is of launch files, taken as $(find NAME)')
+                text = text.replace(LAUNCH_FIND, '$(find')
         return self._eval_text(text, symbols)
 
     def _warn(self, text: str) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from dataclasses import field
 from pathlib import Path
 import re
+from typing import NamedTuple
 import xml.parsers.expat
 
 from wasd_core.safe_files import LocatedError
@@ -125,7 +126,39 @@ BEGINNINGS = (
     (rb'(\s*#[^\n]*\n|\s)*(import|from) \w', f'is a Python program, {WANTED}',
      'name the .urdf or .xacro that it loads'),
     (rb'solid ', 'is a mesh (STL)', 'name the .urdf or .xacro that uses it'),
+    (rb'(glTF|ply\r?\n|(\s*#[^\n]*\n)*\s*(mtllib|o|v) \S)', 'is a mesh (glTF, PLY or OBJ)',
+     'name the .urdf or .xacro that uses it'),
+    (rb'(PXR-USDC|#usda )', f"is USD, Isaac Sim's format, {WANTED}",
+     'name the .urdf or .xacro that it was made from'),
+    (rb'(\x89PNG|\xff\xd8\xff|%PDF-)', f'is a picture or a document, {WANTED}',
+     'name the .urdf or .xacro of the robot'),
 )  # fmt: skip
+# How files end that are too large to be read as a description.
+OTHER_SUFFIXES = (
+    '.stl',
+    '.obj',
+    '.ply',
+    '.glb',
+    '.gltf',
+    '.dae',
+    '.usd',
+    '.usda',
+    '.usdc',
+    '.usdz',
+)
+# Of MoveIt's format, which has the same root as URDF and no links.
+SRDF_TAGS = ('group', 'group_state', 'virtual_joint', 'end_effector', 'disable_collisions')
+# A mesh in bytes: what stands before its triangles, which end with their number; and each.
+STL_HEADER, STL_TRIANGLE = 84, 50
+# What may stand before a declaration: marks, spaces, remarks; words, of which there are few.
+LEAD = re.compile(rb'(?:\xef\xbb\xbf|\s|<!--.*?-->)*', re.DOTALL)
+WORDS = re.compile(rb'[^<]{1,2000}(?=<\?xml|<robot)')
+DECLARATION = re.compile(rb'<\?xml[^>]*\?>')
+PREFIXED = re.compile(rb'</?([A-Za-z_][\w.-]*):|\s([A-Za-z_][\w.-]*):[\w.-]+\s*=\s*["\']')
+DECLARES = re.compile(rb'xmlns:([\w.-]+)\s*=')
+ROBOT = re.compile(rb'<robot(?=[\s>/])')
+# Prefixes that mean something here: without their namespace a file is wrong.
+OUR_PREFIXES = {b'xml', b'xmlns', b'xacro'}
 # Root elements of other XML.
 ROOTS = {
     'sdf': ("SDF, Gazebo's format", 'name the .urdf or .xacro that it was made from'),
@@ -143,6 +176,18 @@ ROOT = re.compile(rb'<([A-Za-z_][^\s/>]*)')
 DECLARED = re.compile(rb'\s*<\?xml[^>]*encoding\s*=\s*["\']([\w.-]+)')
 
 
+def check_name(path: Path) -> None:
+    """
+    Accept what is not called as a mesh or a scene is, which may be too large to look into.
+
+    Raises:
+        LocatedError: it is called so.
+    """
+    if path.suffix.lower() in OTHER_SUFFIXES:
+        what = f'is a mesh or a scene by its name ({path.suffix})'
+        _refuse(path, 1, f'{what}, {WANTED}', 'name the .urdf or .xacro that uses it')
+
+
 def check_format(data: bytes, path: Path) -> None:
     """
     Accept what may be a robot's XML.
@@ -152,6 +197,8 @@ def check_format(data: bytes, path: Path) -> None:
     """
     if not data.strip(b'\xef\xbb\xbf\x00 \t\r\n'):
         _refuse(path, 1, 'is empty', 'get the file again')
+    if _is_stl(data):
+        _refuse(path, 1, 'is a mesh (STL)', 'name the .urdf or .xacro that uses it')
     for beginning, what, cure in BEGINNINGS:
         if re.match(beginning, data.removeprefix(b'\xef\xbb\xbf')):
             _refuse(path, 1, what, cure)
@@ -163,7 +210,82 @@ def check_format(data: bytes, path: Path) -> None:
     if root and name in ROOTS:
         what, cure = ROOTS[name]
         _refuse(path, data[: data.find(root[0])].count(b'\n') + 1, f'is {what}, {WANTED}', cure)
+    if _is_srdf(data):
+        what = f"is SRDF, MoveIt's groups of a robot's joints, {WANTED}"
+        _refuse(path, 1, what, 'name the .urdf or .xacro that it belongs to')
     _check_encoding(data, path)
+
+
+def _is_stl(data: bytes) -> bool:
+    """Whether data are as long as a mesh of so many triangles."""
+    count = int.from_bytes(data[STL_HEADER - 4 : STL_HEADER], 'little')
+    return count > 0 and len(data) == STL_HEADER + count * STL_TRIANGLE
+
+
+def _is_srdf(data: bytes) -> bool:
+    """Whether it has what MoveIt knows of a robot, and no links, also none from elsewhere."""
+    if re.search(rb'<(xacro:)?(link|include)[\s>/]', data):
+        return False
+    return any(re.search(rb'<%s[\s>/]' % tag.encode(), data) for tag in SRDF_TAGS)
+
+
+class Tidied(NamedTuple):
+    """A file's bytes as a parser takes them, and what was passed over, in words."""
+
+    data: bytes
+    notes: tuple[str, ...] = ()
+
+
+def tidy(data: bytes) -> Tidied:
+    """
+    Return XML without what parsers stumble over although it means nothing; lines stay.
+
+    That is: marks, spaces, remarks and words before the declaration, zeros at the end, and
+    prefixes of other programs that nobody declared.
+    """
+    if data[:2] in (b'\xff\xfe', b'\xfe\xff'):
+        return Tidied(data)
+    notes = []
+    whole = data.rstrip(b'\0 \t\r\n')
+    if whole.endswith(b'>') and b'\0' in data[len(whole) :]:
+        data = whole
+    words = WORDS.match(data)
+    if words and words[0].strip(b'\xef\xbb\xbf \t\r\n'):
+        notes.append('what stands before the first tag is passed over')
+        data = _blank(words[0]) + data[words.end() :]
+    lead = LEAD.match(data)
+    assert lead is not None
+    start = lead.end()
+    declaration = DECLARATION.match(data, start)
+    if declaration and data[:start] not in (b'', b'\xef\xbb\xbf'):
+        encoding = DECLARED.match(declaration[0])
+        rest = data[declaration.end() :]
+        if encoding and encoding[1].upper() not in (b'UTF-8', b'UTF8'):
+            rest = _recoded(rest, encoding[1].decode())
+        data = data[:start].replace(b'\xef\xbb\xbf', b'   ') + _blank(declaration[0]) + rest
+    elif data[:start].count(b'\xef\xbb\xbf') > 1:
+        data = data[:start].replace(b'\xef\xbb\xbf', b'   ') + data[start:]
+    found = {one or other for one, other in PREFIXED.findall(data)}
+    undeclared = sorted(found - {*DECLARES.findall(data)} - OUR_PREFIXES)
+    root = ROBOT.search(data)
+    if undeclared and root:
+        names = b''.join(b' xmlns:%s="urn:of:others"' % prefix for prefix in undeclared)
+        data = data[: root.end()] + names + data[root.end() :]
+        shown = ', '.join(prefix.decode() for prefix in undeclared)
+        notes.append(f"prefixes that are declared nowhere are taken as other programs': {shown}")
+    return Tidied(data, tuple(notes))
+
+
+def _blank(data: bytes) -> bytes:
+    """Return spaces in place of all but line ends."""
+    return re.sub(rb'[^\n]', b' ', data)
+
+
+def _recoded(data: bytes, encoding: str) -> bytes:
+    try:
+        return data.decode(encoding).encode()
+    except (LookupError, ValueError):
+        return data
 
 
 def _check_encoding(data: bytes, path: Path) -> None:
