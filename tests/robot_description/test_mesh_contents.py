@@ -181,3 +181,20 @@ def test_files_of_one_name_stay_apart(robot, tmp_path):
         ''.join(f'<visual>{mesh(f"{name}/box.stl")}</visual>' for name in ('one', 'other'))
     )
     np.testing.assert_allclose(2.0 * model_of(path).geom_aabb[:, 3], [0.1, 0.3], rtol=1e-6)
+
+
+@pytest.mark.parametrize('suffix', FORMATS)
+def test_a_mesh_that_would_take_gigabytes_is_left_out_with_a_line(suffix, robot, tmp_path, caplog):
+    with open(tmp_path / f'huge.{suffix}', 'wb') as file:
+        file.truncate(190_000_000)
+    loaded = load_robot(str(robot(f'<visual>{mesh(f"huge.{suffix}")}</visual>')))
+    (record,) = loaded.meshes.records
+    assert (record.kind, record.file) == ('unusable', None)
+    assert '190 MB, at most 52 are read: thin it' in caplog.text
+
+
+def test_a_gltf_file_counts_with_what_lies_beside_it(tmp_path):
+    path = tmp_path / 'box.gltf'
+    path.write_text('{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 99000000}]}')
+    with pytest.raises(ValueError, match='99 MB, at most 52 are read'):
+        load_mesh(path)
