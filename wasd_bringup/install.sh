@@ -99,12 +99,12 @@ install_project() {
 # the next start, and what pip did stays.
 compile_all() {
   say 'compiling the messages that the wheels lack, legs and navigator, once'
-  "$venv/bin/python" -m quadruped_sim >&2 &
+  "$venv/bin/python" -P -m quadruped_sim >&2 &
   legs=$! others=$!
-  "$venv/bin/python" -m compileall -q -x '/tests?/' "$venv"/lib/python3* >>"$venv/$LOG" 2>&1 &
+  "$venv/bin/python" -P -m compileall -q -x '/tests?/' "$venv"/lib/python3* >>"$venv/$LOG" 2>&1 &
   libraries=$! others="$others $!"
-  "$venv/bin/python" -m robot_description.build_interfaces >&2 || :  # it has said what is missing
-  "$venv/bin/python" -m wasd_navigation >&2 || say 'not compiled; the first map starts later'
+  "$venv/bin/python" -P -m robot_description.build_interfaces >&2 || :  # it has said what is missing
+  "$venv/bin/python" -P -m wasd_navigation >&2 || say 'not compiled; the first map starts later'
   wait "$legs" || say 'not compiled; the first walk starts later'
   wait "$libraries" || say "libraries not compiled, '$venv/$LOG' says why; each start takes longer"
   others=

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiles the leg controller in a process of its own, so that whoever waits can leave."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 import contextlib
 import subprocess
 import sys
-from typing import Any, TypeVar
+from typing import TypeVar
 
-from numba.core import event
 import numpy as np
 from wasd_core.errors import Stopped
+from wasd_core.jit import before_each_compilation
 from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import ImuReading
 from wasd_core.robot_io import JointStates
@@ -26,7 +26,8 @@ from quadruped_sim.tuning import GaitParameters
 NOTICE = 'compiling, once: the leg controller, which takes up to a minute of a core'
 # How long a stop may go unnoticed while the other process compiles [s].
 PERIOD = 0.05
-COMPILE = (sys.executable, '-m', 'quadruped_sim')
+# Not from the current folder (-P), whoever wrote there.
+COMPILE = (sys.executable, '-P', '-m', 'quadruped_sim')
 
 Result = TypeVar('Result')
 
@@ -49,7 +50,7 @@ def compile_once(
     Raises:
         Stopped: `is_stopped` said so.
     """
-    with contextlib.suppress(_NotCompiled), _before_each_function(_refuse):
+    with contextlib.suppress(_NotCompiled), before_each_compilation(_refuse):
         return use()
     say(NOTICE)
     _compile_elsewhere(is_stopped)
@@ -58,7 +59,7 @@ def compile_once(
         if is_stopped():
             raise Stopped
 
-    with _before_each_function(look):
+    with before_each_compilation(look):
         return use()
 
 
@@ -85,24 +86,6 @@ def _compile_elsewhere(is_stopped: Callable[[], bool]) -> None:
     finally:
         process.kill()
         process.wait()
-
-
-@contextlib.contextmanager
-def _before_each_function(act: Callable[[], None]) -> Iterator[None]:
-    """Call `act` before numba compiles a function, not when it loads one; it may raise."""
-    with event.install_listener('numba:compile', _Listener(act)):
-        yield
-
-
-class _Listener(event.Listener):
-    def __init__(self, act: Callable[[], None]) -> None:
-        self._act = act
-
-    def on_start(self, event: Any) -> None:
-        self._act()
-
-    def on_end(self, event: Any) -> None:
-        """Nothing to do."""
 
 
 def warm_up(model: RobotModel) -> None:

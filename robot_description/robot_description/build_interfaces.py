@@ -284,7 +284,7 @@ def check(package: Package, made: Path) -> None:
         'PYTHONPATH': str(made / PYTHON),
         'LD_LIBRARY_PATH': os.pathsep.join(filter(None, libraries)),
     }
-    command = [sys.executable, '-c', package.check]
+    command = [sys.executable, '-P', '-c', package.check]
     result = subprocess.run(command, env=environment, capture_output=True, text=True)
     if result.returncode:
         why = (result.stderr.splitlines() or [f'status {result.returncode}'])[-1]

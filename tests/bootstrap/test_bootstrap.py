@@ -432,3 +432,9 @@ def test_what_conda_or_another_environment_has_set_does_not_get_in(checkout):
 
 def test_libraries_that_the_user_asked_for_stay(checkout):
     assert 'libraries=/my/lib ' in checkout.run(LD_LIBRARY_PATH='/my/lib').stdout
+
+
+@pytest.mark.parametrize('given', [':/my/lib', '/my/lib:', '/my::/lib', ':', '::'])
+def test_no_empty_part_of_a_list_stands_for_the_current_folder(given, checkout):
+    kept = ':'.join(filter(None, given.split(':')))
+    assert f'libraries={kept} ' in checkout.run(LD_LIBRARY_PATH=given).stdout

@@ -18,8 +18,6 @@ from source_trees import ROOT
 LONGEST_FUNCTION = 50  # lines
 MOST_KERNEL_ARGUMENTS = 6
 KERNEL_DECORATORS = {'jit', 'fast'}
-# They hear what numba compiles, and compile nothing.
-LISTENS_TO_NUMBA = {'quadruped_sim.compilation', 'wasd_navigation.parts'}
 # Facts of which some code has to know all values: the module in whose literals they stand.
 ONE_HOME = {
     'worlds': ({'flat', 'room'}, 'mujoco_sim.scene'),
@@ -137,7 +135,7 @@ def test_kernels_are_compiled_in_one_way():
         for module, path in modules(package).items()
         if any(name.partition('.')[0] == 'numba' for name in imports(path))
     }
-    assert importing == {'wasd_core.jit', *LISTENS_TO_NUMBA}
+    assert importing == {'wasd_core.jit', 'wasd_core.own_numba'}
 
 
 def test_what_compiles_has_the_names_by_which_kernels_are_counted():

@@ -136,3 +136,86 @@ def test_what_an_older_process_compiles_after_a_change_is_not_used(kernels):
     assert kernels.use() == '22'
     assert call(older) == '1'
     assert kernels.use() == '22 1'
+
+
+@pytest.fixture
+def refused(kernels, tmp_path):
+    """Return a function that says what is said, and the value, where NUMBA_CACHE_DIR is bad."""
+    kernels.environment['HOME'] = str(kernels.folder / 'home')
+    (kernels.package / '__pycache__').touch()  # there is no place but the one that is told
+
+    def use(place: Path) -> tuple[str, str]:
+        kernels.environment['NUMBA_CACHE_DIR'] = str(place)
+        done = subprocess.run(
+            [sys.executable, '-m', 'use'],
+            cwd=kernels.folder,
+            env=kernels.environment,
+            input='\n',
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout.split('\n', 1)[1].strip(), done.stderr
+
+    return use
+
+
+def test_a_cache_that_others_may_write_is_not_used_and_a_line_says_so(kernels, refused):
+    cache = kernels.folder / 'cache'
+    assert refused(cache) == ('1', '')
+    assert refused(cache) == ('1 1', '')
+    for folder in (cache, next(cache.iterdir())):
+        mode = folder.stat().st_mode
+        folder.chmod(0o777)
+        shutil.rmtree(kernels.folder / 'home', ignore_errors=True)
+        value, said = refused(cache)
+        assert (value, len(said.splitlines())) == ('1', 1)
+        assert 'can be written by any user (mode 777)' in said
+        folder.chmod(mode)
+    link = kernels.folder / 'link'
+    link.symlink_to(cache)
+    assert refused(link) == ('1 1', '')
+    cache.chmod(0o777)
+    assert 'can be written by any user' in refused(link)[1]
+    assert sorted((kernels.folder / 'home').rglob('*.nbi')) != []  # where it went instead
+
+
+def test_a_cache_in_a_folder_of_others_is_not_used(kernels, refused):
+    open_to_all = kernels.folder / 'open'
+    open_to_all.mkdir()
+    open_to_all.chmod(0o777)
+    assert f'{open_to_all} can be written by any user' in refused(open_to_all / 'cache')[1]
+    open_to_all.chmod(0o1777)  # as /tmp is: what is in it is its owner's
+    assert refused(open_to_all / 'cache') == ('1', '')
+
+
+def test_a_file_of_the_cache_that_others_may_write_is_not_read(kernels, refused):
+    cache = kernels.folder / 'cache'
+    assert refused(cache)[0] == '1'
+    for kind in ('nbi', 'nbc'):
+        (file,) = cache.rglob(f'*.{kind}')
+        file.chmod(0o666)
+        value, said = refused(cache)
+        assert (value, len(said.splitlines())) == ('1', 1)
+        assert f'not read from {file}' in said
+        assert file.stat().st_mode & 0o777 != 0o666  # it was written over
+        assert refused(cache) == ('1 1', '')
+
+
+def test_beside_the_code_the_cache_may_be_as_open_as_the_code_and_no_more(kernels):
+    assert kernels.use() == '1'
+    beside = kernels.package / '__pycache__'
+    beside.chmod(0o777)
+    kernels.environment['HOME'] = str(kernels.folder / 'home')
+    assert kernels.use() == '1'
+    kernels.package.chmod(0o777)
+    assert kernels.use() == '1 1'
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root gives folders away')
+def test_a_cache_of_another_user_is_not_used(kernels, refused):
+    cache = kernels.folder / 'cache'
+    refused(cache)
+    os.chown(cache, 1234, 1234)
+    assert f'{cache} belongs to user 1234' in refused(cache)[1]
+    assert refused(cache)[0] == '1 1'  # from the home

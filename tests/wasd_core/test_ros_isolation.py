@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who may talk to ROS here, as environments say it."""
 
-from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 import pytest
@@ -13,9 +12,9 @@ from wasd_core.network import RANGE
 FAST = 'rmw_fastrtps_cpp'
 
 
-def kept(environment, middleware=FAST, folder=Path('/')):
+def kept(environment, middleware=FAST):
     changed = dict(environment)
-    keep_to_this_machine(changed, middleware, folder)
+    keep_to_this_machine(changed, middleware)
     return {name: value for name, value in changed.items() if environment.get(name) != value}
 
 
@@ -33,11 +32,6 @@ def test_a_range_of_the_users_stays(value):
 @pytest.mark.parametrize('name', [PROFILES_FILE, 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER'])
 def test_peers_and_profiles_of_the_users_stay(name):
     assert kept({name: 'mine'}) == {RANGE: 'LOCALHOST'}
-
-
-def test_a_profile_in_the_current_folder_counts_as_the_users(tmp_path):
-    (tmp_path / 'DEFAULT_FASTRTPS_PROFILES.xml').touch()
-    assert kept({}, folder=tmp_path) == {RANGE: 'LOCALHOST'}
 
 
 def test_another_middleware_is_told_to_look_no_further():

@@ -86,7 +86,7 @@ def become(words: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
     print(f'starting anew: {called()} {" ".join(words)}')
     sys.stdout.flush()
     sys.stderr.flush()
-    program = (sys.executable, '-m', 'wasd_bringup.cli', *words)
+    program = (sys.executable, '-P', '-m', 'wasd_bringup.cli', *words)
     os.execve(sys.executable, program, {**environment, _MARK: '1'})
 
 

@@ -1,14 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every package here shares: errors, parameters, nodes, records of the robot."""
 
-from collections.abc import Callable, Mapping
-import signal
+import os
 import sys
+
+from wasd_core.ownership import others_can_write
 
 # What type checkers take for true, without loading `typing`.
 MYPY = False
 if MYPY:
+    from collections.abc import Callable, Mapping
     from typing import Any
+
+
+def _leave_foreign_folder() -> None:
+    """Look for no modules where the user stands, as `python -c` does, if that is a stranger's."""
+    reason = others_can_write(os.stat('.')) if sys.path[:1] == [''] else ''
+    if reason:
+        del sys.path[0]
+        cure = 'with PYTHONPATH=. they are'
+        print(
+            f'wasd: modules of this folder are not imported, it {reason}; {cure}', file=sys.stderr
+        )
+
+
+# Before anything that is not loaded yet.
+_leave_foreign_folder()
 
 
 def quiet_start(package: str, *executables: str) -> None:
@@ -16,19 +33,29 @@ def quiet_start(package: str, *executables: str) -> None:
     Have Ctrl-C end one of a package's programs without a word while it is being loaded.
 
     Called first in a package; where it is imported into another program nothing happens. What
-    the program does with signals later is its own affair. So nothing heavy is imported here.
+    the program does with signals later is its own affair. So nothing heavy is imported here. Nor
+    is anything imported from the folder where the user stands: `python -m` looks there first.
     """
     name = sys.argv[0].rpartition('/')[2] if sys.argv else ''
     if name == '-m':
         rest = sys.orig_argv[sys.orig_argv.index('-m') + 1 :]
         is_ours = rest[:1] != [] and rest[0].partition('.')[0] == package
+        if is_ours and not sys.flags.safe_path and not _is_at_home(sys.path[0]):
+            del sys.path[0]
     else:
         is_ours = name in executables
+    import signal
+
     if is_ours and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def load_lazily(package: str, homes: Mapping[str, str]) -> 'Callable[[str], Any]':
+def _is_at_home(folder: str) -> bool:
+    """Whether our packages are found in a folder."""
+    return folder == os.path.dirname(os.path.dirname(__file__))
+
+
+def load_lazily(package: str, homes: 'Mapping[str, str]') -> 'Callable[[str], Any]':
     """Return a package's `__getattr__`: a public name is loaded from its home when asked for."""
 
     def get(name: str) -> 'Any':

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiles functions by numba, and keeps what it compiled for as long as it is true."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import contextlib
 import functools
 import glob
@@ -10,9 +10,11 @@ from pathlib import Path
 import sys
 from typing import Any, cast, ParamSpec, TypeVar
 
+# First, for it sees to what numba reads.
+from wasd_core.own_numba import OwnCache  # isort: skip
+
 import numba
-from numba.core.caching import FunctionCache
-from numba.core.caching import IndexDataCacheFile
+from numba.core import event
 
 _P = ParamSpec('_P')
 _R = TypeVar('_R')
@@ -30,28 +32,45 @@ def jit(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
     takes a seventh of the time.
     """
     options = {'no_cfunc_wrapper': True, **options}
-    try:
-        kernel = numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # neither the package's folder nor a user cache can be written
-        return cast('Callable[_P, _R]', numba.njit(**options)(function))
-    cache = getattr(kernel, '_cache', None)
-    if isinstance(cache, FunctionCache):  # not where numba is told to compile nothing
-        _keep_of_state(cache, function.__module__.partition('.')[0])
+    kernel = numba.njit(**options)(function)
+    if not hasattr(kernel, '_cache'):  # numba is told to compile nothing
+        return cast('Callable[_P, _R]', kernel)
+    with contextlib.suppress(RuntimeError):  # there is no place that only we can write
+        kernel._cache = _keep_of_state(function)
     return cast('Callable[_P, _R]', kernel)
 
 
-def _keep_of_state(cache: FunctionCache, package: str) -> None:
+@contextlib.contextmanager
+def before_each_compilation(act: Callable[[], None]) -> Iterator[None]:
+    """Call `act` before numba compiles a function, not when it loads one; it may raise."""
+    with event.install_listener('numba:compile', _Listener(act)):
+        yield
+
+
+class _Listener(event.Listener):
+    def __init__(self, act: Callable[[], None]) -> None:
+        self._act = act
+
+    def on_start(self, event: Any) -> None:
+        self._act()
+
+    def on_end(self, event: Any) -> None:
+        """Nothing to do."""
+
+
+def _keep_of_state(function: Callable[..., Any]) -> OwnCache:
     """
-    Have a function's cache use files of its own for each state of what it is compiled of.
+    Return a function's cache, which uses files of its own for each state of what it compiles.
 
     numba looks at the file of a function alone: not at those of the functions that it calls,
     which are compiled into it, nor whether a class that its cache names has moved. A process that
     began before a file changed keeps what it compiles from those that began later.
     """
-    state = _state_of(package)
-    own, name = cache._cache_file, f'{cache._impl.filename_base}.{_OF}{state}'
-    cache._cache_file = IndexDataCacheFile(cache.cache_path, name, own._source_stamp)
+    package = function.__module__.partition('.')[0]
+    cache = OwnCache(function)
+    cache.name_files(f'{_OF}{_state_of(package)}')
     _forget_once(cache.cache_path, package)
+    return cache
 
 
 def _folder_of(package: str) -> Path | None:

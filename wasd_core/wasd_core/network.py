@@ -33,8 +33,9 @@ PROFILES_FILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 SAYS_WHO = (RANGE, 'ROS_LOCALHOST_ONLY')
 # With these others are asked for by name: what they say must get through.
 SAYS_HOW = (PROFILES_FILE, 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
-# Fast DDS reads a file of this name in the current folder.
-USERS_PROFILES = 'DEFAULT_FASTRTPS_PROFILES.xml'
+# Set to 1, Fast DDS does not read DEFAULT_FASTRTPS_PROFILES.xml in the current folder, by which a
+# stranger could have it listen to any host, or write its log over any file.
+SKIP_FOLDERS_PROFILES = 'SKIP_DEFAULT_XML_FILE'
 
 
 def is_sourced(environment: MutableMapping[str, str]) -> bool:
@@ -42,19 +43,16 @@ def is_sourced(environment: MutableMapping[str, str]) -> bool:
     return bool(environment.get('ROS_DISTRO'))
 
 
-def keep_to_this_machine(
-    environment: MutableMapping[str, str], middleware: str, folder: Path = Path()
-) -> None:
+def keep_to_this_machine(environment: MutableMapping[str, str], middleware: str) -> None:
     """
     Change an environment so that ROS in it talks to this machine only.
 
     What the user has set stays as it is. `middleware` is the RMW's name: only Fast DDS can be
-    bound to the machine from here; any other is told not to look further (LOCALHOST). `folder`
-    is the current one.
+    bound to the machine from here; any other is told not to look further (LOCALHOST).
     """
     if any(environment.get(name) for name in SAYS_WHO):
         return
-    has_own = any(environment.get(name) for name in SAYS_HOW) or (folder / USERS_PROFILES).exists()
+    has_own = any(environment.get(name) for name in SAYS_HOW)
     if has_own or not middleware.startswith('rmw_fastrtps'):
         environment[RANGE] = 'LOCALHOST'
         return

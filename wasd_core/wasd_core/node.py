@@ -32,6 +32,7 @@ from wasd_core.network import is_sourced
 from wasd_core.network import join_domain
 from wasd_core.network import keep_to_this_machine
 from wasd_core.network import remove_segments_of_the_dead
+from wasd_core.network import SKIP_FOLDERS_PROFILES
 from wasd_core.ros_parameters import misspelt_parameters
 from wasd_core.signals import last_status
 from wasd_core.signals import StopSignals
@@ -90,6 +91,7 @@ def init_ros(
         choice = join_domain(os.environ) if joins else ''
         if choice:
             print(choice, file=sys.stderr, flush=True)
+    os.environ[SKIP_FOLDERS_PROFILES] = '1'
     remove_segments_of_the_dead()
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)

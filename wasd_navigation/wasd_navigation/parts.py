@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 from typing import Any
 
-from numba.core import event
 import numpy as np
 from wasd_core.errors import Stopped
+from wasd_core.jit import before_each_compilation
 from wasd_core.signals import stop_requested
 
 from wasd_navigation.mapping import load_map
@@ -45,7 +45,7 @@ def make_parts(settings: NavigatorParameters, say: Callable[[str], Any]) -> Part
     def make_locator(known: Grid | None) -> Locator:
         return Mapper(settings.mapping) if known is None else Localizer(known, settings.mapping)
 
-    with event.install_listener('numba:compile', _Notice(say)):
+    with before_each_compilation(_Notice(say)):
         warm_up(make_locator(None if grid is None else _draw_room()), make_pilot(settings))
     return make_locator(grid), make_pilot(settings)
 
@@ -94,20 +94,17 @@ def _draw_room() -> Grid:
     return Grid(cells, RESOLUTION, (-length - RESOLUTION, -right - RESOLUTION))
 
 
-class _Notice(event.Listener):
+class _Notice:
     """Tells of the first function that is compiled, not loaded; ends it when that is asked for."""
 
     def __init__(self, say: Callable[[str], Any]) -> None:
         self._say = say
         self._has_said = False
 
-    def on_start(self, event: Any) -> None:
+    def __call__(self) -> None:
         """Tell, once."""
         if stop_requested():
             raise Stopped
         if not self._has_said:
             self._has_said = True
             self._say(NOTICE)
-
-    def on_end(self, event: Any) -> None:
-        """Nothing to do."""

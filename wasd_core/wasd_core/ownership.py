@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether somebody else could have written what lies at a path."""
+
+import os
+import stat
+
+# Of a folder or file: its group, or all users, may write to it.
+OPEN = stat.S_IWGRP | stat.S_IWOTH
+
+
+def others_can_write(status: os.stat_result, *owners: int) -> str:
+    """
+    Return who but us, root and the users `owners` may write to a file or folder; '' for nobody.
+
+    A group of the number of its user is taken for his own, as Debian, Ubuntu and Fedora make one
+    for each user.
+    """
+    if status.st_uid not in (0, os.geteuid(), *owners):
+        return f'belongs to user {status.st_uid}'
+    mode = f'(mode {stat.S_IMODE(status.st_mode):o})'
+    if status.st_mode & stat.S_IWOTH:
+        return f'can be written by any user {mode}'
+    if status.st_mode & stat.S_IWGRP and status.st_gid != os.geteuid():
+        return f'can be written by group {status.st_gid} {mode}'
+    return ''
+
+
+def why_foreign(path: str) -> str:
+    """
+    Return why another user could change what a path leads to, naming it or a folder above.
+
+    '' where none could: links are followed, and what is not there yet counts by what is above.
+    In a folder such as /tmp, whose sticky bit keeps what is others', only one's own part counts.
+    """
+    real = here = os.path.realpath(path)
+    while True:
+        try:
+            status = os.stat(here)
+        except (FileNotFoundError, NotADirectoryError):
+            reason = ''
+        except OSError as error:
+            reason = f'cannot be looked at: {error.strerror}'
+        else:
+            reason = others_can_write(status)
+            is_on_the_way = here != real and status.st_mode & stat.S_ISVTX
+            if is_on_the_way and status.st_uid in (0, os.geteuid()):
+                reason = ''
+        if reason:
+            return f'{here} {reason}'
+        if here == os.path.dirname(here):
+            return ''
+        here = os.path.dirname(here)
