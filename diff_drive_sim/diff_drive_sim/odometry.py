@@ -94,7 +94,8 @@ def find_pair(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
         raise DiffDriveError(f'{robot.name!r} {drive.why_not()}')
     what, cure = name_kind(robot, drive)
     if what:
-        raise DiffDriveError(f'{robot.name!r} is {what}; {cure}')
+        it_is = 'is' if drive.what else 'has no two driven wheels: it is'
+        raise DiffDriveError(f'{robot.name!r} {it_is} {what}; {cure}')
     raise DiffDriveError(f'{robot.name!r} {drive.why_not()}; {CURE}')
 
 

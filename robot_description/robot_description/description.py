@@ -72,7 +72,7 @@ class Description:
         """
         if isinstance(self._quadruped, NotAQuadruped):
             # A new one: what is raised holds on to its callers, and this is kept.
-            raise NotAQuadruped(f'{self._is_instead}{self._quadruped}', self._quadruped.limbs)
+            raise NotAQuadruped(f'{self._quadruped}{self._is_instead}', self._quadruped.limbs)
         return self._quadruped
 
     @property
@@ -101,9 +101,9 @@ class Description:
 
     @property
     def _is_instead(self) -> str:
-        """What the robot is in place of a quadruped, as the beginning of a refusal."""
+        """What the robot is in place of a quadruped, as the end of a refusal."""
         what, cure = self.nature
-        return f'{self.robot.name!r} is {what}: {cure}; ' if what else ''
+        return f'; {self.robot.name!r} is {what}: {cure}' if what else ''
 
     @cached_property
     def drive(self) -> Drive:

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Robots that nobody here drives are called what they are, by their shape."""
 
+from dataclasses import replace
+
+from descriptions import robot_named
 import pytest
 from robot_description.description import read_description
 from robot_description.morphology.kinds import name_kind
@@ -36,3 +39,11 @@ def test_a_robot_of_example_robot_data_is_called_what_it_is(name):
     kind = name_kind(read_description(ROBOTS / f'{name}.urdf').robot)
     assert kind.what.partition(' (')[0] == KINDS[name]
     assert kind.cure
+
+
+def test_links_that_are_called_rotors_make_no_drone_of_a_robot_on_legs():
+    robot = robot_named('go2').robot
+    assert sum('rotor' in link for link in robot.links) > 4
+    fixed = replace(robot.joints['RR_hip_joint'], kind='fixed')
+    kind = name_kind(replace(robot, joints={**robot.joints, 'RR_hip_joint': fixed}))
+    assert kind.what.startswith('a robot on 4 legs')

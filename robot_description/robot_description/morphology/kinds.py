@@ -25,8 +25,8 @@ SIMULATE = (
     'its joints (docs/write_a_controller.md)'
 )
 ONE_PAIR = (
-    'left_wheel_names, right_wheel_names in a --controller file name one pair that drives it, the '
-    'others slide'
+    'left_wheel_names, right_wheel_names in a --controller file of wasd mbot name one pair that '
+    'drives it, the others slide'
 )
 # A chain of so many joints is an arm, or a leg.
 ARM_JOINTS, LEG_JOINTS = 3, 2
@@ -113,16 +113,15 @@ def _standing(robot: Robot, rollers: list[Roller]) -> Kind:
 
 
 def _propellers(robot: Robot) -> list[str]:
-    """Return what turns freely about an upright axis and carries no joint; or is called so."""
+    """Return what turns freely about an upright axis; of what has no joints, what says so."""
+    if not robot.movable_joints:
+        return [link for link in robot.links if PROPELLER_WORDS & {*words(link)}]
     carriers = {joint.parent for joint in robot.movable_joints}
-    spinning = [
+    return [
         joint.name
         for joint in robot.movable_joints
         if turns_freely(joint) and is_upright(robot, joint) and joint.child not in carriers
     ]
-    if len(spinning) >= FEWEST_PROPELLERS:
-        return spinning
-    return [link for link in robot.links if PROPELLER_WORDS & {*words(link)}]
 
 
 def _chains(robot: Robot) -> list[list[Joint]]:

@@ -122,11 +122,18 @@ def _is_lost(robot: Robot, joint: Joint) -> bool:
 
 
 def is_on_leg(roller: Roller, robot: Robot) -> bool:
-    """Whether a part is at the end of a leg: joints that bend and have motors hold it."""
+    """
+    Whether a part is at the end of a leg: joints that bend hold it, by motors.
+
+    Where no joint has a motor, none is looked for.
+    """
+    has_motors = any(joint.effort > 0.0 for joint in robot.movable_joints)
     bends = [
         joint
         for joint in roller.above
-        if joint.kind in ('revolute', 'continuous') and not is_upright(robot, joint)
+        if joint.kind in ('revolute', 'continuous')
+        and not is_upright(robot, joint)
+        and (joint.effort > 0.0 or not has_motors)
     ]
     return len(bends) >= LEG_JOINTS
 

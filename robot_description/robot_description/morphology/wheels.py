@@ -133,6 +133,8 @@ def find_drive(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
         pairs = [pair for pair in combinations(found, 2) if not _why_no_axle(*pair)]
     largest = max((max(a.radius, b.radius) for a, b in pairs), default=0.0)
     pairs = [pair for pair in pairs if differ(pair[0].radius, largest) <= OFF_RADIUS]
+    if len(pairs) == 1 and not what and not choice.names:
+        what = _more_alike(robot, pairs[0], rollers)
     if len(pairs) == 1 and not what:
         return Drive(pairs[0], '', passed, _notes(robot, *pairs[0], idle), idle)
     if len(pairs) > 1 and not what:
@@ -140,6 +142,27 @@ def find_drive(robot: Robot, choice: WheelChoice = ANY_WHEELS) -> Drive:
         what = f'a skid-steer ({", ".join(alike)} are driven alike)'
     passed |= {wheel.joint.name: _why_alone(wheel, found) for wheel in found}
     return Drive((), what, passed)
+
+
+def _more_alike(
+    robot: Robot, pair: tuple[DriveWheel, DriveWheel], rollers: Sequence[Roller]
+) -> str:
+    """Return `a skid-steer` where further wheels as large bear both sides, on bogies, say."""
+    names = [wheel.joint.name for wheel in pair]
+    size = max(wheel.radius for wheel in pair)
+    beside = {joint.name for joint in _others(robot, names, rollers)}
+    others = [
+        roller
+        for roller in rollers
+        if roller.joint.name in beside
+        and roller.is_measured
+        and differ(roller.radius, size) <= OFF_RADIUS
+    ]
+    middle = 0.5 * float(pair[0].position[1] + pair[1].position[1])
+    if len({bool(roller.position[1] > middle) for roller in others}) < 2:
+        return ''
+    alike = ', '.join([*names, *(roller.joint.name for roller in others)])
+    return f'a skid-steer ({alike} are driven alike)'
 
 
 def _others(robot: Robot, names: Sequence[str], rollers: Sequence[Roller]) -> tuple[Joint, ...]:
