@@ -97,6 +97,9 @@ class RobotModel:
         self.folded_pose = similar_pose(self.quadruped, *FOLDED)
         self.standing_pose = similar_pose(self.quadruped, *STANDING)
         self.walking_pose = similar_pose(self.quadruped, *WALKING)
+        # Of the base above the ground in the stand [m].
+        feet = foot_positions(self.geometry, self.standing_pose)
+        self.standing_height = self.geometry.foot_radius - float(feet[:, 2].mean())
         self._build(description)
         self.mass = float(pin.computeTotalMass(self._model))
         self.weight = self.mass * GRAVITY

@@ -95,6 +95,10 @@ class RobotState:
         """Centre of mass in base axes (3,) [m]."""
         return self.dynamics.com
 
+    def height(self, radius: float) -> float:
+        """Height of the base above the ground under its lowest foot, a ball of `radius` [m]."""
+        return radius - float((self.motion.position @ self.base.R[2]).min())
+
     @property
     def mass(self) -> float:
         """What the legs carry [kg], a load as it is felt among it."""

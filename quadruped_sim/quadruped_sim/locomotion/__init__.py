@@ -118,11 +118,12 @@ class Locomotion:
         """Whether the base has risen far enough for the feet to reach where they step."""
         return self._height > _UP * self._nominal_height
 
-    def reset(self, state: RobotState) -> None:
-        """Stand where the robot is, on level ground under its feet."""
+    def reset(self, state: RobotState, feet: np.ndarray | None = None) -> None:
+        """Stand where the robot is, on level ground under its feet, or `feet` (4, 3) [m]."""
+        feet = state.feet if feet is None else feet
         self.gait.reset()
         self.reference.reset(state)
-        self.ground.reset(state.feet - (0.0, 0.0, self._model.geometry.foot_radius))
+        self.ground.reset(feet - (0.0, 0.0, self._model.geometry.foot_radius))
         self._height = float(state.base.position[2]) - self.ground.height
         self.schedule = self.gait.state()
         self.is_stance[:], self._feet.is_early[:], self._feet.has_touched[:] = True, False, True

@@ -65,6 +65,11 @@ class Gait:
         self._glide(GAITS[self.params.name], math.inf)
         self._follow(0.0, 0.0, wants_steps=False)
 
+    def start(self) -> None:
+        """Step at a trot from now on, whatever gait is chosen; first FR and RL lift."""
+        self._glide(GAITS['trot'], math.inf)
+        self.is_stepping, self._phase = True, 0.0
+
     def step(
         self,
         dt: float,

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 from robot_description.morphology.quadruped import Scale
+from wasd_core.robot_io import GRAVITY
 from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import rotation_vector
 from wasd_core.rotations import rpy_matrix
@@ -25,6 +26,7 @@ from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.states.support import is_to_step
 
 # On the Go2: acceleration of a led foot per position error [1/s^2] and per velocity [1/s],
 _FOOT_GAINS = (300.0, 30.0)
@@ -59,6 +61,11 @@ class State(ABC):
     @property
     def is_lying(self) -> bool:
         """Whether the robot lies, or rolls, so that feet do not tell how it moves."""
+        return False
+
+    @property
+    def may_be_low(self) -> bool:
+        """Whether the trunk may be near the ground, as it does not stand or hangs in the air."""
         return False
 
     @property
@@ -148,6 +155,11 @@ def damping_command(scale: Scale, joint_position: np.ndarray) -> JointCommand:
 class Passive(State):
     """Damps; the start state, and where every guard leads."""
 
+    @property
+    def may_be_low(self) -> bool:
+        """Whether the trunk may be near the ground."""
+        return True
+
     def enter(self, robot: RobotState) -> None:
         """End whatever gait there was."""
         self._parts.locomotion.gait.reset()
@@ -163,6 +175,8 @@ _KP = np.tile((180.0, 180.0, 300.0), 4)
 _KD = np.tile((8.0, 8.0, 15.0), 4)
 # A trot that has not ended by now is ended anyway [s].
 _HALT_TIME_MAX = 3.0
+# Share of its height from which on a robot is up.
+_UP = 0.8
 
 
 def stiff_command(model: RobotModel, position: np.ndarray) -> JointCommand:
@@ -175,7 +189,8 @@ class AfterTrot(State):
     """
     Begins with a robot that rests: one that trots is brought to a halt first.
 
-    Stiff legs at 1 m/s are a somersault, which is what unitree_guide's key 2 does.
+    Stiff legs at 1 m/s are a somersault, which is what unitree_guide's key 2 does. A robot that a
+    push would tip over steps until it rests, and begins again.
     """
 
     def enter(self, robot: RobotState) -> None:
@@ -185,11 +200,40 @@ class AfterTrot(State):
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
         """One tick of the way to a halt, or of what follows."""
+        if self._halting <= 0.0 and self._may_step and self._tips(robot):
+            self._start_steps(robot)
         return self._halt(robot, dt) if self._halting > 0.0 else self._at_rest(robot, dt)
 
     @abstractmethod
     def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
         """Command of a tick, from `self._start` (12,) [rad] on at `self._time` [s]."""
+
+    @property
+    def _may_step(self) -> bool:
+        """Whether steps may interrupt what it does, to catch a robot that tips."""
+        return True
+
+    def _tips(self, robot: RobotState) -> bool:
+        stands = self.trust > 0.5
+        enough = int(stands.sum()) >= 3 and is_up(self._parts.model, robot)
+        return enough and is_to_step(robot, stands, GRAVITY)
+
+    def _start_steps(self, robot: RobotState) -> None:
+        """Step in place until feet and base are where they rest well."""
+        feet = robot.feet.copy()
+        in_air = self.trust <= 0.5
+        feet[in_air, 2] = feet[~in_air, 2].mean()
+        self._parts.command_filter.reset()
+        self._parts.locomotion.reset(robot, feet)
+        self._parts.locomotion.gait.start()
+        self._halting = _HALT_TIME_MAX
+
+    def _rise(self, dt: float) -> JointCommand:
+        """Next point of the straight line from the measured pose to the stand."""
+        self._time += dt
+        share = min(self._time / STAND_TIME, 1.0)
+        position = (1.0 - share) * self._start + share * self._parts.model.standing_pose
+        return stiff_command(self._parts.model, position)
 
     def _rest(self, robot: RobotState) -> None:
         self._start = robot.joint_position.copy()
@@ -215,10 +259,41 @@ class FixedStand(AfterTrot):
 
     def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
         """Next point of the line."""
-        self._time += dt
-        share = min(self._time / STAND_TIME, 1.0)
-        position = (1.0 - share) * self._start + share * self._parts.model.standing_pose
-        return stiff_command(self._parts.model, position)
+        return self._rise(dt)
+
+
+def is_up(model: RobotModel, robot: RobotState) -> bool:
+    """Whether the legs hold the base about as high as in the stand."""
+    return robot.height(model.geometry.foot_radius) > _UP * model.standing_height
+
+
+class OnFeet(AfterTrot):
+    """Begins with a robot that stands: one that lies, or has only begun to rise, rises first."""
+
+    def _rest(self, robot: RobotState) -> None:
+        super()._rest(robot)
+        self._is_risen = is_up(self._parts.model, robot)
+        if self._is_risen:
+            self._begin_from(robot)
+
+    def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
+        """Rise, then act."""
+        if self._is_risen:
+            return self._act(robot, dt)
+        command = self._rise(dt)
+        if self._time >= STAND_TIME:
+            super()._rest(robot)
+            self._is_risen = True
+            self._begin_from(robot)
+        return command
+
+    @abstractmethod
+    def _begin_from(self, robot: RobotState) -> None:
+        """Start from a robot that stands at rest."""
+
+    @abstractmethod
+    def _act(self, robot: RobotState, dt: float) -> JointCommand:
+        """Command of a tick of what this state is for."""
 
 
 # Roll, pitch, yaw [rad] and height [m] at full stick, on the Go2.
@@ -227,7 +302,7 @@ _FULL = np.array((math.radians(20.0), math.radians(15.0), math.radians(20.0), 0.
 _RATE = np.array((0.7, 0.7, 0.7, 0.08))
 
 
-class FreeStand(State):
+class FreeStand(OnFeet):
     """
     Inverse kinematics over feet that stay: lx rolls, ly pitches, rx yaws, ry lifts.
 
@@ -235,14 +310,14 @@ class FreeStand(State):
     turn the robot 10 % further than asked.
     """
 
-    def enter(self, robot: RobotState) -> None:
+    def _begin_from(self, robot: RobotState) -> None:
         """Keep the feet as they stand, seen from the base."""
         self._angles = robot.joint_position.copy()
         self._feet = foot_positions(self._parts.model.geometry, self._angles)
         self._calves = _calf_rotations(self._angles)
         self._now = np.zeros(4)
 
-    def step(self, robot: RobotState, dt: float) -> JointCommand:
+    def _act(self, robot: RobotState, dt: float) -> JointCommand:
         """Joint angles for the present lean."""
         sticks = self._parts.sticks.values
         wanted = _FULL * np.array((sticks.lx, sticks.ly, -sticks.rx, sticks.ry))
@@ -279,8 +354,11 @@ class Trotting(State):
     """Sticks drive: ly forward, lx right, rx turns right; full stick is the speed limit."""
 
     def enter(self, robot: RobotState) -> None:
-        """Stand first; the command starts at zero."""
+        """Stand first; the command starts at zero. One that steps still goes on stepping."""
         self.trust = np.ones(4)
+        if self._parts.locomotion.gait.is_stepping:
+            self._parts.command_filter.request(0.0, 0.0, 0.0)
+            return
         self._parts.command_filter.reset()
         self._parts.locomotion.reset(robot)
 

@@ -2,9 +2,12 @@
 """
 unitree_guide's three tests of the whole-body QP, keys 0, 9 and 8: balance, swing, step.
 
-All lengths and speeds here are the Go2's.
+Where unitree_guide shifts the base by fixed distances from its place at entry, the centre of mass
+is led into the polygon between the feet that stand, as they are measured. All lengths and speeds
+here are the Go2's.
 """
 
+from abc import abstractmethod
 import math
 
 import numpy as np
@@ -12,12 +15,16 @@ from wasd_core.robot_io import JointCommand
 from wasd_core.rotations import yaw_matrix
 
 from quadruped_sim.leg_kinematics import FR
-from quadruped_sim.leg_kinematics import FRONT
-from quadruped_sim.leg_kinematics import LEFT
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.states.driving import approach
-from quadruped_sim.states.driving import State
+from quadruped_sim.states.driving import OnFeet
+from quadruped_sim.states.driving import smooth
+from quadruped_sim.states.support import corners_of
+from quadruped_sim.states.support import nearest_inside
+from quadruped_sim.states.support import room_inside
 
+# The centre of mass stays so far inside the edges between four feet [m].
+BALANCE_MARGIN = 0.06
 # x, y, z [m] and yaw [rad] of the base at full stick, and how fast it follows, per second.
 BALANCE_FULL = np.array((0.05, 0.05, 0.04, math.radians(20.0)))
 BALANCE_RATE = np.array((0.1, 0.1, 0.08, 0.7))
@@ -26,29 +33,69 @@ BALANCE_RATE = np.array((0.1, 0.1, 0.08, 0.7))
 SWING_LOW = np.array((-0.15, -0.15, -0.05))
 SWING_HIGH = np.array((0.10, 0.15, 0.20))
 SWING_FOOT_RATE = 0.3
-# Shift of the base away from a lifted foot, over the three that stand [m]; its speed [m/s].
-SHIFT = (0.045, 0.035)
-SWING_SHIFT_RATE = 0.06
-# The foot leaves the ground by this much once the base is so close to its place [m].
+# Before a foot is lifted the centre of mass goes inside the triangle of the three others, by this
+# share of the radius of its incircle, at this speed [m/s].
+INSIDE = 0.75
+SHIFT_RATE = 0.06
+# The foot leaves the ground by this much once the centre of mass is so close to its place [m].
 SWING_CLEARANCE = 0.03
-SWING_CLOSE = 0.015
+SHIFTED = 0.015
+# A leg is led no farther than this share of its length.
+REACH = 0.95
+# Radius of the incircle of three feet [m] below which all feet are first put below their hips.
+NARROW = 0.06
 # Legs that are lifted in turn, FR RL FL RR; times [s], and half of how high a foot goes [m].
 STEP_ORDER = (1, 2, 0, 3)
 STEP_SHIFT_TIME = 1.0
 STEP_LIFT_TIME = 1.0
 STEP_HALF_HEIGHT = 0.05
+_ALL = np.ones(4, dtype=bool)
 
 
-class Exercise(State):
-    """Starts from where base and feet are, level."""
+class Exercise(OnFeet):
+    """Starts from where feet and centre of mass are, level; feet that stand badly step first."""
+
+    def _begin_from(self, robot: RobotState) -> None:
+        """Remember where it stands."""
+        self._size = self._parts.model.scale.of('m')
+        self._yaw = float(robot.base.rpy[2])
+        self._height = float(robot.base.position[2] - robot.feet[:, 2].mean())
+        self._feet = robot.feet.copy()
+        self._over = _centre_of_mass(robot)
+        self.trust = np.ones(4)
+        self._has_squared, is_first = True, not self._has_squared
+        narrowest = min(room_inside(corners_of(robot.feet, _but(leg))) for leg in range(4))
+        if is_first and narrowest < NARROW * self._size:
+            self._start_steps(robot)
+        self._prepare(robot)
 
     def enter(self, robot: RobotState) -> None:
-        """Remember where base and feet are."""
-        self._centre = robot.base.position.copy()
-        self._yaw = float(robot.base.rpy[2])
-        self._feet = robot.feet.copy()
-        self._size = self._parts.model.scale.of('m')
-        self.trust = np.ones(4)
+        """Square the feet once at most."""
+        self._has_squared = False
+        super().enter(robot)
+
+    @abstractmethod
+    def _prepare(self, robot: RobotState) -> None:
+        """Begin with what this exercise moves."""
+
+    def _hold(
+        self, robot: RobotState, yaw: float, is_stance: np.ndarray, feet: np.ndarray, lift: float
+    ) -> JointCommand:
+        """
+        Hold the centre of mass over `self._over` (2,) on the feet of `is_stance` (4,), level.
+
+        The others are led to `feet` (4, 3); the base is `lift` above its height at the start [m].
+        """
+        com = robot.base.R @ robot.com
+        level = float(robot.feet[is_stance, 2].mean()) + self._height + lift
+        position = np.array((*(self._over - com[:2]), level))
+        return self._stand(robot, position, yaw, is_stance, feet)
+
+    def _place_without(self, leg: int, robot: RobotState) -> np.ndarray:
+        """Return where the centre of mass (2,) is over the feet but one [m]."""
+        corners = corners_of(robot.feet, _but(leg))
+        margin = INSIDE * room_inside(corners)
+        return nearest_inside(_centre_of_mass(robot), corners, margin)
 
 
 class BalanceTest(Exercise):
@@ -58,52 +105,43 @@ class BalanceTest(Exercise):
     ly moves forward, lx right, ry up, rx turns right.
     """
 
-    def enter(self, robot: RobotState) -> None:
-        """Take the present pose, levelled, as the centre."""
-        super().enter(robot)
-        self._now = np.zeros(4)
+    def _prepare(self, robot: RobotState) -> None:
+        self._now, self._centre = np.zeros(4), self._over
 
-    def step(self, robot: RobotState, dt: float) -> JointCommand:
-        """Hold the pose that the sticks ask for."""
+    def _act(self, robot: RobotState, dt: float) -> JointCommand:
+        """Hold the pose that the sticks ask for, with the weight between the feet."""
         sticks = self._parts.sticks.values
         wanted = BALANCE_FULL * np.array((sticks.ly, -sticks.lx, sticks.ry, -sticks.rx))
         size = np.array((self._size, self._size, self._size, 1.0))
         self._now = approach(self._now, wanted * size, dt * BALANCE_RATE * size)
-        x, y, z, turn = self._now.tolist()
-        c, s = math.cos(self._yaw), math.sin(self._yaw)
-        position = self._centre + np.array((c * x - s * y, s * x + c * y, z))
-        is_stance = np.ones(4, dtype=bool)
-        return self._stand(robot, position, self._yaw + turn, is_stance, robot.feet)
+        x, y, lift, turn = self._now.tolist()
+        asked = self._centre + yaw_matrix(self._yaw)[:2, :2] @ (x, y)
+        corners = corners_of(robot.feet, _ALL)
+        inside = nearest_inside(asked, corners, BALANCE_MARGIN * self._size)
+        self._over = approach(self._over, inside, np.full(2, dt * self._size * BALANCE_RATE[0]))
+        return self._hold(robot, self._yaw + turn, _ALL, robot.feet, lift)
 
 
 class SwingTest(Exercise):
-    """Stands on FL, RL and RR, over which the base moves first; ly, lx, ry move the FR foot."""
+    """Stands on FL, RL and RR, over which it leans first; ly, lx, ry move the FR foot."""
 
-    def enter(self, robot: RobotState) -> None:
-        """Remember where base and feet are."""
-        super().enter(robot)
-        self._shift = np.zeros(3)
+    def _prepare(self, robot: RobotState) -> None:
         self._foot = np.zeros(3)
+        self._goal = self._place_without(FR, robot)
 
-    def step(self, robot: RobotState, dt: float) -> JointCommand:
+    def _act(self, robot: RobotState, dt: float) -> JointCommand:
         """Shift, then swing."""
         size = self._size
-        shift = size * np.array((*_away_from(FR), 0.0))
-        self._shift = approach(self._shift, shift, np.full(3, dt * size * SWING_SHIFT_RATE))
-        Rz = yaw_matrix(self._yaw)
-        position = self._centre + Rz @ self._shift
-        off = (robot.base.position - position)[:2]
-        is_stance = np.ones(4, dtype=bool)
-        is_shifted = bool((self._shift == shift).all())
-        is_close = math.hypot(*off.tolist()) < size * SWING_CLOSE
-        if self.trust[FR] == 0.0 or (is_shifted and is_close):
-            is_stance[FR] = False
-            self.trust = np.array((1.0, 0.0, 1.0, 1.0))
+        most = np.full(2, dt * size * SHIFT_RATE)
+        self._over = approach(self._over, self._goal, most)
+        off = math.dist(_centre_of_mass(robot), self._goal)
+        if self.trust[FR] == 0.0 or off < size * SHIFTED:
+            self.trust = _but(FR).astype(float)
             most = np.full(3, dt * size * SWING_FOOT_RATE)
             self._foot = approach(self._foot, size * self._wanted(), most)
         feet = self._feet.copy()
-        feet[FR] += Rz @ self._foot
-        return self._stand(robot, position, self._yaw, is_stance, feet)
+        feet[FR] = self._within_reach(robot, self._feet[FR] + yaw_matrix(self._yaw) @ self._foot)
+        return self._hold(robot, self._yaw, self.trust > 0.0, feet, 0.0)
 
     def _wanted(self) -> np.ndarray:
         sticks = self._parts.sticks.values
@@ -112,42 +150,60 @@ class SwingTest(Exercise):
         wanted[2] = max(float(wanted[2]) + SWING_CLEARANCE, 0.0)
         return np.asarray(wanted)
 
+    def _within_reach(self, robot: RobotState, foot: np.ndarray) -> np.ndarray:
+        """Return `foot` (3,) or, if the leg is too short, the point toward it [m]."""
+        legs = self._parts.model.geometry
+        hip = robot.base.position + robot.base.R @ legs.hip[FR]
+        way = foot - hip
+        most = REACH * math.hypot(legs.thigh[FR] + legs.calf[FR], legs.offset[FR])
+        return np.asarray(hip + way * min(most / max(math.hypot(*way.tolist()), 1e-9), 1.0))
+
 
 class StepTest(Exercise):
     """
-    Lifts one foot after the other by 10 cm, the base moving over the three that stand.
+    Lifts one foot after the other by 10 cm, leaning over the three that stand.
 
     Height h(t) = 0.05 (1 - cos), as unitree_guide's.
     """
 
-    def enter(self, robot: RobotState) -> None:
-        """Remember where base and feet are."""
-        super().enter(robot)
+    def _prepare(self, robot: RobotState) -> None:
+        self._turn, self._is_lifting = 0, False
+        self._lean(robot)
+
+    def _lean(self, robot: RobotState) -> None:
+        """Begin to lean over the feet but the one whose turn it is."""
+        self._leg = STEP_ORDER[self._turn % 4]
+        self._from, self._goal = self._over, self._place_without(self._leg, robot)
         self._time = 0.0
 
-    def step(self, robot: RobotState, dt: float) -> JointCommand:
-        """Shift the base for a time, then lift and lower one foot."""
+    def _act(self, robot: RobotState, dt: float) -> JointCommand:
+        """Lean for a time, then lift and lower one foot."""
         self._time += dt
-        turn, time = divmod(self._time, STEP_SHIFT_TIME + STEP_LIFT_TIME)
-        leg = STEP_ORDER[int(turn) % 4]
-        size = self._size
-        before = size * _away_from(STEP_ORDER[(int(turn) - 1) % 4]) if turn >= 1.0 else np.zeros(2)
-        share = min(time / STEP_SHIFT_TIME, 1.0)
-        share = share * share * (3.0 - 2.0 * share)
-        shift = before + share * (size * _away_from(leg) - before)
-
-        is_stance = np.ones(4, dtype=bool)
-        feet = self._feet.copy()
-        if time > STEP_SHIFT_TIME:
-            is_stance[leg] = False
-            angle = 2.0 * math.pi * (time - STEP_SHIFT_TIME) / STEP_LIFT_TIME
-            feet[leg, 2] += size * STEP_HALF_HEIGHT * (1.0 - math.cos(angle))
+        size, feet = self._size, self._feet.copy()
+        if self._is_lifting and self._time > STEP_LIFT_TIME:
+            self._turn, self._is_lifting = self._turn + 1, False
+            self._lean(robot)
+        off = math.dist(_centre_of_mass(robot), self._goal)
+        if not self._is_lifting and self._time > STEP_SHIFT_TIME and off < size * SHIFTED:
+            self._is_lifting, self._time = True, 0.0
+        if self._is_lifting:
+            angle = 2.0 * math.pi * self._time / STEP_LIFT_TIME
+            feet[self._leg, 2] += size * STEP_HALF_HEIGHT * (1.0 - math.cos(angle))
+            is_stance = _but(self._leg)
         else:
             self._feet[robot.is_contact] = robot.feet[robot.is_contact]
+            share = smooth(self._time / STEP_SHIFT_TIME)
+            self._over = self._from + share * (self._goal - self._from)
+            is_stance = _ALL
         self.trust = is_stance.astype(float)
-        position = self._centre + yaw_matrix(self._yaw) @ np.array((*shift, 0.0))
-        return self._stand(robot, position, self._yaw, is_stance, feet)
+        return self._hold(robot, self._yaw, is_stance, feet, 0.0)
 
 
-def _away_from(leg: int) -> np.ndarray:
-    return np.array((-FRONT[leg] * SHIFT[0], -LEFT[leg] * SHIFT[1]))
+def _but(leg: int) -> np.ndarray:
+    """Return which feet stand (4,) when all do but one."""
+    return np.asarray(np.arange(4) != leg)
+
+
+def _centre_of_mass(robot: RobotState) -> np.ndarray:
+    """Return where the whole robot's centre of mass is, from above, world (2,) [m]."""
+    return np.asarray((robot.base.position + robot.base.R @ robot.com)[:2])

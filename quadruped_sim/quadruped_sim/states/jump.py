@@ -17,7 +17,7 @@ from quadruped_sim.locomotion.feedback import pd_law
 from quadruped_sim.locomotion.feedback import rotation_error
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.states.driving import AfterTrot
+from quadruped_sim.states.driving import OnFeet
 from quadruped_sim.states.driving import smooth
 from quadruped_sim.states.driving import stiff_command
 
@@ -59,7 +59,7 @@ class Stage(Enum):
     LAND = auto()
 
 
-class Jump(AfterTrot):
+class Jump(OnFeet):
     """
     Crouches, pushes off, folds its legs, lands as a spring.
 
@@ -69,15 +69,28 @@ class Jump(AfterTrot):
 
     def enter(self, robot: RobotState) -> None:
         """Crouch from where it stands."""
-        super().enter(robot)
         self._stage = Stage.CROUCH
+        super().enter(robot)
+
+    def _begin_from(self, robot: RobotState) -> None:
+        """Crouch first."""
+        self._stage = Stage.CROUCH
+
+    @property
+    def may_be_low(self) -> bool:
+        """Whether it crouches or flies."""
+        return self._stage is not Stage.LAND
+
+    @property
+    def _may_step(self) -> bool:
+        return self._stage is Stage.CROUCH
 
     @property
     def is_over(self) -> bool:
         """Whether it has landed and rests."""
         return self._stage is Stage.LAND and self._time > LAND_TIME * self._scale('s')
 
-    def _at_rest(self, robot: RobotState, dt: float) -> JointCommand:
+    def _act(self, robot: RobotState, dt: float) -> JointCommand:
         """One tick of the present stage."""
         self._time += dt
         if self._stage is Stage.CROUCH and self._time > CROUCH_TIME * self._scale('s'):

@@ -100,6 +100,11 @@ class GetUp(State):
         return self._stage is not Stage.STAND
 
     @property
+    def may_be_low(self) -> bool:
+        """Whether it is not yet on its feet, or rises onto them."""
+        return True
+
+    @property
     def failure(self) -> str | None:
         """Whether all that rolling, and standing up only to tip over, has been of no use."""
         tries = max(self._rolls - 1, 0) + self._tips
@@ -220,6 +225,11 @@ class LieDown(AfterTrot):
     def __init__(self, parts: ControllerParts) -> None:
         super().__init__(parts)
         self._folded = parts.model.folded_pose
+
+    @property
+    def may_be_low(self) -> bool:
+        """Whether it is on its way down, as it is to be."""
+        return True
 
     @property
     def is_over(self) -> bool:

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What feet carry, and what is done with it: no test of the QP tips a robot over, or is tipped."""
+
+import math
+
+import numpy as np
+import pytest
+from quadruped_sim.states.support import corners_of
+from quadruped_sim.states.support import distances_inside
+from quadruped_sim.states.support import middle_of
+from quadruped_sim.states.support import nearest_inside
+from quadruped_sim.states.support import room_inside
+from wasd import Go2
+
+# Legs of 3, 4 and 5: the incircle has radius 1 and its centre 1 from both short sides.
+RIGHT_ANGLED = np.array(((0.0, 0.0), (4.0, 0.0), (0.0, 3.0)))
+FEET = np.array(((0.2, 0.1, 0.0), (0.2, -0.1, 0.0), (-0.2, 0.1, 0.0), (-0.2, -0.1, 0.0)))
+ENDS = ('w*20', 'd*20', 'a*40', 's*40', 'i*20', 'd*40', 'k*40', 'w*40')
+
+
+def test_the_middle_of_a_triangle_is_the_centre_of_its_incircle():
+    np.testing.assert_allclose(middle_of(RIGHT_ANGLED), (1.0, 1.0), atol=1e-12)
+    assert room_inside(RIGHT_ANGLED) == pytest.approx(1.0)
+    np.testing.assert_allclose(distances_inside(np.array((1.0, 1.0)), RIGHT_ANGLED), 1.0)
+
+
+def test_corners_go_around_the_feet_that_stand_whichever_they_are():
+    for lifted in range(4):
+        corners = corners_of(FEET, np.arange(4) != lifted)
+        assert len(corners) == 3
+        assert room_inside(corners) > 0.0
+    assert room_inside(corners_of(FEET, np.ones(4, dtype=bool))) == pytest.approx(0.1)
+
+
+def test_a_point_is_moved_inside_by_the_shortest_way_and_no_farther(rng):
+    inside = np.array((1.2, 0.9))
+    np.testing.assert_array_equal(nearest_inside(inside, RIGHT_ANGLED, 0.5), inside)
+    moved = nearest_inside(np.array((1.5, -2.0)), RIGHT_ANGLED, 0.5)
+    np.testing.assert_allclose(moved, (1.5, 0.5), atol=1e-9)
+    for point in rng.uniform(-9.0, 9.0, (50, 2)):
+        nearest = nearest_inside(point, RIGHT_ANGLED, 0.7)
+        assert distances_inside(nearest, RIGHT_ANGLED).min() > 0.7 - 1e-3
+    np.testing.assert_allclose(nearest_inside(point, RIGHT_ANGLED, 2.0), (1.0, 1.0), atol=1e-12)
+
+
+def press(dog: Go2, keys: str) -> None:
+    """Press keys as a script has them: `w*5 9`."""
+    for word in keys.split():
+        key, _, count = word.partition('*')
+        for _ in range(int(count or 1)):
+            dog.press(key)
+
+
+def walked(seed: int, keys: str) -> Go2:
+    """Return a robot that has walked as keys say and stands again, wherever its feet stopped."""
+    dog = Go2(seed=seed)
+    for words, seconds in (('2', 2.5), ('4', 0.5), (keys, 3.0), ('2', 3.0)):
+        press(dog, words)
+        dog.run(seconds)
+    return dog
+
+
+def steepest(dog: Go2, seconds: float) -> float:
+    """Run and return the largest roll or pitch on the way [deg]."""
+    worst = 0.0
+    for _ in range(round(seconds / 0.05)):
+        dog.run(0.05)
+        worst = max(worst, float(np.abs(dog.truth.rpy[:2]).max()))
+    return math.degrees(worst)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('keys', ['w*5', 'w*8 l*5'])
+@pytest.mark.parametrize('test', '980')
+def test_after_a_walk_it_stays_level_with_the_sticks_at_their_ends(test, keys):
+    dog = walked(2000, keys)
+    dog.press(test)
+    for ends in ENDS:
+        press(dog, ends)
+        assert steepest(dog, 1.5) < 10.0
+    assert dog.state == {'9': 'swing test', '8': 'step test', '0': 'balance test'}[test]
+    assert dog.truth.position[2] > 0.25
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('test', ['9', '8', '0', '3', ''])
+@pytest.mark.parametrize('force', [(150.0, 0.0, 0.0), (0.0, 150.0, 0.0), (0.0, -150.0, 0.0)])
+def test_a_push_of_15_newton_seconds_makes_it_step_and_go_on(test, force):
+    dog = Go2(seed=2001)
+    for key in f'2{test}':
+        dog.press(key)
+        dog.run(3.0)
+    state = dog.state
+    dog.push(force, 0.1)
+    assert steepest(dog, 6.0) < 45.0
+    assert dog.state == state
+    assert steepest(dog, 1.0) < 5.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('test', '0983')
+def test_a_test_that_is_asked_for_on_the_ground_begins_once_it_stands(test):
+    dog = Go2(seed=2002)
+    dog.run(0.5)
+    for key in f'2{test}':
+        dog.press(key)
+        dog.run(0.01)
+    dog.run(6.0)
+    assert dog.truth.position[2] > 0.25
