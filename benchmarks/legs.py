@@ -14,6 +14,8 @@ from cores import simulate_all
 from experiment import Experiment
 from experiment import FIRST_SEED
 from experiment import seeds
+from gait_limits import between_all
+from gait_limits import full_sticks
 from go2_trouble import random_runs
 from go2_trouble import terrain
 from legs_ground import climbing
@@ -79,6 +81,8 @@ def on_the_flat(sizes: Sizes) -> list[Experiment]:
         *(transport(at, limit, few) for at, limit in ((0.5, 0.45), (1.0, 0.6), (2.0, 0.9))),
         touchdown(few),
         *(gait(name, GAIT_SPEEDS[name], few) for name in GAITS),
+        *(full_sticks(name, many) for name in GAITS),
+        *between_all(many),
         gait_switches(list(GAITS), seeds(sizes.switches), 2.0 * sizes.minute),
         schedules.gauge('max_velocity', *schedules.most(), seeds(sizes.switches)),
         schedules.gauge('diagonal_velocity', *schedules.diagonal(), seeds(sizes.switches)),
@@ -94,6 +98,7 @@ def in_trouble(sizes: Sizes) -> list[Experiment]:
         pushed(35.0, 0.5, pushing, 1.0),
         pushed(40.0, 0.5, pushing, 20.0 / 24.0),
         pushed(30.0, 1.5, pushing, 22.0 / 24.0),
+        pushed(30.0, 0.5, pushing, 0.95, gait='walk'),
         terrain('blind at 0.5 m/s: one 12 cm step', 'step:0.12', many, share=0.9),
         terrain('blind at 0.5 m/s: stairs of 10 cm', 'stairs:0.1', many),
         terrain('blind at 0.5 m/s: stairs of 12 cm', 'stairs:0.12', many, share=0.6),

@@ -21,14 +21,19 @@ from trials import START
 from trials import Trace
 
 
-def pushed(impulse: float, speed: float, seeds: Sequence[int], share: float) -> Experiment:
+def pushed(
+    impulse: float, speed: float, seeds: Sequence[int], share: float, gait: str = 'trot'
+) -> Experiment:
     """Push the trunk to the left in each part of the gait; a share of the runs must stay up."""
     runs = push_runs(impulse, speed, seeds)
+    named = '' if gait == 'trot' else f'{gait}: '
+    if named:
+        runs = [replace(run, parameters=(('gait.name', gait),)) for run in runs]
 
     def trial(trace: Trace) -> Trial:
         return {'passed': trace.is_up, 'tilt': trace.tilt}
 
-    what = f'lateral push {impulse:g} N s at {speed:g} m/s, 8 phases x {len(seeds)} seeds'
+    what = f'{named}lateral push {impulse:g} N s at {speed:g} m/s, 8 phases x {len(seeds)} seeds'
     say = lambda trials: f'{worst(trials, "tilt"):.0f} deg at worst'  # noqa: E731
     return judged(what, 'stays up', runs, trial, say, share=share)
 

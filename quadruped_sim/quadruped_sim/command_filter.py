@@ -15,6 +15,11 @@ from quadruped_sim.presets import LIMITS
 from quadruped_sim.presets import VelocityLimits
 from quadruped_sim.tuning import CommandParameters
 
+# A command so close to its bounds is within them [m/s], [rad/s].
+_CLOSE = 0.02
+# Share of what two gaits can do at which one becomes the other.
+_CROSSING = 0.6
+
 
 def velocity_limits(
     name: str, scale: Scale, agility: float = 1.0, turning: float = 1.0, gait: str = 'trot'
@@ -25,11 +30,16 @@ def velocity_limits(
     `agility` is the share of that which its legs are fast enough for, `turning` the share of that
     when it turns; no robot is asked for more than its gait allows.
     """
-    speed, turn = agility * scale.of('m/s'), agility * turning * scale.of('1/s')
+    speed, turn = _units(scale, agility, turning)
     unit = VelocityLimits(speed, speed, speed, turn)
     able = LIMITS['race' if name == 'race' else 'sport']
     grown = VelocityLimits(*map(mul, map(min, able, GAITS[gait].limits), unit))
     return VelocityLimits(*map(min, LIMITS['guide'], grown)) if name == 'guide' else grown
+
+
+def _units(scale: Scale, agility: float, turning: float) -> tuple[float, float]:
+    """Return a robot's speed [m/s] and yaw rate [rad/s] where a Go2's are 1."""
+    return agility * scale.of('m/s'), agility * turning * scale.of('1/s')
 
 
 class CommandFilter:
@@ -57,18 +67,35 @@ class CommandFilter:
         self.tune(params, gait)
         self.reset()
 
-    def tune(self, params: CommandParameters, gait: str = 'trot') -> None:
-        """Take other limits, ramps and time-out; they hold for the present request, too."""
+    def tune(
+        self, params: CommandParameters, gait: str = 'trot', stepped: str | None = None
+    ) -> None:
+        """
+        Take other limits, ramps and time-out; they hold for the present request, too.
+
+        Limits are those of the `gait` that is chosen. On the way to it from another the command
+        stays within a share of what either can do; ramps are those of the gait that is `stepped`.
+        """
         self._params = params
         self.limits = velocity_limits(params.limits, *self._robot, gait)
         self._leash = params.leash * self._robot[0].of('m/s')
-        able = velocity_limits('race', *self._robot)
-        self._able = np.array((able.forward, able.lateral, able.yaw))
-        self._acceleration = GAITS[gait].agility * np.array(
+        stepped = stepped or gait
+        bounds = [self._bounds(name) for name in {gait, stepped}]
+        share = 1.0 if stepped == gait else _CROSSING
+        self._limits, self._able = (
+            share * np.min(part, axis=0) for part in zip(*bounds, strict=True)
+        )
+        self._acceleration = GAITS[stepped].agility * np.array(
             (params.forward_acceleration, params.lateral_acceleration, params.yaw_acceleration)
         )
         self._age.timeout = params.timeout
         self._request = self._clamped(*self._request.tolist())
+
+    def _bounds(self, gait: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the limits (4,) in a gait and the half axes (3,) of its ellipsoid."""
+        speed, turn = _units(*self._robot)
+        able = np.array(GAITS[gait].able) * (speed, speed, turn)
+        return np.array(velocity_limits(self._params.limits, *self._robot, gait)), able
 
     def reset(self) -> None:
         """Rest, as if no request had ever come."""
@@ -89,6 +116,12 @@ class CommandFilter:
             self._age.step(dt)
 
     @property
+    def is_within(self) -> bool:
+        """Whether the present command has come within its bounds."""
+        command = self.command.tolist()
+        return bool(np.allclose(self._clamped(*command), command, rtol=0.0, atol=_CLOSE))
+
+    @property
     def is_silent(self) -> bool:
         """Whether the watchdog holds the command at zero."""
         return not self._age.is_alive
@@ -105,12 +138,12 @@ class CommandFilter:
 
     def _clamped(self, vx: float, vy: float, yaw_rate: float) -> np.ndarray:
         """Return a velocity within the limits that leads along the same curve as far as it can."""
-        limits = self.limits
+        forward, backward, lateral, yaw = self._limits.tolist()
         velocity = np.array(
             (
-                min(max(vx, -limits.backward), limits.forward),
-                min(max(vy, -limits.lateral), limits.lateral),
-                min(max(yaw_rate, -limits.yaw), limits.yaw),
+                min(max(vx, -backward), forward),
+                min(max(vy, -lateral), lateral),
+                min(max(yaw_rate, -yaw), yaw),
             )
         )
         # Full speed ahead leaves the feet no time to go sideways or around as well.

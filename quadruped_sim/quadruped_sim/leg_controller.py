@@ -78,7 +78,7 @@ class LegController:
         scale = model.scale
         self._given = params or LegControllerParameters()
         self._params = self._scaled(self._given)
-        self._first_gait = self.gait
+        self._first_gait = self._left = self.gait  # what the legs leave on the way to another
         self.sticks = Sticks()
         self.words = KeyWords()
         self.command_filter = CommandFilter(
@@ -112,8 +112,9 @@ class LegController:
         """Go on with other parameters, as for the Go2, from the next step; what it does stays."""
         self._given, own = params, self._scaled(params)
         self._params = self._parts.params = own
-        self.command_filter.tune(own.command, own.gait.name)
-        self.locomotion.tune(own)
+        self.command_filter.tune(own.command, own.gait.name, self._left)
+        self.locomotion.tune(replace(own, gait=replace(own.gait, name=self._left)))
+        self._change_gait()
         self.safety.params = own.safety
         self._detector.params = own.contact
         self._touch_rules = self._rules_of_touch()
@@ -126,9 +127,20 @@ class LegController:
         return self._given.gait.name
 
     def choose_gait(self, name: str) -> None:
-        """Step as a row of `GAITS` says; legs that move glide into it."""
+        """Step as a row of `GAITS` says; legs that move slow down first, then glide into it."""
         if name != self.gait:
             self.tune(replace(self._given, gait=replace(self._given.gait, name=name)))
+
+    def _change_gait(self) -> None:
+        """Have the legs take the chosen gait once they are slow, and speed up once they have."""
+        if self._left == self.gait:
+            return
+        legs = self.locomotion.gait
+        if legs.params.name != self.gait and self.command_filter.is_within:
+            self.locomotion.tune(self._params)
+        if legs.params.name == self.gait and legs.has_changed:
+            self._left = self.gait
+            self.command_filter.tune(self._params.command, self.gait)
 
     def _scaled(self, params: LegControllerParameters) -> LegControllerParameters:
         """Return the Go2's parameters as they are on this robot."""
@@ -144,11 +156,11 @@ class LegController:
 
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""
+        self.command_filter.reset()
         self.choose_gait(self._first_gait)
         self._machine = StateMachine()
         self._entered: StateName | None = None
         self.sticks.zero()
-        self.command_filter.reset()
         self.safety.reset()
         self._detector.reset()
         self._load.reset()
@@ -267,6 +279,7 @@ class LegController:
         self.robot = robot
         still_lies = self.is_fallen and self._machine.state is StateName.PASSIVE
         self.is_fallen = still_lies or self.safety.is_fallen(robot.base.R)
+        self._change_gait()
         self._change_state(robot)
         state = self._states[self._machine.state]
         command = self.safety.filter_command(state.step(robot, dt))

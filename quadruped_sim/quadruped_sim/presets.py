@@ -32,12 +32,15 @@ class GaitRow(NamedTuple):
 
     `offsets` are shares of the period, `period` is that of a trot's, `longer` the share of it that
     a foot stands beyond what the parameters say, `footprint` the length and width between the
-    feet as shares of those between the hips; the command is kept within `limits` and ramps at the
-    share `agility` of a trot's accelerations, and steps grow on rough ground by the share `rough`.
+    feet as shares of those between the hips. The command is kept within `limits`, each by itself,
+    and within the ellipsoid `able`, all at once: half axes ahead, sideways [m/s], turning [rad/s],
+    by benchmarks/gait_limits.py. It ramps at the share `agility` of a trot's accelerations; steps
+    grow on rough ground by the share `rough`.
     """
 
     offsets: tuple[float, float, float, float]
     limits: VelocityLimits
+    able: tuple[float, float, float]
     period: float = 1.0
     longer: float = 0.0
     footprint: tuple[float, float] = (1.0, 1.0)
@@ -48,15 +51,20 @@ class GaitRow(NamedTuple):
 # A row is a gait that can be chosen.
 GAITS = {
     # diagonal pairs together
-    'trot': GaitRow((0.0, 0.5, 0.5, 0.0), LIMITS['race']),
+    'trot': GaitRow((0.0, 0.5, 0.5, 0.0), LIMITS['race'], able=(3.0, 1.5, 5.0)),
     # one foot after the other
     'walk': GaitRow(
-        (0.0, 0.5, 0.75, 0.25), VelocityLimits(1.0, 0.75, 0.4, 1.0), period=1.5, longer=0.21
+        (0.0, 0.5, 0.75, 0.25),
+        VelocityLimits(1.0, 0.75, 0.4, 1.0),
+        able=(1.75, 0.7, 1.75),
+        period=1.5,
+        longer=0.21,
     ),
     # left pair and right pair
     'pace': GaitRow(
         (0.0, 0.5, 0.0, 0.5),
         VelocityLimits(1.0, 0.6, 0.3, 1.0),
+        able=(1.75, 0.52, 1.75),
         period=0.75,
         footprint=(1.0, 0.4),
     ),
@@ -64,17 +72,25 @@ GAITS = {
     'bound': GaitRow(
         (0.0, 0.0, 0.5, 0.5),
         VelocityLimits(1.4, 0.6, 0.3, 1.0),
-        period=0.7,
-        footprint=(0.6, 1.0),
+        able=(1.95, 0.42, 1.4),
+        period=0.65,
+        longer=0.03,
+        footprint=(0.9, 1.0),
         agility=0.35,
     ),
     # all at once
-    'pronk': GaitRow((0.0, 0.0, 0.0, 0.0), VelocityLimits(1.1, 0.6, 0.0, 1.0), period=0.65),
+    'pronk': GaitRow(
+        (0.0, 0.0, 0.0, 0.0),
+        VelocityLimits(1.1, 0.6, 0.0, 1.0),
+        able=(1.9, 1.0, 1.8),
+        period=0.65,
+    ),
     # rear feet, then front feet, one of each pair first; the inner two nearly together, so that
     # the pairs of feet that bear it lie across, and nothing pitches or rolls
     'gallop': GaitRow(
         (0.0, 0.3, 0.36, 0.66),
         VelocityLimits(2.5, 0.8, 0.4, 1.2),
+        able=(2.8, 0.45, 1.35),
         period=0.85,
         footprint=(0.9, 0.5),
         agility=0.5,

@@ -42,7 +42,7 @@ def test_it_follows_its_full_stick(gait: str, limits: str) -> None:
 
 
 def test_the_page_says_what_the_rows_say() -> None:
-    page = (Path(__file__).parents[2] / 'docs/gaits.md').read_text().split('\n## ')[0]
+    page = (Path(__file__).parents[2] / 'docs/gaits.md').read_text().split('\nFull stick is')[0]
     rows = {
         cells[1].strip(' `'): cells[3:8]
         for cells in (line.split('|') for line in page.split('\n') if line.startswith('| `'))
@@ -58,6 +58,36 @@ def test_the_page_says_what_the_rows_say() -> None:
         assert _numbers(period.replace('-', ',')) == pytest.approx(periods, abs=0.006)
         duties = row.longer + gait.slow_duty, row.longer + gait.fast_duty
         assert _numbers(stands.replace('-', ',')) == pytest.approx(duties, abs=1e-9)
+
+
+def test_the_page_says_what_a_gait_does_at_once() -> None:
+    page = (Path(__file__).parents[2] / 'docs/gaits.md').read_text()
+    table = page.split('half axes ahead')[1].split('\n\n')[0]
+    cells = [line.split('|')[1:3] for line in table.split('\n') if line.startswith('| `')]
+    rows = {name.strip(' `'): tuple(_numbers(axes)) for name, axes in cells}
+    assert rows == {name: row.able for name, row in GAITS.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('gait', GAITS)
+def test_with_all_sticks_full_nothing_falls_nor_does_it_change_at_full_speed(gait: str) -> None:
+    """A small sample of benchmarks/gait_limits.py."""
+    dog = wasd.Go2(seed=906, gait=gait, limits='race')
+    dog.press('2')
+    dog.run(2.2)
+    dog.press('5')
+    dog.drive(9.0, 9.0, 9.0)
+    dog.run(7.0)
+    assert dog.state == 'move base'
+    for _ in GAITS:
+        dog.press('n')
+        dog.drive(9.0)
+        dog.run(8.0)
+        assert dog.state == 'move base'
+        before = dog.truth.position
+        dog.run(1.0)
+        way = float(np.linalg.norm(dog.truth.position - before))
+        assert way == pytest.approx(dog.full_stick[0], rel=0.12)
 
 
 def _numbers(cell: str) -> list[float]:

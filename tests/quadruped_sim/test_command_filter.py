@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 from quadruped_sim.command_filter import CommandFilter
+from quadruped_sim.presets import GAITS
 from quadruped_sim.tuning import CommandParameters
 
 DT = 0.002
@@ -134,3 +135,26 @@ def test_a_gait_has_limits_of_its_own():
 def test_a_bound_gains_speed_more_slowly_than_a_trot():
     command = settle(CommandFilter(CommandParameters(), gait='bound'), 0.2, (1.0, 0.0, 0.0))
     np.testing.assert_allclose(command, (0.35 * 0.4, 0.0, 0.0))
+
+
+def test_each_gait_does_at_once_what_its_own_ellipsoid_holds():
+    for gait, row in GAITS.items():
+        parameters = CommandParameters(limits='race', curve_acceleration=100.0)
+        full = np.array((row.limits.forward, row.limits.lateral, row.limits.yaw))
+        command = settle(CommandFilter(parameters, gait=gait), 9.0, full)
+        share = max(np.linalg.norm(full / row.able), 1.0)
+        np.testing.assert_allclose(command, full / share, err_msg=gait)
+
+
+def test_on_the_way_to_another_gait_it_slows_down_to_a_share_of_what_both_can_do():
+    command_filter = CommandFilter(CommandParameters(limits='race'))
+    settle(command_filter, 3.0, (2.5, 0.0, 0.0))
+    command_filter.tune(CommandParameters(limits='race'), 'walk', 'trot')
+    assert not command_filter.is_within
+    ramped = settle(command_filter, 0.5, (2.5, 0.0, 0.0))
+    np.testing.assert_allclose(ramped, (1.5, 0.0, 0.0))  # at a trot's ramp
+    settle(command_filter, 1.0, (2.5, 0.0, 0.0))
+    assert command_filter.is_within
+    np.testing.assert_allclose(command_filter.command, (0.6 * GAITS['walk'].limits.forward, 0, 0))
+    command_filter.tune(CommandParameters(limits='race'), 'walk')
+    np.testing.assert_allclose(settle(command_filter, 1.0, (2.5, 0.0, 0.0)), (1.0, 0.0, 0.0))

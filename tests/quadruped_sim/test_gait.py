@@ -137,7 +137,9 @@ def test_a_walk_stops_on_four_feet_too():
 def test_a_row_is_a_gait_that_can_be_chosen(monkeypatch):
     with pytest.raises(InvalidParameter, match='gait must be one of trot, walk, .* got .amble.'):
         GaitParameters().changed({'gait': 'amble'})
-    monkeypatch.setitem(GAITS, 'amble', GaitRow((0.0, 0.5, 0.0, 0.5), LIMITS['guide']))
+    monkeypatch.setitem(
+        GAITS, 'amble', GaitRow((0.0, 0.5, 0.0, 0.5), LIMITS['guide'], (0.4, 0.3, 0.5))
+    )
     params = LegControllerParameters().changed({'gait': 'amble'})
     for state in run(Gait(params.gait), 2.0):
         assert state.is_stance[0] == state.is_stance[2]
@@ -183,3 +185,25 @@ def test_chosen_at_rest_a_gait_is_there_at_once():
     gait.tune(GaitParameters(name='walk'))
     for state, wanted in zip(run(gait, 0.5), run(always, 0.5), strict=True):
         np.testing.assert_array_equal(state.is_stance, wanted.is_stance)
+
+
+def test_between_two_gaits_legs_that_move_go_through_a_trot():
+    gait = Gait(GaitParameters(name='walk'))
+    run(gait, 1.03)
+    gait.tune(GaitParameters(name='pace'))
+    states = run(gait, 2.5)
+    assert any(np.allclose(state.phase[[0, 1]], state.phase[[3, 2]]) for state in states)
+    assert not np.allclose(states[-1].phase[[0, 1]], states[-1].phase[[3, 2]])
+    assert gait.has_changed
+
+
+@pytest.mark.parametrize('name', ['walk', 'pace'])
+def test_pushed_hard_it_steps_as_in_a_trot_and_goes_back_when_it_is_calm(name):
+    gait = Gait(GaitParameters(name=name))
+    run(gait, 1.03)
+    for _ in range(round(0.6 / DT)):
+        state = gait.step(DT, 0.5, True, error=1.5)
+    assert state.footprint == GAITS['trot'].footprint
+    run(gait, 5.0)
+    assert gait.state().footprint == GAITS[name].footprint
+    assert gait.has_changed

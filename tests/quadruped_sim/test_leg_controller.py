@@ -295,3 +295,21 @@ def test_asked_for_more_than_its_gait_can_it_says_so(controller, run):
         run(controller, 3)
     assert controller.set_velocity(0.5, 0.0, 0.0) is None
     assert controller.set_velocity(2.0, 0.0, 0.0).startswith('walk: at most 1, ')
+
+
+def test_a_gait_chosen_at_speed_comes_once_the_command_is_slow_enough(controller, run):
+    run(controller, 2)
+    for key in '25':
+        controller.press(key)
+        run(controller, 3)
+    command_filter, legs = controller.command_filter, controller.locomotion.gait
+    legs.is_stepping = True
+    command_filter.command = np.array((2.0, 0.0, 0.0))
+    controller.choose_gait('walk')
+    assert (controller.gait, legs.params.name) == ('walk', 'trot')
+    assert command_filter.limits.forward == GAITS['walk'].limits.forward
+    command_filter.command = np.array((0.5, 0.0, 0.0))
+    run(controller, 1)
+    assert legs.params.name == 'walk'
+    controller.reset()
+    assert (controller.gait, legs.params.name) == ('trot', 'trot')

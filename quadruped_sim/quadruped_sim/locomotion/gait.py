@@ -14,6 +14,9 @@ from quadruped_sim.tuning import GaitParameters
 # How fast a gait becomes another while the legs move: shares of a period, and of each of the
 # row's other numbers, per second.
 _GLIDE = 0.6
+# A robot that haste makes so much faster was pushed [m/s]: it steps as in a trot, whose feet stand
+# widest, and comes to that so fast, in the same shares.
+_PUSHED, _CATCH = 1.0, 2.0
 # How far the share of the period that feet stand follows haste. A pushed robot steps quickly but
 # must be carried: with the flight phases of a fast trot, one that is loaded sinks to its knees.
 _LIGHTNESS = 0.5
@@ -62,13 +65,20 @@ class Gait:
         self._haste = 0.0
         self._offsets, self._shape = np.zeros(4), np.zeros(4)
         self._reached: GaitRow | None = None
-        self._glide(GAITS[self.params.name], math.inf)
+        self._toward = GAITS[self.params.name]
+        self._glide(self._toward, math.inf)
         self._follow(0.0, 0.0, wants_steps=False)
 
     def start(self) -> None:
         """Step at a trot from now on, whatever gait is chosen; first FR and RL lift."""
-        self._glide(GAITS['trot'], math.inf)
+        self._toward = GAITS['trot']
+        self._glide(self._toward, math.inf)
         self.is_stepping, self._phase = True, 0.0
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether legs that move do so in the chosen gait, those that rest in any."""
+        return not self.is_stepping or self._reached is GAITS[self.params.name]
 
     def step(
         self,
@@ -89,8 +99,10 @@ class Gait:
         params = self.params
         pushed = params.haste_gain * (error - params.haste_error)
         self._haste = max(self._haste - params.haste_decay * dt, pushed, 0.0)
-        row = GAITS['trot' if is_ending else params.name]
-        self._glide(row, _GLIDE * dt if self.is_stepping else math.inf)
+        is_pushed = self._haste > _PUSHED
+        row = self._next(GAITS['trot' if is_ending or is_pushed else params.name])
+        glide = _CATCH if is_pushed else _GLIDE
+        self._glide(row, glide * dt if self.is_stepping else math.inf)
         self._follow(speed, max(self._haste - speed, 0.0), wants_steps)
         if wants_steps and not self.is_stepping:
             self.is_stepping = True
@@ -100,6 +112,18 @@ class Gait:
             if not wants_steps and max(self._leg_phases()) < self._duty:
                 self.is_stepping = False
         return self.state()
+
+    def _next(self, row: GaitRow) -> GaitRow:
+        """
+        Return the gait to glide into on the way to another: legs that move go through a trot.
+
+        What lies between two others, such as between a walk and a pace, does not carry a robot.
+        """
+        trot = GAITS['trot']
+        if row is not self._toward:
+            is_direct = not self.is_stepping or self._reached is trot
+            self._toward = row if is_direct else trot
+        return self._toward
 
     def _glide(self, row: GaitRow, most: float) -> None:
         """Move the present offsets and shape toward a gait's, by at most `most`."""

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a gait can do ahead, sideways and turning at once: the ellipsoids of `GAITS`, and their proof.
+
+`python benchmarks/gait_limits.py [GAIT ...]` finds them with seeds from 1 on: of a gait's limits
+all three at once it drives larger and larger shares, in ten directions. The largest with which
+nothing falls is printed with the half axes of the ellipsoid through it. Rows of `GAITS` keep one
+tenth below that. Experiments of `wasd bench legs` then drive with other seeds what the rows allow.
+"""
+
+import argparse
+from collections.abc import Sequence
+import itertools
+import math
+
+from experiment import Experiment
+from experiment import judged
+from experiment import Trial
+from experiment import worst
+import numpy as np
+from quadruped_sim.presets import GAITS
+from trials import Run
+from trials import START
+from trials import Trace
+import wasd
+
+RACE = ('command.limits', 'race')
+# Ahead or back, to either side, turning either way: which sticks are full; the rest is mirrored.
+TWO = ((1, 1, 0), (-1, 1, 0), (1, 0, 1), (-1, 0, 1), (0, 1, 1), (0, 1, -1))
+DIRECTIONS = ((1, 1, 1), (1, 1, -1), (-1, 1, 1), (-1, 1, -1), *TWO)
+SHARES = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.9, 1.0)
+FOUND_BY = range(1, 4)
+# How long a run is driven: a bound takes 3.5 s to its full speed [s].
+DRIVEN = 8.0
+# More than any gait can: it is clamped [m/s], [rad/s].
+FULL = 9.0
+
+
+def full_sticks(gait: str, seeds: Sequence[int]) -> Experiment:
+    """Drive all sticks full at once, racing: it stays up, and on the course of its command."""
+    runs = [
+        Run(
+            seed=seed,
+            twist=f'{START} {" ".join(str(FULL * stick) for stick in sticks)}\n',
+            duration=START + DRIVEN,
+            parameters=(('gait.name', gait), RACE),
+        )
+        for seed, sticks in zip(seeds, itertools.cycle(DIRECTIONS), strict=False)
+    ]
+
+    def trial(trace: Trace) -> Trial:
+        rows = trace.after(START + 0.5 * DRIVEN)
+        asked = trace.command[rows].mean(axis=0)
+        off = np.abs(trace.velocity[rows].mean(axis=0) - asked)
+        return {'passed': trace.is_up, 'off': float(off[:2].max()), 'turn': float(off[2])}
+
+    def say(trials: list[Trial]) -> str:
+        return f'{worst(trials, "off"):.2f} m/s, {worst(trials, "turn"):.2f} rad/s off at worst'
+
+    return judged(f'gait {gait}, sticks full at once', 'no fall', runs, trial, say)
+
+
+def switched_at_speed(first: str, second: str, seeds: Sequence[int]) -> Experiment:
+    """Choose another gait at full speed ahead, or all sticks full, and go on asking for that."""
+    names = list(GAITS)
+    keys = ' '.join('n' * ((names.index(second) - names.index(first)) % len(names)))
+    runs = [
+        Run(
+            seed=seed,
+            twist=f'{START} {FULL} {FULL * (seed % 2)} {FULL * (seed % 2)}\n',
+            keys=f'0.1 2\n2.6 5\n{START + 5.0 + 0.037 * (seed % 20):.3f} {keys}\n',
+            duration=START + 12.0,
+            parameters=(('gait.name', first), RACE),
+        )
+        for seed in seeds
+    ]
+    what = f'gait {first} to {second} at full speed'
+    return judged(what, 'no fall', runs, lambda trace: {'passed': trace.is_up})
+
+
+def between_all(seeds: Sequence[int]) -> list[Experiment]:
+    """Return the switches between any two gaits."""
+    return [switched_at_speed(*pair, seeds) for pair in itertools.permutations(GAITS, 2)]
+
+
+def stays_up(gait: str, sticks: Sequence[int], seed: int) -> bool:
+    """Whether the robot does not fall with these sticks full, as the row of its gait allows."""
+    dog = wasd.Go2(seed=seed, gait=gait, limits='race')
+    dog.press('2')
+    dog.run(2.2)
+    dog.press('5')
+    dog.run(0.4)
+    dog.drive(*(FULL * stick for stick in sticks))
+    dog.run(DRIVEN)
+    return dog.state == 'move base'
+
+
+def find(gait: str) -> None:
+    """Print how many fall of the runs with each share, and the ellipsoid of the last good one."""
+    row = GAITS[gait]
+    limits = np.array((row.limits.forward, row.limits.lateral, row.limits.yaw))
+    best = 0.0
+    for share in SHARES:
+        able = share * math.sqrt(3.0) * limits
+        GAITS[gait] = row._replace(able=tuple(np.maximum(able, 1e-3).tolist()))
+        runs = list(itertools.product(DIRECTIONS, FOUND_BY))
+        falls = [(sticks, seed) for sticks, seed in runs if not stays_up(gait, sticks, seed)]
+        print(f'{gait}, share {share:g}: {len(falls)} of {len(runs)} fall {falls}', flush=True)
+        if falls:
+            break
+        best = share
+    GAITS[gait] = row
+    axes = ', '.join(f'{axis:.2f}' for axis in best * math.sqrt(3.0) * limits)
+    print(f'{gait}: share {best:g}, half axes {axes}; the row has {row.able}', flush=True)
+
+
+if __name__ == '__main__':
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('gait', nargs='*', help='default: all but the trot')
+    for name in parser.parse_args().gait or [name for name in GAITS if name != 'trot']:
+        find(name)
