@@ -47,6 +47,7 @@ class Run:
     randomise: float = 0.0
     tumbled: float | None = None  # begins anyhow, at this x [m]
     parameters: tuple[tuple[str, Any], ...] = ()  # of the controller, `group.name` and value
+    tunes: tuple[tuple[float, str, Any], ...] = ()  # time [s], name and value, while it runs
     command: bool = False  # as `wasd go2`, in a process of its own
     speed: float = 0.0  # of `wasd go2`
     repeat: int = 0  # tells a run from another that is the same

@@ -71,7 +71,8 @@ class Walk:
         loaded, model = load(run.description or 'go2')
         self._run = run
         self._world = build(run, loaded)
-        self._controller = LegController(model, parameters_of(run), run.estimator)
+        self._parameters = parameters_of(run)
+        self._controller = LegController(model, self._parameters, run.estimator)
         names = self._world.joint_names, self._world.motor_names
         self._joints = JointMap(model.quadruped, *names)
         self._feet = Feet(self._world, model.quadruped.feet)
@@ -80,6 +81,7 @@ class Walk:
         self._recorder = Recorder(self._world)
         self._pushes = Player([parse_push(text) for text in run.push.split(';') if text])
         self._keys = Player(parse_key_script(run.keys, 'keys'))
+        self._tunes = list(run.tunes)
         self._twists = TwistPlayer(parse_twist_script(run.twist, 'twist'), self._drive)
         self._energy = 0.0
         self._mass = model.mass
@@ -109,6 +111,10 @@ class Walk:
             self._world.push(push.force, push.duration, push.point)
         for press in self._keys.due(self._world.time):
             self._controller.press(press.key)
+        while self._tunes and self._tunes[0][0] <= self._world.time + 1e-9:
+            _, name, value = self._tunes.pop(0)
+            self._parameters = self._parameters.changed({name: value})
+            self._controller.tune(self._parameters)
 
     def _drive(self, velocity: tuple[float, float, float]) -> None:
         self._controller.set_velocity(*velocity)

@@ -117,7 +117,8 @@ Written by `{COMMAND}` from the nodes themselves.
 The same defaults are in `share/PACKAGE/config/NODE.yaml`, to copy, change and give with
 `--ros-args --params-file FILE`; one by one it is `--ros-args -p NAME:=VALUE`. Those marked *live*
 can be set while the node runs, the others are read-only. What is out of range is refused with the
-range. Every node has `use_sim_time`, too.
+range; at its ends the Go2 trots on, one parameter at a time
+(`python benchmarks/parameter_bounds.py`). Every node has `use_sim_time`, too.
 
 The leg controller's are the Go2's, also those that you give: another robot walks with them scaled
 to its size and mass, by their units. `wasd go2 --controller FILE` reads such a file, or a plain

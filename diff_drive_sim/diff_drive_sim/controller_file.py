@@ -80,6 +80,8 @@ def _read(root: yaml.MappingNode) -> ControllerFile:
             unused += [] if key == 'type' else [key]
             continue
         outward, value = translate(key, entry.value)
+        if outward in values:
+            raise InvalidParameter(f':{entry.line}: {key!r} is there twice, as {outward!r}')
         values[outward] = checked(DiffDriveParameters, outward, value, key, entry.line, ALIASES)
     if is_arbotix:
         values = {**ARBOTIX_DEFAULTS, **values}

@@ -24,6 +24,10 @@ diff_drive_controller = Executable(
 )
 
 
+# The least limit: what is less is a standstill.
+LEAST = 1e-3
+
+
 class _Axis(NamedTuple):
     """An axis by what users call it, and the unit of its velocity up to the second: `m/s`."""
 
@@ -32,20 +36,21 @@ class _Axis(NamedTuple):
 
     def limit(self, what: str, doc: str, default: float = math.nan) -> Any:
         """Return the field of one limit; its sign, its unit and what NaN means go by its name."""
-        power = next(power for word, power in _POWERS.items() if word in what)
+        power, most = next(limits for word, limits in _POWERS.items() if word in what)
         is_below = what.startswith('min_') or what in _BELOW
         return parameter(
             default,
             name=f'{self.name}.{what}',
             unit=f'{self.unit}{power}',
             doc=doc,
-            above=None if is_below else 0.0,
-            below=0.0 if is_below else None,
+            minimum=-most if is_below else LEAST,
+            maximum=-LEAST if is_below else most,
             nan=_OTHERWISE.get(what, 'no limit'),
         )
 
 
-_POWERS = {'velocity': '', 'celeration': '^2', 'jerk': '^3'}
+# Of each limit the power of its unit's second, and the largest: no robot is meant to do more.
+_POWERS = {'velocity': ('', 100.0), 'celeration': ('^2', 1e3), 'jerk': ('^3', 1e5)}
 _BELOW = ('max_deceleration', 'max_acceleration_reverse')
 # What holds in place of a limit that is NaN.
 _OTHERWISE = {
@@ -99,7 +104,8 @@ class LimitParameters(Parameters):
         name='accel_limit',
         unit='m/s^2',
         doc='Largest change of the speed of a wheel: in place of the accelerations above',
-        above=0.0,
+        minimum=LEAST,
+        maximum=1e3,
         nan='not used',
     )
 
@@ -148,36 +154,51 @@ class OdometryParameters(Parameters):
     )
     velocity_rolling_window_size: int = parameter(
         10,
-        doc='The velocity of odometry is the mean over so many steps',
         minimum=1,
+        maximum=1000,
+        doc='The velocity of odometry is the mean over so many steps',
         read_only=True,
     )
     pose_covariance_diagonal: tuple[float, ...] = parameter(
         (0.0, 0.0, UNKNOWN, UNKNOWN, UNKNOWN, 0.0),
-        doc='Variances of x, y, z, roll, pitch, yaw at the start, in m^2 and rad^2',
         minimum=0.0,
+        maximum=1000000000.0,
+        doc='Variances of x, y, z, roll, pitch, yaw at the start, in m^2 and rad^2',
         read_only=True,
     )
     twist_covariance_diagonal: tuple[float, ...] = parameter(
         (1e-4, 1e-4, UNKNOWN, UNKNOWN, UNKNOWN, 1e-4),
-        doc='Variances of the twist at rest, in (m/s)^2 and (rad/s)^2',
         minimum=0.0,
+        maximum=1000000000.0,
+        doc='Variances of the twist at rest, in (m/s)^2 and (rad/s)^2',
         read_only=True,
     )
     distance_variance: float = parameter(
-        2.5e-5, doc='Growth of the variance of a path with its length', unit='m^2/m', minimum=0.0
+        2.5e-5,
+        minimum=0.0,
+        maximum=1.0,
+        doc='Growth of the variance of a path with its length',
+        unit='m^2/m',
     )
     turn_variance: float = parameter(
-        1e-4, doc='Growth of the variance of the heading with turns', unit='rad^2/rad', minimum=0.0
+        1e-4,
+        minimum=0.0,
+        maximum=1.0,
+        doc='Growth of the variance of the heading with turns',
+        unit='rad^2/rad',
     )
     drift_variance: float = parameter(
-        1e-5, doc='Growth of the variance of the heading with paths', unit='rad^2/m', minimum=0.0
+        1e-5,
+        minimum=0.0,
+        maximum=1.0,
+        doc='Growth of the variance of the heading with paths',
+        unit='rad^2/m',
     )
     twist_error: float = parameter(
-        0.02, doc='Standard deviation of a velocity as a share of it', minimum=0.0
+        0.02, minimum=0.0, maximum=1.0, doc='Standard deviation of a velocity as a share of it'
     )
     publish_rate: float = parameter(
-        50.0, doc='Rate of odom and /tf', unit='Hz', above=0.0, read_only=True
+        50.0, minimum=1.0, maximum=1000.0, doc='Rate of odom and /tf', unit='Hz', read_only=True
     )
     joint_names: str = parameter(
         'urdf',
@@ -222,50 +243,74 @@ class WheelParameters(Parameters):
     )
     wheel_separation: float = parameter(
         0.0,
+        minimum=0.0,
+        maximum=10.0,
         doc="Distance of the wheels; 0: the description's",
         unit='m',
-        minimum=0.0,
         read_only=True,
     )
     wheel_radius: float = parameter(
         0.0,
+        minimum=0.0,
+        maximum=5.0,
         doc="Radius of the wheels; 0: the description's",
         unit='m',
-        minimum=0.0,
         read_only=True,
     )
     wheel_separation_multiplier: float = parameter(
-        1.0, doc='Calibration: corrects the distance of the wheels', above=0.0, read_only=True
+        1.0,
+        minimum=0.1,
+        maximum=10.0,
+        doc='Calibration: corrects the distance of the wheels',
+        read_only=True,
     )
     left_wheel_radius_multiplier: float = parameter(
-        1.0, doc='Calibration: corrects the radius of the left wheel', above=0.0, read_only=True
+        1.0,
+        minimum=0.1,
+        maximum=10.0,
+        doc='Calibration: corrects the radius of the left wheel',
+        read_only=True,
     )
     right_wheel_radius_multiplier: float = parameter(
-        1.0, doc='Calibration: corrects the radius of the right wheel', above=0.0, read_only=True
+        1.0,
+        minimum=0.1,
+        maximum=10.0,
+        doc='Calibration: corrects the radius of the right wheel',
+        read_only=True,
     )
     ticks_meter: float = parameter(
         4100.0,
+        minimum=10.0,
+        maximum=1000000.0,
         doc='Encoder ticks per metre of wheel travel',
         unit='1/m',
-        above=0.0,
         read_only=True,
     )
     Kp: float = parameter(
-        5.0, doc='PWM steps, of 255, times Ko per tick that the wheel is behind', minimum=0.0
+        5.0,
+        minimum=0.0,
+        maximum=1000.0,
+        doc='PWM steps, of 255, times Ko per tick that the wheel is behind',
     )
     Kd: float = parameter(
-        1.0, doc='PWM steps times Ko per tick in 1/30 s that it is too slow', minimum=0.0
+        1.0,
+        minimum=0.0,
+        maximum=1000.0,
+        doc='PWM steps times Ko per tick in 1/30 s that it is too slow',
     )
     Ki: float = parameter(
-        0.0, doc='PWM steps times Ko per tick behind and 1/30 s that it stays so', minimum=0.0
+        0.0,
+        minimum=0.0,
+        maximum=1000.0,
+        doc='PWM steps times Ko per tick behind and 1/30 s that it stays so',
     )
-    Ko: float = parameter(50.0, doc='Divisor of the three gains', above=0.0)
+    Ko: float = parameter(50.0, minimum=1.0, maximum=1000.0, doc='Divisor of the three gains')
     rate: float = parameter(
         10.0,
+        minimum=1.0,
+        maximum=100.0,
         doc='Legacy: rate of the loop of arbotix_driver, which slips',
         unit='Hz',
-        above=0.0,
-        maximum=100.0,
         read_only=True,
     )
 
@@ -313,9 +358,10 @@ class DiffDriveParameters(OdometryParameters, LimitParameters, WheelParameters):
     )
     cmd_vel_timeout: float = parameter(
         0.5,
+        minimum=0.0,
+        maximum=60.0,
         doc='The robot stops when cmd_vel is silent for so long; 0 is never',
         unit='s',
-        minimum=0.0,
     )
     stamped: str = parameter(
         'auto',
@@ -328,11 +374,17 @@ class DiffDriveParameters(OdometryParameters, LimitParameters, WheelParameters):
     )
     update_rate: float = parameter(
         200.0,
+        minimum=20.0,
+        maximum=1000.0,
         doc='Rate of the controller in lock-step and in mode fake; mode arbotix has 500',
         unit='Hz',
-        above=0.0,
         read_only=True,
     )
     diagnostic_rate: float = parameter(
-        1.0, doc='Rate of diagnostics; 0: none', unit='Hz', minimum=0.0, read_only=True
+        1.0,
+        minimum=0.0,
+        maximum=100.0,
+        doc='Rate of diagnostics; 0: none',
+        unit='Hz',
+        read_only=True,
     )

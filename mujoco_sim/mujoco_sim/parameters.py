@@ -48,19 +48,21 @@ class SimulatorParameters(Parameters):
     world: str = parameter(
         'flat', doc=f'World: {WORLD_NAMES}, or an MJCF or URDF file', read_only=True
     )
-    seed: int = parameter(0, doc='Seed of everything random', minimum=0, read_only=True)
+    seed: int = parameter(
+        0, minimum=0, maximum=2**63 - 1, doc='Seed of everything random', read_only=True
+    )
     speed: float = parameter(
-        1.0, doc='Real-time factor aimed at; 0 is as fast as it goes', minimum=0.0
+        1.0, minimum=0.0, maximum=1000.0, doc='Real-time factor aimed at; 0 is as fast as it goes'
     )
     clock_rate: float = parameter(
-        100.0, doc='Rate of /clock', unit='Hz', above=0.0, maximum=1000.0, read_only=True
+        100.0, minimum=1.0, maximum=1000.0, doc='Rate of /clock', unit='Hz', read_only=True
     )
     state_rate: float = parameter(
         50.0,
+        minimum=1.0,
+        maximum=1000.0,
         doc='Rate of imu/data, joint_states, foot_contacts and ground_truth/odom',
         unit='Hz',
-        above=0.0,
-        maximum=1000.0,
         read_only=True,
     )
     sensor_noise: bool = parameter(
@@ -89,23 +91,32 @@ class SimulatorParameters(Parameters):
         read_only=True,
     )
     imu_drift: float = parameter(
-        1.0, doc='How many times the usual a noisy IMU drifts', minimum=0.0, read_only=True
+        1.0,
+        minimum=0.0,
+        maximum=100.0,
+        doc='How many times the usual a noisy IMU drifts',
+        read_only=True,
     )
     camera_scale: float = parameter(
         1.0,
-        doc='Size of camera images, as a share of what the description says',
-        above=0.0,
+        minimum=0.05,
         maximum=1.0,
+        doc='Size of camera images, as a share of what the description says',
     )
     command_timeout: float = parameter(
-        0.1, doc='Motors brake when joint_commands is silent for so long', unit='s', above=0.0
+        0.1,
+        minimum=0.01,
+        maximum=10.0,
+        doc='Motors brake when joint_commands is silent for so long',
+        unit='s',
     )
     answer_patience: float = parameter(
         5.0,
+        minimum=0.0,
+        maximum=60.0,
         doc='Wall time for which physics waits for a controller that was answering each state and '
         'is still there; then the motors brake',
         unit='s',
-        minimum=0.0,
     )
 
 

@@ -95,10 +95,15 @@ class LegNodeParameters(LegControllerParameters):
         read_only=True,
     )
     update_rate: float = parameter(
-        500.0, doc='Rate of the controller', unit='Hz', above=0.0, read_only=True
+        500.0,
+        minimum=250.0,
+        maximum=1000.0,
+        doc='Rate of the controller',
+        unit='Hz',
+        read_only=True,
     )
     publish_rate: float = parameter(
-        50.0, doc='Rate of odom and /tf', unit='Hz', above=0.0, read_only=True
+        50.0, minimum=1.0, maximum=500.0, doc='Rate of odom and /tf', unit='Hz', read_only=True
     )
     odom_frame: str = parameter('odom', doc='Frame in which odometry is given', read_only=True)
     base_frame: str = parameter(

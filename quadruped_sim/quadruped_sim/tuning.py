@@ -2,8 +2,9 @@
 """
 Tuning of the leg controller, validated; docs/references.md resolves the papers' keys.
 
-The numbers are the Go2's, also those that a user gives. `scale_parameters` gives those of another
-robot, by the units that stand here.
+The numbers are the Go2's, also those that a user gives, and so are the spans that these keep to:
+set to either end of one while it trots, the Go2 walks on (benchmarks/parameter_bounds.py).
+`scale_parameters` gives the numbers of another robot, by the units that stand here.
 """
 
 from dataclasses import dataclass
@@ -26,26 +27,39 @@ class GaitParameters(Parameters):
         0.45,
         above=0.0,
         unit='s',
+        span=(0.3, 0.6),
         doc='Gait period up to slow_speed; unitree_guide trots at 0.45 s',
     )
-    fast_period: float = parameter(0.26, above=0.0, unit='s', doc='Gait period from fast_speed on')
+    fast_period: float = parameter(
+        0.26, above=0.0, unit='s', span=(0.2, 0.45), doc='Gait period from fast_speed on'
+    )
     slow_duty: float = parameter(
         0.55,
         above=0.0,
         maximum=DUTY_MAX,
+        span=(0.45, 0.7),
         doc='Share of the period a foot stands, up to slow_speed',
     )
     fast_duty: float = parameter(
         0.27,
         above=0.0,
         maximum=DUTY_MAX,
+        span=(0.2, 0.6),
         doc='Share of the period a foot stands, from fast_speed on',
     )
     slow_speed: float = parameter(
-        0.4, minimum=0.0, unit='m/s', doc='Commanded speed below which the gait is the slow one'
+        0.4,
+        minimum=0.0,
+        unit='m/s',
+        span=(0.0, 1.0),
+        doc='Commanded speed below which the gait is the slow one',
     )
     fast_speed: float = parameter(
-        3.0, above=0.0, unit='m/s', doc='Commanded speed above which the gait is the fast one'
+        3.0,
+        above=0.0,
+        unit='m/s',
+        span=(2.0, 6.0),
+        doc='Commanded speed above which the gait is the fast one',
     )
     step_in_place: bool = parameter(
         False,
@@ -53,25 +67,48 @@ class GaitParameters(Parameters):
         doc='Trot on the spot at zero command; false stands on four feet until disturbed',
     )
     step_height: float = parameter(
-        0.05, above=0.0, unit='m', doc='Height of the swing foot above flat ground'
+        0.05,
+        above=0.0,
+        unit='m',
+        span=(0.02, 0.1),
+        doc='Height of the swing foot above flat ground',
     )
     rough_step_height: float = parameter(
-        0.14, above=0.0, unit='m', doc='Height of the swing foot after a stumble, on rough ground'
+        0.14,
+        above=0.0,
+        unit='m',
+        span=(0.05, 0.2),
+        doc='Height of the swing foot after a stumble, on rough ground',
     )
     terrain_time: float = parameter(
-        2.0, above=0.0, unit='s', doc='Time constant in which rough ground is forgotten'
+        2.0,
+        above=0.0,
+        unit='s',
+        span=(0.1, 20.0),
+        doc='Time constant in which rough ground is forgotten',
     )
     haste_error: float = parameter(
-        0.35, minimum=0.0, unit='m/s', doc='Velocity error from which on the gait hastens'
+        0.35,
+        minimum=0.0,
+        unit='m/s',
+        span=(0.1, 2.0),
+        doc='Velocity error from which on the gait hastens',
     )
     haste_gain: float = parameter(
-        3.0, minimum=0.0, doc='Speed that the gait takes on, per velocity error beyond that'
+        3.0,
+        minimum=0.0,
+        span=(0.0, 6.0),
+        doc='Speed that the gait takes on, per velocity error beyond that',
     )
     haste_decay: float = parameter(
-        2.0, above=0.0, unit='m/s^2', doc='How fast the gait calms down again'
+        2.0, above=0.0, unit='m/s^2', span=(0.2, 20.0), doc='How fast the gait calms down again'
     )
     early_contact_phase: float = parameter(
-        0.6, minimum=0.0, maximum=1.0, doc='Share of the swing after which a touch ends it'
+        0.6,
+        minimum=0.0,
+        maximum=1.0,
+        span=(0.3, 1.0),
+        doc='Share of the swing after which a touch ends it',
     )
 
 
@@ -80,10 +117,18 @@ class FootholdParameters(Parameters):
     """Where the feet land [Raibert1986]."""
 
     velocity_gain: float = parameter(
-        0.04, minimum=0.0, unit='s', doc='Foothold shift per error of velocity (capture term)'
+        0.04,
+        minimum=0.0,
+        unit='s',
+        span=(0.0, 0.08),
+        doc='Foothold shift per error of velocity (capture term)',
     )
     reach: float = parameter(
-        0.35, above=0.0, unit='m', doc='Largest horizontal distance of a foothold from its hip'
+        0.35,
+        above=0.0,
+        unit='m',
+        span=(0.2, 0.5),
+        doc='Largest horizontal distance of a foothold from its hip',
     )
 
 
@@ -91,29 +136,44 @@ class FootholdParameters(Parameters):
 class MpcParameters(Parameters):
     """Single-rigid-body convex MPC [DiCarlo2018]."""
 
-    steps: int = parameter(12, minimum=2, maximum=40, doc='Steps of the horizon')
-    step: float = parameter(0.025, above=0.0, unit='s', doc='Duration of one horizon step')
+    steps: int = parameter(12, minimum=2, maximum=40, span=(8, 24), doc='Steps of the horizon')
+    step: float = parameter(
+        0.025, above=0.0, unit='s', span=(0.015, 0.04), doc='Duration of one horizon step'
+    )
     period: float = parameter(
-        0.02, above=0.0, unit='s', doc='Time between solutions; every contact switch adds one'
+        0.02,
+        above=0.0,
+        unit='s',
+        span=(0.004, 0.05),
+        doc='Time between solutions; every contact switch adds one',
     )
     friction: float = parameter(
         0.4,
         above=0.0,
+        span=(0.2, 0.8),
         doc='Friction coefficient the forces stay inside; guessed at first, then felt: see grip',
     )
-    force_min: float = parameter(5.0, minimum=0.0, unit='N', doc='Least normal force of a foot')
-    force_max: float = parameter(260.0, above=0.0, unit='N', doc='Largest normal force of a foot')
+    force_min: float = parameter(
+        5.0, minimum=0.0, unit='N', span=(0.0, 20.0), doc='Least normal force of a foot'
+    )
+    force_max: float = parameter(
+        260.0, above=0.0, unit='N', span=(150.0, 600.0), doc='Largest normal force of a foot'
+    )
     pose_weights: tuple[float, ...] = parameter(
         (80.0, 120.0, 60.0, 30.0, 30.0, 250.0),
         minimum=0.0,
+        span=((27.0, 40.0, 20.0, 10.0, 10.0, 83.0), (240.0, 360.0, 180.0, 90.0, 90.0, 750.0)),
         doc='Cost of roll, pitch, yaw, x, y, z errors',
     )
     rate_weights: tuple[float, ...] = parameter(
         (1.0, 2.0, 2.0, 8.0, 8.0, 4.0),
         minimum=0.0,
+        span=((0.33, 0.67, 0.67, 2.7, 2.7, 1.3), (3.0, 6.0, 6.0, 24.0, 24.0, 12.0)),
         doc='Cost of angular and linear velocity errors',
     )
-    force_weight: float = parameter(4e-5, above=0.0, doc='Cost of force squared')
+    force_weight: float = parameter(
+        4e-5, above=0.0, span=(1e-05, 0.0002), doc='Cost of force squared'
+    )
 
     def __post_init__(self) -> None:
         """Check each value, and that there is a force between the two limits."""
@@ -132,41 +192,74 @@ class WholeBodyParameters(Parameters):
     acceleration_weights: tuple[float, ...] = parameter(
         (1.0, 1.0, 1.0, 0.3, 0.3, 0.1),
         minimum=0.0,
+        span=((0.33, 0.33, 0.33, 0.1, 0.1, 0.033), (3.0, 3.0, 3.0, 0.9, 0.9, 0.3)),
         doc='Cost of linear and angular base acceleration errors',
     )
-    force_weight: float = parameter(1e-3, above=0.0, doc='Cost of leaving the MPC forces')
+    force_weight: float = parameter(
+        1e-3, above=0.0, span=(0.0002, 0.005), doc='Cost of leaving the MPC forces'
+    )
     position_gains: tuple[float, ...] = parameter(
         (0.0, 0.0, 30.0),
         minimum=0.0,
         unit='1/s^2',
+        span=((0.0, 0.0, 10.0), (20.0, 20.0, 90.0)),
         doc='Base acceleration per position error, x y z',
     )
     velocity_gains: tuple[float, ...] = parameter(
-        (2.0, 2.0, 6.0), minimum=0.0, unit='1/s', doc='Base acceleration per velocity error, x y z'
+        (2.0, 2.0, 6.0),
+        minimum=0.0,
+        unit='1/s',
+        span=((0.0, 0.0, 2.0), (6.0, 6.0, 18.0)),
+        doc='Base acceleration per velocity error, x y z',
     )
     rotation_gains: tuple[float, ...] = parameter(
         (80.0, 80.0, 20.0),
         minimum=0.0,
         unit='1/s^2',
+        span=((27.0, 27.0, 6.7), (240.0, 240.0, 60.0)),
         doc='Angular acceleration per rotation error',
     )
     rate_gains: tuple[float, ...] = parameter(
-        (12.0, 12.0, 6.0), minimum=0.0, unit='1/s', doc='Angular acceleration per rate error'
+        (12.0, 12.0, 6.0),
+        minimum=0.0,
+        unit='1/s',
+        span=((4.0, 4.0, 2.0), (36.0, 36.0, 18.0)),
+        doc='Angular acceleration per rate error',
     )
     swing_position_gain: float = parameter(
-        900.0, minimum=0.0, unit='1/s^2', doc='Swing foot acceleration per position error'
+        900.0,
+        minimum=0.0,
+        unit='1/s^2',
+        span=(300.0, 2700.0),
+        doc='Swing foot acceleration per position error',
     )
     swing_velocity_gain: float = parameter(
-        50.0, minimum=0.0, unit='1/s', doc='Swing foot acceleration per velocity error'
+        50.0,
+        minimum=0.0,
+        unit='1/s',
+        span=(20.0, 150.0),
+        doc='Swing foot acceleration per velocity error',
     )
     swing_kp: float = parameter(
-        10.0, minimum=0.0, unit='N m/rad', doc='Joint stiffness of a swing leg in the motor'
+        10.0,
+        minimum=0.0,
+        unit='N m/rad',
+        span=(0.0, 30.0),
+        doc='Joint stiffness of a swing leg in the motor',
     )
     swing_kd: float = parameter(
-        0.5, minimum=0.0, unit='N m s/rad', doc='Joint damping of a swing leg in the motor'
+        0.5,
+        minimum=0.0,
+        unit='N m s/rad',
+        span=(0.1, 1.5),
+        doc='Joint damping of a swing leg in the motor',
     )
     stance_kd: float = parameter(
-        0.3, minimum=0.0, unit='N m s/rad', doc='Joint damping of a stance leg in the motor'
+        0.3,
+        minimum=0.0,
+        unit='N m s/rad',
+        span=(0.0, 1.0),
+        doc='Joint damping of a stance leg in the motor',
     )
 
 
@@ -178,28 +271,43 @@ class BalanceParameters(Parameters):
         (60.0, 60.0, 80.0),
         minimum=0.0,
         unit='1/s^2',
+        span=((1.0, 1.0, 1.0), (180.0, 180.0, 240.0)),
         doc='Base acceleration per position error, x y z',
     )
     velocity_gains: tuple[float, ...] = parameter(
         (12.0, 12.0, 14.0),
         minimum=0.0,
         unit='1/s',
+        span=((4.0, 4.0, 4.7), (36.0, 36.0, 42.0)),
         doc='Base acceleration per velocity error, x y z',
     )
     rotation_gains: tuple[float, ...] = parameter(
         (120.0, 120.0, 80.0),
         minimum=0.0,
         unit='1/s^2',
+        span=((40.0, 40.0, 27.0), (360.0, 360.0, 240.0)),
         doc='Angular acceleration per rotation error',
     )
     rate_gains: tuple[float, ...] = parameter(
-        (16.0, 16.0, 14.0), minimum=0.0, unit='1/s', doc='Angular acceleration per rate error'
+        (16.0, 16.0, 14.0),
+        minimum=0.0,
+        unit='1/s',
+        span=((5.3, 5.3, 4.7), (48.0, 48.0, 42.0)),
+        doc='Angular acceleration per rate error',
     )
     acceleration_max: float = parameter(
-        5.0, above=0.0, unit='m/s^2', doc='Largest linear acceleration asked for, per axis'
+        5.0,
+        above=0.0,
+        unit='m/s^2',
+        span=(1.0, 20.0),
+        doc='Largest linear acceleration asked for, per axis',
     )
     rotation_max: float = parameter(
-        40.0, above=0.0, unit='rad/s^2', doc='Largest angular acceleration asked for, per axis'
+        40.0,
+        above=0.0,
+        unit='rad/s^2',
+        span=(10.0, 160.0),
+        doc='Largest angular acceleration asked for, per axis',
     )
 
 
@@ -208,18 +316,36 @@ class ReferenceParameters(Parameters):
     """Desired motion of the base in trot."""
 
     height: float = parameter(
-        0.30, above=0.0, unit='m', doc="Height of the hips above the feet's ground"
+        0.30,
+        above=0.0,
+        unit='m',
+        span=(0.22, 0.34),
+        doc="Height of the hips above the feet's ground",
     )
     position_leash: float = parameter(
-        0.10, above=0.0, unit='m', doc='Farthest the desired position runs ahead of the real one'
+        0.10,
+        above=0.0,
+        unit='m',
+        span=(0.02, 0.3),
+        doc='Farthest the desired position runs ahead of the real one',
     )
     velocity_integral: float = parameter(
-        0.6, minimum=0.0, unit='1/s', doc='Integral gain on velocity, against steady slip'
+        0.6,
+        minimum=0.0,
+        unit='1/s',
+        span=(0.0, 2.0),
+        doc='Integral gain on velocity, against steady slip',
     )
     velocity_integral_limit: float = parameter(
-        0.3, minimum=0.0, unit='m/s', doc='Largest correction by the velocity integral'
+        0.3,
+        minimum=0.0,
+        unit='m/s',
+        span=(0.0, 1.0),
+        doc='Largest correction by the velocity integral',
     )
-    height_integral: float = parameter(1.5, minimum=0.0, unit='1/s', doc='Integral gain on height')
+    height_integral: float = parameter(
+        1.5, minimum=0.0, unit='1/s', span=(0.0, 5.0), doc='Integral gain on height'
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,12 +353,18 @@ class GroundParameters(Parameters):
     """Plane under the feet, from where they stood last."""
 
     slope_time: float = parameter(
-        0.25, above=0.0, unit='s', doc='Time constant of the estimated slope'
+        0.25, above=0.0, unit='s', span=(0.05, 2.0), doc='Time constant of the estimated slope'
     )
     height_time: float = parameter(
-        0.1, above=0.0, unit='s', doc='Time constant of the estimated ground height'
+        0.1,
+        above=0.0,
+        unit='s',
+        span=(0.03, 1.0),
+        doc='Time constant of the estimated ground height',
     )
-    slope_max: float = parameter(0.6, minimum=0.0, unit='rad', doc='Steepest slope believed in')
+    slope_max: float = parameter(
+        0.6, minimum=0.0, unit='rad', span=(0.0, 1.0), doc='Steepest slope believed in'
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,12 +372,16 @@ class ContactParameters(Parameters):
     """Contact from joint torques: a momentum observer [DeLuca2006] with hysteresis."""
 
     bandwidth: float = parameter(
-        120.0, above=0.0, unit='rad/s', doc='Bandwidth of the force estimate'
+        120.0, above=0.0, unit='rad/s', span=(40.0, 400.0), doc='Bandwidth of the force estimate'
     )
-    force_on: float = parameter(25.0, above=0.0, unit='N', doc='Normal force that makes a contact')
-    force_off: float = parameter(12.0, above=0.0, unit='N', doc='Normal force that ends a contact')
+    force_on: float = parameter(
+        25.0, above=0.0, unit='N', span=(20.0, 50.0), doc='Normal force that makes a contact'
+    )
+    force_off: float = parameter(
+        12.0, above=0.0, unit='N', span=(4.0, 18.0), doc='Normal force that ends a contact'
+    )
     load_time: float = parameter(
-        0.5, above=0.0, unit='s', doc='Time constant in which a load is felt'
+        0.5, above=0.0, unit='s', span=(0.1, 5.0), doc='Time constant in which a load is felt'
     )
 
     def __post_init__(self) -> None:
@@ -263,19 +399,35 @@ class GripParameters(Parameters):
     """Friction by what feet feel [Focchi2018]; `mpc.friction` is the guess it starts from."""
 
     slip_speed: float = parameter(
-        0.25, above=0.0, unit='m/s', doc='Speed from which on a foot that stands slips'
+        0.25,
+        above=0.0,
+        unit='m/s',
+        span=(0.1, 1.0),
+        doc='Speed from which on a foot that stands slips',
     )
     share: float = parameter(
-        0.8, above=0.0, maximum=1.0, doc='Share of the friction felt that forces may use'
+        0.8,
+        above=0.0,
+        maximum=1.0,
+        span=(0.4, 1.0),
+        doc='Share of the friction felt that forces may use',
     )
     fall_time: float = parameter(
-        0.02, above=0.0, unit='s', doc='Time constant in which slipping feet lower it'
+        0.02,
+        above=0.0,
+        unit='s',
+        span=(0.01, 0.2),
+        doc='Time constant in which slipping feet lower it',
     )
     rise: float = parameter(
-        0.5, minimum=0.0, unit='1/s', doc='How fast feet raise it that bear more and do not slip'
+        0.5,
+        minimum=0.0,
+        unit='1/s',
+        span=(0.0, 3.0),
+        doc='How fast feet raise it that bear more and do not slip',
     )
-    least: float = parameter(0.1, above=0.0, doc='Least friction believed in')
-    most: float = parameter(0.7, above=0.0, doc='Largest friction believed in')
+    least: float = parameter(0.1, above=0.0, span=(0.05, 0.3), doc='Least friction believed in')
+    most: float = parameter(0.7, above=0.0, span=(0.4, 1.2), doc='Largest friction believed in')
 
     def __post_init__(self) -> None:
         """Check each value, and that there is a friction to believe in."""
@@ -294,71 +446,118 @@ class EstimatorParameters(Parameters):
         0.04,
         above=0.0,
         unit='m/s^2',
+        span=(0.01, 0.4),
         doc='Accelerometer, without its bias: velocity lost per root second',
     )
     bias: float = parameter(
         0.05,
         minimum=0.0,
         unit='m/s^2',
+        span=(0.0, 0.5),
         doc="Standard deviation of the accelerometer's bias at the start",
     )
     bias_noise: float = parameter(
-        0.005, minimum=0.0, unit='m/s^2', doc='How far that bias walks per root second'
+        0.005,
+        minimum=0.0,
+        unit='m/s^2',
+        span=(0.0, 0.05),
+        doc='How far that bias walks per root second',
     )
     foot_noise: float = parameter(
-        0.02, above=0.0, unit='m/s', doc='Slip of a standing foot, white, per root second'
+        0.02,
+        above=0.0,
+        unit='m/s',
+        span=(0.005, 0.1),
+        doc='Slip of a standing foot, white, per root second',
     )
     kinematics_noise: float = parameter(
-        0.004, above=0.0, unit='m', doc='Standard deviation of a foot position by joint angles'
+        0.004,
+        above=0.0,
+        unit='m',
+        span=(0.001, 0.02),
+        doc='Standard deviation of a foot position by joint angles',
     )
     velocity_noise: float = parameter(
-        0.08, above=0.0, unit='m/s', doc='Standard deviation of base velocity by one standing leg'
+        0.08,
+        above=0.0,
+        unit='m/s',
+        span=(0.02, 0.3),
+        doc='Standard deviation of base velocity by one standing leg',
     )
     slip_speed: float = parameter(
         0.05,
         above=0.0,
         unit='m/s',
+        span=(0.02, 0.2),
         doc='Disagreement of a foot with the IMU at which it is believed half',
     )
     gyro_noise: float = parameter(
-        0.01, above=0.0, unit='rad/s', doc='Standard deviation of a reading of the gyro'
+        0.01,
+        above=0.0,
+        unit='rad/s',
+        span=(0.002, 0.1),
+        doc='Standard deviation of a reading of the gyro',
     )
     gyro_bias: float = parameter(
-        2e-4, minimum=0.0, unit='rad/s', doc="Standard deviation of the gyro's bias at the start"
+        2e-4,
+        minimum=0.0,
+        unit='rad/s',
+        span=(0.0, 0.01),
+        doc="Standard deviation of the gyro's bias at the start",
     )
     gyro_walk: float = parameter(
-        5e-6, minimum=0.0, unit='rad/s', doc='How far that bias walks per root second'
+        5e-6,
+        minimum=0.0,
+        unit='rad/s',
+        span=(0.0, 0.0001),
+        doc='How far that bias walks per root second',
     )
     level_band: float = parameter(
-        0.05, minimum=0.0, unit='m', doc="Feet farther off the ground's level stand on another"
+        0.05,
+        minimum=0.0,
+        unit='m',
+        span=(0.0, 0.2),
+        doc="Feet farther off the ground's level stand on another",
     )
     level_time: float = parameter(
         0.3,
         above=0.0,
         unit='s',
+        span=(0.05, 3.0),
         doc='Time constant of what draws feet on even ground to its level',
     )
     level_slope: float = parameter(
-        0.02, above=0.0, doc='Rise over way of ground from which on it is not even'
+        0.02,
+        above=0.0,
+        span=(0.005, 0.2),
+        doc='Rise over way of ground from which on it is not even',
     )
     step_band: float = parameter(
         0.03,
         minimum=0.0,
         unit='m',
+        span=(0.0, 0.1),
         doc='Feet farther off the plane of the steps before are not drawn to it',
     )
-    step_time: float = parameter(0.04, above=0.0, unit='s', doc='Time constant of that draw')
+    step_time: float = parameter(
+        0.04, above=0.0, unit='s', span=(0.02, 1.0), doc='Time constant of that draw'
+    )
     step_speed: float = parameter(
-        2.0, above=0.0, unit='m/s', doc='Speed from which on that draw is whole'
+        2.0, above=0.0, unit='m/s', span=(0.5, 6.0), doc='Speed from which on that draw is whole'
     )
     step_middle: float = parameter(
         0.12,
         above=0.0,
         unit='m',
+        span=(0.03, 0.4),
         doc="Feet whose middle is farther from the base's are not drawn to that plane",
     )
     phase_window: float = parameter(
-        0.1, minimum=0.0, maximum=0.5, doc='Share of stance at both ends with less trust'
+        0.1,
+        minimum=0.0,
+        maximum=0.5,
+        span=(0.0, 0.5),
+        doc='Share of stance at both ends with less trust',
     )
 
 
@@ -372,20 +571,35 @@ class CommandParameters(Parameters):
         choices=LIMITS,
         doc='Full stick: good on any ground, as in unitree_guide, or all that a good floor allows',
     )
-    forward_acceleration: float = parameter(2.0, above=0.0, unit='m/s^2', doc='Ramp of vx')
-    lateral_acceleration: float = parameter(1.5, above=0.0, unit='m/s^2', doc='Ramp of vy')
-    curve_acceleration: float = parameter(
-        2.3, above=0.0, unit='m/s^2', doc='Largest speed times yaw rate; beyond, both are lowered'
+    forward_acceleration: float = parameter(
+        2.0, above=0.0, unit='m/s^2', span=(0.2, 10.0), doc='Ramp of vx'
     )
-    yaw_acceleration: float = parameter(6.0, above=0.0, unit='rad/s^2', doc='Ramp of yaw rate')
+    lateral_acceleration: float = parameter(
+        1.5, above=0.0, unit='m/s^2', span=(0.2, 10.0), doc='Ramp of vy'
+    )
+    curve_acceleration: float = parameter(
+        2.3,
+        above=0.0,
+        unit='m/s^2',
+        span=(0.5, 4.0),
+        doc='Largest speed times yaw rate; beyond, both are lowered',
+    )
+    yaw_acceleration: float = parameter(
+        6.0, above=0.0, unit='rad/s^2', span=(0.5, 30.0), doc='Ramp of yaw rate'
+    )
     leash: float = parameter(
         0.35,
         above=0.0,
         unit='m/s',
+        span=(0.1, 2.0),
         doc='Lag of a Go2 from which on its command grows more slowly; at twice that, not at all',
     )
     timeout: float = parameter(
-        0.5, above=0.0, unit='s', doc='Silence on cmd_vel after which the command is zero'
+        0.5,
+        above=0.0,
+        unit='s',
+        span=(0.1, 5.0),
+        doc='Silence on cmd_vel after which the command is zero',
     )
 
 
@@ -394,9 +608,11 @@ class JumpParameters(Parameters):
     """How a robot jumps."""
 
     height: float = parameter(
-        0.18, above=0.0, unit='m', doc='How high the base rises after take-off'
+        0.18, above=0.0, unit='m', span=(0.05, 0.25), doc='How high the base rises after take-off'
     )
-    distance: float = parameter(0.0, unit='m', doc='How far ahead it lands, behind if negative')
+    distance: float = parameter(
+        0.0, unit='m', span=(-0.3, 0.6), doc='How far ahead it lands, behind if negative'
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -404,11 +620,19 @@ class SafetyParameters(Parameters):
     """When the controller lets go."""
 
     tilt_max: float = parameter(
-        1.0471975511965976, above=0.0, unit='rad', doc='Tilt beyond which it goes passive: 60 deg'
+        1.0471975511965976,
+        above=0.0,
+        unit='rad',
+        span=(0.6, 1.4),
+        doc='Tilt beyond which it goes passive: 60 deg',
     )
     joint_margin: float = parameter(
-        0.3, minimum=0.0, unit='rad', doc='How far past its limit a joint reading is believed'
+        0.3,
+        minimum=0.0,
+        unit='rad',
+        span=(0.05, 1.0),
+        doc='How far past its limit a joint reading is believed',
     )
     solver_failures: int = parameter(
-        25, minimum=1, doc='Failed QPs in a row after which it goes passive'
+        25, minimum=1, span=(5, 500), doc='Failed QPs in a row after which it goes passive'
     )

@@ -16,7 +16,11 @@ class StatePublisherParameters(Parameters):
         'mbot', doc='Robot: a built-in name, or a xacro or URDF file', read_only=True
     )
     publish_frequency: float = parameter(
-        50.0, doc='Rate of /tf, at most that of joint_states', unit='Hz', above=0.0
+        50.0,
+        minimum=0.1,
+        maximum=1000.0,
+        doc='Rate of /tf, at most that of joint_states',
+        unit='Hz',
     )
 
 

@@ -11,6 +11,10 @@ from wasd_core.parameters import InvalidParameter
 HIGHEST_PRIORITY = 255
 
 
+# Nobody waits longer for a source or a lock [s].
+LONGEST_TIMEOUT = 60.0
+
+
 @dataclass(frozen=True, kw_only=True)
 class MuxInput:
     """
@@ -32,8 +36,11 @@ class MuxInput:
         """Check the fields."""
         if not self.topic:
             raise InvalidParameter(f'{self.name}.topic must not be empty')
-        if not (math.isfinite(self.timeout) and self.timeout >= 0.0):
-            raise InvalidParameter(f'{self.name}.timeout must be >= 0 s, got {self.timeout!r}')
+        if not 0.0 <= self.timeout <= LONGEST_TIMEOUT:
+            raise InvalidParameter(
+                f'{self.name}.timeout must be >= 0 and <= {LONGEST_TIMEOUT:g} s, '
+                f'got {self.timeout!r}'
+            )
         if not 0 <= self.priority <= HIGHEST_PRIORITY:
             raise InvalidParameter(
                 f'{self.name}.priority must be 0 .. {HIGHEST_PRIORITY}, got {self.priority!r}'

@@ -128,7 +128,7 @@ class TeleopParameters(Parameters):
         maximum=60.0,
     )
     step_share: float = parameter(
-        0.1, doc='What a press adds in mode step, of full speed.', above=0.0, maximum=1.0
+        0.1, minimum=0.001, maximum=1.0, doc='What a press adds in mode step, of full speed.'
     )
     speed: float = _number('Full speed; 0: as the preset says.', 'm/s', HIGHEST_SPEED)
     turn: float = _number('Full turn rate; 0: as the preset says.', 'rad/s', HIGHEST_SPEED)

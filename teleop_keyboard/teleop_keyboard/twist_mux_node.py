@@ -28,6 +28,8 @@ from wasd_core.topics import RELIABLE
 
 from teleop_keyboard.mux import DEFAULT_LOCKS
 from teleop_keyboard.mux import DEFAULT_SOURCES
+from teleop_keyboard.mux import HIGHEST_PRIORITY
+from teleop_keyboard.mux import LONGEST_TIMEOUT
 from teleop_keyboard.mux import Mux
 from teleop_keyboard.mux import MuxInput
 from teleop_keyboard.parameters import MuxParameters
@@ -45,13 +47,13 @@ STEP_PERIOD = 0.02
 ROW_FIELDS = {
     'topics': {
         'topic': 'Where the source sends its velocities',
-        'timeout': 'The source is lost when silent for so long; 0: never (float, >= 0 s)',
-        'priority': 'The highest that is alive drives; 0: never (0 .. 255)',
+        'timeout': 'The source is lost when silent for so long; 0: never',
+        'priority': 'The highest that is alive drives; 0: never',
     },
     'locks': {
         'topic': 'Where the lock is closed by true',
-        'timeout': 'The lock closes when silent for so long; 0: it keeps its word (float, >= 0 s)',
-        'priority': 'Closed, it stops every source of a lower priority (0 .. 255)',
+        'timeout': 'The lock closes when silent for so long; 0: it keeps its word',
+        'priority': 'Closed, it stops every source of a lower priority',
     },
 }
 LAST_WORDS_TIMEOUT = 0.3
@@ -181,15 +183,18 @@ class TwistMuxNode(Node):
         return [self._declare_row(table, row) for row in rows or default]
 
     def _declare_row(self, table: str, row: MuxInput) -> MuxInput:
-        def declare(field: str, default: Any, **settings: Any) -> Any:
+        def declare(field: str, default: Any, words: str = '', **settings: Any) -> Any:
             # One descriptor each: rclpy writes the name into it.
-            described = ParameterDescriptor(description=ROW_FIELDS[table][field], **settings)
+            text = f'{ROW_FIELDS[table][field]}{words}'
+            described = ParameterDescriptor(description=text, **settings)
             return self.declare_parameter(f'{table}.{row.name}.{field}', default, described).value
 
         topic = declare('topic', row.topic, read_only=True)
-        # Our own check knows that 1 is a time, too.
-        timeout = declare('timeout', row.timeout, dynamic_typing=True)
-        priority = declare('priority', row.priority, dynamic_typing=True)
+        # Our own check knows that 1 is a time, too, and says more of a range than ROS does.
+        times = f' (float, >= 0 and <= {LONGEST_TIMEOUT:g} s)'
+        timeout = declare('timeout', row.timeout, times, dynamic_typing=True)
+        ranks = f' (0 .. {HIGHEST_PRIORITY})'
+        priority = declare('priority', row.priority, ranks, dynamic_typing=True)
         return dataclasses.replace(
             row, topic=topic, **_checked(timeout=timeout, priority=priority)
         )

@@ -164,12 +164,18 @@ def test_a_plain_table_has_the_names_of_here(read):
 @pytest.mark.parametrize(
     ('text', 'message'),
     [
-        (TUTORIAL.replace('0.26', '-0.26'), 'drive.yaml:5: base_width must be >= 0 m, got -0.26'),
+        (
+            TUTORIAL.replace('0.26', '-0.26'),
+            'drive.yaml:5: base_width must be >= 0 and <= 10 m, got -0.26',
+        ),
         (
             TUTORIAL.replace('12,', 'twelve,', 1),
             "drive.yaml:8: Kp must be a float, got str 'twelve'",
         ),
-        (TUTORIAL.replace('Ko: 50', 'Ko: 0'), 'drive.yaml:11: Ko must be > 0, got 0.0'),
+        (
+            TUTORIAL.replace('Ko: 50', 'Ko: 0'),
+            'drive.yaml:11: Ko must be >= 1 and <= 1000, got 0.0',
+        ),
         (
             TUTORIAL.replace('base_width', 'base_widht'),
             "drive.yaml:5: unknown parameter 'base_widht', did you mean base_width?",
@@ -192,7 +198,7 @@ def test_a_plain_table_has_the_names_of_here(read):
         ('controllers: 5', 'drive.yaml:1: controllers must name at least one controller'),
         (
             'linear.x.max_deceleration: 2.0',
-            'drive.yaml:1: linear.x.max_deceleration must be < 0 m/s^2, '
+            'drive.yaml:1: linear.x.max_deceleration must be >= -1000 and <= -0.001 m/s^2, '
             'or NaN: -max_acceleration, got 2.0',
         ),
         (

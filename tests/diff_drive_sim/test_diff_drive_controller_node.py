@@ -242,7 +242,10 @@ def test_limits_can_be_changed_while_it_drives(driver):
     assert driver.controller.target.linear == 0.1
     refused = set_to('linear.x.max_velocity', 0.0)
     assert not refused.successful
-    assert refused.reason == 'linear.x.max_velocity must be > 0 m/s, or NaN: no limit, got 0.0'
+    assert (
+        refused.reason
+        == 'linear.x.max_velocity must be >= 0.001 and <= 100 m/s, or NaN: no limit, got 0.0'
+    )
     assert 'read-only' in set_to('odom_frame_id', 'map').reason
 
 
@@ -263,7 +266,10 @@ def test_in_lock_step_it_makes_no_commands_of_its_own(spawn, mbot):
     ('override', 'message'),
     [
         ('description:=dog', 'dog: no such file'),
-        ('linear.x.max_velocity:=-1.0', 'linear.x.max_velocity must be > 0 m/s, or NaN'),
+        (
+            'linear.x.max_velocity:=-1.0',
+            'linear.x.max_velocity must be >= 0.001 and <= 100 m/s, or NaN',
+        ),
         ('description:=5', 'description: '),
     ],
 )

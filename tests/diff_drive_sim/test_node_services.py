@@ -232,7 +232,7 @@ def test_gains_and_limits_can_be_set_while_it_drives_and_signs_are_checked(make)
     node.controller.command(0.0, 0.0)
     node.control(0.0, 0.0, DT)
     assert node.controller.velocity.linear == pytest.approx(0.2 - 4.0 * DT)
-    assert 'must be < 0' in set_to('linear.x.max_deceleration', 4.0).reason
+    assert 'must be >= -1000 and <= -0.001' in set_to('linear.x.max_deceleration', 4.0).reason
     assert set_to('linear.x.max_velocity', math.nan).successful
     assert set_to('mode', 'fake').reason
 

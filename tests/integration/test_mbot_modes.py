@@ -125,7 +125,7 @@ def test_a_run_with_the_arbotix_loop_repeats_to_the_bit(
     [
         (('--controller', 'none.yaml'), '--controller none.yaml: no such file'),
         (('--mode', 'real'), "argument --mode: invalid choice: 'real'"),
-        (('--controller', 'bad.yaml'), 'bad.yaml:1: Ko must be > 0, got 0.0'),
+        (('--controller', 'bad.yaml'), 'bad.yaml:1: Ko must be >= 1 and <= 1000, got 0.0'),
     ],
 )
 def test_a_mistake_is_said_in_one_line(

@@ -32,7 +32,7 @@ def test_the_speed_can_be_changed_while_it_runs_and_the_world_cannot(simulator):
     refused = set_to('speed', -1.0)
     # In ROS' own words, which know the range that tools show.
     assert not refused.successful
-    assert refused.reason == 'Parameter speed out of range Min: 0.0, Max: inf, value: -1.0'
+    assert refused.reason == 'Parameter speed out of range Min: 0.0, Max: 1000.0, value: -1.0'
     assert simulator.simulation.pacer.speed == 0.5
     assert 'read-only' in set_to('world', 'room').reason
 
@@ -43,12 +43,12 @@ def test_the_speed_can_be_changed_while_it_runs_and_the_world_cannot(simulator):
         ({'world': 'moon'}, '^world moon: no such file'),
         ({'world': 'slope:x'}, '^world slope:x: wanted a number from -45 to 45'),
         ({'description': 'dog'}, '^dog: no such file'),
-        ({'speed': -1.0}, 'speed must be >= 0, got -1.0'),
-        ({'seed': -1}, 'seed must be >= 0, got -1'),
+        ({'speed': -1.0}, 'speed must be >= 0 and <= 1000, got -1.0'),
+        ({'seed': -1}, 'seed must be >= 0 and <= 9223372036854775807, got -1'),
         ({'friction': 0.0}, 'friction must be >= 0.01 and <= 2, or NaN: what the description'),
         ({'payload': 'heavy'}, "payload: got 'heavy', wanted KG or KG@X,Y,Z with KG > 0"),
         ({'randomise': 1.0}, '^randomise: a quadruped is wanted'),
-        ({'clock_rate': 5000.0}, 'clock_rate must be > 0 and <= 1000 Hz, got 5000.0'),
+        ({'clock_rate': 5000.0}, 'clock_rate must be >= 1 and <= 1000 Hz, got 5000.0'),
     ],
 )
 def test_what_cannot_be_is_refused_at_start(ros, overrides, message):

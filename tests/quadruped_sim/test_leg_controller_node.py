@@ -308,7 +308,7 @@ def test_guides_limits_are_a_parameter(spawn):
         ('description:=mbot', 'a quadruped is wanted'),
         ('estimator:=guess', 'estimator must be'),
         ('limits:=none', 'limits must be'),
-        ('update_rate:=0.0', 'update_rate must be > 0 Hz'),
+        ('update_rate:=0.0', 'update_rate must be >= 250 and <= 1000 Hz'),
     ],
 )
 def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys, override, message):

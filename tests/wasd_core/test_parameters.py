@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 from dataclasses import dataclass
+from dataclasses import fields
 from dataclasses import FrozenInstanceError
 from dataclasses import replace
 import math
 
 import pytest
 from wasd_core.parameters import InvalidParameter
+from wasd_core.parameters import numeric_ends
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 
@@ -135,3 +137,57 @@ def test_one_value_can_be_checked_by_itself(key, value, message):
 def test_a_value_that_is_legal_comes_back_as_it_is_kept():
     assert Leg.checked('knee.max', 3) == 3.0
     assert Leg.checked('joints', ['a']) == ('a',)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gaits(Parameters):
+    period: float = parameter(0.4, doc='', unit='s', above=0.0, span=(0.3, 0.6))
+    gains: tuple[float, ...] = parameter(
+        (1.0, 9.0), doc='', minimum=0.0, span=((0.5, 3.0), (2, 27))
+    )
+    free: float = parameter(1.0, doc='', above=0.0, below=2.0)
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'message'),
+    [
+        ('period', 0.2, 'period must be >= 0.3 and <= 0.6 s, got 0.2'),
+        ('period', 1e308, 'period must be >= 0.3 and <= 0.6 s, got 1e+308'),
+        ('gains', [1.0, 2.0], 'gains[1] must be >= 3 and <= 27, got 2.0'),
+    ],
+)
+def test_what_people_give_lies_in_the_span_and_an_error_says_it(key, value, message):
+    for give in (Gaits.checked, lambda key, value: Gaits().changed({key: value})):
+        with pytest.raises(InvalidParameter) as caught:
+            give(key, value)
+        assert str(caught.value) == message
+
+
+@pytest.mark.parametrize('end', [0, 1])
+def test_both_ends_of_a_span_are_taken(end):
+    period, gains, _ = (numeric_ends(field)[end] for field in fields(Gaits))
+    taken = Gaits.from_mapping({'period': period, 'gains': gains})
+    assert (taken.period, taken.gains) == (period, gains)
+
+
+def test_code_may_go_beyond_a_span_and_not_beyond_the_bounds():
+    assert replace(Gaits(), period=2.0).period == 2.0
+    with pytest.raises(InvalidParameter, match='period must be > 0 s, got 0.0'):
+        replace(Gaits(), period=0.0)
+
+
+def test_the_ends_of_a_number_are_those_that_belong_to_it():
+    period, gains, free = (numeric_ends(field) for field in fields(Gaits))
+    assert (period, gains) == ((0.3, 0.6), ((0.5, 3.0), (2, 27)))
+    assert free == (math.nextafter(0.0, 1.0), math.nextafter(2.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    'value',
+    ['x' * 10_000, list(range(10_000)), 10**5000, -(10**400)],
+    ids=['x', 'list', 'huge', 'low'],
+)
+def test_what_came_is_shown_on_one_line_that_is_not_too_long(value):
+    with pytest.raises(InvalidParameter) as caught:
+        Gaits.checked('period', value)
+    assert len(str(caught.value)) < 200

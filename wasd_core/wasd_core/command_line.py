@@ -12,6 +12,7 @@ import textwrap
 from typing import Any, NoReturn
 
 from wasd_core.errors import UserError
+from wasd_core.parameters import as_given
 from wasd_core.parameters import describe_range
 from wasd_core.parameters import known_parameters
 
@@ -142,7 +143,7 @@ def written(value: Any) -> str:
 
 def _meaning(field: 'dataclasses.Field[Any]') -> str:
     """Return what a parameter means, with its choices or its range."""
-    meta = field.metadata
+    meta = as_given(field.metadata)
     text: str = meta['doc']
     if meta['choices']:
         text += f' ({", ".join(word for word in meta["choices"])})'

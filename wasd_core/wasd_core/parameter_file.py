@@ -88,8 +88,8 @@ def read_mapping(path: str, read: Callable[[yaml.MappingNode], Any]) -> Any:
 def entries_of(root: yaml.MappingNode, kind: NodeKind) -> tuple[str, dict[str, Entry]]:
     """Return the node's name, '' if the file tells none, and its parameters by dotted names."""
     if not any(key == 'ros__parameters' for key in _all_keys(root)):
-        return '', dict(flat(root))
-    nodes = {name: dict(flat(node)) for name, node in _parameter_nodes(root)}
+        return '', _entries(root)
+    nodes = {name: _entries(node) for name, node in _parameter_nodes(root)}
     everybody = {
         key: entry for name in ('/**', '**') for key, entry in nodes.pop(name, {}).items()
     }
@@ -181,6 +181,21 @@ def _all_keys(node: yaml.Node) -> Iterator[str]:
             yield from _all_keys(child)
 
 
+def _entries(node: yaml.MappingNode) -> dict[str, Entry]:
+    """
+    Return scalars and lists by dotted names.
+
+    Raises:
+        InvalidParameter: a name is there twice, as `a.b` and as b in a.
+    """
+    found: dict[str, Entry] = {}
+    for name, entry in flat(node):
+        if name in found:
+            raise InvalidParameter(f':{entry.line}: {name!r} is there twice')
+        found[name] = entry
+    return found
+
+
 def flat(node: yaml.MappingNode, prefix: str = '') -> Iterator[tuple[str, Entry]]:
     """Yield scalars and lists by dotted names."""
     for key, child in children(node).items():
@@ -191,6 +206,8 @@ def flat(node: yaml.MappingNode, prefix: str = '') -> Iterator[tuple[str, Entry]
 
 
 def _value(node: yaml.Node) -> Any:
+    if isinstance(node, yaml.SequenceNode):
+        return [_value(item) for item in node.value]
     try:
         value = construct(node)
     except yaml.YAMLError as error:

@@ -9,6 +9,12 @@ from typing import Any, NamedTuple, Self
 from wasd_core.errors import suggest
 from wasd_core.errors import UserError
 
+# The ends of a range, and how they are written.
+BOUNDS = {'above': '>', 'below': '<', 'minimum': '>=', 'maximum': '<='}
+
+# Of an integer, what a float can be; of what errors show, the characters.
+LARGEST, LONGEST_SHOWN = 10**300, 80
+
 
 class InvalidParameter(UserError):
     """A parameter has a value that it cannot have; says the key, what came and what is wanted."""
@@ -23,6 +29,7 @@ def parameter(
     below: float | None = None,
     minimum: float | None = None,
     maximum: float | None = None,
+    span: tuple[Any, Any] | None = None,
     choices: Collection[str] = (),
     read_only: bool = False,
     name: str = '',
@@ -36,6 +43,10 @@ def parameter(
     what users call it where that is no Python name (`linear.x.max_velocity`); `nan` says what NaN
     means where it is legal. A tuple makes a list of its items' type, of strings when empty;
     bounds hold for each item.
+
+    What people give (a file, ROS) must lie in the `span`, of which both ends belong to it and are
+    tuples for a list; without one, within the bounds. Code may go beyond it, as far as the bounds:
+    another robot's numbers are others.
     """
     return dataclasses.field(
         default=default,
@@ -46,6 +57,7 @@ def parameter(
             'below': below,
             'minimum': minimum,
             'maximum': maximum,
+            'span': span,
             'choices': choices,
             'read_only': read_only,
             'name': name,
@@ -127,7 +139,7 @@ class Parameters:
         for key, value in values.items():
             field, part = _find(type(self), key)
             kept = groups.setdefault(part, {}) if part else own
-            kept[field.name] = _checked(field, value, key)
+            kept[field.name] = _checked(field, value, key, is_given=True)
         for part, inner in groups.items():
             own[part] = dataclasses.replace(getattr(self, part), **inner)
         return dataclasses.replace(self, **own)
@@ -145,7 +157,7 @@ class Parameters:
         Raises:
             InvalidParameter: there is no such parameter, or it cannot have this value.
         """
-        return _checked(_find(cls, key).field, value, key)
+        return _checked(_find(cls, key).field, value, key, is_given=True)
 
 
 def _find(definition: type[Parameters], key: str) -> Known:
@@ -155,36 +167,50 @@ def _find(definition: type[Parameters], key: str) -> Known:
     return known[key]
 
 
-def _checked(definition: 'dataclasses.Field[Any]', value: Any, name: str) -> Any:
-    """Return a value as it is kept; `name` is what errors call it."""
-    default = definition.default
+def _checked(
+    definition: 'dataclasses.Field[Any]', value: Any, name: str, *, is_given: bool = False
+) -> Any:
+    """Return a value as it is kept; `name` is what errors call it, `is_given` says by people."""
+    default, meta = definition.default, definition.metadata
     if not isinstance(default, tuple):
-        return _checked_item(definition, value, type(default), name)
+        return _checked_item(as_given(meta) if is_given else meta, value, type(default), name)
     if isinstance(value, str) or not isinstance(value, Sequence):
-        raise InvalidParameter(f'{name} must be a list, got {type(value).__name__} {value!r}')
+        raise InvalidParameter(f'{name} must be a list, got {type(value).__name__} {shown(value)}')
     kind = type(default[0]) if default else str
     if kind is float and len(value) != len(default):
         raise InvalidParameter(f'{name} must be {len(default)} numbers, got {len(value)}')
-    return tuple(_checked_item(definition, item, kind, name) for item in value)
+    if not (is_given and meta.get('span')):
+        return tuple(_checked_item(meta, item, kind, name) for item in value)
+    return tuple(
+        _checked_item(as_given(meta, index), item, kind, f'{name}[{index}]')
+        for index, item in enumerate(value)
+    )
 
 
-def _checked_item(definition: 'dataclasses.Field[Any]', value: Any, kind: type, name: str) -> Any:
-    meta = definition.metadata
-    if kind is float and type(value) is int:
+def as_given(meta: Mapping[str, Any], index: int | None = None) -> Mapping[str, Any]:
+    """Return a definition with its span, or that of one item of a list, in place of its bounds."""
+    if meta.get('span') is None:
+        return meta
+    low, high = meta['span'] if index is None else (end[index] for end in meta['span'])
+    return {**meta, 'above': None, 'below': None, 'minimum': low, 'maximum': high}
+
+
+def _checked_item(meta: Mapping[str, Any], value: Any, kind: type, name: str) -> Any:
+    if kind is float and type(value) is int and abs(value) < LARGEST:
         value = float(value)
     if type(value) is not kind:
         raise InvalidParameter(
-            f'{name} must be a {kind.__name__}, got {type(value).__name__} {value!r}'
+            f'{name} must be a {kind.__name__}, got {type(value).__name__} {shown(value)}'
         )
     if meta.get('choices') and value not in meta['choices']:
         wanted = ', '.join(meta['choices'])
-        raise InvalidParameter(f'{name} must be one of {wanted}, got {value!r}')
+        raise InvalidParameter(f'{name} must be one of {wanted}, got {shown(value)}')
     if isinstance(value, float) and not math.isfinite(value):
         if meta.get('nan') and math.isnan(value):
             return value
         raise InvalidParameter(f'{name} must be a finite number, got {value!r}')
     if isinstance(value, (int, float)) and not _in_range(value, meta):
-        raise InvalidParameter(f'{name} must be {describe_range(meta)}, got {value!r}')
+        raise InvalidParameter(f'{name} must be {describe_range(meta)}, got {shown(value)}')
     return value
 
 
@@ -197,12 +223,48 @@ def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
     )
 
 
+def shown(value: Any) -> str:
+    """Return a value as errors show it: on one line that is not too long."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes out no number of more than 4300 digits
+        return 'a number of thousands of digits'
+    return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
+
+
+def numeric_ends(field: 'dataclasses.Field[Any]') -> tuple[Any, Any]:
+    """
+    Return the smallest and the largest number that people may give, tuples for a list of numbers.
+
+    An open end is infinite; an excluded one is the next number inside.
+    """
+    meta = as_given(field.metadata)
+    low, high = meta['minimum'], meta['maximum']
+    low = -math.inf if low is None else low
+    high = math.inf if high is None else high
+    if meta['above'] is not None:
+        low = math.nextafter(meta['above'], math.inf)
+    if meta['below'] is not None:
+        high = math.nextafter(meta['below'], -math.inf)
+    if isinstance(field.default, tuple) and meta.get('span') is None:
+        return (low,) * len(field.default), (high,) * len(field.default)
+    return low, high
+
+
+def _plain(bound: float | tuple[float, ...]) -> str:
+    """Return a bound in words, those of each item of a list in brackets."""
+    if isinstance(bound, tuple):
+        return f'[{", ".join(map(_plain, bound))}]'
+    # As it is: a number that is rounded would be another.
+    return f'{bound:g}' if float(f'{bound:g}') == bound else repr(bound)
+
+
 def describe_range(meta: Mapping[str, Any]) -> str:
     """Return the legal range of a parameter in words, with its unit."""
     parts = []
-    for key, sign in (('above', '>'), ('below', '<'), ('minimum', '>='), ('maximum', '<=')):
+    for key, sign in BOUNDS.items():
         if meta.get(key) is not None:
-            parts.append(f'{sign} {meta[key]:g}')
+            parts.append(f'{sign} {_plain(meta[key])}')
     text = ' and '.join(parts) or 'a number'
     text = f'{text} {meta["unit"]}' if meta.get('unit') else text
     return f'{text}, or NaN: {meta["nan"]}' if meta.get('nan') else text

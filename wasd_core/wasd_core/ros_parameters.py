@@ -18,10 +18,12 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from wasd_core.errors import did_you_mean
+from wasd_core.parameters import as_given
 from wasd_core.parameters import describe_range
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import Known
 from wasd_core.parameters import known_parameters
+from wasd_core.parameters import numeric_ends
 from wasd_core.parameters import Parameters
 
 
@@ -30,13 +32,14 @@ def to_descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
     Return the descriptor of a `parameter` field.
 
     ROS' ranges have two ends that belong to them: an excluded end of a float is the next number
-    inside, an open one infinity. They have no NaN: where that is legal, and for integers with an
-    open end, the range is said in words alone, and our own check refuses what is outside.
+    inside, an open one infinity. They have no NaN and none of a list: there, and for integers
+    with an open end, the range is said in words alone, and our own check refuses what is outside.
     """
-    meta = field.metadata
+    meta = as_given(field.metadata)
     is_float, is_integer = isinstance(field.default, float), type(field.default) is int
+    items = field.default if isinstance(field.default, tuple) else ()
     description, constraints = meta['doc'], ', '.join(meta['choices'])
-    if is_float or is_integer:
+    if is_float or is_integer or float in map(type, items):
         constraints = describe_range(meta)
         description += f' (float, {constraints})' if is_float else f' ({constraints})'
     descriptor = ParameterDescriptor(
@@ -49,27 +52,12 @@ def to_descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:
     )
     ends = meta['minimum'], meta['maximum']
     if is_float and not meta['nan']:
-        low, high = _float_ends(meta)
+        low, high = map(float, numeric_ends(field))
         if math.isfinite(low) or math.isfinite(high):
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     elif is_integer and None not in ends:
         descriptor.integer_range = [IntegerRange(from_value=ends[0], to_value=ends[1], step=1)]
     return descriptor
-
-
-def _float_ends(meta: Mapping[str, Any]) -> tuple[float, float]:
-    """Return the smallest and the largest legal number."""
-    low = high = None
-    if meta['above'] is not None:
-        low = math.nextafter(meta['above'], math.inf)
-    if meta['below'] is not None:
-        high = math.nextafter(meta['below'], -math.inf)
-    low = meta['minimum'] if low is None else low
-    high = meta['maximum'] if high is None else high
-    return (
-        -math.inf if low is None else float(low),
-        math.inf if high is None else float(high),
-    )
 
 
 ParametersType = TypeVar('ParametersType', bound=Parameters)

@@ -99,32 +99,57 @@ class MappingParameters(Parameters):
         read_only=True,
     )
     range_noise: float = parameter(
-        0.012, doc="Standard deviation of the lidar's ranges", unit='m', above=0.0, read_only=True
+        0.012,
+        minimum=0.001,
+        maximum=0.5,
+        doc="Standard deviation of the lidar's ranges",
+        unit='m',
+        read_only=True,
     )
     minimum_travel_distance: float = parameter(
-        0.3, doc='A place is kept after so much way', unit='m', above=0.0, read_only=True
+        0.3,
+        minimum=0.05,
+        maximum=5.0,
+        doc='A place is kept after so much way',
+        unit='m',
+        read_only=True,
     )
     minimum_travel_heading: float = parameter(
-        0.35, doc='A place is kept after so much turning', unit='rad', above=0.0, read_only=True
+        0.35,
+        minimum=0.05,
+        maximum=3.2,
+        doc='A place is kept after so much turning',
+        unit='rad',
+        read_only=True,
     )
     scan_buffer_size: int = parameter(
         25,
-        doc='A scan is matched against what was seen from so many last places',
         minimum=3,
+        maximum=200,
+        doc='A scan is matched against what was seen from so many last places',
         read_only=True,
     )
     loop_search_maximum_distance: float = parameter(
         2.5,
+        minimum=0.1,
+        maximum=20.0,
         doc='A loop is closed with a place within this distance',
         unit='m',
-        above=0.0,
         read_only=True,
     )
     loop_every: int = parameter(
-        2, doc='Of so many places one is tried to close a loop with', minimum=1, read_only=True
+        2,
+        minimum=1,
+        maximum=1000,
+        doc='Of so many places one is tried to close a loop with',
+        read_only=True,
     )
     loop_match_minimum_chain_size: int = parameter(
-        13, doc='Old places around one, with which a loop is closed', minimum=1, read_only=True
+        13,
+        minimum=1,
+        maximum=200,
+        doc='Old places around one, with which a loop is closed',
+        read_only=True,
     )
 
 
@@ -132,23 +157,35 @@ class MappingParameters(Parameters):
 class DriveLimits(Parameters):
     """What may be asked of a robot's base; the defaults are mbot's."""
 
-    forward: float = parameter(0.5, above=0.0, unit='m/s', doc='Largest speed ahead')
-    backward: float = parameter(0.2, above=0.0, unit='m/s', doc='Largest speed backward')
-    lateral: float = parameter(
-        0.0, minimum=0.0, unit='m/s', doc='Largest speed sideways; 0: it cannot go sideways'
+    forward: float = parameter(
+        0.5, unit='m/s', minimum=0.01, maximum=10.0, doc='Largest speed ahead'
     )
-    yaw: float = parameter(1.5, above=0.0, unit='rad/s', doc='Largest yaw rate')
+    backward: float = parameter(
+        0.2, unit='m/s', minimum=0.01, maximum=10.0, doc='Largest speed backward'
+    )
+    lateral: float = parameter(
+        0.0,
+        unit='m/s',
+        minimum=0.0,
+        maximum=10.0,
+        doc='Largest speed sideways; 0: it cannot go sideways',
+    )
+    yaw: float = parameter(1.5, unit='rad/s', minimum=0.01, maximum=10.0, doc='Largest yaw rate')
     forward_acceleration: float = parameter(
-        0.8, above=0.0, unit='m/s^2', doc='Largest acceleration ahead and backward'
+        0.8,
+        unit='m/s^2',
+        minimum=0.05,
+        maximum=100.0,
+        doc='Largest acceleration ahead and backward',
     )
     lateral_acceleration: float = parameter(
-        0.8, above=0.0, unit='m/s^2', doc='Largest acceleration sideways'
+        0.8, unit='m/s^2', minimum=0.05, maximum=100.0, doc='Largest acceleration sideways'
     )
     yaw_acceleration: float = parameter(
-        3.0, above=0.0, unit='rad/s^2', doc='Largest change of the yaw rate'
+        3.0, unit='rad/s^2', minimum=0.05, maximum=100.0, doc='Largest change of the yaw rate'
     )
     lag: float = parameter(
-        0.1, minimum=0.0, unit='s', doc='Time constant in which it follows a command'
+        0.1, unit='s', minimum=0.0, maximum=2.0, doc='Time constant in which it follows a command'
     )
 
 
@@ -157,36 +194,71 @@ class PlanningParameters(Parameters):
     """When a goal is reached, how far to keep off, when to give up."""
 
     xy_goal_tolerance: float = parameter(
-        0.05, above=0.0, unit='m', doc='Farthest from the goal that counts as there'
+        0.05,
+        unit='m',
+        minimum=0.005,
+        maximum=5.0,
+        doc='Farthest from the goal that counts as there',
     )
     yaw_goal_tolerance: float = parameter(
-        0.05, above=0.0, unit='rad', doc='Largest difference of heading that counts as there'
+        0.05,
+        unit='rad',
+        minimum=0.005,
+        maximum=3.2,
+        doc='Largest difference of heading that counts as there',
     )
     margin: float = parameter(
-        0.04, minimum=0.0, unit='m', doc='Room that is always kept around the footprint'
+        0.04,
+        unit='m',
+        minimum=0.0,
+        maximum=2.0,
+        doc='Room that is always kept around the footprint',
     )
     comfort: float = parameter(
-        0.20, above=0.0, unit='m', doc='Room around the footprint that is kept where there is any'
+        0.20,
+        unit='m',
+        minimum=0.01,
+        maximum=5.0,
+        doc='Room around the footprint that is kept where there is any',
     )
     comfort_price: float = parameter(
-        1.0, minimum=0.0, doc='What a metre without any comfort costs more, in metres'
+        1.0,
+        minimum=0.0,
+        maximum=1000.0,
+        doc='What a metre without any comfort costs more, in metres',
     )
     unknown_price: float = parameter(
-        2.0, minimum=0.0, doc='What a metre where nobody has looked costs more, in metres'
+        2.0,
+        minimum=0.0,
+        maximum=1000.0,
+        doc='What a metre where nobody has looked costs more, in metres',
     )
     occupied: int = parameter(
         65, minimum=1, maximum=100, doc='Occupancy from which on a cell is an obstacle'
     )
     silence: float = parameter(
-        0.5, above=0.0, unit='s', doc='Time without a scan after which the robot stands'
+        0.5,
+        unit='s',
+        minimum=0.05,
+        maximum=10.0,
+        doc='Time without a scan after which the robot stands',
     )
     stuck_time: float = parameter(
-        5.0, above=0.0, unit='s', doc='Time without coming nearer after which it recovers'
+        5.0,
+        unit='s',
+        minimum=0.5,
+        maximum=600.0,
+        doc='Time without coming nearer after which it recovers',
     )
     recoveries: int = parameter(
-        6, minimum=0, doc='Recoveries in a row, without coming nearer, before it gives up'
+        6,
+        minimum=0,
+        maximum=1000,
+        doc='Recoveries in a row, without coming nearer, before it gives up',
     )
-    samples: int = parameter(300, minimum=16, doc='Motions that are tried in each step')
+    samples: int = parameter(
+        300, minimum=16, maximum=2000, doc='Motions that are tried in each step'
+    )
     horizon: int = parameter(30, minimum=5, maximum=100, doc='Tenths of a second each looks ahead')
 
 
@@ -202,33 +274,34 @@ class NavigatorParameters(Parameters):
     control_frequency: float = parameter(
         20.0,
         unit='Hz',
-        doc='How often it commands a velocity, and tells where odom is in the map',
-        above=0.0,
+        minimum=1.0,
         maximum=100.0,
+        doc='How often it commands a velocity, and tells where odom is in the map',
         read_only=True,
     )
     transform_tolerance: float = parameter(
-        0.1, unit='s', doc='How far the transform from map to odom is post-dated', minimum=0.0
+        0.1,
+        unit='s',
+        minimum=0.0,
+        maximum=10.0,
+        doc='How far the transform from map to odom is post-dated',
     )
     stamped: bool = parameter(
         False, doc='Publish cmd_vel as TwistStamped, not Twist', read_only=True
     )
     robot_radius: float = parameter(
-        0.25, unit='m', doc='Radius of a round robot', above=0.0, read_only=True
+        0.25, unit='m', minimum=0.02, maximum=5.0, doc='Radius of a round robot', read_only=True
     )
     footprint_length: float = parameter(
         0.0,
         unit='m',
-        doc='Length of a robot that is no circle, its base frame in its middle; 0: round',
         minimum=0.0,
+        maximum=10.0,
+        doc='Length of a robot that is no circle, its base frame in its middle; 0: round',
         read_only=True,
     )
     footprint_width: float = parameter(
-        0.0,
-        unit='m',
-        doc='Its width; 0: round',
-        minimum=0.0,
-        read_only=True,
+        0.0, unit='m', minimum=0.0, maximum=10.0, doc='Its width; 0: round', read_only=True
     )
     mapping: MappingParameters = group(MappingParameters)
     limits: DriveLimits = group(DriveLimits)

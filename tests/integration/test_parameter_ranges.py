@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every number has two ends; inside them robots go on, outside is refused, by ROS and by file."""
+
+from collections.abc import Callable
+import importlib
+import math
+from pathlib import Path
+import random
+from typing import Any
+
+from diff_drive_sim.controller_file import read_controller_file
+from diff_drive_sim.parameters import DiffDriveParameters
+import pytest
+from quadruped_sim.leg_controller_node import KIND
+from quadruped_sim.parameters import LegNodeParameters
+from rclpy.parameter import Parameter
+import wasd
+from wasd_core.errors import UserError
+from wasd_core.parameter_file import read_parameters
+from wasd_core.parameters import known_parameters
+from wasd_core.parameters import numeric_ends
+from wasd_core.parameters import Parameters
+import yaml
+
+ROOT = Path(__file__).resolve().parents[2]
+HOMES = (
+    *('diff_drive_sim', 'mujoco_sim', 'quadruped_sim'),
+    *('robot_description', 'teleop_keyboard', 'wasd_navigation'),
+)
+NONSENSE = (
+    0.0,
+    -1.0,
+    5e-324,
+    1e308,
+    math.nan,
+    math.inf,
+    10**400,
+    True,
+    '',
+    'x',
+    [],
+    [1.0],
+    None,
+    {},
+)
+
+
+def sets_of(home: str) -> list[type[Parameters]]:
+    """Return the parameter sets of a package."""
+    kinds = vars(importlib.import_module(f'{home}.parameters')).values()
+    return [
+        kind
+        for kind in kinds
+        if isinstance(kind, type) and issubclass(kind, Parameters) and kind is not Parameters
+    ]
+
+
+def is_number(default: Any) -> bool:
+    """Whether a parameter is a number or a list of them."""
+    items = default if isinstance(default, tuple) else (default,)
+    return bool(items) and all(type(item) in (int, float) for item in items)
+
+
+def flat(value: Any) -> tuple[float, ...]:
+    return value if isinstance(value, tuple) else (value,)
+
+
+@pytest.mark.parametrize('home', HOMES)
+def test_every_number_has_two_finite_ends_and_none_is_the_least_there_is(home: str) -> None:
+    for kind in sets_of(home):
+        for name, (field, _) in known_parameters(kind).items():
+            if not is_number(field.default):
+                continue
+            low, high = map(flat, numeric_ends(field))
+            assert all(map(math.isfinite, (*low, *high))), name
+            assert all(abs(end) > 1e-9 or end == 0.0 for end in (*low, *high)), name
+            for least, value, most in zip(low, flat(field.default), high, strict=True):
+                assert math.isnan(value) or least <= value <= most, name
+
+
+@pytest.fixture
+def ask(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the list of all nodes that the programs run."""
+    pytest.importorskip('tf2_msgs')
+    monkeypatch.syspath_prepend(str(ROOT / 'docs'))
+    return importlib.import_module('ask_nodes')
+
+
+@pytest.mark.slow
+def test_ros_tells_the_ends_of_every_number_takes_them_and_refuses_what_is_outside(
+    ask: Any, ros: Any
+) -> None:
+    """By the callbacks that `ros2 param set` calls, on every node."""
+    asked = 0
+    for make_node in ask.NODES:
+        node = make_node()
+        for name in node.get_parameters_by_prefix(''):
+            descriptor = node.describe_parameter(name)
+            ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+            if not ranges or descriptor.read_only:
+                continue
+            asked += 1
+            before = node.get_parameter(name).value
+            for end in (ranges[0].from_value, ranges[0].to_value):
+                node.set_parameters([Parameter(name, value=before)])
+                (taken,) = node.set_parameters([Parameter(name, value=end)])
+                # A preset may have a range of its own within it.
+                assert taken.successful or 'must be within' in taken.reason, taken.reason
+                assert node.get_parameter(name).value == (end if taken.successful else before)
+            span = ranges[0].to_value - ranges[0].from_value
+            step = 1 if isinstance(before, int) else 0.01 * span
+            for outside in (ranges[0].from_value - step, ranges[0].to_value + step):
+                (refused,) = node.set_parameters([Parameter(name, value=outside)])
+                assert not refused.successful, f'{name} = {outside}'
+                assert name in refused.reason
+                assert 'Max' in refused.reason or '<=' in refused.reason
+                assert node.get_parameter(name).value != outside
+            node.set_parameters([Parameter(name, value=before)])
+        node.destroy_node()
+    assert asked > 100
+
+
+def drawn(definition: type[Parameters], chance: random.Random) -> dict[str, Any]:
+    """Return some parameters, each in its range, or now and then nonsense."""
+    known, values = known_parameters(definition), {}
+    for name in chance.sample(sorted(known), chance.randint(1, 12)):
+        field = known[name].field
+        values[name] = _value(field, chance) if chance.random() < 0.9 else chance.choice(NONSENSE)
+    return values
+
+
+def _value(field: Any, chance: random.Random) -> Any:
+    if is_number(field.default):
+        low, high = map(flat, numeric_ends(field))
+        kind = chance.randint if isinstance(field.default, int) else chance.uniform
+        items = [kind(*ends) for ends in zip(low, high, strict=True)]  # type: ignore[operator]
+        return items if isinstance(field.default, tuple) else items[0]
+    if isinstance(field.default, bool):
+        return chance.random() < 0.5
+    return chance.choice(tuple(field.metadata['choices']) or (field.default,))
+
+
+def read_legs(path: str) -> Any:
+    return read_parameters(path, LegNodeParameters, KIND)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('definition', 'read'),
+    [(LegNodeParameters, read_legs), (DiffDriveParameters, read_controller_file)],
+    ids=['legs', 'wheels'],
+)
+def test_a_thousand_random_files_each_load_or_are_refused_in_a_line(
+    definition: type[Parameters], read: Callable[[str], Any], tmp_path: Path
+) -> None:
+    path, loaded = tmp_path / 'drawn.yaml', 0
+    for seed in range(1000):
+        path.write_text(yaml.safe_dump(drawn(definition, random.Random(seed)), sort_keys=False))
+        try:
+            read(str(path))
+            loaded += 1
+        except UserError as error:
+            assert '\n' not in str(error)
+            assert len(str(error)) < 300
+            assert str(path) in str(error)
+    assert 100 < loaded < 900
+
+
+@pytest.mark.slow
+def test_wheels_drive_by_any_file_that_loads(tmp_path: Path) -> None:
+    path, driven = tmp_path / 'drawn.yaml', 0
+    for seed in range(60):
+        values = drawn(DiffDriveParameters, random.Random(1000 + seed)) | {'mode': 'float'}
+        values.pop('legacy', None)
+        path.write_text(yaml.safe_dump(values))
+        try:
+            robot = wasd.Mbot(seed=seed, controller=path)
+        except UserError as error:
+            assert '\n' not in str(error)
+            continue
+        robot.drive(0.3, 0.5)
+        robot.run(0.5)
+        assert all(map(math.isfinite, (*robot.odometry[:3], *robot.truth.position))), values
+        driven += 1
+    assert driven > 15
+
+
+@pytest.fixture
+def bounds(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return the experiment of the benchmarks that found the ranges."""
+    monkeypatch.syspath_prepend(str(ROOT / 'benchmarks'))
+    return importlib.import_module('parameter_bounds')
+
+
+@pytest.mark.slow
+def test_the_go2_trots_on_while_each_parameter_goes_to_both_its_ends(bounds: Any) -> None:
+    """One walk, 0.2 s at each end; by itself each is tried for longer in the benchmark."""
+    time, tunes = 3.6, []
+    for name, known in bounds.KNOWN.items():
+        ends = [value for what, value in bounds.ends_of(name).items() if '[' not in what]
+        default = known.field.default
+        for value in (*ends, default):
+            tunes.append((round(time, 3), name, value))
+            time += 0.2
+    run = bounds.Run(
+        seed=7,
+        keys='0.1 2\n2.6 5\n',
+        twist='3.0 0.5 0 0.5\n10 1.0 0 0.6\n',
+        duration=time,
+        tunes=tuple(tunes),
+    )
+    assert bounds.judged(run) == ''
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', range(6))
+def test_no_set_of_parameters_within_their_ranges_ends_it_or_makes_nan(
+    bounds: Any, seed: int
+) -> None:
+    ((_, run),) = bounds.sets(1, seed)
+    assert 'BROKE' not in bounds.judged(run)
+
+
+@pytest.mark.parametrize(
+    ('read', 'text', 'message'),
+    [
+        (
+            read_legs,
+            'gait: {slow_period: 0.4}\ngait.slow_period: 0.5\n',
+            ":2: 'gait.slow_period' is there twice",
+        ),
+        (
+            read_controller_file,
+            'wheel_separation: 0.3\nbase_width: 0.26\n',
+            ":2: 'base_width' is there twice, as 'wheel_separation'",
+        ),
+    ],
+    ids=['dotted', 'alias'],
+)
+def test_a_value_that_another_would_replace_in_silence_is_refused(
+    read: Callable[[str], Any], text: str, message: str, tmp_path: Path
+) -> None:
+    path = tmp_path / 'twice.yaml'
+    path.write_text(text)
+    with pytest.raises(UserError) as caught:
+        read(str(path))
+    assert str(caught.value) == f'{path}{message}'
+
+
+def test_a_list_takes_numbers_as_people_write_them(tmp_path: Path) -> None:
+    path = tmp_path / 'list.yaml'
+    path.write_text('balance.position_gains: [6e1, 60, 8.0e1]\n')
+    assert read_legs(str(path)) == {'balance.position_gains': (60.0, 60.0, 80.0)}
