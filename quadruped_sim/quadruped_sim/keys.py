@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from wasd_core.timing import STOP_KEY
+
 from quadruped_sim.presets import VelocityLimits
 
 
@@ -138,7 +140,7 @@ STICK_KEYS = {
     'i': ('ry', 1),
     'k': ('ry', -1),
 }
-ZERO_KEYS = (' ', 'SPACE')
+ZERO_KEYS = (' ', 'SPACE', STOP_KEY)
 # Key -> how far on in the table of gaits.
 GAIT_KEYS = {'n': 1, 'N': -1}
 
@@ -303,7 +305,10 @@ class KeyWords:
     def to_stick(self, state: StateName, key: str, has_moved: bool) -> str | None:
         """Return what to tell of a stick's key; None where it drives."""
         if state is StateName.MOVE_BASE or key in ZERO_KEYS:
-            return 'sticks centred' if state in _USING_STICKS else self._to_drive(state, key)
+            if state in _USING_STICKS:
+                return 'sticks centred'
+            # Nobody pressed STOP who could be told what to press.
+            return None if key == STOP_KEY else self._to_drive(state, key)
         axis, direction = axis_and_direction(key)
         name = self._called(key)
         if state is StateName.TROTTING and axis in _DRIVING:

@@ -4,16 +4,12 @@
 import codecs
 from typing import NamedTuple
 
-from wasd_core.timing import RELEASE
-from wasd_core.timing import with_event
-
 from teleop_keyboard.keymap import with_modifiers
+from teleop_keyboard.told_keys import ToldKeys
 
 ESC = 0x1B
 # No key sends a longer sequence; whatever does is dropped up to its end [bytes].
 LONGEST_SEQUENCE = 64
-# More keys than anybody can hold down; noise must not make us note more.
-MOST_DOWN = 64
 LAST_CODE = 0x10FFFF
 
 # Final letters shared by CSI (`ESC [ A`) and SS3 (`ESC O A`): xterm, VT220 and the Linux console.
@@ -54,8 +50,8 @@ KITTY_PAD_KEYS: dict[int, str] = dict(
         strict=True,
     )
 )
-# Types of events in kitty's protocol; 1 is a press, 2 a repeat.
-KITTY_RELEASE = 3
+# Types of events in kitty's protocol.
+KITTY_PRESS, KITTY_REPEAT, KITTY_RELEASE = 1, 2, 3
 # The answer to the question whether a terminal speaks it, and the loss of the keyboard's focus.
 SPEAKS_KITTY = 'speaks kitty'
 LOST_FOCUS = 'lost focus'
@@ -73,7 +69,7 @@ class _Piece(NamedTuple):
     key: str | None = None
     # Which key of the keyboard it is, whatever Shift makes of it; '' where nothing tells.
     place: str = ''
-    is_release: bool = False
+    event: int = KITTY_PRESS
 
 
 _INCOMPLETE = _Piece(0)
@@ -88,21 +84,22 @@ class KeyDecoder:
     do: what is no key only counts in `dropped`.
 
     From a terminal that tells releases (kitty's protocol) it keeps the keys that are `down`; the
-    end of each comes as `RELEASE+key`, also when the window lost the focus.
+    end of each comes as `RELEASE+key`, also when the window lost the focus, and when nothing more
+    is told: `step` lets time pass, then `give_up` returns what has ended.
     """
 
     def __init__(self) -> None:
         self._buffer = b''
         # Whether what comes is the rest of a sequence that is too long for a key.
         self._is_overlong = False
-        self._down: dict[str, str] = {}
+        self._told = ToldKeys()
         self.dropped = 0
         self.speaks_kitty = False
 
     @property
     def down(self) -> tuple[str, ...]:
         """Keys that were pressed and not yet released, where the terminal tells both."""
-        return tuple(self._down.values()) if self.speaks_kitty else ()
+        return self._told.names if self.speaks_kitty else ()
 
     @property
     def pending(self) -> bool:
@@ -144,31 +141,36 @@ class KeyDecoder:
 
     def forget_down(self) -> list[str]:
         """Release all keys, as nobody will tell; return the names of these events."""
-        names = [with_event(RELEASE, key) for key in self.down]
-        self._down.clear()
-        return names
+        return self._if_told(self._told.forget())
+
+    def step(self, dt: float) -> None:
+        """Let `dt` [s] pass."""
+        self._told.step(dt)
+
+    def give_up(self) -> list[str]:
+        """Return the events that end keys of which nothing was told for too long."""
+        return self._if_told(self._told.give_up())
+
+    def _if_told(self, events: list[str]) -> list[str]:
+        return events if self.speaks_kitty else []
 
     def _events(self, piece: _Piece) -> list[str]:
         """Return the names of what one piece tells."""
         if piece.key in NOTICES:
             if piece.key == LOST_FOCUS:
                 return self.forget_down()
-            # What was noted before nobody has told the end of.
-            self._down.clear()
             self.speaks_kitty = True
             return []
-        if piece.is_release:
+        if piece.event in (KITTY_REPEAT, KITTY_RELEASE):
+            self.speaks_kitty = True  # whatever it was asked and has answered
+        if piece.event == KITTY_RELEASE:
             # Under the name of its press: Shift may have been let go before.
-            key = self._down.pop(piece.place, None)
-            return [] if key is None else [with_event(RELEASE, key)]
+            return self._told.release(piece.place)
         if piece.key is None:
             self.dropped += 1
             return []
         if piece.place:
-            self._down.pop(piece.place, None)
-            self._down[piece.place] = piece.key
-            if len(self._down) > MOST_DOWN:
-                del self._down[next(iter(self._down))]
+            self._told.press(piece.place, piece.key, piece.event == KITTY_REPEAT)
         return [piece.key]
 
     def flush(self) -> list[str]:
@@ -264,8 +266,8 @@ def _csi_piece(length: int, parameters: str, final: str) -> _Piece:
     modifiers = numbers[1] if len(numbers) > 1 else [1]
     text = _text(numbers[2]) if len(numbers) > 2 and fields[2][0] else ''
     key = _csi_key(numbers[0][0], modifiers[0], final, text)
-    is_release = modifiers[1:2] == [KITTY_RELEASE]
-    return _Piece(length, key, f'{numbers[0][0]}{final}', is_release)
+    event = modifiers[1] if len(modifiers) > 1 else KITTY_PRESS
+    return _Piece(length, key, f'{numbers[0][0]}{final}', event)
 
 
 def _text(codes: list[int]) -> str:
@@ -346,4 +348,11 @@ class CharacterDecoder:
 
     def forget_down(self) -> list[str]:
         """Return nothing: releases are not told."""
+        return []
+
+    def step(self, dt: float) -> None:
+        """Let `dt` [s] pass; nothing grows old."""
+
+    def give_up(self) -> list[str]:
+        """Return nothing: no key is down."""
         return []

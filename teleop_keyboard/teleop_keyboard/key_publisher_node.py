@@ -106,7 +106,7 @@ class KeyService:
             self._node.publish_key(key)
             return
         if not self._waiting:
-            self._say(f'nobody listens to the keys yet: {key} waits')
+            self.say(f'nobody listens to the keys yet: {key} waits')
         self._waiting.put(key)
 
     def step(self) -> None:
@@ -115,13 +115,14 @@ class KeyService:
         late = self._waiting.step(now - self._stepped_at)
         self._stepped_at = now
         if late:
-            self._say(f'nobody listens to the keys: {" ".join(late)} dropped')
+            self.say(f'nobody listens to the keys: {" ".join(late)} dropped')
         if self._waiting and self._node.has_subscriber:
             for key in self._waiting.take():
                 self._node.publish_key(key)
 
-    def _say(self, text: str) -> None:
-        if self._is_talking:
+    def say(self, text: str) -> None:
+        """Tell the driver, where there is something to tell."""
+        if text and self._is_talking:
             print(text, flush=True)
 
 
@@ -189,6 +190,7 @@ def publish_keys(node: KeyPublisherNode, reader: KeyReader, stop: StopSignals) -
         with reader.undisturbed():
             for key in reader.poll(POLL_PERIOD):
                 service.press(key)
+        service.say(reader.take_notice())
         service.step()
         if time.monotonic() >= next_service:
             executor.spin_once(timeout_sec=0.0)
@@ -205,6 +207,7 @@ def _publish(args: Sequence[str] | None, stop: StopSignals) -> None:
     ):
         if writer is not None:
             node.save_to(writer)
+        reader.allow_bursts()
         if node.raw:
             reader.set_raw()
         publish_keys(node, reader, stop)

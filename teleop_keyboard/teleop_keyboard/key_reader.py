@@ -22,6 +22,8 @@ from teleop_keyboard.terminal import NoTerminal
 from teleop_keyboard.terminal import open_terminal
 from teleop_keyboard.terminal import read_ready
 from teleop_keyboard.terminal import Terminal
+from teleop_keyboard.typed_keys import MOST_AT_ONCE
+from teleop_keyboard.typed_keys import TypedKeys
 
 # A key that names a state (of the Go2: 2 stands) means the same when it comes late [s]; longer,
 # and whoever pressed it has given up or pressed another.
@@ -66,6 +68,14 @@ def _lifetime(key: str) -> float:
 
 # How long the rest of an escape sequence may take, so after what time ESC is just ESC [s].
 SEQUENCE_TIMEOUT = 0.04
+# While a key is down that may end by itself it is looked after so often [s].
+DOWN_PERIOD = 0.02
+# Text that nobody types is passed over for so long at once [s]: what is typed after it is heard
+# soon, and the robot does not wait.
+LONGEST_READ = 0.03
+# What is only passed on, and drives nobody here, may come so fast.
+LONGEST_BURST = 2000
+IGNORED = 'pasted text was ignored (keys that are pressed drive)'
 
 
 class Source(Protocol):
@@ -116,7 +126,9 @@ class KeyReader:
     terminal in charge.
 
     A terminal that speaks kitty's protocol tells releases, too: then a key that is down comes
-    again as `HELD+key` every `HELD_PERIOD`, and its end as `RELEASE+key`.
+    again as `HELD+key` every `HELD_PERIOD`, and its end as `RELEASE+key`. It is down while the
+    terminal goes on telling; when it is lost, or brings text faster than a person types, all
+    ends with STOP.
     """
 
     def __init__(self, terminal: Terminal | None, pipe: Pipe | None = None) -> None:
@@ -127,9 +139,13 @@ class KeyReader:
         for source in (terminal, pipe):
             if source is not None:
                 self._decoders[source] = KeyDecoder()
+        self._most = MOST_AT_ONCE
+        self._typed = self._new_typed_keys()
         self._stack = contextlib.ExitStack()
-        self._has_asked = False
+        self._is_raw = self._has_asked = False
         self._next_held = 0.0
+        self._polled_at = time.monotonic()
+        self._texts = 0
 
     @property
     def closed(self) -> bool:
@@ -150,6 +166,7 @@ class KeyReader:
         """Enter raw mode on the terminal."""
         if self.terminal is not None:
             self._stack.enter_context(self.terminal)
+            self.terminal.after_resume.append(self._begin_again)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -169,21 +186,54 @@ class KeyReader:
             age = now - min(self._pending_since.values())
             timeout = min(timeout, max(SEQUENCE_TIMEOUT - age, 0.0))
         if self._down:
-            timeout = min(timeout, max(self._next_held - now, 0.0))
+            timeout = min(timeout, DOWN_PERIOD)
         ready = select.select(sources, [], [], timeout)[0]
         keys = []
+        if self.terminal is not None and self._typed is not None:
+            keys += self._type(self.terminal, self._typed, self.terminal in ready)
+        if self.pipe is not None and self.pipe in ready:
+            keys += self._decoders[self.pipe].feed(self.pipe.read())
         for source in ready:
-            keys += self._decoders[source].feed(source.read())
             self._note_pending(source, restart=True)
         for source in self._overdue():
             keys += self._decoders[source].flush()
             self._note_pending(source, restart=False)
         return self._with_held(keys)
 
+    def take_notice(self) -> str:
+        """Return once what the driver is to be told of the keys, '' for nothing."""
+        texts = 0 if self._typed is None else self._typed.texts
+        is_new, self._texts = texts != self._texts, texts
+        return IGNORED if is_new else ''
+
+    def _type(self, terminal: Terminal, typed: TypedKeys, is_ready: bool) -> list[str]:
+        """Return what was typed on the terminal, and the end of what it tells no more of."""
+        now = time.monotonic()
+        dt, self._polled_at = now - self._polled_at, now
+        keys = typed.take(terminal.read() if is_ready else b'', dt)
+        # All of a text now: what is typed after it is to be heard.
+        while typed.passes_over and time.monotonic() < now + LONGEST_READ:
+            data = terminal.read()
+            if not data:
+                break
+            keys += typed.take(data, 0.0)
+        return keys
+
     def set_raw(self) -> None:
         """Return single characters from now on instead of names of keys."""
         self._decoders = {source: CharacterDecoder() for source in self._decoders}
-        self._has_asked = True
+        self._typed = self._new_typed_keys()
+        self._is_raw = True
+
+    def allow_bursts(self) -> None:
+        """Pass bursts on whole, of LONGEST_BURST keys at most: programs type, too."""
+        self._most = LONGEST_BURST
+        self._typed = self._new_typed_keys()
+
+    def _new_typed_keys(self) -> TypedKeys | None:
+        if self.terminal is None:
+            return None
+        return TypedKeys(self._decoders[self.terminal], self._most)
 
     def _is_readable(self, source: Source) -> bool:
         """Whether keys may come from a source: reading another job's terminal would stop us."""
@@ -195,19 +245,20 @@ class KeyReader:
 
     def _ask(self) -> None:
         """Ask the terminal once whether it tells releases; have it do so when it does."""
-        if self.terminal is None:
+        if self.terminal is None or self._is_raw:
             return
+        self.terminal.bracket_pastes()
         if not self._has_asked:
             self._has_asked = True
-            self.terminal.after_resume.append(self._forget_down)
             self.terminal.ask_kitty()
         if self._decoders[self.terminal].speaks_kitty:
             self.terminal.tell_releases()
 
-    def _forget_down(self) -> None:
-        # What was released while the process was suspended was told to the shell.
+    def _begin_again(self) -> None:
+        """Forget and ask again: what was released while we were suspended the shell was told."""
         if self.terminal is not None:
             self._decoders[self.terminal].forget_down()
+            self._decoders[self.terminal].speaks_kitty = self._has_asked = False
 
     def _with_held(self, keys: list[str]) -> list[str]:
         """Add that keys are down, after their presses and every now and then; make signals."""

@@ -20,11 +20,10 @@ from wasd_core.errors import did_you_mean
 from wasd_core.parameters import InvalidParameter
 from wasd_core.timing import ALIASES
 from wasd_core.timing import split_event
+from wasd_core.timing import STOP_KEY
 from wasd_core.timing import with_event
 
 MODIFIERS = ('CTRL', 'ALT', 'SHIFT')
-# No keyboard sends it: a program does, when whoever drove is gone. It stops with every keymap.
-STOP_KEY = 'STOP'
 FUNCTION_KEYS = tuple(f'F{number}' for number in range(1, 13))
 NAMED_KEYS = frozenset(
     ('UP', 'DOWN', 'LEFT', 'RIGHT', 'HOME', 'END', 'PGUP', 'PGDN', 'INSERT', 'DELETE')

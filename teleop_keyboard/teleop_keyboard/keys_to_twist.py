@@ -8,12 +8,12 @@ from typing import NamedTuple
 from wasd_core.parameters import InvalidParameter
 from wasd_core.timing import HELD
 from wasd_core.timing import split_event
+from wasd_core.timing import STOP_KEY
 
 from teleop_keyboard.hold import Motion
 from teleop_keyboard.hold import NOWHERE
 from teleop_keyboard.keymap import Keymap
 from teleop_keyboard.keymap import Limits
-from teleop_keyboard.keymap import STOP_KEY
 from teleop_keyboard.parameters import AS_PRESET
 from teleop_keyboard.parameters import SPEED_NAMES
 from teleop_keyboard.parameters import TeleopParameters

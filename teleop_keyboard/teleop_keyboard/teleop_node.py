@@ -119,6 +119,8 @@ class Teleop:
                 for key in self._reader.poll(period):
                     self.keys.publish_key(key)
                     self._answer(key, screen)
+            if notice := self._reader.take_notice():
+                self._notice.say(notice)
             self._executor.handle()
             self._show(screen)
 
@@ -175,9 +177,12 @@ class Teleop:
 
 def _prepare(reader: KeyReader, screen: Screen, teleop: Teleop, stop: StopSignals) -> None:
     """Leave the screen when the process is suspended; say the keys where there is no screen."""
-    stop.last_words[:0] = [teleop.twist.close, screen.pause]
+    leave = [screen.pause]
     if reader.terminal is not None:
-        reader.terminal.before_suspend.append(screen.pause)
+        # What was switched on in the screen is switched off in it.
+        leave.insert(0, reader.terminal.switch_off)
+        reader.terminal.before_suspend += leave
+    stop.last_words[:0] = [teleop.twist.close, *leave]
     if not screen.is_terminal:
         print('\n'.join(teleop.twist.logic.keymap.help_lines), end='\n\n', flush=True)
 
@@ -194,6 +199,8 @@ def _teleoperate(args: Sequence[str] | None, stop: StopSignals) -> None:
                 teleop.keys.save_to(writer)
             _prepare(reader, screen, teleop, stop)
             teleop.run(stop, screen)
+            if reader.terminal is not None:
+                reader.terminal.switch_off()
 
 
 def main(args: Sequence[str] | None = None) -> int:

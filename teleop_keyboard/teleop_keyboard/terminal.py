@@ -29,6 +29,9 @@ CONTROL_CHARACTERS = 6
 ASK_KITTY = b'\x1b[?u'
 KITTY_ON = b'\x1b[>27u\x1b[?1004h'
 KITTY_OFF = b'\x1b[?1004l\x1b[<u'
+# What is pasted stands between brackets, and no longer.
+PASTE_ON = b'\x1b[?2004h'
+PASTE_OFF = b'\x1b[?2004l'
 
 # One read takes everything that a terminal holds [bytes].
 READ_SIZE = 65536
@@ -77,7 +80,7 @@ class Terminal:
         self._raw: list[Any] | None = None
         self._previous_handlers: dict[int, Any] = {}
         self._closed = False
-        self._tells_releases = False
+        self._undo: list[bytes] = []  # what switches off what we have switched on
         self._is_busy = False
         self._is_asked_to_suspend = False
         self.before_suspend: list[Callable[[], None]] = []
@@ -96,7 +99,7 @@ class Terminal:
     @property
     def tells_releases(self) -> bool:
         """Whether the terminal was told to report when a key is released."""
-        return self._tells_releases
+        return KITTY_OFF in self._undo
 
     def ask_kitty(self) -> None:
         """Ask whether the terminal can report releases; the answer comes among the keys."""
@@ -105,9 +108,17 @@ class Terminal:
 
     def tell_releases(self) -> None:
         """Have the terminal report releases, until the terminal is given back."""
-        if not self._tells_releases:
-            self._tells_releases = True
-            self._write(KITTY_ON)
+        self._switch(KITTY_ON, KITTY_OFF)
+
+    def bracket_pastes(self) -> None:
+        """Have the terminal mark what is pasted, until the terminal is given back."""
+        if not _is_dumb():
+            self._switch(PASTE_ON, PASTE_OFF)
+
+    def switch_off(self) -> None:
+        """Switch off what was switched on, in the screen that it was switched on in."""
+        undo, self._undo = self._undo, []
+        self._write(b''.join(reversed(undo)))
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
@@ -167,9 +178,7 @@ class Terminal:
         raw, self._raw = self._raw, None
         if raw is None:
             return
-        if self._tells_releases:
-            self._tells_releases = False
-            self._write(KITTY_OFF)
+        self.switch_off()
         # A terminal that is gone has no attributes to keep.
         with contextlib.suppress(termios.error, OSError):
             if self.is_ours or termios.tcgetattr(self._descriptor) == raw:
@@ -181,9 +190,15 @@ class Terminal:
         with _blocked(signal.SIGTTOU):
             termios.tcsetattr(self._descriptor, termios.TCSANOW, attributes or [])
 
+    def _switch(self, on: bytes, off: bytes) -> None:
+        # Behind another job, after `bg`, the terminal is not ours to change.
+        if self._raw is not None and off not in self._undo:
+            self._undo.append(off)
+            self._write(on)
+
     def _write(self, data: bytes) -> None:
         # Not a terminal that can be written to, or not any more: then it stays as it is.
-        if self._outlet is not None:
+        if self._outlet is not None and data:
             with contextlib.suppress(OSError):
                 os.write(self._outlet, data)
 

@@ -187,3 +187,8 @@ def test_keys_are_called_as_on_the_drivers_keyboard(in_state):
     said = in_state(StateName.PASSIVE, words).press('w')
     assert said == 'press 2 to stand, then 4 to trot (z does nothing here)'
     assert in_state(StateName.FREE_STAND, words).press('W').startswith('Z: nose down')
+
+
+@pytest.mark.parametrize('state', StateName)
+def test_a_stop_that_nobody_pressed_names_no_key_to_press(state):
+    assert KeyWords().to_stick(state, 'STOP', has_moved=False) in (None, 'sticks centred')

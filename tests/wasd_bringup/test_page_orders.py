@@ -155,7 +155,9 @@ def test_a_hand_pushes_the_robot_in_turn_alone(run_of):
 
 
 @pytest.mark.parametrize(('robot', 'preset'), [('go2', 'unitree'), ('mbot', 'ramps')])
-def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(run_of, robot, preset):
+def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(
+    run_of, robot, preset, capfd
+):
     run = run_of(robot, preset)
     run.session.press('w', from_view=True)
     run.session._stop_what_the_view_moved()
@@ -163,6 +165,7 @@ def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(run_of, r
     assert run.heard == [['w', stack.stop_key]]
     # Not what that key does, which nobody has pressed.
     assert stack.notice.text == 'it was stopped (the viewer that drove it is gone)'
+    assert 'SPACE' not in capfd.readouterr().err
     run.session._stop_what_the_view_moved()  # it drives no more
     assert len(run.heard[0]) == 2
 

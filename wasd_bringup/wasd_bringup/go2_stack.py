@@ -24,11 +24,11 @@ from teleop_keyboard.dashboard import KeyHints
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap import on_qwerty
-from teleop_keyboard.keymap import STOP_KEY
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.rotations import rpy_from_matrix
 from wasd_core.timing import is_press
+from wasd_core.timing import STOP_KEY
 
 from wasd_bringup.inputs import RESET_KEY
 from wasd_bringup.options import RunOptions
@@ -125,9 +125,9 @@ class Go2Stack(ControlStack):
 
     def press(self, key: str) -> None:
         """Take a key; the leg controller knows those of qwerty."""
-        legs_key = ZERO_KEYS[0] if key == STOP_KEY else key
-        if self.layout != 'qwerty':
-            legs_key = on_qwerty(legs_key, self.layout)
+        legs_key = key if self.layout == 'qwerty' else on_qwerty(key, self.layout)
+        if key in ZERO_KEYS and not self.is_pressed:
+            legs_key = STOP_KEY  # which is not answered with keys to press
         # What is published, and comes back, is the key as it was pressed.
         self._legs.keys.put(String(data=legs_key), published=String(data=key))
         if self._teleop is None or self._hints is None:
@@ -144,9 +144,8 @@ class Go2Stack(ControlStack):
 
     def stops(self, key: str) -> bool:
         """Whether a press of this key ends every motion that keys have set going."""
-        if self._teleop is None:
-            return key in ZERO_KEYS
-        return key == STOP_KEY or (key in ZERO_KEYS and super().stops(key))
+        is_zero = key in ZERO_KEYS
+        return is_zero if self._teleop is None else is_zero and super().stops(key)
 
     def latches(self, key: str) -> bool:
         """Whether what a press of this key sets moving goes on when the key is let go."""

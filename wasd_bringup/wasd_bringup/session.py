@@ -310,6 +310,8 @@ class Session:
             with self._reader.undisturbed():
                 for key in self._reader.poll(timeout):
                     self.press(key)
+            if notice := self._reader.take_notice():
+                self.stack.notice.say(notice)
             timeout = 0.0
         for guest in self._guests:
             guest.look()
@@ -346,7 +348,9 @@ class Session:
         """Stop what moves by keys and goals of a viewer that is gone: keys as a driver would."""
         for robot in self._page_drive.moved:
             stack = self.robots[robot].stack
+            stack.is_pressed = False
             self.press_for(robot, (stack.stop_key,))
+            stack.is_pressed = True
             stack.notice.say('it was stopped (the viewer that drove it is gone)')
             self._page_drive.forget(robot)
         for each in self.navigations:

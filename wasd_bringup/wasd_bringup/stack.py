@@ -17,9 +17,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Status
-from teleop_keyboard.keymap import STOP_KEY
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.timing import Notice
+from wasd_core.timing import STOP_KEY
 from wasd_core.topics import RELIABLE
 
 from wasd_bringup.options import RunOptions
@@ -61,6 +61,8 @@ class ControlStack(ABC):
             self._teleop.receivers.append(controller.cmd_vel.put)
             self.nodes.append(self._teleop)
             self.own_keys = frozenset(self._teleop.logic.keymap.keys)
+        # Whether somebody presses the keys that come: it is not so when their driver is lost.
+        self.is_pressed = True
         self._is_released = False
         self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
         self.ticks = TickStatistics(self.period)

@@ -13,6 +13,8 @@ HELD = 'HELD'
 RELEASE = 'RELEASE'
 # How all begin that are no press.
 NO_PRESS = (f'{HELD}+', f'{RELEASE}+')
+# No keyboard sends it: a program does, when whoever drove is gone. It ends what keys set moving.
+STOP_KEY = 'STOP'
 # How often it is told that a key is still down, where its release is told [s].
 HELD_PERIOD = 0.1
 # Repeats of a key that is held, as keyboards send them [Hz].

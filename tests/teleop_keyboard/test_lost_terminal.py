@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+A terminal that tells releases falls silent while a key is down: the robot stands soon after.
+
+The test plays the terminal, which announces the protocol before, during or after the first press,
+or never; then it hangs, as ssh does.
+"""
+
+import time
+
+from geometry_msgs.msg import Twist
+import pytest
+from terminals import assert_soon
+from terminals import wait_until
+
+pytestmark = pytest.mark.slow
+
+TELEOP = ('-m', 'teleop_keyboard.teleop_node')
+KEYS = ('-m', 'teleop_keyboard.key_publisher_node')
+TWIST = 'teleop_keyboard.keys_to_twist_node'
+MBOT = ('-m', 'wasd_bringup.cli', 'mbot', '--viewer', 'none')
+ANSWER = b'\x1b[?0u'
+PRESS, REPEAT, RELEASE = b'\x1b[105;;105u', b'\x1b[105;1:2;105u', b'\x1b[105;1:3u'
+# The keyboard's delay and period [s], and what the issue of a lost terminal is bounded by.
+DELAY, PERIOD = 0.4, 1 / 30
+AFTER_REPEAT, AFTER_PRESS = 0.4, 0.7
+
+
+class Moves:
+    """When cmd_vel came that was not zero."""
+
+    def __init__(self, listener):
+        self.times = []
+        listener.node.create_subscription(Twist, 'cmd_vel', self._take, 100)
+
+    def _take(self, message):
+        if message.linear.x != 0.0:
+            self.times.append(time.monotonic())
+
+
+def hold(process, seconds, announce_at=None):
+    """Hold i, without its end; return when it was told last."""
+    start = last = time.monotonic()
+    process.type(PRESS)
+    due = start + DELAY
+    while due < start + seconds:
+        if announce_at is not None and time.monotonic() >= start + announce_at:
+            process.type(ANSWER)
+            announce_at = None
+        time.sleep(max(due - time.monotonic(), 0.0))
+        process.type(REPEAT)
+        last, due = time.monotonic(), due + PERIOD
+    return last
+
+
+def wait_for_end(moves):
+    """Wait until no move has come for a second; return when the last one came."""
+    wait_until(lambda: moves.times and time.monotonic() > moves.times[-1] + 1.0)
+    return moves.times[-1]
+
+
+@pytest.fixture
+def teleop(pty_process, listener):
+    process = pty_process(*TELEOP)
+    listener.probe(process)
+    return process
+
+
+@pytest.fixture
+def pair(pty_process, listener, background):
+    background(TWIST, '--ros-args', '-p', 'preset:=mbot')
+    process = pty_process(*KEYS)
+    listener.probe(process)
+    wait_until(lambda: listener.node.count_publishers('cmd_vel') > 0)
+    return process
+
+
+@pytest.fixture
+def mbot(pty_process, listener):
+    process = pty_process(*MBOT)
+    process.wait_for(b'Ctrl-C quit')
+    wait_until(lambda: listener.node.count_publishers('cmd_vel') > 0)
+    return process
+
+
+# Before the first press; while it is about to repeat; between its repeats.
+ANNOUNCED = {'before': None, 'during': 0.0, 'after': 0.6, 'never': 9.9}
+
+
+@pytest.mark.parametrize('announced', ANNOUNCED)
+@pytest.mark.parametrize('program', ['teleop', 'pair', 'mbot'])
+def test_a_key_ends_with_its_repeats(program, announced, listener, request):
+    process, moves = request.getfixturevalue(program), Moves(listener)
+    if announced == 'before':
+        process.type(ANSWER)
+        process.wait_for(b'\x1b[>27u')
+
+    def after_repeats():
+        moves.times.clear()
+        last = hold(process, 1.4, ANNOUNCED[announced])
+        return wait_for_end(moves) - last
+
+    assert_soon(after_repeats, AFTER_REPEAT)
+    # And of a press without any: the protocol is known by now.
+    process.type(RELEASE)
+
+    def after_press():
+        moves.times.clear()
+        return -hold(process, 0.0) + wait_for_end(moves)
+
+    assert_soon(after_press, AFTER_PRESS)
+
+
+def test_a_key_that_is_really_held_drives_without_a_gap_and_ends_with_its_release(
+    teleop, listener
+):
+    moves = Moves(listener)
+    teleop.type(ANSWER)
+    teleop.wait_for(b'\x1b[>27u')
+
+    def longest_gap():
+        moves.times.clear()
+        hold(teleop, 3.0)
+        teleop.type(RELEASE)
+        wait_for_end(moves)
+        return max(b - a for a, b in zip(moves.times, moves.times[1:], strict=False))
+
+    assert_soon(longest_gap, 0.1)
