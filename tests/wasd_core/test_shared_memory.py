@@ -8,11 +8,21 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
+import types
 
 import pytest
-from wasd_core.network import remove_segments_of_the_dead
-from wasd_core.network import SHARED_MEMORY
+from wasd_core.errors import UserError
+from wasd_core.network import do_without_shared_memory
+from wasd_core.network import PROFILE
+from wasd_core.network import PROFILES_FILE
+from wasd_core.network import RANGE
+from wasd_core.network import UDP_PROFILE
+from wasd_core.shared_memory import look_before_ros
+from wasd_core.shared_memory import remove_segments_of_the_dead
+from wasd_core.shared_memory import SHARED_MEMORY
+from wasd_core.shared_memory import why_no_shared_memory
 
 DEAD, LIVING = '0123456789abcdef', 'fedcba9876543210'
 
@@ -85,3 +95,70 @@ def test_what_a_killed_node_leaves_goes_when_it_is_dead_but_not_before(isolated_
     assert not any(
         (SHARED_MEMORY / f'{name}{end}').exists() for name in mine for end in ('', '_el')
     )
+
+
+@pytest.mark.parametrize('name', ['fastrtps_port7411', 'sem.fastrtps_port7649_mutex'])
+def test_an_empty_port_or_lock_of_the_domain_is_not_to_be_waited_for(name, tmp_path):
+    assert why_no_shared_memory(0, tmp_path) == ''
+    (tmp_path / name).touch()
+    assert why_no_shared_memory(0, tmp_path) == f'{tmp_path / name} is empty: remove it'
+    assert why_no_shared_memory(1, tmp_path) == ''
+    (tmp_path / name).write_bytes(b'data')
+    assert why_no_shared_memory(0, tmp_path) == ''
+    (tmp_path / name).unlink()
+    (tmp_path / name).symlink_to('/dev/null')
+    assert why_no_shared_memory(0, tmp_path) == f'{tmp_path / name} is no file'
+
+
+def test_an_empty_port_that_a_neighbour_is_making_is_waited_for(tmp_path):
+    path = tmp_path / 'fastrtps_port7650'
+    path.touch()
+    filled = threading.Timer(0.02, path.write_bytes, [b'data'])
+    filled.start()
+    assert why_no_shared_memory(1, tmp_path) == ''
+
+
+def test_a_folder_that_cannot_be_used_is_said(tmp_path, monkeypatch):
+    assert why_no_shared_memory(0, tmp_path / 'none').endswith('none: No such file or directory')
+    look_before_ros(tmp_path / 'none')
+    size = os.statvfs(tmp_path)
+    small = {name: getattr(size, name) for name in dir(size) if name.startswith('f_')}
+    full = types.SimpleNamespace(**{**small, 'f_bavail': 1, 'f_frsize': 4096})
+    monkeypatch.setattr(os, 'statvfs', lambda path: full)
+    assert 'is full: 0.0 MB' in why_no_shared_memory(0, tmp_path)
+    with pytest.raises(UserError, match='ROS cannot be loaded: .* is full: make room'):
+        look_before_ros(tmp_path)
+    for name in ('lttng-ust-wait-6', 'lttng-ust-wait-6-0'):  # as an earlier start made them
+        (tmp_path / name).write_bytes(bytes(4096))
+    look_before_ros(tmp_path)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason='only root gives files away')
+def test_a_port_of_another_user_is_not_used(tmp_path):
+    (tmp_path / 'fastrtps_port7411').write_bytes(b'data')
+    os.chown(tmp_path / 'fastrtps_port7411', 1234, 1234)
+    assert why_no_shared_memory(0, tmp_path).endswith('port7411 belongs to user 1234')
+
+
+def test_without_shared_memory_the_same_are_reached_by_udp_alone():
+    def meaning(path):
+        text = re.sub(r'<!--.*?-->|\s', '', path.read_text(), flags=re.DOTALL)
+        name = '<transport_id>this_machine_shared_memory</transport_id>'
+        text = text.replace(
+            f'<transport_descriptor>{name}<type>SHM</type></transport_descriptor>', ''
+        )
+        return text.replace(name, '')
+
+    assert meaning(UDP_PROFILE) == meaning(PROFILE)
+    assert 'SHM' not in UDP_PROFILE.read_text()
+    ours = {RANGE: 'SYSTEM_DEFAULT', PROFILES_FILE: str(UDP_PROFILE)}
+    for before, after in (
+        ({RANGE: 'SYSTEM_DEFAULT', PROFILES_FILE: str(PROFILE)}, ours),
+        ({RANGE: 'LOCALHOST'}, ours),
+        ({'ROS_LOCALHOST_ONLY': '1', PROFILES_FILE: 'mine'}, ours),
+        ({RANGE: 'OFF'}, {RANGE: 'OFF', 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}),
+        ({}, {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}),
+        ({'FASTDDS_BUILTIN_TRANSPORTS': 'X'}, {'FASTDDS_BUILTIN_TRANSPORTS': 'X'}),
+    ):
+        do_without_shared_memory(before)
+        assert before == after

@@ -17,6 +17,7 @@ from teleop_keyboard.terminal import tolerate_any_text
 from wasd_core.command_line import OneLineParser
 from wasd_core.errors import Stopped
 from wasd_core.errors import UserError
+from wasd_core.shared_memory import look_before_ros
 from wasd_core.streams import lost_output
 from wasd_core.streams import OutputLost
 from wasd_core.streams import prepare_streams
@@ -155,6 +156,7 @@ def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     """Do what was asked for: only now is loaded what that needs, so that --help comes at once."""
     if arguments.command == 'keys':
         return print_keys(arguments)
+    look_before_ros()
     if arguments.command == 'demo':
         from robot_description.mujoco import choose_renderer
 

@@ -15,6 +15,7 @@ from wasd_core.errors import UserError
 from wasd_core.parameters import as_given
 from wasd_core.parameters import describe_range
 from wasd_core.parameters import known_parameters
+from wasd_core.shared_memory import look_before_ros
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -67,6 +68,7 @@ class Executable:
         words = list(sys.argv[1:] if words is None else words)
         try:
             self.read(words)
+            look_before_ros()
         except UserError as error:
             print(f'error: {error}', file=sys.stderr)
             return 2

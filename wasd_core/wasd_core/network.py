@@ -1,36 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Who talks to whom over ROS on this machine, and what Fast DDS leaves behind on it.
+Who talks to whom over ROS on this machine.
 
 ROS keeps to this machine unless the user says otherwise. Each run takes a domain of its own by
 binding sockets with names (abstract unix sockets): the kernel gives a name once, to one process,
 and takes it back when that ends, however it ends. Such names hold for the same network namespace
 as 127.0.0.1 does, for all users.
-
-A killed process leaves half a megabyte in shared memory each time. A participant holds a lock on
-`fastrtps_ID_el` as long as it lives, and the system releases it however the process ends. Fast
-DDS itself never looks again: `fastdds shm clean` does, by hand. Ports (`fastrtps_portN`) are left
-alone: who comes next takes them over, so they do not add up.
 """
 
 from collections.abc import MutableMapping, Sequence
-import contextlib
-import fcntl
 import hashlib
 import os
 from pathlib import Path
 import re
 import socket
-import time
 from typing import NamedTuple, Self
 
+FAST_DDS = 'rmw_fastrtps'
 # Fast DDS with every socket on 127.0.0.1. ROS' own LOCALHOST only stops the search: its sockets
 # are open to any host that names this one.
 PROFILE = Path(__file__).with_name('profiles') / 'this_machine.xml'
+# The same without shared memory.
+UDP_PROFILE = PROFILE.with_name('this_machine_udp.xml')
+# What Fast DDS uses where no profile says so.
+TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+# The variable of old, which takes precedence.
+LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'
 PROFILES_FILE = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 # Whoever has set one of these has said who may talk to whom.
-SAYS_WHO = (RANGE, 'ROS_LOCALHOST_ONLY')
+SAYS_WHO = (RANGE, LOCALHOST_ONLY)
 # With these others are asked for by name: what they say must get through.
 SAYS_HOW = (PROFILES_FILE, 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
 # Set to 1, Fast DDS does not read DEFAULT_FASTRTPS_PROFILES.xml in the current folder, by which a
@@ -53,12 +52,34 @@ def keep_to_this_machine(environment: MutableMapping[str, str], middleware: str)
     if any(environment.get(name) for name in SAYS_WHO):
         return
     has_own = any(environment.get(name) for name in SAYS_HOW)
-    if has_own or not middleware.startswith('rmw_fastrtps'):
+    if has_own or not middleware.startswith(FAST_DDS):
         environment[RANGE] = 'LOCALHOST'
         return
     # All is in the profile; LOCALHOST would add a transport that listens everywhere.
     environment[RANGE] = 'SYSTEM_DEFAULT'
     environment[PROFILES_FILE] = str(PROFILE)
+
+
+def do_without_shared_memory(environment: MutableMapping[str, str]) -> None:
+    """
+    Have Fast DDS use UDP alone.
+
+    Under LOCALHOST rmw_fastrtps itself adds shared memory, so our profile takes its place, which
+    knows no peers on other machines.
+    """
+    is_local = environment.get(RANGE) == 'LOCALHOST' or environment.get(LOCALHOST_ONLY) == '1'
+    if is_local or environment.get(PROFILES_FILE) == str(PROFILE):
+        environment[RANGE] = 'SYSTEM_DEFAULT'
+        environment.pop(LOCALHOST_ONLY, None)
+        environment[PROFILES_FILE] = str(UDP_PROFILE)
+    elif not environment.get(TRANSPORTS):
+        environment[TRANSPORTS] = 'UDPv4'
+
+
+def domain_of(environment: MutableMapping[str, str]) -> int:
+    """Return the domain that an environment names; 0 where it names none, or what is none."""
+    said = environment.get(DOMAIN, '')
+    return int(said) if said.isdecimal() else 0
 
 
 # Higher ones have ports among those that any program may be given.
@@ -229,40 +250,3 @@ def _short(namespace: str) -> str:
     if len(namespace) <= SHOWN_LENGTH:
         return namespace
     return hashlib.sha256(namespace.encode()).hexdigest()[:SHOWN_LENGTH]
-
-
-SHARED_MEMORY = Path('/dev/shm')
-SEGMENT_LOCK = re.compile(r'fastrtps_[0-9a-f]{16}_el')
-# One as young as this may belong to a participant that is about to lock it [s].
-YOUNG_SEGMENT = 60.0
-
-
-def remove_segments_of_the_dead(
-    folder: Path = SHARED_MEMORY, young: float = YOUNG_SEGMENT
-) -> list[str]:
-    """
-    Remove segments of this user whose owner lives no more; return their names.
-
-    Those younger than `young` [s] stay. Whatever cannot be looked at or removed stays, too.
-    """
-    try:
-        names = [entry.name for entry in os.scandir(folder) if SEGMENT_LOCK.fullmatch(entry.name)]
-    except OSError:
-        return []
-    return [name.removesuffix('_el') for name in names if _remove_if_dead(folder / name, young)]
-
-
-def _remove_if_dead(lock: Path, young: float) -> bool:
-    """Remove a segment and its lock while we hold the lock: then nobody else does."""
-    try:
-        with open(os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), 'rb') as file:
-            status = os.fstat(file.fileno())
-            if status.st_uid != os.geteuid() or time.time() - status.st_mtime < young:
-                return False
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            with contextlib.suppress(FileNotFoundError):
-                lock.with_name(lock.name.removesuffix('_el')).unlink()
-            lock.unlink()
-    except OSError:
-        return False
-    return True

@@ -28,12 +28,16 @@ from rclpy.waitable import NumberOfEntities
 from wasd_core.command_line import Executable
 from wasd_core.errors import Stopped
 from wasd_core.errors import UserError
+from wasd_core.network import do_without_shared_memory
+from wasd_core.network import domain_of
+from wasd_core.network import FAST_DDS
 from wasd_core.network import is_sourced
 from wasd_core.network import join_domain
 from wasd_core.network import keep_to_this_machine
-from wasd_core.network import remove_segments_of_the_dead
 from wasd_core.network import SKIP_FOLDERS_PROFILES
 from wasd_core.ros_parameters import misspelt_parameters
+from wasd_core.shared_memory import remove_segments_of_the_dead
+from wasd_core.shared_memory import why_no_shared_memory
 from wasd_core.signals import last_status
 from wasd_core.signals import StopSignals
 from wasd_core.streams import never_wait
@@ -86,13 +90,16 @@ def init_ros(
     Raises:
         UserError: arguments after --ros-args that are none, in one line.
     """
+    middleware = rclpy.get_rmw_implementation_identifier()
     if is_local or not is_sourced(os.environ):
-        keep_to_this_machine(os.environ, rclpy.get_rmw_implementation_identifier())
+        keep_to_this_machine(os.environ, middleware)
         choice = join_domain(os.environ) if joins else ''
         if choice:
             print(choice, file=sys.stderr, flush=True)
     os.environ[SKIP_FOLDERS_PROFILES] = '1'
     remove_segments_of_the_dead()
+    if middleware.startswith(FAST_DDS):
+        _look_at_shared_memory()
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
     try:
@@ -103,6 +110,14 @@ def init_ros(
             )
     finally:
         rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.UNSET)
+
+
+def _look_at_shared_memory() -> None:
+    reason = why_no_shared_memory(domain_of(os.environ))
+    if reason:
+        do_without_shared_memory(os.environ)
+        words = f'wasd: over UDP, as shared memory is not to be used: {reason}'
+        print(words, file=sys.stderr, flush=True)
 
 
 def _without_log_file(args: Sequence[str], is_local: bool) -> list[str]:
