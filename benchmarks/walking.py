@@ -139,7 +139,9 @@ class Walk:
             command = tuple(map(float, controller.command_filter.command))
         forces = self._world.contact_forces(self._touching)
         touching = (forces > 0.0).astype(int).tolist()
-        is_down = self._trunk.is_down(any(touching[4:]), state, controller.event)
+        is_down = self._trunk.is_down(
+            any(touching[4:]) or controller.is_fallen, state, controller.event
+        )
         self._recorder.sample(Sample(state, command, (x, y, yaw), touching[:4], is_down))
         feet, base = self._feet.heights(), float(self._world.base().position[2])
         self._felt.append((z, self._energy, base - max(feet), min(feet)))

@@ -40,6 +40,8 @@ from quadruped_sim.robot_state import make_odometry
 from quadruped_sim.robot_state import read_legs
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.robot_state import turn_base
+from quadruped_sim.safety import FallWatch
+from quadruped_sim.safety import is_sound_state
 from quadruped_sim.safety import Safety
 from quadruped_sim.states import ControllerParts
 from quadruped_sim.states import make_states
@@ -91,6 +93,7 @@ class LegController:
         self.locomotion = Locomotion(self.model, self._params)
         self._solvers = (self.locomotion.mpc.solver, self.locomotion.whole_body.solver)
         self.safety = Safety(self._params.safety, self.model.limits)
+        self._falls = FallWatch(scale.of('s'))
         self._detector = ContactDetector(self._params.contact)
         inertia, _ = self.model.inertia_about_com(self.model.walking_pose)
         self._load = LoadObserver(inertia, scale.of('m'))
@@ -103,6 +106,7 @@ class LegController:
         )
         self._states = make_states(self._parts)
         self._robot, self._geometry = RobotState.blank(), plain(model.geometry)
+        self._last_sound = self._robot.flat.copy()
         self._measured = np.empty((3, 3))  # from base axes to the world's, as the IMU says
         self._touch_rules = self._rules_of_touch()
         self.obstacle = obstacle(model)  # what keeps it from getting up, '' if nothing does
@@ -162,6 +166,7 @@ class LegController:
         self._entered: StateName | None = None
         self.sticks.zero()
         self.safety.reset()
+        self._falls.reset()
         self._detector.reset()
         self._load.reset()
         self.locomotion.forget_grip()
@@ -275,22 +280,56 @@ class LegController:
         if good is None or (self._uses_truth and truth is None):
             self._let_go('no usable sensor reading')
             return damping_command(self.model.scale, np.zeros(12))
+        try:
+            return self._answer(good, dt, truth)
+        except (ArithmeticError, ValueError) as error:
+            return self._recover(good, f'the controller broke: {error}')
+
+    def _answer(self, good: Reading, dt: float, truth: BaseState | None) -> JointCommand:
+        """Estimate, change the state if that is due, and take a step of it."""
         robot = self._estimate(good, dt, truth)
+        if not is_sound_state(robot.flat):
+            return self._recover(good, 'the estimate is not finite')
+        self._last_sound[:] = robot.flat
         self.robot = robot
         still_lies = self.is_fallen and self._machine.state is StateName.PASSIVE
-        self.is_fallen = still_lies or self.safety.is_fallen(robot.base.R)
+        height = robot.height(self.model.geometry.foot_radius) / self.model.standing_height
+        down = self._falls.step(height, self._states[self._machine.state].may_be_low, dt)
+        self.is_fallen = still_lies or down is not None or self.safety.is_fallen(robot.base.R)
         self._change_gait()
-        self._change_state(robot)
+        self._change_state(robot, down)
         state = self._states[self._machine.state]
         command = self.safety.filter_command(state.step(robot, dt))
+        if command is None:
+            self._let_go('a command to the motors is not finite')
         return command or damping_command(self.model.scale, robot.joint_position)
 
-    def _change_state(self, robot: RobotState) -> None:
+    def _recover(self, reading: Reading, reason: str) -> JointCommand:
+        """Damp; begin the estimate again from where the robot was, whatever broke it."""
+        self._let_go(reason)
+        self._detector.reset()
+        self._load.reset()
+        self._heading.reset()
+        self.command_filter.reset()
+        self._robot.flat[:] = self._last_sound
+        robot = self._robot
+        robot.base.velocity[:] = 0.0
+        self.locomotion.reset(robot)
+        self._kalman.reset(robot.base.position.copy(), robot.feet.copy())
+        self._is_started = self.robot is not None
+        self._level = None
+        return damping_command(self.model.scale, reading.joints.position)
+
+    def _change_state(self, robot: RobotState, down: str | None) -> None:
         """Enter the state that a guard, the end of the present one or a key leads to."""
         state = self._states[self._machine.state]
         may_lie = state.is_lying or self._machine.state is StateName.PASSIVE
-        reason = state.failure or self.safety.reason_to_let_go(
-            None if may_lie else robot.base.R, robot.joint_position, self._failures_in_a_row()
+        reason = (
+            state.failure
+            or down
+            or self.safety.reason_to_let_go(
+                None if may_lie else robot.base.R, robot.joint_position, self._failures_in_a_row()
+            )
         )
         if reason is not None:
             self._let_go(reason)

@@ -11,8 +11,46 @@ from wasd_core.robot_io import Reading
 from quadruped_sim.robot_model import JointLimits
 from quadruped_sim.tuning import SafetyParameters
 
+# Of the base's height in the stand: a robot is up from the one share on, and down below the other.
+UP, DOWN = 0.7, 0.5
+# So long [s] is a robot down that has fallen, and is one given to get up.
+_DOWN_TIME, _RISE_TIME = 0.2, 6.0
 # Readings in a row that may be broken before the controller lets go.
 _BROKEN_READINGS_MAX = 3
+
+
+class FallWatch:
+    """
+    Sees that a robot which is to stand has gone down, whatever its tilt: on its belly or a hip.
+
+    State: whether it has been up, and for how long it has been down or not up yet [s]. Times are a
+    Go2's; `time` is how much longer a robot's are.
+    """
+
+    def __init__(self, time: float = 1.0) -> None:
+        self._time_scale = time
+        self.reset()
+
+    def reset(self) -> None:
+        """Let it lie."""
+        self._has_been_up, self._time = False, 0.0
+
+    def step(self, share: float, may_be_low: bool, dt: float) -> str | None:
+        """
+        Return why it has fallen, or None, `dt` [s] after the step before.
+
+        `share` is how high the base is over the lowest foot, over that of the stand: no foot is
+        below the ground, so on even ground the base is no lower than that.
+        """
+        if may_be_low:
+            self.reset()
+        elif share >= DOWN and (self._has_been_up or share >= UP):
+            self._has_been_up, self._time = True, 0.0
+        else:
+            self._time += dt / self._time_scale
+        if self._has_been_up and self._time > _DOWN_TIME:
+            return 'it has gone down'
+        return 'it cannot get up' if self._time > _RISE_TIME else None
 
 
 class Safety:
@@ -78,6 +116,26 @@ class Safety:
 
 def _is_finite(reading: Reading) -> bool:
     return reading.imu is not None and _is_sound(*reading.joints, *reading.imu)
+
+
+@jit
+def is_sound_state(robot: np.ndarray) -> bool:
+    """Whether all that a flat `RobotState` tells of base, feet and dynamics is below 1e150."""
+    state = robot[0]
+    base, dynamics = state.base, state.dynamics
+    squares = 0.0
+    for k in range(3):
+        squares += base.position[k] ** 2 + base.velocity[k] ** 2 + base.omega[k] ** 2
+        squares += base.rpy[k] ** 2 + dynamics.com[k] ** 2
+        for i in range(4):
+            squares += state.feet[i, k] ** 2 + state.forces[i, k] ** 2
+    for i in range(4):
+        squares += state.orientation[i] ** 2 + state.normal_forces[i] ** 2
+    for i in range(18):
+        squares += dynamics.bias[i] ** 2
+        for k in range(18):
+            squares += dynamics.mass[i, k] ** 2
+    return math.isfinite(squares)
 
 
 @jit

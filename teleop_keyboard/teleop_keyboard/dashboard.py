@@ -238,9 +238,15 @@ def plain_line(logic: KeysToTwist, around: Surroundings) -> str:
 
 
 def bar(value: float, full: float, width: int) -> str:
-    """Return a bar of `width` columns that grows from the middle; `full` fills one half."""
+    """
+    Return a bar of `width` columns that grows from the middle; `full` fills one half.
+
+    It draws whatever it is given: NaN is nothing, infinity is full.
+    """
     half = (width - 1) // 2
-    length = min(round(half * abs(value) / full), half) if full > 0.0 else 0
+    share = abs(value) / full if full > 0.0 else 0.0
+    # As much as there is room for of what is infinite, nothing of what is no number.
+    length = round(half * min(share, 1.0)) if share == share else 0
     if length == 0 and abs(value) > 1e-3:
         length = 1
     side = FULL * length + EMPTY * (half - length)

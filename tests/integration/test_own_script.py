@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from typing import Any
 
 import numpy as np
@@ -177,6 +178,53 @@ def test_what_is_not_legal_says_why():
     with pytest.raises(wasd.UserError, match='for a time > 0'):
         dog.push((50.0, 0.0, 0.0), -1.0)
     assert 'press 2' in dog.press('w')
+
+
+@pytest.mark.slow
+def test_a_key_that_changes_nothing_is_no_mistake():
+    import wasd
+
+    dog = wasd.Go2()
+    dog.press('2')
+    assert dog.press('2') == 'fixed stand already'
+    dog.run(2.5)
+    assert dog.press('2') == 'fixed stand already'
+    assert dog.state == 'fixed stand'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', ['Go2', 'Mbot'])
+def test_a_second_thread_is_refused_and_may_come_after_the_first(kind):
+    import wasd
+
+    robot = getattr(wasd, kind)()
+    robot.run(0.1)
+    is_inside, go_on = threading.Event(), threading.Event()
+
+    def wait() -> None:
+        is_inside.set()
+        go_on.wait(30.0)
+
+    robot._simulation.schedule.every(0.01, wait)
+    first = threading.Thread(target=robot.run, args=(0.1,))
+    first.start()
+    assert is_inside.wait(30.0)
+    calls = {
+        'run': lambda: robot.run(1.0),
+        'press': lambda: robot.press('k'),
+        'push': lambda: robot.push((1.0, 0.0, 0.0), 0.1),
+        'reset': robot.reset,
+    }
+    for name, call in calls.items():
+        with pytest.raises(wasd.UserError, match=f'^{name}: another thread uses this robot'):
+            call()
+    go_on.set()
+    first.join(30.0)
+    before = robot.time
+    second = threading.Thread(target=robot.run, args=(0.1,))
+    second.start()
+    second.join(30.0)
+    assert robot.time == pytest.approx(before + 0.1)
 
 
 @pytest.mark.parametrize('seed', [-1, 1.5])

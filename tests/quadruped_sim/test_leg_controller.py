@@ -313,3 +313,74 @@ def test_a_gait_chosen_at_speed_comes_once_the_command_is_slow_enough(controller
     assert legs.params.name == 'walk'
     controller.reset()
     assert (controller.gait, legs.params.name) == ('trot', 'trot')
+
+
+@pytest.fixture
+def folded(standing):
+    """A reading of a level robot whose trunk lies between its legs."""
+    angles = np.tile((0.0, 1.3, -2.7), 4)
+    return standing._replace(joints=standing.joints._replace(position=angles))
+
+
+@pytest.mark.parametrize('keys', ['2', '23', '24', '25', '20', '29', '28'])
+@pytest.mark.slow
+def test_a_level_robot_whose_trunk_stays_on_the_ground_has_fallen(controller, run, folded, keys):
+    run(controller, 2)
+    for key in keys:
+        controller.press(key)
+        run(controller, 10)
+    run(controller, 90, folded)
+    assert controller.state != 'passive'
+    command = run(controller, 30, folded)
+    assert (controller.state, controller.is_fallen) == ('passive', True)
+    assert 'gone down' in controller.event
+    np.testing.assert_array_equal(command.kp, 0.0)
+    assert controller.press('2') is None
+    run(controller, 3, folded)
+    assert controller.state == 'get up'
+
+
+@pytest.mark.parametrize('keys', ['', '27', '6'])
+def test_who_lies_by_key_has_not_fallen(controller, run, folded, keys):
+    run(controller, 2, folded)
+    for key in keys:
+        controller.press(key)
+        run(controller, 3, folded)
+    run(controller, 150, folded)
+    assert not controller.is_fallen
+    assert controller.event is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('keys', ['', '2', '24', '20', '29'])
+@pytest.mark.parametrize('broken', [np.nan, np.inf, 1e200])
+def test_an_estimate_that_is_not_finite_ends_in_damping_and_a_word(model, run, keys, broken):
+    controller = LegController(model)
+    run(controller, 2)
+    for key in keys:
+        controller.press(key)
+        run(controller, 5)
+    controller._kalman._estimate.x[:] = broken
+    controller._detector._felt.forces[:] = broken
+    command = run(controller, 1)
+    assert (controller.state, command.kp.any()) == ('passive', False)
+    for part in command:
+        assert np.isfinite(part).all()
+    assert np.isfinite(controller.odometry.position).all()
+    assert not keys or 'not finite' in controller.event
+    run(controller, 5)
+    controller.press('2')
+    run(controller, 5)
+    assert controller.state == 'fixed stand'
+
+
+def test_a_controller_that_breaks_damps_and_says_so(model, run, monkeypatch):
+    controller = LegController(model)
+    run(controller, 2)
+    controller.press('2')
+    run(controller, 5)
+    monkeypatch.setattr(controller._kalman, 'step', lambda *_: 1 / 0)
+    command = run(controller, 3)
+    assert controller.state == 'passive'
+    assert 'division by zero' in controller.event
+    np.testing.assert_array_equal(command.kp, 0.0)

@@ -2,11 +2,13 @@
 import numpy as np
 import pytest
 from quadruped_sim.robot_model import NO_TORQUE
+from quadruped_sim.safety import FallWatch
 from quadruped_sim.safety import Safety
 from quadruped_sim.tuning import SafetyParameters
 from wasd_core.rotations import rpy_matrix
 
 ANGLES = np.tile((0.0, 0.8, -1.6), 4)
+DT = 0.002
 
 
 def make(model):
@@ -50,3 +52,18 @@ def test_what_no_motor_pushes_by_cannot_be_written_into():
     for part in NO_TORQUE:
         with pytest.raises(ValueError, match='read-only'):
             part[:] = 100.0
+
+
+def test_a_trunk_that_stays_low_has_fallen_and_one_that_crouches_for_a_moment_has_not():
+    falls = FallWatch()
+    assert falls.step(1.0, False, DT) is None
+    assert not any(falls.step(0.3, False, DT) for _ in range(90))
+    assert falls.step(0.6, False, DT) is None
+    assert 'gone down' in [falls.step(0.3, False, DT) for _ in range(110)][-1]
+
+
+def test_who_may_be_low_never_falls_and_who_rises_is_given_time():
+    falls = FallWatch()
+    assert not any(falls.step(0.2, True, DT) for _ in range(5000))
+    assert not any(falls.step(0.2, False, DT) for _ in range(2900))
+    assert 'cannot get up' in [falls.step(0.2, False, DT) for _ in range(200)][-1]

@@ -196,3 +196,9 @@ def test_a_hint_stands_beside_the_key_that_it_is_about():
     hint = KeyHints(logic, '?').press('w')
     page = [line.text for line in dashboard(logic, Surroundings(hint=hint), 80, 24)]
     assert ' keys    last w  drive with i , j l; w is speed +10 % (? shows the keys)' in page
+
+
+@pytest.mark.parametrize('value', [float('nan'), float('inf'), -float('inf'), 1e308])
+def test_a_bar_draws_whatever_it_is_given(value):
+    for full in (1.0, 0.0, 5e-324, float('nan')):
+        assert len(bar(value, full, 11)) == 11

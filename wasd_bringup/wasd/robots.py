@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot, its world and its controller as one object that a script steps."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+import contextlib
 import logging
 import os
 from pathlib import Path
+import threading
 import time
 from types import MappingProxyType
 from typing import Any
@@ -52,7 +54,8 @@ class Robot:
 
     Everything happens inside `run`: between two calls simulated time stands still. The same seed
     and the same calls give the same bits. A velocity holds until the next, since who commands it
-    is known to be alive: it is this process that steps the robot.
+    is known to be alive: it is this process that steps the robot. One thread at a time may use it;
+    a call from another meanwhile is refused.
 
     Raises:
         UserError: the seed is no whole number from 0 on.
@@ -80,6 +83,7 @@ class Robot:
         self._world = build_world(self._loaded, world, seed, setup, visuals=True)
         self._simulation = Simulation(self._world, speed=0.0)
         self._window: Any = None
+        self._lock = threading.RLock()
 
     @property
     def time(self) -> float:
@@ -100,12 +104,13 @@ class Robot:
         """
         if not 0.0 <= seconds < float('inf'):
             raise UserError(f'run: got {seconds} s, wanted a finite time >= 0')
-        end = self._world.tick + round(seconds / self._world.time_step)
-        self._simulation.run(
-            stop=lambda: self._world.tick >= end,
-            poll=self._show,
-            duration=end * self._world.time_step,
-        )
+        with self._alone('run'):
+            end = self._world.tick + round(seconds / self._world.time_step)
+            self._simulation.run(
+                stop=lambda: self._world.tick >= end,
+                poll=self._show,
+                duration=end * self._world.time_step,
+            )
 
     def push(
         self, force: Sequence[float], seconds: float, point: Sequence[float] | None = None
@@ -118,7 +123,9 @@ class Robot:
         Raises:
             UserError: not three finite numbers, or a time that is not above 0.
         """
-        if not (seconds > 0.0 and self._world.push(force, seconds, point)):
+        with self._alone('push'):
+            is_taken = seconds > 0.0 and self._world.push(force, seconds, point)
+        if not is_taken:
             at = '' if point is None else f' at {point!r}'
             raise UserError(
                 f'push: got {force!r} for {seconds!r} s{at}, '
@@ -127,7 +134,8 @@ class Robot:
 
     def reset(self) -> None:
         """Put the robot back to its start, controller included; time goes on."""
-        self._simulation.reset()
+        with self._alone('reset'):
+            self._simulation.reset()
 
     def picture(self, path: str | os.PathLike[str]) -> None:
         """
@@ -136,11 +144,12 @@ class Robot:
         Raises:
             UserError: it cannot be written there, or its name ends as none of a picture.
         """
-        view = Viewpoint(self.truth.position.tolist(), self._distance, AZIMUTH, ELEVATION)
-        try:
-            take_picture(self._world, view, Path(path))
-        except (OSError, ValueError) as error:
-            raise UserError(f'picture: {error}') from error
+        with self._alone('picture'):
+            view = Viewpoint(self.truth.position.tolist(), self._distance, AZIMUTH, ELEVATION)
+            try:
+                take_picture(self._world, view, Path(path))
+            except (OSError, ValueError) as error:
+                raise UserError(f'picture: {error}') from error
 
     def show(self) -> None:
         """
@@ -155,6 +164,23 @@ class Robot:
         self._window = NativeView(self._world, CameraView(self._distance, AZIMUTH, ELEVATION))
         self._simulation.pacer.speed = 1.0
         self._simulation.pacer.restart()
+
+    @contextlib.contextmanager
+    def _alone(self, what: str) -> Iterator[None]:
+        """
+        Keep other threads out: two that step one world corrupt its memory.
+
+        Raises:
+            UserError: another thread is inside.
+        """
+        if not self._lock.acquire(blocking=False):
+            raise UserError(
+                f'{what}: another thread uses this robot now; call it from one at a time'
+            )
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def _show(self, timeout: float) -> None:
         if self._window is not None:
@@ -234,14 +260,16 @@ class Go2(Robot):
         Press a key of the Go2: a state (0 to 9, v) or a stick (w a s d j l i k, space).
 
         Return what the status line would say to it, if anything: a key that does nothing in this
-        state says what to press.
+        state says what to press, and that of the present state that it is there already.
 
         Raises:
             UserError: the state cannot follow the present one, and what to press; or no text.
         """
         _check_key(key)
-        said = self._controller.press(key)
-        if said is not None and key in STATE_KEYS:
+        with self._alone('press'):
+            said = self._controller.press(key)
+            state = self._controller.coming_state
+        if said is not None and key in STATE_KEYS and STATE_KEYS[key] != state:
             raise UserError(said)
         return said
 
@@ -252,11 +280,12 @@ class Go2(Robot):
         Raises:
             UserError: not finite, or the robot is in another state.
         """
-        if self._controller.coming_state != 'move base':
-            raise UserError(f'drive: needs the state move base (2, then 5), not {self.state}')
         if not np.isfinite((vx, vy, wz)).all():
             raise UserError(f'drive: got {(vx, vy, wz)}, wanted finite numbers')
-        self._velocity = (vx, vy, wz)
+        with self._alone('drive'):
+            if self._controller.coming_state != 'move base':
+                raise UserError(f'drive: needs the state move base (2, then 5), not {self.state}')
+            self._velocity = (vx, vy, wz)
 
     def _control(self) -> None:
         if self._controller.coming_state != 'move base':
@@ -339,8 +368,9 @@ class Mbot(Robot):
             UserError: no text.
         """
         _check_key(key)
-        self._is_driven_by_keys = True
-        self._keys.press(key)
+        with self._alone('press'):
+            self._is_driven_by_keys = True
+            self._keys.press(key)
 
     def drive(self, vx: float, wz: float = 0.0) -> None:
         """
@@ -351,8 +381,9 @@ class Mbot(Robot):
         """
         if not np.isfinite((vx, wz)).all():
             raise UserError(f'drive: got {(vx, wz)}, wanted finite numbers')
-        self._is_driven_by_keys = False
-        self._velocity = (vx, wz)
+        with self._alone('drive'):
+            self._is_driven_by_keys = False
+            self._velocity = (vx, wz)
 
     def _take_keys(self) -> None:
         velocity = self._keys.step(1.0 / self._keys.rate)

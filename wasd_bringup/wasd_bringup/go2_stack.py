@@ -169,7 +169,9 @@ class Go2Stack(ControlStack):
         forces = self._world.contact_forces(self._touching)
         touching = (forces > 0.0).astype(int).tolist()
         event = controller.event
-        is_down = self._trunk.is_down(any(touching[4:]), controller.state, event)
+        is_down = self._trunk.is_down(
+            any(touching[4:]) or controller.is_fallen, controller.state, event
+        )
         return Sample(controller.state, (vx, vy, wz), pose, touching[:4], is_down)
 
     def status(self) -> Status:

@@ -119,7 +119,7 @@ class Sample(NamedTuple):
     command: tuple[float, float, float]  # the command in force: vx, vy [m/s], wz [rad/s]
     odometry: tuple[float, float, float]  # x, y [m], yaw [rad]
     contacts: Sequence[int]  # 1 where a foot or wheel touches
-    is_down: bool = False  # a legged robot whose trunk has come to the ground
+    is_down: bool = False  # a legged robot that has gone down, see `TrunkWatch`
 
 
 # States in which the trunk may be on the ground: nobody has made it fall.
@@ -127,13 +127,16 @@ LYING = ('passive', 'get up', 'lie down')
 
 
 class TrunkWatch:
-    """Tells when the trunk of a legged robot has come to the ground against the driver's will."""
+    """Tells when a legged robot has gone down, against the driver's will."""
 
     def __init__(self) -> None:
         self._was_up = False
 
     def is_down(self, touches: bool, state: str, event: str | None) -> bool:
-        """Whether it is down; `touches` the ground, in a state, which an `event` has led to."""
+        """
+        Whether it is down; `touches` tells that its trunk is on the ground, or that it knows of a
+        fall itself, in a state, which an `event` has led to.
+        """
         if not touches:
             self._was_up = state not in LYING
         elif state in LYING and event is None:
@@ -145,7 +148,8 @@ class Recorder:
     """
     Counts falls, and keeps samples if asked; `sample` is called every SAMPLE_PERIOD [s].
 
-    A fall is a tilt over 60 degrees, or a trunk on the ground; it ends when that has ended for
+    A fall is a tilt over 60 degrees, a trunk on the ground, or one that the robot itself lets go
+    for; who lies down or is let go of by key has not fallen. It ends when that has ended for
     UP_AGAIN samples: a robot that bounces has fallen once.
     """
 

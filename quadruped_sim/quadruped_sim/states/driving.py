@@ -26,6 +26,7 @@ from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import NO_TORQUE
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.safety import UP
 from quadruped_sim.states.support import is_to_step
 
 # On the Go2: acceleration of a led foot per position error [1/s^2] and per velocity [1/s],
@@ -175,8 +176,6 @@ _KP = np.tile((180.0, 180.0, 300.0), 4)
 _KD = np.tile((8.0, 8.0, 15.0), 4)
 # A trot that has not ended by now is ended anyway [s].
 _HALT_TIME_MAX = 3.0
-# Share of its height from which on a robot is up.
-_UP = 0.8
 
 
 def stiff_command(model: RobotModel, position: np.ndarray) -> JointCommand:
@@ -264,7 +263,7 @@ class FixedStand(AfterTrot):
 
 def is_up(model: RobotModel, robot: RobotState) -> bool:
     """Whether the legs hold the base about as high as in the stand."""
-    return robot.height(model.geometry.foot_radius) > _UP * model.standing_height
+    return robot.height(model.geometry.foot_radius) > UP * model.standing_height
 
 
 class OnFeet(AfterTrot):
