@@ -39,13 +39,29 @@ def check_device(path: str) -> None:
     Refuse what can never be a pad; what is not there yet may come.
 
     Raises:
-        UserError: it is a folder or a plain file.
+        UserError: it is neither a joystick nor a pipe.
     """
-    with contextlib.suppress(OSError):
+    if kind := what_else(path):
+        raise UserError(f'gamepad {path}: wanted a device as {FOLDER}/js0, got {kind}')
+
+
+def what_else(path: str) -> str:
+    """Return what there is at a path that is no joystick and no pipe; '' where nothing is."""
+    try:
         mode = os.stat(path).st_mode
-        if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
-            kind = 'a folder' if stat.S_ISDIR(mode) else 'a plain file'
-            raise UserError(f'gamepad {path}: wanted a device as {FOLDER}/js0, got {kind}')
+        if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode):
+            return ''
+        if stat.S_ISDIR(mode):
+            return 'a folder'
+        if not stat.S_ISCHR(mode):
+            return 'a plain file' if stat.S_ISREG(mode) else 'a disk'
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+    except (OSError, ValueError):  # it may come, or may be allowed, later; ValueError: a NUL
+        return ''
+    try:
+        return '' if _ask(descriptor, AXES, bytearray(1)) else 'a device that is no joystick'
+    finally:
+        os.close(descriptor)
 
 
 class Told(NamedTuple):
@@ -144,6 +160,9 @@ class Gamepad:
         """Open the pad that is there; return whether there is one."""
         self._since_look = 0.0
         for path in [self._path] if self._path else first_pads(self._folder):
+            if kind := what_else(path):
+                self.problem = f'gamepad {path}: {kind}'
+                continue
             try:
                 self._descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
             except OSError as error:

@@ -16,8 +16,10 @@ from wasd_core.timing import REPEAT_RATE
 
 from teleop_keyboard.keymap import canonical_key
 
-# More presses of one key than this are a slip of the pen: 9 hours of holding it.
+# More presses of one key than this are a slip of the pen: 9 hours of holding it ...
 MOST_PRESSES = 1_000_000
+# ... and more than this in one instant would hold the robot up; a pipe brings up to 65 536.
+MOST_AT_ONCE = 100_000
 
 # Characters that have a meaning in the format, by name.
 CHARACTER_NAMES = {'STAR': '*', 'HASH': '#'}
@@ -43,14 +45,22 @@ def parse_key_script(text: str, name: str = 'key script') -> list[KeyPress]:
     """
     presses: list[KeyPress] = []
     for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split('#', 1)[0].split()
+        # No more words than may stand there: a line may be of any length.
+        words = line.split('#', 1)[0].split(maxsplit=MOST_AT_ONCE + 1)
         if not words:
             continue
         try:
             presses += _line_presses(words)
+            if len(presses) > MOST_PRESSES:
+                raise ValueError(f'wanted at most {MOST_PRESSES} presses in a script')
         except ValueError as error:
             raise KeyScriptError(f'{name}:{number}: {error}') from None
-    return sorted(presses, key=lambda press: press.time)
+    presses.sort(key=lambda press: press.time)
+    for first, last in zip(presses, presses[MOST_AT_ONCE:], strict=False):
+        if first.time == last.time:
+            reason = f'wanted at most {MOST_AT_ONCE} presses at {first.time:g} s'
+            raise KeyScriptError(f'{name}: {reason}')
+    return presses
 
 
 def _line_presses(words: list[str]) -> list[KeyPress]:
@@ -62,6 +72,8 @@ def _line_presses(words: list[str]) -> list[KeyPress]:
         raise ValueError(f'got time {words[0]!r}, wanted seconds >= 0')
     if len(words) == 1:
         raise ValueError(f'got no key at {time:g} s, wanted "t key [key ...]"')
+    if len(words) > 1 + MOST_AT_ONCE:
+        raise ValueError(f'wanted at most {MOST_AT_ONCE} keys in a line')
     presses = []
     for word in words[1:]:
         key, count = _key_and_count(word)

@@ -120,6 +120,26 @@ def test_what_can_never_be_a_pad_is_refused(tmp_path):
         Gamepad(str(tmp_path))
 
 
+@pytest.mark.parametrize('device', ['urandom', 'zero', 'null', 'tty', 'ptmx'])
+def test_a_device_that_is_no_joystick_is_refused_and_never_read(device, tmp_path):
+    path = f'/dev/{device}'
+    try:
+        os.close(os.open(path, os.O_RDONLY | os.O_NONBLOCK))
+    except OSError:
+        pytest.skip(f'no {path} here')
+    with pytest.raises(UserError, match=f'gamepad {path}: wanted .*, got a device that is no joy'):
+        Gamepad(path)
+    # Nor when it comes later.
+    late = tmp_path / 'pad'
+    gamepad = Gamepad(str(late))
+    late.symlink_to(path)
+    for _ in range(100):
+        assert gamepad.step(STEP).states == ()
+    assert not gamepad.is_there
+    assert gamepad.problem == f'gamepad {late}: a device that is no joystick'
+    gamepad.close()
+
+
 @pytest.mark.skipif(os.geteuid() == 0, reason='root may read everything')
 def test_a_pad_that_may_not_be_read_is_named(gamepad, pipe):
     os.chmod(pipe.path, 0)

@@ -54,3 +54,22 @@ def test_an_error_names_file_and_line(line, message):
         parse_key_script(f'0 i\n\n{line}\n9 ?? \n', 'drive.keys')
     assert str(caught.value).startswith('drive.keys:3: ')
     assert message in str(caught.value)
+
+
+@pytest.mark.slow
+def test_a_line_of_two_million_words_is_refused_at_once():
+    with pytest.raises(KeyScriptError, match='drive.keys:1: wanted at most 100000 keys in a line'):
+        parse_key_script('0 ' + 'i ' * 2_000_000, 'drive.keys')
+
+
+@pytest.mark.slow
+def test_more_keys_in_one_instant_than_a_keyboard_has_are_refused_in_any_shape():
+    with pytest.raises(KeyScriptError, match='drive.keys: wanted at most 100000 presses at 2 s'):
+        parse_key_script('2 i\n' * 100_001, 'drive.keys')
+    assert len(parse_key_script('2 i\n' * 100_000)) == 100_000
+
+
+@pytest.mark.slow
+def test_a_script_has_an_end():
+    with pytest.raises(KeyScriptError, match='drive.keys:2: wanted at most 1000000 presses in a'):
+        parse_key_script('0 i*1000000\n1 i', 'drive.keys')

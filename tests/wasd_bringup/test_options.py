@@ -3,6 +3,7 @@
 
 import argparse
 import math
+import os
 from pathlib import Path
 
 from mujoco_sim.parameters import Payload
@@ -138,6 +139,18 @@ def test_what_is_wrong_is_said_before_the_run(read, tmp_path, words, said):
     with pytest.raises(UserError) as caught:
         read(*words)
     assert str(caught.value).startswith(said)
+
+
+@pytest.mark.parametrize('option', ['--play', '--twist'])
+def test_a_script_that_is_no_file_is_refused_and_never_waited_for(read, tmp_path, option):
+    os.mkfifo(tmp_path / 'fifo')
+    for path in ('/dev/zero', '/dev/null', 'fifo'):
+        with pytest.raises(UserError) as caught:
+            read(option, path)
+        assert str(caught.value) == f'{option} {path}: is a device or pipe, wanted a file'
+    for path in ('.', 'a' * 300, 'nul\0'):
+        with pytest.raises(UserError, match=f'^{option} '):
+            read(option, path)
 
 
 def test_a_wrong_key_script_is_a_users_error(read, tmp_path):

@@ -153,6 +153,17 @@ def test_what_is_ambiguous_is_said_to_be_and_not_decided() -> None:
     assert robot.localizer.notice == 'may be at 2 places: drive on to tell them apart'
 
 
+def test_places_that_no_longer_fit_are_no_longer_told() -> None:
+    robot = Robot(map_room(with_box=False), np.array((1.0, 0.5, 0.3)), with_box=False)
+    for _ in range(60):
+        robot.go(compose(robot.pose, np.array((0.005, 0.0, 0.01))))
+    assert robot.localizer.notice
+    for _ in range(60):
+        robot.go(robot.pose, hidden=1.0)
+    assert not robot.localizer.is_found
+    assert robot.localizer.notice is None
+
+
 def test_odometry_that_is_no_number_changes_nothing(grid: Grid) -> None:
     localizer = Localizer(grid)
     scan = look(np.zeros(3), np.random.default_rng(0))

@@ -16,12 +16,14 @@ from mujoco_sim.parameters import Payload
 from mujoco_sim.parameters import Untold
 from teleop_keyboard.key_script import KeyPress
 from teleop_keyboard.key_script import parse_key_script
+from wasd_core.errors import DescriptionError
 from wasd_core.errors import one_line
 from wasd_core.errors import UserError
 from wasd_core.network import RANGE
 from wasd_core.network import SAYS_WHO
 from wasd_core.output_file import check_apart
 from wasd_core.output_file import OutputFile
+from wasd_core.safe_files import read_file
 
 from wasd_bringup.inputs import Command
 from wasd_bringup.inputs import Goal
@@ -181,6 +183,10 @@ class RunOptions:
         )
 
 
+# A script of keys that were held for a day has 70 MB [bytes].
+LARGEST_SCRIPT = 100_000_000
+
+
 def read_options(arguments: argparse.Namespace) -> RunOptions:
     """
     Check the parsed options and read the files they name.
@@ -255,11 +261,15 @@ def _check_navigation(arguments: argparse.Namespace) -> None:
 
 def _read(path: str, option: str) -> str:
     try:
+        # For the system's own words; without a wait for who writes to a pipe.
+        open(path, 'rb', opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)).close()
         # As some editors save it, a text begins with a byte order mark.
-        return Path(path).read_text(encoding='utf-8-sig')
+        return read_file(Path(path), LARGEST_SCRIPT).decode('utf-8-sig')
     except UnicodeDecodeError:
         raise UserError(f'{option} {path}: not a text file') from None
-    except OSError as error:
+    except DescriptionError as error:
+        raise UserError(f'{option} {error}') from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         raise UserError(f'{option} {path}: {one_line(error)}') from None
 
 

@@ -267,6 +267,7 @@ class Localizer:
         if best is None:
             # Nothing fits: what was seen may not be in the map, or the window was wrong.
             self._lose(None)
+            self.notice = None
             return
         self.pose = best.pose
         if self._hypotheses.is_decided(self._is_near):
@@ -274,5 +275,8 @@ class Localizer:
             self._hypotheses, self._search = None, None
             self._usual, self._drops = best.share, 0
             self.notice = None
-        elif len(self._hypotheses) > 1:
-            self.notice = f'may be at {len(self._hypotheses)} places: drive on to tell them apart'
+            return
+        count = len(self._hypotheses)
+        self.notice = (
+            f'may be at {count} places: drive on to tell them apart' if count > 1 else None
+        )
