@@ -123,6 +123,10 @@ def of_states(sizes: Sizes) -> list[Experiment]:
         get_up('any pose, slope of 10 degrees', 'slope:10', 3.0, many),
         jump('in place', 'v', 0.0, many),
         jump('ahead', 'v', 0.4, many, distance=0.45),
+        *(
+            jump(f'{up:g} m high, {on:g} m ahead', 'v', None, many, height=up, distance=on)
+            for up, on in ((0.05, 0.15), (0.2, 0.0), (0.2, 0.5), (0.2, -0.25))
+        ),
     ]
 
 

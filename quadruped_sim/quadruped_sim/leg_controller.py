@@ -46,6 +46,7 @@ from quadruped_sim.safety import Safety
 from quadruped_sim.states import ControllerParts
 from quadruped_sim.states import make_states
 from quadruped_sim.states.driving import damping_command
+from quadruped_sim.states.jump import highest
 from quadruped_sim.states.lying import obstacle
 
 _UP = np.array((0.0, 0.0, 1.0))
@@ -156,7 +157,11 @@ class LegController:
         """What the driver should know of the motors, a line each."""
         limits, gait = self._params.command.limits, self._params.gait.name
         usual = velocity_limits(limits, self.model.scale, gait=gait)
-        return self.model.motor_notes(self.command_filter.limits.forward, usual.forward)
+        notes = self.model.motor_notes(self.command_filter.limits.forward, usual.forward)
+        asked, able = self._params.jump.height, highest(self.model)
+        if asked <= able:
+            return notes
+        return (*notes, f'motors allow jumps of {able:.2g} m, not {asked:.2g} m; lowered')
 
     def reset(self) -> None:
         """Passive, at the origin, as after construction; the next reading starts the estimate."""

@@ -605,14 +605,32 @@ class CommandParameters(Parameters):
 
 @dataclass(frozen=True, kw_only=True)
 class JumpParameters(Parameters):
-    """How a robot jumps."""
+    """
+    How a robot jumps: within 2 cm of the height and 3 cm of the way, as far as its motors can.
+
+    A flat jump is a short one: none goes farther than three times its height ahead, or half of
+    that back.
+    """
 
     height: float = parameter(
-        0.18, above=0.0, unit='m', span=(0.05, 0.25), doc='How high the base rises after take-off'
+        0.18, above=0.0, unit='m', span=(0.05, 0.2), doc='How high the base rises after take-off'
     )
     distance: float = parameter(
-        0.0, unit='m', span=(-0.3, 0.6), doc='How far ahead it lands, behind if negative'
+        0.0,
+        unit='m',
+        span=(-0.25, 0.5),
+        doc='How far ahead it lands, behind if negative; at most 3 times the height, 1.5 behind',
     )
+
+    def __post_init__(self) -> None:
+        """Check each value, and that the flight is long enough for the way."""
+        super().__post_init__()
+        low, high = -1.5 * self.height, 3.0 * self.height
+        if not low - 1e-9 <= self.distance <= high + 1e-9:
+            raise InvalidParameter(
+                f'jump.distance must be {low:.3g} to {high:.3g} m with jump.height = '
+                f'{self.height:g} m, got {self.distance:g}'
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,6 +15,8 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.states.jump import EXTENDED
+from quadruped_sim.states.jump import highest
 from quadruped_sim.states.lying import rolling_poses
 from quadruped_sim.states.lying import ROLLS
 from quadruped_sim.states.lying import TRIES_MAX
@@ -24,11 +26,14 @@ from robot_description.morphology.quadruped import FOLDED
 from robot_description.morphology.quadruped import similar_pose
 from robot_description.packages import share_directory
 from wasd_core.parameters import InvalidParameter
+from wasd_core.parameters import numeric_ends
 from wasd_core.rotations import rpy_matrix
 from wasd_core.rotations import to_quaternion
 from wasd_core.rotations import yaw_matrix
 
 DT = 0.002
+# How high the base of a Go2 is when its legs, as they extend, stop pushing [m].
+TAKE_OFF = EXTENDED + 0.022
 LIES = 1.0  # by then a robot that was dropped lies still [s]
 
 
@@ -47,7 +52,7 @@ class Dropped:
         update_bodies(world)
         self.controller = LegController(model, params)
         self._joints = JointMap(model.quadruped, world.joint_names, world.motor_names)
-        self.torque = 0.0
+        self.torque = self.top = 0.0
 
     def run(self, seconds: float, until: Callable[[], bool] = lambda: False, vx=None) -> float:
         """Step so long, or until something holds, driving at `vx`; return how long it took [s]."""
@@ -242,6 +247,7 @@ def jumper(floor, model):
         start, rise = dog.world.base().position, 0.0
         while dog.controller.state == 'jump':
             dog.run(0.01)
+            dog.top = max(dog.top, float(dog.world.base().position[2]))
             lowest = dog.world.base().position + dog.controller.robot.feet.min(axis=0)
             lowest -= dog.controller.robot.base.position
             rise = max(rise, float(lowest[2]) - model.geometry.foot_radius)
@@ -273,6 +279,49 @@ def test_it_jumps_40_cm_ahead_and_knows_about_where_it_is(jumper):
     dog.run(1.5, vx=0.5)
     assert dog.controller.state == 'move base'
     assert np.linalg.norm((dog.world.base().position - end.position)[:2]) > 0.4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('height', 'distance'),
+    [(0.05, 0.15), (0.05, -0.075), (0.1, 0.3), (0.14, 0.2), (0.2, 0.0), (0.2, 0.5), (0.2, -0.25)],
+)
+def test_it_jumps_as_high_and_far_as_it_is_asked_within_2_and_3_cm(jumper, height, distance):
+    dog, start, _ = jumper(height=height, distance=distance)
+    assert dog.controller.state == 'fixed stand'
+    assert dog.top - TAKE_OFF == pytest.approx(height, abs=0.02)
+    end = dog.world.base()
+    way = yaw_matrix(float(dog.controller.robot.base.rpy[2])).T @ (end.position - start)
+    assert way[0] == pytest.approx(distance, abs=0.03)
+    assert abs(way[1]) < 0.05
+    assert end.tilt < 0.05
+
+
+def test_how_high_it_may_be_asked_to_jump_is_what_its_motors_can(model):
+    _, most = numeric_ends(JumpParameters.__dataclass_fields__['height'])
+    assert most <= highest(model) < 1.02 * most
+
+
+def test_more_than_it_can_jump_is_refused_with_the_range():
+    tuning = LegControllerParameters()
+    for name, value, said in (
+        ('height', 0.3, r'>= 0.05 and <= 0.2 m, got 0.3'),
+        ('distance', 0.8, r'>= -0.25 and <= 0.5 m, got 0.8'),
+    ):
+        with pytest.raises(InvalidParameter, match=said):
+            tuning.changed({f'jump.{name}': value})
+    with pytest.raises(
+        InvalidParameter, match=r'jump.distance must be -0.15 to 0.3 m with .*0.1 m'
+    ):
+        tuning.changed({'jump.height': 0.1, 'jump.distance': 0.4})
+
+
+def test_a_robot_of_slow_motors_says_how_high_it_jumps_and_jumps_no_higher():
+    robots = share_directory('example-robot-data') / 'robots'
+    path = robots / 'anymal_c_simple_description/urdf/anymal.urdf'
+    slow = RobotModel(load_robot(str(path)))
+    notes = LegController(slow).notes
+    assert f'motors allow jumps of {highest(slow):.2g} m, not 0.26 m; lowered' in notes
 
 
 def test_a_jump_of_no_height_is_refused():

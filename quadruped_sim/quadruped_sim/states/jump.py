@@ -13,10 +13,13 @@ from wasd_core.rotations import yaw_matrix
 
 from quadruped_sim.leg_kinematics import all_leg_angles
 from quadruped_sim.leg_kinematics import foot_positions
+from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.locomotion.feedback import pd_law
 from quadruped_sim.locomotion.feedback import rotation_error
 from quadruped_sim.robot_model import NO_TORQUE
+from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
+from quadruped_sim.states.driving import ControllerParts
 from quadruped_sim.states.driving import OnFeet
 from quadruped_sim.states.driving import smooth
 from quadruped_sim.states.driving import stiff_command
@@ -39,6 +42,16 @@ _PUSH_GAINS = np.array(((60.0,) * 3, (12.0,) * 3, (150.0,) * 3, (18.0,) * 3))
 _LAND_GAINS = np.array(((60.0,) * 3, (14.0,) * 3, (150.0,) * 3, (18.0,) * 3))
 # Stiffness [N m/rad] and damping [N m s/rad] of the legs in the air.
 _KP, _KD = 60.0, 2.0
+
+
+# Share of the speed upward, at which its motors turn freely as it takes off, that a robot reaches;
+# and from which share on they fade, so that more must be asked for to get it, by the square.
+SPEED_SHARE = 0.9
+_FADING, _FADED = 0.63, 2.1
+# Of a Go2 in place: how far ahead it comes down per speed upward beyond that [m s/m], [m/s].
+_DRIFT, _DRIFT_FROM = 0.17, 1.4
+# Share of the way asked for that it comes, ahead and back.
+_AHEAD, _BACK = 0.95, 0.76
 
 
 class Goal(NamedTuple):
@@ -66,6 +79,10 @@ class Jump(OnFeet):
     It pushes off with constant acceleration v^2 / 2 D over the way D from the crouch, v the speed
     that carries it as high as it is to go [cf. Chignoli2021]: that of a ball thrown upward.
     """
+
+    def __init__(self, parts: ControllerParts) -> None:
+        super().__init__(parts)
+        self._fastest, self._highest = fastest(parts.model), highest(parts.model)
 
     def enter(self, robot: RobotState) -> None:
         """Crouch from where it stands."""
@@ -116,12 +133,21 @@ class Jump(OnFeet):
             self._yaw = float(robot.base.rpy[2])
 
     def _take_off(self) -> tuple[float, float, float]:
-        """Return speeds ahead and upward at take-off [m/s], and the time of the flight [s]."""
+        """
+        Return speeds ahead and upward to ask for at take-off [m/s], and the time of flight [s].
+
+        Motors that fade give less than they are asked for.
+        """
         jump = self._parts.params.jump
-        up = math.sqrt(2.0 * GRAVITY * jump.height)
+        up = math.sqrt(2.0 * GRAVITY * min(jump.height, self._highest))
         drop = (EXTENDED - LANDED) * self._scale('m')
         flight = (up + math.sqrt(up * up + 2.0 * GRAVITY * drop)) / GRAVITY
-        return jump.distance / (flight + 0.5 * self._push_time(up)), up, flight
+        faded = max(up / self._fastest - _FADING, 0.0)
+        asked = up + _FADED * faded * faded * self._fastest
+        drift = _DRIFT * self._scale('s') * max(up - _DRIFT_FROM * self._scale('m/s'), 0.0)
+        way = jump.distance / (_AHEAD if jump.distance > 0.0 else _BACK) - drift
+        ahead = way / (flight + 0.5 * self._push_time(asked))
+        return ahead, asked, flight
 
     def _push_time(self, up: float) -> float:
         return 2.0 * (EXTENDED - CROUCHED) * self._scale('m') / up
@@ -202,14 +228,39 @@ class Jump(OnFeet):
         )
 
     def _pose(self, height: float, ahead: float) -> np.ndarray:
-        """Leg angles (12,) with hips `height` above the feet, those `ahead` [m] of the hips."""
-        model = self._parts.model
-        feet = foot_positions(model.geometry, model.standing_pose)
-        feet[:, 0] += ahead
-        feet[:, 2] = float(model.geometry.hip[:, 2].mean()) - height * self._scale('m')
-        limits = model.limits
-        angles = all_leg_angles(model.geometry, feet)
-        return np.asarray(np.clip(angles, limits.lower, limits.upper))
+        return _pose(self._parts.model, height, ahead)
 
     def _scale(self, unit: str) -> float:
         return self._parts.model.scale.of(unit)
+
+
+def _pose(model: RobotModel, height: float, ahead: float = 0.0) -> np.ndarray:
+    """Leg angles (12,), hips a Go2's `height` above the feet, those `ahead` [m] of the hips."""
+    feet = foot_positions(model.geometry, model.standing_pose)
+    feet[:, 0] += ahead
+    feet[:, 2] = float(model.geometry.hip[:, 2].mean()) - height * model.scale.of('m')
+    limits = model.limits
+    angles = all_leg_angles(model.geometry, feet)
+    return np.asarray(np.clip(angles, limits.lower, limits.upper))
+
+
+def fastest(model: RobotModel) -> float:
+    """Return the speed upward at take-off at which a thigh or knee turns freely [m/s]."""
+    jacobian = leg_motion(model.geometry, _pose(model, EXTENDED), np.zeros(12)).jacobian
+    rates = np.abs([np.linalg.solve(leg, (0.0, 0.0, -1.0)) for leg in jacobian])
+    speeds = model.limits.velocity.reshape(4, 3) / np.maximum(rates, 1e-9)
+    return float(speeds[:, 1:].min())
+
+
+def highest(model: RobotModel) -> float:
+    """
+    Return how high the base can rise above its take-off, by the motors [m].
+
+    Their speed bounds how fast it takes off, their torque how fast it gains that from the crouch.
+    """
+    by_speed = (SPEED_SHARE * fastest(model)) ** 2 / (2.0 * GRAVITY)
+    jacobian = leg_motion(model.geometry, _pose(model, CROUCHED), np.zeros(12)).jacobian
+    load = 0.25 * model.weight * np.abs(jacobian[:, 2]).reshape(4, 3)
+    strength = float((model.limits.effort.reshape(4, 3) / np.maximum(load, 1e-9))[:, 1:].min())
+    way = (EXTENDED - CROUCHED) * model.scale.of('m')
+    return max(min(by_speed, (strength - 1.0) * way), 0.0)
