@@ -34,8 +34,11 @@ from legs_speed import touchdown
 from legs_speed import transport
 from legs_states import get_up
 from legs_states import jump
+from legs_states import monkey
 from quadruped_sim.presets import GAITS
 import schedules
+from state_pairs import HOWS
+from state_pairs import pairs
 from table import Row
 
 SPEEDS = {
@@ -127,6 +130,10 @@ def of_states(sizes: Sizes) -> list[Experiment]:
             jump(f'{up:g} m high, {on:g} m ahead', 'v', None, many, height=up, distance=on)
             for up, on in ((0.05, 0.15), (0.2, 0.0), (0.2, 0.5), (0.2, -0.25))
         ),
+        monkey('begun at a trot', seeds(sizes.tumbled), sizes.minute),
+        *(monkey(f'begun at a {name}', many, sizes.minute, gait=name) for name in list(GAITS)[1:]),
+        monkey('boxes of 5 cm', many, sizes.minute, world='boxes:0.05'),
+        *(pairs(how, seeds(sizes.pushes)) for how in HOWS),
     ]
 
 

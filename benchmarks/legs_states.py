@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the Go2 does on a key: it gets up from any pose, and jumps."""
+"""What the Go2 does on a key: it gets up from any pose, jumps, and falls by none."""
 
 from collections.abc import Sequence
 
@@ -8,6 +8,7 @@ from experiment import judged
 from experiment import Trial
 from experiment import worst
 import numpy as np
+from random_keys import monkey_keys
 from trials import Run
 from trials import Trace
 
@@ -80,3 +81,19 @@ def jump(
     if far is None:
         must = 'as asked'
     return judged(f'jump: {what}', f'{must}, stands', runs, trial, say)
+
+
+def monkey(
+    what: str, seeds: Sequence[int], time: float, *, world: str = 'flat', gait: str = 'trot'
+) -> Experiment:
+    """Press random keys for a time [s], sticks, states, gaits and jumps: nothing falls."""
+    chosen = (('gait.name', gait),)
+    runs = [
+        Run(seed=seed, keys=monkey_keys(time, seed), duration=time, world=world, parameters=chosen)
+        for seed in seeds
+    ]
+
+    def trial(trace: Trace) -> Trial:
+        return {'passed': trace.report['falls'] == 0, 'ends': trace.state[-1]}
+
+    return judged(f'random keys, {time:g} s: {what}', '0 falls', runs, trial)
