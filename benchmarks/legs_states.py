@@ -9,6 +9,8 @@ from experiment import Trial
 from experiment import worst
 import numpy as np
 from random_keys import monkey_keys
+from robot_description.morphology.quadruped import GO2
+from robot_description.morphology.quadruped import Scale
 from trials import Run
 from trials import Trace
 
@@ -18,13 +20,30 @@ STANDING = 0.27  # height of the trunk above the feet of one that stands [m]
 TURNED = np.deg2rad(15.0)
 
 
-def get_up(what: str, world: str, x: float, seeds: Sequence[int]) -> Experiment:
-    """Let the robot fall anyhow at x [m], and press key 2: it stands within 6 s."""
+def get_up(
+    what: str,
+    world: str,
+    x: float,
+    seeds: Sequence[int],
+    *,
+    description: str = '',
+    scale: Scale = GO2,
+    patience: float = PATIENCE,
+    share: float = 1.0,
+) -> Experiment:
+    """
+    Let the robot fall anyhow at x [m], and press key 2: it stands within `patience` [s], a Go2's.
+
+    `description` is the file of another robot, of this `scale`.
+    """
+    second, standing = scale.of('s'), STANDING * scale.of('m')
+    settled, patience = SETTLED * second, patience * second
     runs = [
         Run(
             seed=seed,
-            keys=f'{SETTLED} 2\n',
-            duration=SETTLED + PATIENCE + 1.0,
+            keys=f'{settled} 2\n',
+            duration=settled + patience + second,
+            description=description,
             world=world,
             tumbled=x,
         )
@@ -33,17 +52,17 @@ def get_up(what: str, world: str, x: float, seeds: Sequence[int]) -> Experiment:
 
     def trial(trace: Trace) -> Trial:
         assert trace.felt is not None
-        rows = trace.after(SETTLED)
+        rows = trace.after(settled)
         is_level = np.abs(trace.rpy[rows, :2]).max(axis=1) < TURNED
-        is_up = (trace.felt.clearance[rows] > STANDING) & is_level
+        is_up = (trace.felt.clearance[rows] > standing) & is_level
         stays = np.logical_and.accumulate(is_up[::-1])[::-1]
-        took = float(trace.t[rows][stays.argmax()]) - SETTLED if stays.any() else np.inf
-        return {'passed': took <= PATIENCE, 'took': min(took, 99.0), 'ends': trace.state[-1]}
+        took = float(trace.t[rows][stays.argmax()]) - settled if stays.any() else np.inf
+        return {'passed': took <= patience, 'took': min(took, 99.0), 'ends': trace.state[-1]}
 
     def say(trials: list[Trial]) -> str:
         return f'{worst([t for t in trials if t["passed"]] or trials, "took"):.1f} s at worst'
 
-    return judged(f'get up: {what}', f'<= {PATIENCE:g} s', runs, trial, say)
+    return judged(f'get up: {what}', f'<= {patience:.3g} s', runs, trial, say, share=share)
 
 
 def jump(
