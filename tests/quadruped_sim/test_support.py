@@ -15,7 +15,8 @@ from wasd import Go2
 # Legs of 3, 4 and 5: the incircle has radius 1 and its centre 1 from both short sides.
 RIGHT_ANGLED = np.array(((0.0, 0.0), (4.0, 0.0), (0.0, 3.0)))
 FEET = np.array(((0.2, 0.1, 0.0), (0.2, -0.1, 0.0), (-0.2, 0.1, 0.0), (-0.2, -0.1, 0.0)))
-ENDS = ('w*20', 'd*20', 'a*40', 's*40', 'i*20', 'd*40', 'k*40', 'w*40')
+# The fourth and fifth fold the leg under the belly.
+ENDS = ('w*20', 'd*20', 'a*40', 's*40', 'i*20', '', 'd*40', 'k*40', 'w*40')
 
 
 def test_the_middle_of_a_triangle_is_the_centre_of_its_incircle():

@@ -40,8 +40,9 @@ SHIFT_RATE = 0.06
 # The foot leaves the ground by this much once the centre of mass is so close to its place [m].
 SWING_CLEARANCE = 0.03
 SHIFTED = 0.015
-# A leg is led no farther than this share of its length.
-REACH = 0.95
+# A leg is led no farther than this share of its length, and no nearer below its hip than that:
+# folded under the belly it pushes against its stops and the trunk, and tips the robot over.
+REACH, FOLDED = 0.95, 0.4
 # Radius of the incircle of three feet [m] below which all feet are first put below their hips.
 NARROW = 0.06
 # Legs that are lifted in turn, FR RL FL RR; times [s], and half of how high a foot goes [m].
@@ -151,11 +152,13 @@ class SwingTest(Exercise):
         return np.asarray(wanted)
 
     def _within_reach(self, robot: RobotState, foot: np.ndarray) -> np.ndarray:
-        """Return `foot` (3,) or, if the leg is too short, the point toward it [m]."""
+        """Return `foot` (3,) or a point near it that the leg reaches, below its hip [m]."""
         legs = self._parts.model.geometry
         hip = robot.base.position + robot.base.R @ legs.hip[FR]
         way = foot - hip
-        most = REACH * math.hypot(legs.thigh[FR] + legs.calf[FR], legs.offset[FR])
+        length = legs.thigh[FR] + legs.calf[FR]
+        way[2] = min(float(way[2]), -FOLDED * length)
+        most = REACH * math.hypot(length, legs.offset[FR])
         return np.asarray(hip + way * min(most / max(math.hypot(*way.tolist()), 1e-9), 1.0))
 
 
