@@ -309,8 +309,12 @@ class DiffDriveControllerNode(Node):
         """Begin anew after this process stood still: nobody knows who still wants what."""
         # In lock-step robot and process stood still together: its time has not gone on.
         if self._is_alone and self.settings.cmd_vel_timeout > 0.0:
+            was_driven = self.controller.state == 'driving'
             self.controller.forget_command()
-            self.get_logger().warning(f'stood still for {gap:.1f} s: waiting for a new cmd_vel')
+            if was_driven:
+                self.get_logger().warning(
+                    f'stood still for {gap:.1f} s: stops until a new velocity comes'
+                )
 
     def _on_twist(self, message: Twist, age: float = 0.0) -> None:
         self._arrived_at = time.monotonic()

@@ -12,6 +12,7 @@ from wasd_core.errors import UserError
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
+from wasd_core.robot_io import LEG_RATE
 
 WORLD_NAMES = (
     'flat, room, office, slope:DEG, stairs:RISE, step:HEIGHT, boxes:HEIGHT, rough:HEIGHT, '
@@ -21,6 +22,9 @@ WORLD_NAMES = (
 FRICTION = (0.01, 2.0)
 # The most that a robot is loaded with [kg]. A Go2 carries 8, at most 12; others here weigh more.
 HEAVIEST = 100.0
+# How often others' controllers are told the state [Hz], and those who only watch.
+STATE_RATE = 100.0
+SHOWN_RATE = 50.0
 simulator = Executable(
     name='simulator',
     module='mujoco_sim.simulator_node',
@@ -58,12 +62,14 @@ class SimulatorParameters(Parameters):
         100.0, minimum=1.0, maximum=1000.0, doc='Rate of /clock', unit='Hz', read_only=True
     )
     state_rate: float = parameter(
-        50.0,
+        math.nan,
         minimum=1.0,
         maximum=1000.0,
         doc='Rate of imu/data, joint_states, foot_contacts and ground_truth/odom',
         unit='Hz',
         read_only=True,
+        nan=f'{LEG_RATE:g} for legs, as their controller needs, {STATE_RATE:g} for another robot, '
+        f'{SHOWN_RATE:g} beside a controller in the same process',
     )
     sensor_noise: bool = parameter(
         True,

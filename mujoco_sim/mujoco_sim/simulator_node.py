@@ -2,6 +2,7 @@
 """The simulator's face on ROS: clock, joint states, truth, joint commands, services."""
 
 from collections.abc import Callable, Sequence
+import math
 import sys
 from typing import Any
 
@@ -31,6 +32,7 @@ from wasd_core.messages import to_stamp
 from wasd_core.node import MessagePump
 from wasd_core.node import run_node
 from wasd_core.parameters import Parameters
+from wasd_core.robot_io import LEG_RATE
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.signals import StopSignals
 from wasd_core.streams import visible
@@ -38,8 +40,10 @@ from wasd_core.topics import has_listener
 from wasd_core.topics import RELIABLE
 from wasd_core.topics import SENSOR_DATA
 
+from mujoco_sim.parameters import SHOWN_RATE
 from mujoco_sim.parameters import simulator
 from mujoco_sim.parameters import SimulatorParameters
+from mujoco_sim.parameters import STATE_RATE
 from mujoco_sim.parameters import Untold
 from mujoco_sim.robot_setup import foot_links
 from mujoco_sim.robot_setup import randomise
@@ -104,6 +108,7 @@ class SimulatorNode(Node):
         self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self.truth = TruthPublisher(self, world, robot.robot)
         self._feet = foot_links(robot)
+        self.state_rate = self._usual_rate(lock_step)
         if self._feet:
             self._contacts = self.create_publisher(JointState, 'foot_contacts', RELIABLE)
         if world.has_imu:
@@ -122,6 +127,14 @@ class SimulatorNode(Node):
         self.simulation.schedule.every(self._world.time_step, self._watch_commands)
         self.simulation.schedule.every(self._world.time_step, self.truth.remember)
 
+    def _usual_rate(self, lock_step: bool) -> float:
+        """Return how often the state is published [Hz]; what nobody has said, the robot says."""
+        if not math.isnan(self.settings.state_rate):
+            return self.settings.state_rate
+        if lock_step:
+            return SHOWN_RATE
+        return LEG_RATE if self._feet else STATE_RATE
+
     def schedule_publishing(self) -> None:
         """
         Publish clock and states at this place of the schedule: after what is there before.
@@ -131,7 +144,7 @@ class SimulatorNode(Node):
         """
         schedule = self.simulation.schedule
         schedule.at_rate('clock_rate', self.settings.clock_rate, self._publish_clock)
-        schedule.at_rate('state_rate', self.settings.state_rate, self._publish_states)
+        schedule.at_rate('state_rate', self.state_rate, self._publish_states)
         # As often as possible without making physics stop more often.
         schedule.every(schedule.stride * self._world.time_step, self._sensors.step)
 
@@ -231,7 +244,7 @@ class SimulatorNode(Node):
         """Whether physics may go on, or has to wait for the controller to answer."""
         return self._is_braking or self._hold.may_advance(
             self._world.time,
-            self.settings.state_rate,
+            self.state_rate,
             self.settings.answer_patience,
             lambda: self.count_publishers('joint_commands') > 0,
         )

@@ -50,6 +50,9 @@ from quadruped_sim.states.jump import highest
 from quadruped_sim.states.lying import obstacle
 
 _UP = np.array((0.0, 0.0, 1.0))
+# States that need no fresh readings, and keys that lead to them.
+_HELD = (StateName.PASSIVE, StateName.FIXED_STAND, StateName.LIE_DOWN, StateName.GET_UP)
+_HELD_KEYS = '127'
 # How high the base of a Go2 is that lies [m], and how fast its estimate sinks to that [m/s].
 _LYING_HEIGHT, _SINKING_SPEED = 0.06, 0.5
 # A leg is sprawled whose thigh is farther than this from its folded angle; of a robot that stands
@@ -65,6 +68,7 @@ class LegController:
     robot. Joints are leg angles, see `robot_description.morphology`.
     `estimator` is 'kalman' (IMU and joints only) or 'truth' (the base's state is told with each
     reading).
+    While there is a `hindrance` it stands still, or lies.
     Never raises for bad data: it falls back to damping and says so in `event`.
     """
 
@@ -178,6 +182,7 @@ class LegController:
         self._is_started = False
         self._level: float | None = None  # of the ground under a robot that lies [m]
         self.robot: RobotState | None = None
+        self.hindrance = ''  # why it must not move now, '' if it may
         self.is_fallen = False  # whether it lies on its side or back, or has since it stood
         self.event: str | None = None
         self._odometry: LegOdometry | None = None
@@ -231,6 +236,8 @@ class LegController:
         if self._lies_fallen and (self.obstacle or key not in GET_UP_KEYS) and key != '1':
             return self.words.to_fallen(self.obstacle)
         state, meant = self._machine.coming, self._meaning(key)
+        if self.hindrance and meant not in _HELD_KEYS:
+            return self.hindrance
         is_legal = state is not STATE_KEYS[meant] and meant in TRANSITIONS[state]
         return '' if is_legal else self.words.to_state(state, STATE_KEYS[meant])
 
@@ -268,15 +275,17 @@ class LegController:
         if self._machine.state is not StateName.MOVE_BASE:
             if self._lies_fallen:
                 return self.words.to_fallen(self.obstacle)
+            if self.hindrance:
+                return self.hindrance
             return self.words.to_velocity(self._machine.coming)
         refusal, limits = self.command_filter.request(vx, vy, yaw_rate), self.command_filter.limits
         if refusal is None and self.gait != 'trot' and not limits.hold(vx, vy, yaw_rate):
             return self.words.to_gait(self.gait, limits)
         return refusal
 
-    def e_stop(self) -> None:
+    def e_stop(self, reason: str = 'emergency stop') -> None:
         """Go passive at once."""
-        self._let_go('emergency stop')
+        self._let_go(reason)
 
     def step(self, reading: Reading, dt: float, truth: BaseState | None = None) -> JointCommand:
         """Joint command for this reading of leg angles, `dt` [s] after the one before."""
@@ -327,6 +336,7 @@ class LegController:
 
     def _change_state(self, robot: RobotState, down: str | None) -> None:
         """Enter the state that a guard, the end of the present one or a key leads to."""
+        self._parts.is_fed_slowly = bool(self.hindrance)
         state = self._states[self._machine.state]
         may_lie = state.is_lying or self._machine.state is StateName.PASSIVE
         reason = (
@@ -340,6 +350,8 @@ class LegController:
             self._let_go(reason)
         elif state.is_over and self._machine.coming is self._machine.state:
             self._machine.force(SUCCESSORS[self._machine.state])
+        elif self.hindrance and self._machine.coming not in _HELD:
+            self._machine.force(StateName.FIXED_STAND)
         self._machine.begin_tick()
         if self._entered is not self._machine.state:
             if self._machine.state is not StateName.PASSIVE:

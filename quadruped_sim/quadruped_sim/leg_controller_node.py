@@ -47,6 +47,7 @@ from wasd_core.topics import TfBroadcaster
 
 from quadruped_sim.compilation import compile_once
 from quadruped_sim.compilation import warm_up
+from quadruped_sim.feed import Feed
 from quadruped_sim.keys import StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import leg_controller
@@ -57,6 +58,8 @@ from quadruped_sim.robot_state import LegOdometry
 
 # Longest step of gait and estimate between two readings [s]; a request is as old as it is.
 MAXIMUM_STEP = 0.02
+# After so long without a reading the motors have braked and the robot has sunk [s].
+LONGEST_GAP = 0.3
 KIND = NodeKind(leg_controller.name, 'leg controller')
 
 
@@ -142,9 +145,9 @@ class LegControllerNode(Node):
         command = self.controller.step(self._joints.reading(reading), dt, truth)
         return self._joints.command(command)
 
-    def publish_odometry(self) -> None:
-        """Publish odom and /tf with one stamp, the node's time; the state when it has changed."""
-        stamp = self.get_clock().now().to_msg()
+    def publish_odometry(self, stamp: Time | None = None) -> None:
+        """Publish odom and /tf with one stamp, or now; the state when it has changed."""
+        stamp = stamp or self.get_clock().now().to_msg()
         message = self.odometry(stamp) if has_listener(self._odometry) else None
         if message is not None:
             self._odometry.publish(message)
@@ -208,8 +211,12 @@ class LegControllerNode(Node):
     def _on_return(self, gap: float) -> None:
         """Begin without a velocity after this process stood still: nobody knows who wants it."""
         # In lock-step robot and process stood still together: its time has not gone on.
-        if self._is_alone:
-            self.controller.command_filter.forget_request()
+        if not self._is_alone:
+            return
+        asked = self.controller.command_filter
+        was_driven = self.controller.state == 'move base' and not asked.is_silent
+        asked.forget_request()
+        if was_driven:
             self.get_logger().warning(f'stood still for {gap:.1f} s: waiting for a new cmd_vel')
 
     def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -226,6 +233,9 @@ class LegControllerNode(Node):
         self._truth_at = -math.inf
         self._waiting: JointState | None = None
         self._last: float | None = None
+        topics = ['joint_states', 'imu/data']
+        topics += ['ground_truth/odom'] if self.settings.estimator == 'truth' else []
+        self._feeds = {topic: Feed(self.settings.update_rate) for topic in topics}
         self._needed = set(self.quadruped.joint_names)
         self._beat = Beat()
         self._keyboard = PublisherWatch(self, 'keys', self._on_lost_keyboard)
@@ -242,11 +252,13 @@ class LegControllerNode(Node):
 
     def _on_imu(self, message: Imu) -> None:
         self._imu = message
+        self._feeds['imu/data'].take(to_seconds(message.header.stamp))
         self._answer_when_complete()
 
     def _on_truth(self, message: Odometry) -> None:
         self._truth = to_base_state(message)
         self._truth_at = to_seconds(message.header.stamp)
+        self._feeds['ground_truth/odom'].take(self._truth_at)
         self._answer_when_complete()
 
     def _on_joint_states(self, message: JointState) -> None:
@@ -275,11 +287,17 @@ class LegControllerNode(Node):
         stamp = message.header.stamp
         now = to_seconds(stamp)
         previous, self._last = self._last, now
-        if previous is None or now <= previous:
+        self._feeds['joint_states'].take(now)
+        if previous is None or now == previous:
+            return
+        if now < previous:
+            self.reset()
+            self._warn('time went back, as of a simulator that was started again: passive')
             return
         if abs(now - to_seconds(self._imu.header.stamp)) > MAXIMUM_STEP:
             self._warn('imu/data is silent: no commands')
             return
+        self._judge_feeds(now - previous)
         names, motors = tuple(message.name), self.quadruped.joint_names
         self.notice.step(now - previous)
         dt = min(now - previous, MAXIMUM_STEP)
@@ -288,7 +306,26 @@ class LegControllerNode(Node):
         command = self.control(reading, names, motors, dt, self._truth)
         self._commands.publish(to_joint_commands(motors, command, stamp))
         if self._beat.is_due(now, self.settings.publish_rate):
-            self.publish_odometry()
+            # Of the reading: this node's own clock need not be the simulator's.
+            self.publish_odometry(stamp)
+
+    def _judge_feeds(self, gap: float) -> None:
+        """Move only while every reading comes often enough; the last one came `gap` [s] ago."""
+        if gap > LONGEST_GAP:
+            self.controller.e_stop(f'no joint_states for {gap:.1f} s')
+        slow = [topic for topic, feed in self._feeds.items() if feed.is_slow]
+        if bool(slow) == bool(self.controller.hindrance):
+            return
+        if not slow:
+            self.controller.hindrance = ''
+            self.get_logger().info('readings come often enough again: it may move')
+            return
+        topic, wanted = slow[0], self.settings.update_rate
+        self.controller.hindrance = (
+            f'{topic} comes at {self._feeds[topic].rate:.0f} Hz, wanted {wanted:g} (update_rate): '
+            f'it does not move; start the simulator with state_rate:={wanted:.1f}'
+        )
+        self._say(self.controller.hindrance)
 
     def _is_complete(self, message: JointState) -> bool:
         """Whether a message tells position, velocity and effort of every joint of ours."""

@@ -20,7 +20,9 @@ from wasd_core.parameters import group
 from wasd_core.parameters import parameter
 from wasd_core.parameters import Parameters
 from wasd_core.robot_io import GRAVITY
+from wasd_core.robot_io import LEG_RATE
 
+from quadruped_sim.feed import ENOUGH
 from quadruped_sim.tuning import BalanceParameters
 from quadruped_sim.tuning import CommandParameters
 from quadruped_sim.tuning import ContactParameters
@@ -51,6 +53,9 @@ ACCELERATION_SHARE = 0.4
 # Motors of less than this share of the Go2's speed have not the time to lift feet as high: at full
 # stick such robots came sideways only 0.83 as fast (catalogue: legs/slow_motors).
 LIFT_SHARE = 0.5
+# The slowest rate [Hz] at which a Go2 at 2 m/s does not fall with answers that come three states
+# late, which is the most that the simulator allows (benchmarks/state_rates.py); and the physics'.
+RATES = (300.0, 1000.0)
 # What belongs to the one who drives or to the wire, not to the body.
 NOT_SCALED = {'timeout'}
 
@@ -95,11 +100,12 @@ class LegNodeParameters(LegControllerParameters):
         read_only=True,
     )
     update_rate: float = parameter(
-        500.0,
-        minimum=250.0,
-        maximum=1000.0,
-        doc='Rate of the controller',
+        LEG_RATE,
+        doc='Rate of the controller in lock-step; alone it steps at each state, and moves nothing '
+        f'while they come at less than {ENOUGH} of it',
         unit='Hz',
+        minimum=RATES[0],
+        maximum=RATES[1],
         read_only=True,
     )
     publish_rate: float = parameter(

@@ -13,7 +13,7 @@ from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_joint_commands
 from wasd_core.robot_io import JointCommand
 
-STATE_STEPS = 20  # physics steps between two states at the usual 50 Hz
+STATE_STEPS = 10  # physics steps between two states at the usual 100 Hz
 
 
 @pytest.fixture

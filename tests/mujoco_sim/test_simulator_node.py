@@ -95,11 +95,11 @@ def command(peer, simulator, spawn, spin_until, message):
 
 def test_joint_states_name_every_joint_with_position_velocity_effort(peer, run, spawn, spin_until):
     run(40)
-    spin_until(spawn.pump, lambda: len(peer.states) == 2)
+    spin_until(spawn.pump, lambda: len(peer.states) == 4)
     state = peer.states[1]
     assert list(state.name) == [*WHEELS, 'front_caster_joint', 'back_caster_joint']
     assert len(state.position) == len(state.velocity) == len(state.effort) == 4
-    assert seconds(state.header.stamp) == pytest.approx(0.02)
+    assert seconds(state.header.stamp) == pytest.approx(0.01)
 
 
 def test_the_clock_runs_at_its_rate_and_never_backward(peer, run, simulator, spawn, spin_until):

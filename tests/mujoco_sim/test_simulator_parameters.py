@@ -13,6 +13,7 @@ from mujoco_sim.simulator_node import main
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.world import build_world
 import pytest
+from quadruped_sim.parameters import LegNodeParameters
 from rclpy.parameter import Parameter
 from robot_description.description import load_robot
 from wasd_core.errors import UserError
@@ -92,3 +93,24 @@ def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys):
     said = capsys.readouterr().err
     assert said.startswith('error: ')
     assert said.count('\n') == 1
+
+
+@pytest.mark.parametrize(
+    ('overrides', 'lock_step', 'rate'),
+    [
+        ({'description': 'go2'}, False, LegNodeParameters().update_rate),
+        ({'description': 'mbot'}, False, 100.0),
+        ({'description': 'go2'}, True, 50.0),
+        ({'description': 'go2', 'state_rate': 200.0}, False, 200.0),
+    ],
+)
+def test_the_state_comes_as_often_as_the_robots_controller_needs(
+    spawn, overrides, lock_step, rate
+):
+    given = [Parameter(name, value=value) for name, value in overrides.items()]
+    node = spawn(SimulatorNode(parameter_overrides=given, lock_step=lock_step))
+    node.schedule_publishing()
+    seen = []
+    node.truth.publish = lambda: seen.append(node.simulation.world.time)
+    node.simulation.advance(200)
+    assert len(seen) == round(0.2 * rate)

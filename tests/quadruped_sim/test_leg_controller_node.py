@@ -8,7 +8,9 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
+from quadruped_sim.keys import StateName
 from quadruped_sim.leg_controller_node import LegControllerNode
+from quadruped_sim.leg_controller_node import LONGEST_GAP
 from quadruped_sim.leg_controller_node import main
 from quadruped_sim.leg_kinematics import LEGS
 import rclpy
@@ -229,6 +231,7 @@ def test_a_clock_that_jumps_back_steps_nothing(feed, legs, peer):
     assert legs._last == 2.0
     assert len(peer.commands) == before
     feed(2.002)  # and goes on from there
+    assert legs.controller.state == 'passive'
 
 
 @pytest.mark.usefixtures('alive')
@@ -308,7 +311,7 @@ def test_guides_limits_are_a_parameter(spawn):
         ('description:=mbot', 'a quadruped is wanted'),
         ('estimator:=guess', 'estimator must be'),
         ('limits:=none', 'limits must be'),
-        ('update_rate:=0.0', 'update_rate must be >= 250 and <= 1000 Hz'),
+        ('update_rate:=50.0', 'update_rate must be >= 300 and <= 1000 Hz, got 50.0'),
     ],
 )
 def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys, override, message):
@@ -359,3 +362,65 @@ def test_sticks_do_not_outlive_the_keyboard_that_set_them(legs, peer, spawn, spi
     other.destroy_publisher(keyboard)
     spin_until(spawn.pump, lambda: legs.controller.sticks.values.ly == 0.0)
     other.destroy_node()
+
+
+@pytest.mark.usefixtures('alive')
+@pytest.mark.parametrize('topic', ['joint_states', 'imu/data'])
+def test_readings_that_come_too_slowly_move_nothing_and_are_said_once(
+    feed, legs, peer, spawn, spin_until, capfd, topic
+):
+    """50 Hz of either: what `ros2 run` of a simulator with another default would give."""
+    for index in range(12):
+        legs._feeds[topic].take(0.76 + 0.02 * index)
+    feed(1.0)
+    said = f'{topic} comes at 50 Hz, wanted 500 (update_rate): it does not move'
+    assert capfd.readouterr().err.count(said) == 1
+    stamps = iter(np.arange(1.02, 9.0, 0.02).tolist())
+    peer.press('2')
+    spin_until(
+        spawn.pump,
+        lambda: legs.controller.state == 'fixed stand',
+        step=lambda: feed(next(stamps)),
+    )
+    for _ in range(160):  # what was said is gone
+        feed(next(stamps))
+    peer.press('5')
+    spin_until(spawn.pump, lambda: said in legs.notice.text, step=lambda: feed(next(stamps)))
+    peer.cmd_vel.publish(twist(0.5))
+    for _ in range(20):
+        feed(next(stamps))
+    assert legs.controller.state == 'fixed stand'
+    assert capfd.readouterr().err.count(said) == 1  # to the key
+    # It may move as soon as they come often enough.
+    now = next(stamps)
+    for index in range(60):
+        feed(now + PERIOD * index)
+    assert 'often enough again' in capfd.readouterr().err
+    peer.press('5')
+    stamps = iter(np.arange(now + 60 * PERIOD, 19.0, PERIOD).tolist())
+    spin_until(
+        spawn.pump,
+        lambda: legs.controller.state == 'move base',
+        step=lambda: feed(next(stamps)),
+    )
+
+
+@pytest.mark.usefixtures('alive')
+def test_a_robot_whose_readings_ceased_for_a_while_is_passive(feed, legs, capfd):
+    feed(1.0)
+    legs.controller._machine.force(StateName.FIXED_STAND)
+    feed(1.002)
+    feed(1.002 + LONGEST_GAP + 0.01)
+    assert legs.controller.state == 'passive'
+    assert legs.controller.event == 'no joint_states for 0.3 s'
+
+
+@pytest.mark.usefixtures('alive')
+def test_odometry_has_the_stamp_of_its_reading_whatever_the_clock_of_the_node(
+    feed, peer, spawn, spin_until
+):
+    """Without use_sim_time that clock is the wall's, decades away from the simulator's."""
+    for index in range(21):
+        feed(1.0 + PERIOD * index)
+    spin_until(spawn.pump, lambda: peer.odometry)
+    assert 1.0 <= seconds(peer.odometry[-1].header.stamp) <= 1.04

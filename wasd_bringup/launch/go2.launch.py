@@ -21,8 +21,6 @@ from wasd_bringup.launch_parts import robot_nodes
 from wasd_bringup.launch_parts import rviz
 from wasd_bringup.robots import GO2
 
-CONTROL_RATE = LegNodeParameters().update_rate
-
 
 def generate_launch_description():
     """Return the arguments and the nodes: simulator, controller, frames, keyboard, RViz."""
@@ -33,8 +31,7 @@ def generate_launch_description():
         [
             *robot_arguments(GO2),
             *(parameter_argument(LegNodeParameters, name) for name in asked),
-            # The controller steps at each message of the simulator's.
-            *robot_nodes(state_rate=CONTROL_RATE),
+            *robot_nodes(),
             robot_node(
                 'quadruped_sim', 'leg_controller', description=robot, use_sim_time=True, **asked
             ),

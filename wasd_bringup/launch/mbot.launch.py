@@ -46,7 +46,7 @@ def generate_launch_description():
                 default_value='',
                 description="YAML with the drive's parameters, as `wasd mbot --controller`.",
             ),
-            *robot_nodes(IfCondition(has_physics), use_sim_time, state_rate=100.0),
+            *robot_nodes(IfCondition(has_physics), use_sim_time),
             robot_node(
                 'diff_drive_sim',
                 'diff_drive_controller',

@@ -39,11 +39,10 @@ from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseState
 from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import LEG_RATE
 
 # Without a handler Python writes warnings to standard error, a line each.
 LOGGER = logging.getLogger(__name__)
-# Rate of the leg controller [Hz], as of its node.
-LEG_RATE = 500.0
 # Where a picture is taken from: distance as a multiple of the robot's [m], angles [degrees].
 AZIMUTH, ELEVATION = 130.0, -20.0
 

@@ -131,7 +131,7 @@ class SessionRobot:
     def schedule_publishing(self, schedule: Schedule) -> None:
         """Have the state published and sampled."""
         self.simulator.schedule_publishing()
-        state_period = 1.0 / self.simulator.settings.state_rate
+        state_period = 1.0 / self.simulator.state_rate
         schedule.every(state_period, self._publish_transforms)
         schedule.every(state_period, lambda: self.simulator.truth.compare(self.stack.odometry))
         schedule.every(SAMPLE_PERIOD, lambda: self._recorder.sample(self.stack.sample()))

@@ -10,6 +10,8 @@ import numpy as np
 GRAVITY = 9.81
 # The physics' step [s].
 TIME_STEP = 0.001
+# How often a leg controller steps [Hz], and so how often it wants the state.
+LEG_RATE = 500.0
 # A motor gives its full torque up to this share of its no-load speed, then linearly less, to none.
 FULL_TORQUE_SHARE = 0.6
 

@@ -89,11 +89,13 @@ def feel_touch(
     felt, state = flat_felt[0], robot[0]
     integral, residual, forces = felt.integral, felt.residual, felt.forces
     drift, momentum = state.dynamics.momentum_drift, state.dynamics.momentum
+    # Faster than the steps the observer would swing, and from twice that on without end.
+    rate = min(rule.bandwidth, 1.0 / max(dt, 1e-9))
     for k in range(12):
         if not felt.is_started[0]:
             integral[k] = momentum[k]
         integral[k] += dt * (torque[k] + drift[k] + residual[k])
-        residual[k] = rule.bandwidth * (momentum[k] - integral[k])
+        residual[k] = rate * (momentum[k] - integral[k])
     felt.is_started[0] = True
     damped, pull = np.empty((3, 3)), np.empty((3, 1))
     for i in range(4):

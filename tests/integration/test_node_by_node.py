@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes that are started one by one, as docs/graph.md says, in any order: the robot is driven."""
+
+from collections.abc import Iterator
+from importlib import import_module
+import os
+from pathlib import Path
+import re
+import shlex
+import subprocess
+import sys
+import textwrap
+import time
+from typing import NamedTuple
+
+from executables import SCRIPTS
+from nav_msgs.msg import Odometry
+import pytest
+from rclpy.node import Node
+import starting
+from std_msgs.msg import String
+
+ROOT = Path(__file__).resolve().parents[2]
+SECTION = (ROOT / 'docs/graph.md').read_text().split('## Node by node\n')[1].split('\n## ')[0]
+BLOCKS = [
+    tuple(textwrap.dedent(block).splitlines())
+    for block in re.findall(r'(?:^    .*\n)+', SECTION, re.MULTILINE)
+]
+# Who reads a terminal.
+KEYBOARDS = ('key_publisher', 'teleop')
+PATIENCE = 120.0
+TILTED = 0.5  # [rad]
+
+pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(2.0 * PATIENCE)]
+
+
+class Started(NamedTuple):
+    """A process, and the terminal on which it can be typed, if it reads one."""
+
+    process: subprocess.Popen[str]
+    terminal: int | None
+
+
+class Watcher(Node):
+    """Sees the robot's state and where it is."""
+
+    def __init__(self) -> None:
+        super().__init__('watcher', start_parameter_services=False)
+        self.state, self.place, self.tilt, self.has_truth = '', None, 0.0, False
+        self.create_subscription(String, 'state', self._on_state, 10)
+        self.create_subscription(Odometry, 'odom', self._on_odometry, 10)
+        self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, 10)
+
+    def _on_state(self, message: String) -> None:
+        self.state = message.data
+
+    def _on_odometry(self, message: Odometry) -> None:
+        if not self.has_truth:
+            self.place = message.pose.pose.position
+
+    def _on_truth(self, message: Odometry) -> None:
+        self.has_truth, self.place = True, message.pose.pose.position
+        q = message.pose.pose.orientation
+        # sin of half the angle between the base's z axis and the world's.
+        self.tilt = max(self.tilt, 2.0 * (q.x**2 + q.y**2) ** 0.5)
+
+
+class Bench:
+    """The processes of a block, what they say, and who watches them."""
+
+    def __init__(self, spawn, folder: Path) -> None:
+        self._pump, self._folder = spawn.pump, folder
+        self.watcher = spawn(Watcher())
+        self.started: dict[str, Started] = {}
+
+    def start(self, line: str) -> None:
+        """Start what a line of the page starts."""
+        run, package, name, *words = shlex.split(line.removeprefix('ros2 '))
+        module, _, program = SCRIPTS[name].partition(':')
+        assert (run, module.partition('.')[0]) == ('run', package)
+        words = [sys.executable, '-m', getattr(import_module(module), program).module, *words]
+        master = slave = None
+        if name in KEYBOARDS:
+            master, slave = os.openpty()
+        with (self._folder / name).open('wb') as said:
+            process = starting.Popen(
+                words,
+                env=dict(os.environ),
+                stdin=subprocess.DEVNULL if slave is None else slave,
+                stdout=said,
+                stderr=said,
+                start_new_session=True,
+            )
+        if slave is not None:
+            os.close(slave)
+        self.started[name] = Started(process, master)
+
+    def until(self, condition, step=lambda: None) -> None:
+        """Handle messages until a condition holds, calling `step` ten times a second."""
+        deadline, due = time.monotonic() + PATIENCE, 0.0
+        while not condition():
+            now = time.monotonic()
+            assert now < deadline, self.said()
+            assert all(each.process.poll() is None for each in self.started.values()), self.said()
+            if now >= due:
+                due = now + 0.1
+                step()
+            self._pump.handle(0.02)
+
+    def type(self, name: str, text: str) -> None:
+        """Type on a keyboard."""
+        terminal = self.started[name].terminal
+        assert terminal is not None
+        os.write(terminal, text.encode())
+
+    def press(self, key: str, state: str) -> None:
+        """Press a key of the Go2 until its state is there: who listens may still be starting."""
+        self.until(lambda: self.watcher.state == state, lambda: self.type('key_publisher', key))
+
+    def said(self) -> str:
+        """Return what all have said, and where the robot is."""
+        texts = [f'{name}: {(self._folder / name).read_text()}' for name in self.started]
+        return '\n'.join([*texts, f'{self.watcher.state} {self.watcher.place}'])
+
+    def close(self) -> None:
+        """End all."""
+        for process, _ in self.started.values():
+            process.terminate()
+        for process, terminal in self.started.values():
+            process.wait(20.0)
+            if terminal is not None:
+                os.close(terminal)
+
+
+@pytest.fixture
+def bench(spawn, tmp_path) -> Iterator[Bench]:
+    bench = Bench(spawn, tmp_path)
+    yield bench
+    bench.close()
+
+
+@pytest.mark.parametrize('backward', [False, True], ids=['in_order', 'backward'])
+@pytest.mark.parametrize('block', BLOCKS, ids=['go2_keys', 'go2_twist', 'mbot', 'mbot_fake'])
+def test_the_robot_of_a_block_is_driven_by_its_keyboard(bench, block, backward):
+    for line in reversed(block) if backward else block:
+        bench.start(line)
+    if 'leg_controller' in bench.started:
+        drive_legs(bench)
+    else:
+        drive_wheels(bench)
+    assert bench.watcher.tilt < TILTED
+    assert 'it does not move' not in bench.said()
+    assert 'Traceback' not in bench.said()
+
+
+def drive_legs(bench):
+    """Stand up, walk 0.4 m and stand again, by keys or by velocities."""
+    watcher = bench.watcher
+    bench.until(lambda: watcher.place is not None)
+    bench.press('2', 'fixed stand')
+    bench.until(lambda: watcher.place.z > 0.33)
+    has_twist = 'keys_to_twist' in bench.started
+    bench.press('5' if has_twist else '4', 'move base' if has_twist else 'trotting')
+    # Held in mbot's keymap; in the Go2's own each press moves the stick by a step.
+    key, left = ('i', 10**6) if has_twist else ('w', 6)
+
+    def press():
+        nonlocal left
+        if left > 0:
+            left -= 1
+            bench.type('key_publisher', key)
+
+    bench.until(lambda: watcher.place.x > 0.4, press)
+    bench.press('2', 'fixed stand')
+
+
+def drive_wheels(bench):
+    """Drive ahead by mbot's key i, which is held."""
+    bench.until(lambda: bench.watcher.place is not None)
+    start = bench.watcher.place
+    bench.until(
+        lambda: abs(bench.watcher.place.x - start.x) > 0.3, lambda: bench.type('teleop', 'i')
+    )
