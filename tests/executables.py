@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executables that the packages name in setup.cfg, as the wheel's build gathers them."""
+"""The executables that the packages name in setup.cfg; needs nothing but Python."""
 
-import importlib.util
+import configparser
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-_spec = importlib.util.spec_from_file_location('hatch_build', ROOT / 'hatch_build.py')
-_build = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(_build)
+
+
+def _scripts() -> dict[str, str]:
+    found: dict[str, str] = {}
+    for path in sorted(ROOT.glob('*/setup.cfg')):
+        parser = configparser.ConfigParser()
+        parser.read(path)
+        lines = parser.get('options.entry_points', 'console_scripts', fallback='').splitlines()
+        found |= dict(line.split(' = ', 1) for line in lines if line.strip())
+    return found
+
+
 # Name -> `module:function`.
-SCRIPTS = _build.scripts(ROOT)
+SCRIPTS = _scripts()

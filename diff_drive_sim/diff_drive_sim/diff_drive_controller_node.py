@@ -364,8 +364,9 @@ class DiffDriveControllerNode(Node):
 
     def _frame_notes(self, robot: Robot) -> list[str]:
         frame = self.settings.base_frame_id
-        # Of several robots each may have a prefix before its frames.
-        if frame.rpartition('/')[2] == robot.root or not self.settings.enable_odom_tf:
+        # Of several robots each may have a prefix before its frames, or in its links' names.
+        is_root = f'/{frame}'.endswith(f'/{robot.root}')
+        if is_root or not self.settings.enable_odom_tf:
             return []
         why = 'has a parent already' if frame in robot.links else 'is no link of the description'
         return [f'base_frame_id {frame!r} {why}, its root is {robot.root!r}: /tf is no tree']

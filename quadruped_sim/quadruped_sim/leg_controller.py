@@ -193,6 +193,11 @@ class LegController:
         return self._machine.state.value
 
     @property
+    def rests(self) -> bool:
+        """Whether it does what needs no fresh readings: it lies, stands, or is about to."""
+        return self._machine.coming in _HELD
+
+    @property
     def coming_state(self) -> str:
         """Name of the state that a pressed key leads to, or of the present one."""
         return self._machine.coming.value
@@ -350,7 +355,7 @@ class LegController:
             self._let_go(reason)
         elif state.is_over and self._machine.coming is self._machine.state:
             self._machine.force(SUCCESSORS[self._machine.state])
-        elif self.hindrance and self._machine.coming not in _HELD:
+        elif self.hindrance and not self.rests:
             self._machine.force(StateName.FIXED_STAND)
         self._machine.begin_tick()
         if self._entered is not self._machine.state:

@@ -60,6 +60,9 @@ from quadruped_sim.robot_state import LegOdometry
 MAXIMUM_STEP = 0.02
 # After so long without a reading the motors have braked and the robot has sunk [s].
 LONGEST_GAP = 0.3
+# Who moves is stopped at once when readings come too slowly. Who rests is told after so long [s]:
+# a simulator waits for nobody until it is first answered, and states may be lost till then.
+SLOW_AT_REST = 1.0
 KIND = NodeKind(leg_controller.name, 'leg controller')
 
 
@@ -235,6 +238,7 @@ class LegControllerNode(Node):
         self._last: float | None = None
         topics = ['joint_states', 'imu/data']
         topics += ['ground_truth/odom'] if self.settings.estimator == 'truth' else []
+        self._slow_for = 0.0  # readings have come too slowly for so long [s]
         self._feeds = {topic: Feed(self.settings.update_rate) for topic in topics}
         self._needed = set(self.quadruped.joint_names)
         self._beat = Beat()
@@ -311,21 +315,22 @@ class LegControllerNode(Node):
 
     def _judge_feeds(self, gap: float) -> None:
         """Move only while every reading comes often enough; the last one came `gap` [s] ago."""
+        legs = self.controller
         if gap > LONGEST_GAP:
-            self.controller.e_stop(f'no joint_states for {gap:.1f} s')
+            legs.e_stop(f'no joint_states for {gap:.1f} s')
         slow = [topic for topic, feed in self._feeds.items() if feed.is_slow]
-        if bool(slow) == bool(self.controller.hindrance):
-            return
-        if not slow:
-            self.controller.hindrance = ''
+        self._slow_for = self._slow_for + gap if slow else 0.0
+        if legs.hindrance and not slow:
+            legs.hindrance = ''
             self.get_logger().info('readings come often enough again: it may move')
-            return
-        topic, wanted = slow[0], self.settings.update_rate
-        self.controller.hindrance = (
-            f'{topic} comes at {self._feeds[topic].rate:.0f} Hz, wanted {wanted:g} (update_rate): '
-            f'it does not move; start the simulator with state_rate:={wanted:.1f}'
-        )
-        self._say(self.controller.hindrance)
+        elif slow and not legs.hindrance and (self._slow_for > SLOW_AT_REST or not legs.rests):
+            topic, wanted = slow[0], self.settings.update_rate
+            legs.hindrance = (
+                f'{topic} comes at {self._feeds[topic].rate:.0f} Hz, wanted {wanted:g} '
+                f'(update_rate): it does not move; start the simulator with '
+                f'state_rate:={wanted:.1f}'
+            )
+            self._say(legs.hindrance)
 
     def _is_complete(self, message: JointState) -> bool:
         """Whether a message tells position, velocity and effort of every joint of ours."""

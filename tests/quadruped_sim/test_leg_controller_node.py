@@ -370,12 +370,13 @@ def test_readings_that_come_too_slowly_move_nothing_and_are_said_once(
     feed, legs, peer, spawn, spin_until, capfd, topic
 ):
     """50 Hz of either: what `ros2 run` of a simulator with another default would give."""
-    for index in range(12):
-        legs._feeds[topic].take(0.76 + 0.02 * index)
-    feed(1.0)
+    (other,) = set(legs._feeds) - {topic}
+    legs._feeds[other].wanted = 1.0  # content with any
+    for index in range(60):
+        feed(1.0 + 0.02 * index)
     said = f'{topic} comes at 50 Hz, wanted 500 (update_rate): it does not move'
     assert capfd.readouterr().err.count(said) == 1
-    stamps = iter(np.arange(1.02, 9.0, 0.02).tolist())
+    stamps = iter(np.arange(2.2, 12.0, 0.02).tolist())
     peer.press('2')
     spin_until(
         spawn.pump,
@@ -424,3 +425,25 @@ def test_odometry_has_the_stamp_of_its_reading_whatever_the_clock_of_the_node(
         feed(1.0 + PERIOD * index)
     spin_until(spawn.pump, lambda: peer.odometry)
     assert 1.0 <= seconds(peer.odometry[-1].header.stamp) <= 1.04
+
+
+@pytest.mark.usefixtures('alive')
+def test_states_that_are_lost_at_the_start_are_no_slow_stream(feed, legs, capfd):
+    """Until it is answered for the first time, a simulator waits for nobody."""
+    for index in range(10):
+        feed(1.0 + 0.03 * index)
+    for index in range(60):
+        feed(1.3 + PERIOD * index)
+    assert not legs.controller.hindrance
+    assert capfd.readouterr().err == ''
+
+
+@pytest.mark.usefixtures('alive')
+def test_one_that_moves_is_stopped_as_soon_as_readings_come_slowly(feed, legs):
+    for index in range(60):
+        feed(1.0 + PERIOD * index)
+    legs.controller._machine.force(StateName.BALANCE_TEST)
+    for index in range(1, 8):
+        feed(1.118 + 0.02 * index)
+    assert legs.controller.state == 'fixed stand'
+    assert legs.controller.hindrance

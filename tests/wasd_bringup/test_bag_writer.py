@@ -14,11 +14,6 @@ import pytest
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from rosbags.interfaces import QosDurability
-from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.typesys import get_types_from_msg
-from rosbags.typesys import get_typestore
-from rosbags.typesys import Stores
 from sensor_msgs.msg import JointState
 from wasd_bringup.recording import BagWriter
 from wasd_bringup.recording import RecordingError
@@ -28,6 +23,14 @@ from wasd_bringup.recording.recorder import to_bytes
 from wasd_core.errors import UserError
 
 from wasd_bringup import recording as bag_writer
+
+pytest.importorskip('rosbags', reason="rosbags is not installed: the extra 'test'")
+
+from rosbags.interfaces import QosDurability  # noqa: E402
+from rosbags.rosbag2.storage_mcap import McapReader  # noqa: E402
+from rosbags.typesys import get_types_from_msg  # noqa: E402
+from rosbags.typesys import get_typestore  # noqa: E402
+from rosbags.typesys import Stores  # noqa: E402
 
 STRING = 'std_msgs/msg/String'
 QOS = qos_text(QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
