@@ -180,7 +180,7 @@ class LegController:
         self._load.reset()
         self.locomotion.forget_grip()
         self._is_started = False
-        self._level: float | None = None  # of the ground under a robot that lies [m]
+        self._is_down = False  # lies on something else than its feet, and has since it fell
         self.robot: RobotState | None = None
         self.hindrance = ''  # why it must not move now, '' if it may
         self.is_fallen = False  # whether it lies on its side or back, or has since it stood
@@ -334,9 +334,10 @@ class LegController:
         robot = self._robot
         robot.base.velocity[:] = 0.0
         self.locomotion.reset(robot)
-        self._kalman.reset(robot.base.position.copy(), robot.feet.copy())
+        level = float(robot.feet[:, 2].min()) - self.model.geometry.foot_radius
+        self._kalman.reset(robot.base.position.copy(), robot.feet.copy(), level)
         self._is_started = self.robot is not None
-        self._level = None
+        self._is_down = False
         return damping_command(self.model.scale, reading.joints.position)
 
     def _change_state(self, robot: RobotState, down: str | None) -> None:
@@ -408,8 +409,8 @@ class LegController:
         robot, base, motion = self._robot, self._robot.base, self._robot.motion
         state, kalman, R = self._states[self._machine.state], self._kalman, self._measured
         is_passive = self._machine.state is StateName.PASSIVE
-        is_down = is_passive and (self._level is not None or self._is_down(R))
-        lies = state.is_lying or is_down
+        lies = state.is_lying or (is_passive and (self._is_down or self._rests_on_trunk(R)))
+        self._is_down = lies
         stands = np.zeros(4) if lies else state.trust
         self._heading.step(R, motion.position, stands, dt)
         if not self._is_started:
@@ -420,11 +421,12 @@ class LegController:
             self._rest(motion.position @ base.R.T, dt)
             base.position[:], base.velocity[:] = kalman.position, kalman.velocity
         else:
-            self._level = None
-            footing = Footing(state.trust, normal, self.locomotion.ground.flat, is_walking)
+            plane, roughness = self.locomotion.ground.flat, self.locomotion.step_height.roughness
+            may_land = not (is_walking or is_passive)
+            footing = Footing(state.trust, normal, plane, is_walking, may_land, roughness)
             kalman.step(robot.flat, imu, drift, footing, dt)
 
-    def _is_down(self, R: np.ndarray) -> bool:
+    def _rests_on_trunk(self, R: np.ndarray) -> bool:
         """Whether something else than the feet carries the robot; `R` turns base axes to world."""
         carried = float(self._detector.normal_forces.sum())
         return self.safety.is_fallen(R) or carried < 0.5 * self.model.weight
@@ -435,12 +437,9 @@ class LegController:
 
         Its feet are in the air or under it and tell nothing; the accelerometer alone would drift.
         """
-        if self._level is None:
-            position = self._kalman.position
-            self._level = float(position[2]) - self._height_over(self._kalman.feet - position)
         position = self._kalman.position.copy()
         most = _SINKING_SPEED * self.model.scale.of('m/s') * dt
-        height = self._level + self._height_over(relative)
+        height = self._kalman.level + self._height_over(relative)
         position[2] += min(max(height - position[2], -most), most)
         self._kalman.hold(position, position + relative)
 

@@ -520,7 +520,7 @@ class EstimatorParameters(Parameters):
         doc="Feet farther off the ground's level stand on another",
     )
     level_time: float = parameter(
-        0.3,
+        0.2,
         above=0.0,
         unit='s',
         span=(0.05, 3.0),
@@ -531,6 +531,12 @@ class EstimatorParameters(Parameters):
         above=0.0,
         span=(0.005, 0.2),
         doc='Rise over way of ground from which on it is not even',
+    )
+    level_rate: float = parameter(
+        2.5,
+        above=0.0,
+        unit='rad/s',
+        doc='Roll and pitch rate of a robot that is thrown, which learns nothing of the level',
     )
     step_band: float = parameter(
         0.03,

@@ -48,7 +48,7 @@ def follow(estimator, seen, motion, trust):
     turned = np.array((math.cos(0.5 * seen.yaw), 0.0, 0.0, math.sin(0.5 * seen.yaw)))
     imu = ImuReading(turned, seen.omega, seen.acceleration)
     robot = replace(RobotState.blank(), motion=motion)
-    footing = Footing(trust, UP, PLANE, False)
+    footing = Footing(trust, UP, PLANE, False, True, 0.0)
     estimator.step(robot.flat, imu, (0.0, 0.0), footing, DT)
     np.testing.assert_allclose(robot.base.position, estimator.position)
     np.testing.assert_allclose(robot.base.velocity, estimator.velocity)
@@ -136,24 +136,28 @@ def test_height_error_is_drawn_back_near_the_level_of_the_ground_only(model):
 NEVER = 1e12  # a time constant of what is not looked at [s]
 
 
-def walked(model, heights, speed=0.0, aside=0.0, gradient=0.0, level_time=0.3):
+def walked(model, heights, speed=0.0, aside=0.0, gradient=0.0, rough=0.0, **parameters):
     """
     Return an estimator after 40 ms of walking, four feet down.
 
     `heights` are those over the start of the robot at first, and of the ground that it takes to be
     under it [m]; `aside` is how far its feet are from it [m].
     """
-    estimator, ground = make(model, level_time=level_time), Ground(GroundParameters())
+    estimator, ground = make(model, **parameters), Ground(GroundParameters())
     height, plane = heights
     estimator.reset(estimator.position + (aside, 0.0, height), estimator.feet + (0.0, 0.0, height))
     ground.reset(estimator.feet * (1.0, 1.0, 0.0) + (0.0, 0.0, plane))
     ground._plane.gradient[0] = gradient
     ground._plane.centre[0] = 0.0
+    ground._plane.points[:, 2] += gradient * ground._plane.points[:, 0]
     estimator._estimate.x[1, 0], estimator._estimate.level[0] = speed, plane
-    footing = Footing(np.ones(4), UP, ground.flat, True)
-    for _ in range(20):
-        _anchor(estimator._estimate, footing, estimator._sensors[0], DT)
+    anchor(estimator, Footing(np.ones(4), UP, ground.flat, True, False, rough), 20)
     return estimator
+
+
+def anchor(estimator, footing, ticks, *, is_thrown=False):
+    for _ in range(ticks):
+        _anchor(estimator._estimate, footing, estimator._sensors[0], DT, is_thrown)
 
 
 def drawn(model, *ground, **more):
@@ -175,28 +179,53 @@ def test_feet_far_off_the_plane_of_the_steps_before_are_on_other_ground(model):
     assert drawn(model, (1.04, 1.0), 2.0, level_time=NEVER) == pytest.approx(1.04, abs=1e-12)
 
 
+LEVEL_TIME = EstimatorParameters().level_time
+
+
+@pytest.mark.parametrize('off', [0.01, 0.2])
 @pytest.mark.parametrize('level', [0.0, 1.0])
-@pytest.mark.parametrize(('gradient', 'share'), [(0.0, 1.0), (0.01, 0.75), (0.02, 0.0)])
-def test_on_even_ground_nobody_drifts_off_its_level(model, level, gradient, share):
-    """A gentle slope rises by less than the draw takes back: it would never be seen."""
-    left = drawn(model, (level + 0.01, level), gradient=gradient) - level
-    assert left == pytest.approx(0.01 * (1.0 - share * DT / 0.3) ** 20, abs=1e-6)
+@pytest.mark.parametrize('gradient', [0.0, 0.01, 0.1])
+def test_who_walks_on_smooth_ground_drifts_off_its_level_nowhere(model, level, gradient, off):
+    """However far: nobody walks onto a table."""
+    left = drawn(model, (level + off, level), gradient=gradient) - level
+    assert left == pytest.approx(off * (1.0 - DT / LEVEL_TIME) ** 20, abs=2e-4)
 
 
-def test_feet_far_off_the_level_are_on_other_ground_and_its_level_is_theirs(model):
-    estimator = walked(model, (1.06, 1.0))
-    assert estimator._estimate.level[0] == pytest.approx(1.06, abs=1e-12)
-    assert estimator.feet[:, 2].mean() - model.geometry.foot_radius == pytest.approx(1.06)
+@pytest.mark.parametrize(('speed', 'rises'), [(0.0, 0.0), (0.5, 0.01 * 0.5 * 20 * DT)])
+def test_on_rough_ground_the_level_creeps_toward_the_feet(model, speed, rises):
+    """By 1 % of the way, and the feet come to it half as fast as where it is smooth."""
+    estimator = walked(model, (1.02, 1.0), speed, rough=1.0, step_time=NEVER)
+    assert estimator.level == pytest.approx(1.0 + rises, abs=1e-9)
+    left = estimator.feet[:, 2].mean() - model.geometry.foot_radius - 1.0
+    assert left == pytest.approx(0.02 * (1.0 - 0.5 * DT / LEVEL_TIME) ** 20, abs=1e-4)
+
+
+@pytest.mark.parametrize(('ticks', 'level'), [(240, 0.0), (260, 0.06)])
+def test_who_lands_far_off_the_level_is_on_other_ground_after_half_a_second(model, ticks, level):
+    estimator = make(model)
+    estimator.reset(estimator.position + (0.0, 0.0, 0.06), estimator.feet + (0.0, 0.0, 0.06))
+    anchor(estimator, Footing(np.ones(4), UP, PLANE, False, True, 0.0), ticks)
+    assert estimator.level == pytest.approx(level, abs=1e-9)
+    assert estimator.feet[:, 2].mean() - model.geometry.foot_radius == pytest.approx(0.06)
+
+
+def test_the_level_after_a_throw_is_that_of_before(model):
+    """The slope between feet that come down anyhow is none; it counts again a second later."""
+    estimator, ground = walked(model, (1.0, 1.0)), Ground(GroundParameters())
+    ground.reset(estimator.feet)
+    ground._plane.gradient[0], estimator._estimate.x[1, 0] = 0.1, 2.0
+    ground._plane.points[:, 2] += 0.1 * ground._plane.points[:, 0]
+    footing = Footing(np.ones(4), UP, ground.flat, True, False, 1.0)
+    for ticks, is_thrown in ((100, True), (490, False)):
+        anchor(estimator, footing, ticks, is_thrown=is_thrown)
+        assert estimator.level == pytest.approx(1.0, abs=1e-12)
+    anchor(estimator, footing, 100)
+    assert estimator.level > 1.01
 
 
 def test_the_level_climbs_with_the_slope(model):
-    """Who stands still where it is steep is not drawn; the level comes to the feet."""
-    assert walked(model, (1.0, 1.0), 0.5, gradient=0.02)._estimate.level[0] == pytest.approx(
-        1.0 + 0.02 * 0.5 * 20 * DT, abs=1e-9
-    )
-    steep = walked(model, (1.03, 1.0), gradient=0.1)
-    assert steep._estimate.level[0] == pytest.approx(1.03 - 0.03 * (1.0 - DT / 0.3) ** 20)
-    assert steep.feet[:, 2].mean() - model.geometry.foot_radius == pytest.approx(1.03)
+    climbed = walked(model, (1.0, 1.0), 0.5, gradient=0.02)
+    assert climbed.level == pytest.approx(1.0 + 0.02 * 0.5 * 20 * DT, abs=1e-9)
 
 
 def test_a_level_near_that_of_the_start_becomes_it(model):

@@ -203,17 +203,8 @@ def height_at(plane: Plane, x: float, y: float) -> float:
 
 
 @jit
-def follow_plane(
-    ground: np.ndarray, contacts: np.ndarray, is_contact: np.ndarray, low_pass: PlaneFilter
-) -> None:
-    """Update a flat `Plane`."""
-    plane = ground[0]
-    points, centre, gradient = plane.points, plane.centre, plane.gradient
-    steepest, slope_share, height_share = low_pass
-    for i in range(4):
-        for k in range(3):
-            if is_contact[i]:
-                points[i, k] = contacts[i, k]
+def fit_plane(points: np.ndarray, steepest: float) -> tuple[np.ndarray, float, float]:
+    """Return the middle (3,) of `points` (4, 3) and the gradient there, not above `steepest`."""
     mean = np.zeros(3)
     for i in range(4):
         for k in range(3):
@@ -235,6 +226,22 @@ def follow_plane(
     if size > steepest:
         gx *= steepest / size
         gy *= steepest / size
+    return mean, gx, gy
+
+
+@jit
+def follow_plane(
+    ground: np.ndarray, contacts: np.ndarray, is_contact: np.ndarray, low_pass: PlaneFilter
+) -> None:
+    """Update a flat `Plane`."""
+    plane = ground[0]
+    points, centre, gradient = plane.points, plane.centre, plane.gradient
+    steepest, slope_share, height_share = low_pass
+    for i in range(4):
+        for k in range(3):
+            if is_contact[i]:
+                points[i, k] = contacts[i, k]
+    mean, gx, gy = fit_plane(points, steepest)
     gradient[0] += slope_share * (gx - gradient[0])
     gradient[1] += slope_share * (gy - gradient[1])
     # The centre jumps with each touchdown; the height is carried along the slope to it.

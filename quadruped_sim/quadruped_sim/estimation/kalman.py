@@ -16,6 +16,7 @@ from quadruped_sim.algebra import put
 from quadruped_sim.algebra import rotate
 from quadruped_sim.algebra import rotate_back
 from quadruped_sim.algebra import view_of
+from quadruped_sim.estimation import fit_plane
 from quadruped_sim.estimation import height_at
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.robot_state import turn_base
@@ -33,6 +34,11 @@ _QUICK = 20.0
 _LEAST = 1e-3
 # A level of even ground so near to the start's is the same [m], in the long run [s].
 _START, _RETURN = 0.02, 1.0
+# Rise over way that ground has at most, and that on rough ground is missed at most.
+_STEEPEST, _CREEP = 1.0, 0.01
+# Cosine of the tilt beyond which a robot is thrown; for how long after that the ground's level is
+# that of before, and feet are to stand far off it until it is theirs [s].
+_UPRIGHT, _HELD, _STAY = 0.9, 1.0, 0.5
 
 
 class ImuSample(NamedTuple):
@@ -48,13 +54,16 @@ class Footing(NamedTuple):
     What is known of where the feet stand.
 
     `trust` (4,) in [0, 1] says how surely each does; the ground has a unit `normal` (3,), world
-    axes. A robot that `is_walking` stood last on `plane`, a flat `Plane`.
+    axes. A robot that `is_walking` stood last on `plane`, a flat `Plane`; one that jumps or stands
+    `may_land` on other ground. It felt its ground to be rough by `roughness`, from 0 to 1.
     """
 
     trust: np.ndarray
     normal: np.ndarray
     plane: np.ndarray
     is_walking: bool
+    may_land: bool
+    roughness: float
 
 
 class Gaussian(NamedTuple):
@@ -64,7 +73,9 @@ class Gaussian(NamedTuple):
     Rows are position and velocity of the IMU, four feet, all in world axes, and the bias of the
     accelerometer, in base axes. `lever` (3,) is from the base's origin to the IMU and `whirl` (3,)
     what that moves by, of turning, world axes; `belief` (4,) says how far each foot was believed,
-    `level` (1,) how high the ground is that the robot is on [m], above that at the start.
+    `level` (1,) how high the ground is that the robot is on [m], above that at the start, and
+    `strayed` (1,) for how long its feet have stood far off that, and `calm` (1,) since when it has
+    not been thrown [s].
     Until it `is_placed` the first row is of the base: it is not known yet where the IMU is.
     """
 
@@ -74,6 +85,8 @@ class Gaussian(NamedTuple):
     whirl: np.ndarray
     belief: np.ndarray
     level: np.ndarray
+    strayed: np.ndarray
+    calm: np.ndarray
     is_placed: np.ndarray
 
 
@@ -82,11 +95,13 @@ class SensorModel(NamedTuple):
     Where the IMU is and how round the feet are [m], and the noises' standard deviations.
 
     Those are of acceleration, of its bias' walk, of a standing foot, of foot position by joint
-    angles and of velocity by a leg; `slip` is what velocity a foot is doubted at [m/s]. Feet less
-    than `level_band` [m] off the ground's level are drawn to it in `level_time` [s] while that is
-    not as steep as `level_slope`, and those less than `step_band` off where feet stood before them
-    to that in `step_time`, from `step_speed` [m/s] on and the less the farther their middle is
-    from the base's, up to `middle` [m].
+    angles and of velocity by a leg; `slip` is what velocity a foot is doubted at [m/s]. Feet are
+    drawn to the ground's level in `level_time` [s], but those more than `level_band` [m] off it
+    that may have landed elsewhere; the level rises where the ground is as steep as `level_slope`,
+    and stays while the trunk rolls or pitches faster than `level_rate` [rad/s]. Feet less than
+    `step_band` off where feet stood before them are drawn to that in `step_time`, from
+    `step_speed` [m/s] on and the less the farther their middle is from the base's, up to `middle`
+    [m].
     """
 
     imu_offset: np.ndarray
@@ -100,6 +115,7 @@ class SensorModel(NamedTuple):
     level_band: float
     level_time: float
     level_slope: float
+    level_rate: float
     step_band: float
     step_time: float
     step_speed: float
@@ -128,7 +144,7 @@ class KalmanEstimator:
     ) -> None:
         self._radius = foot_radius
         self._imu_offset = imu_offset
-        blank = Gaussian(*(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4, 1, 1)))
+        blank = Gaussian(*(np.zeros(shape) for shape in ((7, 3), (7, 7), 3, 3, 4, 1, 1, 1, 1)))
         blank = blank._replace(is_placed=np.zeros(1, dtype=bool))
         self._flat = flatten(blank)
         self._estimate: Gaussian = view_of(self._flat, blank)
@@ -151,6 +167,7 @@ class KalmanEstimator:
                 params.level_band,
                 params.level_time,
                 params.level_slope,
+                params.level_rate,
                 params.step_band,
                 params.step_time,
                 params.step_speed,
@@ -158,20 +175,21 @@ class KalmanEstimator:
             )
         )
 
-    def reset(self, position: np.ndarray, feet: np.ndarray) -> None:
-        """Start at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]."""
+    def reset(self, position: np.ndarray, feet: np.ndarray, level: float = 0.0) -> None:
+        """Start at rest at `position` (3,), feet (4, 3) on ground at a `level`, world [m]."""
         estimate, bias = self._estimate, self._params.bias**2
         estimate.x[:] = np.vstack((position, np.zeros(3), feet, np.zeros(3)))
         estimate.P[:] = np.diag((1e-6, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4, bias))
         estimate.lever[:], estimate.whirl[:], estimate.belief[:] = 0.0, 0.0, 1.0
-        estimate.level[:], estimate.is_placed[:] = 0.0, False
+        estimate.level[:], estimate.strayed[:], estimate.calm[:] = level, 0.0, _HELD
+        estimate.is_placed[:] = False
 
     def hold(self, position: np.ndarray, feet: np.ndarray) -> None:
         """Be at rest at `position` (3,) with foot centres `feet` (4, 3), world [m]; no surer."""
         x = self._estimate.x
         x[0], x[1], x[2:6] = position, 0.0, feet
         self._estimate.lever[:], self._estimate.whirl[:] = 0.0, 0.0
-        self._estimate.is_placed[:] = False
+        self._estimate.strayed[:], self._estimate.is_placed[:] = 0.0, False
 
     @property
     def position(self) -> np.ndarray:
@@ -192,6 +210,11 @@ class KalmanEstimator:
     def acceleration_bias(self) -> np.ndarray:
         """What the accelerometer reads too much, base axes (3,) [m/s^2]."""
         return np.asarray(self._estimate.x[6])
+
+    @property
+    def level(self) -> float:
+        """Height of the ground that it is on, above that at the start [m]."""
+        return float(self._estimate.level[0])
 
     @property
     def belief(self) -> np.ndarray:
@@ -221,7 +244,9 @@ class KalmanEstimator:
 
 
 @jit
-def _anchor(estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: float) -> None:
+def _anchor(
+    estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: float, is_thrown: bool
+) -> None:
     """
     Draw feet that stand on even ground to its level, and to where others stood before them.
 
@@ -240,14 +265,19 @@ def _anchor(estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: floa
         off += trust[i] * (above - height_at(plane, feet[i, 0], feet[i, 1]))
         ahead += trust[i] * (feet[i, 0] - estimate.x[0, 0] + estimate.lever[0])
         left += trust[i] * (feet[i, 1] - estimate.x[0, 1] + estimate.lever[1])
-    if total < 1.0:
+    estimate.calm[0] = 0.0 if is_thrown else estimate.calm[0] + dt
+    even = _raise_level(estimate, footing, sensors, dt)
+    if is_thrown or total < 1e-9:
         return
-    height, off = height / total, off / total
-    shift = _level(estimate, footing, height, sensors, dt)
+    height, off, ahead, left = height / total, off / total, ahead / total, left / total
+    if footing.is_walking:  # on a slope the level is that below the base
+        height -= plane.gradient[0] * ahead + plane.gradient[1] * left
+    speed, known = math.hypot(estimate.x[1, 0], estimate.x[1, 1]), min(total, 1.0) * dt
+    off_level = _level(estimate, footing, (height, even, speed), sensors, known)
+    shift = -known / (sensors.level_time * (1.0 + footing.roughness)) * off_level
     if footing.is_walking and abs(off) < sensors.step_band:
-        aside = math.hypot(ahead, left) / (total * sensors.middle)
-        speed = math.hypot(estimate.x[1, 0], estimate.x[1, 1]) / sensors.step_speed
-        draw = max(1.0 - aside, 0.0) * min(speed * speed, 1.0)
+        aside = math.hypot(ahead, left) / sensors.middle
+        draw = max(1.0 - aside, 0.0) * min(speed / sensors.step_speed, 1.0) ** 2
         shift -= dt / sensors.step_time * draw * off
     estimate.x[0, 2] += shift
     for i in range(4):
@@ -255,30 +285,55 @@ def _anchor(estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: floa
 
 
 @jit
+def _raise_level(estimate: Gaussian, footing: Footing, sensors: SensorModel, dt: float) -> float:
+    """
+    Raise the level as the ground does on the way; return how even that is, from 0 to 1.
+
+    Drift moves all feet alike, so that it does not show in the slope between them.
+    """
+    if not footing.is_walking or estimate.calm[0] < _HELD:
+        return 1.0
+    plane, velocity = footing.plane[0], estimate.x[1]
+    slope = math.hypot(plane.gradient[0], plane.gradient[1]) / sensors.level_slope
+    even = max(1.0 - slope * slope, 0.0)
+    _, gx, gy = fit_plane(plane.points, _STEEPEST)
+    estimate.level[0] += dt * (1.0 - even) * (gx * velocity[0] + gy * velocity[1])
+    return even
+
+
+@jit
 def _level(
-    estimate: Gaussian, footing: Footing, height: float, sensors: SensorModel, dt: float
+    estimate: Gaussian,
+    footing: Footing,
+    ground: tuple[float, float, float],
+    sensors: SensorModel,
+    dt: float,
 ) -> float:
     """
-    Follow the ground's level under feet at a `height` [m]; return how far these are to be drawn.
+    Follow the ground's level; return how far above it the feet are that are drawn to it [m].
 
-    The level follows slopes by their gradient, which drift does not show in, and the feet where it
-    is steep or they stand far off: there the ground has really changed. On even ground near the
-    start's it goes back to that.
+    `ground` tells the height that the feet say [m], how even it is, from 0 to 1, and how fast the
+    robot crosses it [m/s]. The slope between the feet has told what it rises by; where it is rough
+    the level creeps toward the feet besides. A robot that walks comes onto other ground by no
+    other way: if its feet are far off, it was thrown. One that jumps or stands may be on other
+    ground: its level is that of the feet once they have stood there for a while.
     """
-    gradient, velocity, level = footing.plane[0].gradient, estimate.x[1], estimate.level[0]
-    even = 1.0
-    if footing.is_walking:
-        slope = math.hypot(gradient[0], gradient[1]) / sensors.level_slope
-        even = max(1.0 - slope * slope, 0.0)
-        level += dt * (1.0 - even) * (gradient[0] * velocity[0] + gradient[1] * velocity[1])
-        follow = dt / sensors.level_time * min(max(slope - 1.0, 0.0), 1.0)
-        level += min(follow, 1.0) * (height - level)
-    if abs(height - level) > sensors.level_band:
-        level = height
+    height, even, speed = ground
+    level, off = estimate.level[0], height - estimate.level[0]
+    if footing.may_land and abs(off) > sensors.level_band:
+        estimate.strayed[0] += dt
+        if estimate.strayed[0] > _STAY:
+            estimate.level[0] = height
+        return 0.0
+    estimate.strayed[0] = 0.0
+    if estimate.calm[0] < _HELD:
+        return float(off)
+    most = footing.roughness * _CREEP * speed * dt
+    level += min(max(off, -most), most)
     if abs(level) < _START:
-        level -= dt / _RETURN * even * level
+        level -= dt / _RETURN * even * (1.0 - footing.roughness) * level
     estimate.level[0] = level
-    return float(dt / sensors.level_time * even * (level - height))
+    return float(height - level)
 
 
 @jit
@@ -340,7 +395,8 @@ def _filter_step(
             noise = sensors.velocity * sensors.velocity / belief[i]
             _scalar_update(estimate, h, velocity[i], noise)
     put(x[6], rotate_back(R, x[6]))
-    _anchor(estimate, footing, sensors, dt)
+    is_thrown = R[2, 2] < _UPRIGHT or math.hypot(imu.omega[0], imu.omega[1]) > sensors.level_rate
+    _anchor(estimate, footing, sensors, dt, is_thrown)
 
 
 @jit

@@ -40,6 +40,9 @@ _NOSE = 0.08
 _SETTLED = 0.15
 # So long a foot that is to stand is waited for before it is led on down [s].
 _PATIENCE = 0.03
+# Share of a stance in which a foot that has landed settles: it sinks into the ground and rises
+# again, up and down at 0.1 m/s, and is believed with the fourth power of the share that is over.
+_SETTLING = 0.6
 
 
 class StepRule(NamedTuple):
@@ -173,7 +176,7 @@ class StanceRule(NamedTuple):
     When a foot stands, and how surely.
 
     One that touches from the phase `late` of its swing on does; feet are balls of `radius` [m].
-    Trust grows from the force `off` to `on` [N], and near the ends of a stance by share `window`.
+    Trust grows from the force `off` to `on` [N], as a foot settles, and ends in a share `window`.
     """
 
     late: float
@@ -253,7 +256,7 @@ def step_feet(
     find_landing(rules.foothold, robot, own.plane, (steps, wanted, firmness), legs.landing)
     paths = FootPaths(aims.lift_off, legs.landing, rise, firmness, aims.hips, aims.room)
     lead(robot, paths, steps, (rules.gains, legs.sought), aims.targets)
-    _find_trust(robot, feet, schedule.phase, stance, is_stepping)
+    _find_trust(robot, feet, (schedule.phase, schedule.pace), stance, is_stepping)
     return is_new
 
 
@@ -296,13 +299,20 @@ def _feel_stance(
 
 @jit
 def _find_trust(
-    robot: np.ndarray, feet: np.ndarray, phase: np.ndarray, rule: StanceRule, is_stepping: bool
+    robot: np.ndarray,
+    feet: np.ndarray,
+    steps: tuple[np.ndarray, float],
+    rule: StanceRule,
+    is_stepping: bool,
 ) -> None:
     """Write how surely each foot stands: by schedule, phase and felt force."""
-    legs = feet[0]
+    legs, (phase, pace) = feet[0], steps
+    slow = 1.0 - pace
+    settling = slow * _SETTLING + pace * rule.window
     for i in range(4):
         felt = (robot[0].normal_forces[i] - rule.off) / (rule.on - rule.off)
         legs.trust[i] = min(max(felt, 0.0), 1.0) if legs.is_stance[i] else 0.0
         if is_stepping:
-            edge = min(phase[i], 1.0 - phase[i]) / rule.window
-            legs.trust[i] *= 0.5 if legs.is_early[i] else min(edge, 1.0)
+            settled, left = min(phase[i] / settling, 1.0), (1.0 - phase[i]) / rule.window
+            edge = min(settled ** (1.0 + 3.0 * slow), left)
+            legs.trust[i] *= 0.5 * pace if legs.is_early[i] else edge
