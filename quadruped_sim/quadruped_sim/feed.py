@@ -2,6 +2,7 @@
 """How often readings come, and whether that is enough to walk."""
 
 from collections import deque
+from itertools import islice
 
 # So many intervals are looked at: a tenth of a second at the usual rate.
 INTERVALS = 50
@@ -9,6 +10,9 @@ INTERVALS = 50
 FEWEST = 10
 # A longer interval counts as one of this length [s]: one gap alone makes no slow stream.
 LONGEST = 0.02
+# What comes slowly does so now: most of so many last intervals are too long. Gaps, as a busy
+# machine or a process that was stopped leaves them, make no slow stream.
+LAST = 7
 # A stream of less than this share of the rate that is wanted is too slow.
 ENOUGH = 0.8
 
@@ -52,4 +56,7 @@ class Feed:
     def is_slow(self) -> bool:
         """Whether it is known to come too slowly."""
         count = len(self._intervals)
-        return count >= FEWEST and count < ENOUGH * self.wanted * self._cut
+        if count < FEWEST or count >= ENOUGH * self.wanted * self._cut:
+            return False
+        last = sorted(islice(reversed(self._intervals), LAST))
+        return last[LAST // 2] > 1.0 / (ENOUGH * self.wanted)

@@ -60,9 +60,11 @@ from quadruped_sim.robot_state import LegOdometry
 MAXIMUM_STEP = 0.02
 # After so long without a reading the motors have braked and the robot has sunk [s].
 LONGEST_GAP = 0.3
-# Who moves is stopped at once when readings come too slowly. Who rests is told after so long [s]:
+# Who rests is told so long after readings have become slow [s]:
 # a simulator waits for nobody until it is first answered, and states may be lost till then.
 SLOW_AT_REST = 1.0
+# One that moves is stopped after this [s]: what a busy machine loses for a moment does no harm.
+SLOW_IN_MOTION = 0.05
 KIND = NodeKind(leg_controller.name, 'leg controller')
 
 
@@ -323,7 +325,9 @@ class LegControllerNode(Node):
         if legs.hindrance and not slow:
             legs.hindrance = ''
             self.get_logger().info('readings come often enough again: it may move')
-        elif slow and not legs.hindrance and (self._slow_for > SLOW_AT_REST or not legs.rests):
+            return
+        patience = SLOW_AT_REST if legs.rests else SLOW_IN_MOTION
+        if not legs.hindrance and self._slow_for > patience:
             topic, wanted = slow[0], self.settings.update_rate
             legs.hindrance = (
                 f'{topic} comes at {self._feeds[topic].rate:.0f} Hz, wanted {wanted:g} '

@@ -19,6 +19,7 @@ import pytest
 from rclpy.node import Node
 import starting
 from std_msgs.msg import String
+from wasd_core.topics import LATCHED
 
 ROOT = Path(__file__).resolve().parents[2]
 SECTION = (ROOT / 'docs/graph.md').read_text().split('## Node by node\n')[1].split('\n## ')[0]
@@ -47,7 +48,7 @@ class Watcher(Node):
     def __init__(self) -> None:
         super().__init__('watcher', start_parameter_services=False)
         self.state, self.place, self.tilt, self.has_truth = '', None, 0.0, False
-        self.create_subscription(String, 'state', self._on_state, 10)
+        self.create_subscription(String, 'state', self._on_state, LATCHED)
         self.create_subscription(Odometry, 'odom', self._on_odometry, 10)
         self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, 10)
 

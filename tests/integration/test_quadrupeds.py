@@ -26,6 +26,7 @@ def resize(tree: ElementTree.Element, length: float, mass: float) -> None:
         'mass': {'value': mass},
         'inertia': dict.fromkeys(('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'), mass * length**2),
         'limit': {'effort': mass * length, 'velocity': length**-0.5},
+        'dynamics': {'friction': mass * length, 'damping': mass * length**1.5},
     }
     for tag, attributes in powers.items():
         for element in tree.iter(tag):
@@ -52,7 +53,7 @@ def a1(folder: Path) -> str:
     return str(share_directory('example-robot-data') / 'robots/a1_description/urdf/a1.urdf')
 
 
-@pytest.fixture(scope='module', params=[(a1, 0.27, 0.34), (shrunk_go2, 0.2, 0.26)])
+@pytest.fixture(scope='module', params=[(a1, 0.27, 0.34), (shrunk_go2, 0.28 * SHRUNK[0], 0.26)])
 def walked(request: pytest.FixtureRequest, new_runner: Callable[[], Any]) -> dict[str, Any]:
     """Return the report of a walk ahead while turning, and how high the hips should be."""
     make, low, high = request.param

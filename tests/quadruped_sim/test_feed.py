@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stream of readings is slow by its mean interval, not by one gap."""
+"""A stream of readings is slow by its intervals, not by gaps among them."""
 
 import numpy as np
 import pytest
@@ -43,6 +43,13 @@ def test_one_gap_of_any_length_is_not_slow():
     last = fed(feed, 500.0, 1.0)
     feed.take(last + 1000.0)
     assert not feed.is_slow
+
+
+def test_gaps_between_readings_that_come_often_are_not_slow():
+    feed, last = Feed(500.0), 0.0
+    for _ in range(20):
+        last = fed(feed, 500.0, 0.02, last + 0.5)
+        assert not feed.is_slow
 
 
 def test_one_reading_in_twenty_may_be_lost_but_not_two_of_three():
