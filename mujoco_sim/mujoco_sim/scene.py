@@ -3,7 +3,9 @@
 
 from collections.abc import Callable
 import math
+import os
 from pathlib import Path
+import stat
 
 import mujoco
 import numpy as np
@@ -228,7 +230,13 @@ def lead_sun(spec: mujoco.MjSpec, body: str) -> None:
 
 def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
     path = Path(world)
-    if not path.is_file():
+    try:
+        is_file = stat.S_ISREG(os.stat(path).st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        is_file = False
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise SimulationError(f'--world {world}: {one_line(error)}') from None
+    if not is_file:
         raise SimulationError(
             f'--world {world}: no such file, and no world of that name; '
             f'worlds: {WORLD_NAMES}, or an MJCF or URDF file'

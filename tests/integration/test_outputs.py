@@ -95,10 +95,11 @@ def test_a_full_disk_costs_one_output_in_one_line(
 def test_all_that_fail_are_said_a_line_each(run: Callable[..., Any]) -> None:
     done = run(dict.fromkeys(NAMES, '/dev/full'))
     assert done.returncode == 2
-    assert sorted(done.stderr.splitlines()) == [
-        f'error: {option} /dev/full: No space left on device'
-        for option in ('--record', '--report')
-    ]
+    lines = [f'error: {option} /dev/full: No space left on device' for option in EVERY]
+    said = done.stderr.splitlines()
+    # A recording that breaks off ends the run, maybe before there is a key to save.
+    assert set(lines[:2]) <= set(said) <= set(lines)
+    assert len(said) == len(set(said))
     assert stat.S_ISCHR(os.stat('/dev/full').st_mode)
 
 

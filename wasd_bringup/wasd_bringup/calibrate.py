@@ -34,6 +34,7 @@ import yaml
 
 from wasd_bringup.inputs import TWIST_RATE
 from wasd_bringup.options import keep_alone
+from wasd_bringup.options import read_folders
 from wasd_bringup.options import RunOptions
 from wasd_bringup.robots import MBOT
 from wasd_bringup.session import Session
@@ -325,12 +326,9 @@ def _read_test(arguments: argparse.Namespace) -> SquareTest:
     ):
         if not least <= value <= most:
             raise UserError(f'{option}: got {value:g}, wanted {least:g} to {most:g}')
-    for folder in arguments.package_path:
-        if not Path(folder).is_dir():
-            raise UserError(f'--package-path {folder}: no such folder')
     return SquareTest(
         description=arguments.description,
-        package_path=tuple(Path(folder).resolve() for folder in arguments.package_path),
+        package_path=read_folders(arguments.package_path),
         side=arguments.side,
         runs=arguments.runs,
         seed=arguments.seed,

@@ -4,6 +4,7 @@
 import argparse
 from collections.abc import Sequence
 import importlib.util
+import os
 from pathlib import Path
 import signal
 import subprocess
@@ -17,6 +18,7 @@ from teleop_keyboard.terminal import tolerate_any_text
 from wasd_core.command_line import OneLineParser
 from wasd_core.errors import Stopped
 from wasd_core.errors import UserError
+from wasd_core.network import check_middleware
 from wasd_core.shared_memory import look_before_ros
 from wasd_core.streams import lost_output
 from wasd_core.streams import OutputLost
@@ -156,6 +158,7 @@ def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     """Do what was asked for: only now is loaded what that needs, so that --help comes at once."""
     if arguments.command == 'keys':
         return print_keys(arguments)
+    check_middleware(os.environ)
     look_before_ros()
     if arguments.command == 'demo':
         from robot_description.mujoco import choose_renderer

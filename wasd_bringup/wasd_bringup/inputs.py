@@ -161,19 +161,24 @@ def push_text(push: ScriptedPush) -> str:
     return ' '.join(map(repr, (push.time, *push.force, push.duration, *(push.point or ()))))
 
 
+# No number of a goal is larger [m], [rad].
+FARTHEST = 1e6
+
+
 def parse_goal(text: str) -> Goal:
     """
     Return the goal of a `--goal "X Y [YAW]"` [m], [rad]; without a yaw it is NaN.
 
     Raises:
-        UserError: it is not two or three finite numbers.
+        UserError: it is not two or three numbers of at most FARTHEST.
     """
     try:
         numbers = [float(word) for word in text.split()]
-        if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        if len(numbers) not in (2, 3) or not all(abs(number) <= FARTHEST for number in numbers):
             raise ValueError
     except ValueError:
-        raise UserError(f"--goal: got {text!r}, wanted 'X Y' or 'X Y YAW' [m, rad]") from None
+        wanted = f"'X Y' or 'X Y YAW' [m, rad], each within {FARTHEST:g}"
+        raise UserError(f'--goal: got {text!r}, wanted {wanted}') from None
     x, y, yaw = numbers if len(numbers) == 3 else (*numbers, math.nan)
     return x, y, yaw
 

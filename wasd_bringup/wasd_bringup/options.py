@@ -10,6 +10,7 @@ import functools
 import math
 import os
 from pathlib import Path
+import stat
 from typing import TYPE_CHECKING
 
 from mujoco_sim.parameters import Payload
@@ -48,6 +49,8 @@ NAMESPACED = (('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static'))
 MOST_SEED = 2**63 - 1
 # Values of --discovery; rcl knows them in capitals.
 RANGES = ('off', 'localhost', 'subnet')
+# So long a run may be asked for [s]: thirty years.
+LONGEST_RUN = 1e9
 # A scripted run without --duration goes on for so long after its last line [s].
 AFTERGLOW = 2.0
 
@@ -203,6 +206,8 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
     duration = math.inf
     if arguments.duration is not None:
         duration = read_number(arguments.duration, '--duration')
+        if duration > LONGEST_RUN:
+            raise UserError(f'--duration: got {duration:g}, wanted at most {LONGEST_RUN:g} s')
     elif keys is not None or twists is not None:
         times = [press.time for press in keys or ()] + [twist.time for twist in twists or ()]
         duration = AFTERGLOW + max(times, default=0.0)
@@ -210,7 +215,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
     _check_navigation(arguments)
     return RunOptions(
         **{name: getattr(arguments, name) for name in AS_GIVEN},
-        package_path=_folders(arguments.package_path),
+        package_path=read_folders(arguments.package_path),
         xacro_arguments=dict(_assignment(text) for text in arguments.xacro_arg),
         opens_page=not arguments.no_open,
         keys=keys,
@@ -274,10 +279,19 @@ def _read(path: str, option: str) -> str:
 
 
 def _file(path: str | None, option: str) -> Path | None:
-    if path is not None and not Path(path).is_file():
-        is_there = Path(path).exists()
-        raise UserError(f'{option} {path}: {"is no file" if is_there else "no such file"}')
+    if path is not None and not stat.S_ISREG(_mode(path, option, 'file')):
+        raise UserError(f'{option} {path}: is no file')
     return None if path is None else Path(path)
+
+
+def _mode(path: str, option: str, kind: str) -> int:
+    """Return what a path leads to, and its permissions, as stat does."""
+    try:
+        return os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        raise UserError(f'{option} {path}: no such {kind}') from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise UserError(f'{option} {path}: {one_line(error)}') from None
 
 
 def read_number(text: str, option: str) -> float:
@@ -308,9 +322,15 @@ def _untold(arguments: argparse.Namespace) -> Untold:
         raise UserError(f'--{error}') from None
 
 
-def _folders(paths: Sequence[str]) -> tuple[Path, ...]:
+def read_folders(paths: Sequence[str]) -> tuple[Path, ...]:
+    """
+    Return the folders of --package-path.
+
+    Raises:
+        UserError: one is none.
+    """
     for path in paths:
-        if not Path(path).is_dir():
+        if not stat.S_ISDIR(_mode(path, '--package-path', 'folder')):
             raise UserError(f'--package-path {path}: no such folder')
     return tuple(Path(path).resolve() for path in paths)
 
@@ -343,7 +363,7 @@ def _outputs(arguments: argparse.Namespace) -> dict[str, OutputFile | None]:
     inputs = []
     for name in ('play', 'twist', 'controller', 'description', 'preset', 'world', 'map'):
         path = getattr(arguments, name, None)
-        if path is not None and Path(path).exists():
+        if path is not None and os.path.exists(path):
             inputs.append((f'--{name}', path))
     check_apart([output for output in (*outputs.values(), *maps) if output is not None], inputs)
     return outputs

@@ -6,12 +6,14 @@ from collections.abc import Iterator, Sequence
 import dataclasses
 from dataclasses import dataclass
 from importlib import import_module
+import os
 import shutil
 import sys
 import textwrap
 from typing import Any, NoReturn
 
 from wasd_core.errors import UserError
+from wasd_core.network import check_middleware
 from wasd_core.parameters import as_given
 from wasd_core.parameters import describe_range
 from wasd_core.parameters import known_parameters
@@ -68,6 +70,7 @@ class Executable:
         words = list(sys.argv[1:] if words is None else words)
         try:
             self.read(words)
+            check_middleware(os.environ)
             look_before_ros()
         except UserError as error:
             print(f'error: {error}', file=sys.stderr)

@@ -14,9 +14,15 @@ import os
 from pathlib import Path
 import re
 import socket
+import sys
 from typing import NamedTuple, Self
 
+from wasd_core.errors import UserError
+
 FAST_DDS = 'rmw_fastrtps'
+MIDDLEWARE = 'RMW_IMPLEMENTATION'
+# Where ament registers each, in a prefix.
+MIDDLEWARES = 'share/ament_index/resource_index/rmw_typesupport_cpp'
 # Fast DDS with every socket on 127.0.0.1. ROS' own LOCALHOST only stops the search: its sockets
 # are open to any host that names this one.
 PROFILE = Path(__file__).with_name('profiles') / 'this_machine.xml'
@@ -35,6 +41,23 @@ SAYS_HOW = (PROFILES_FILE, 'ROS_STATIC_PEERS', 'ROS_DISCOVERY_SERVER')
 # Set to 1, Fast DDS does not read DEFAULT_FASTRTPS_PROFILES.xml in the current folder, by which a
 # stranger could have it listen to any host, or write its log over any file.
 SKIP_FOLDERS_PROFILES = 'SKIP_DEFAULT_XML_FILE'
+
+
+def check_middleware(environment: MutableMapping[str, str]) -> None:
+    """
+    Refuse an RMW that is not installed: with it ROS ends the process as soon as it is loaded.
+
+    Raises:
+        UserError: what it is, and what there is.
+    """
+    wanted = environment.get(MIDDLEWARE)
+    prefixes = [sys.prefix, *environment.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
+    folders = [Path(prefix) / MIDDLEWARES for prefix in filter(None, prefixes)]
+    known = {path.name for folder in folders if folder.is_dir() for path in folder.iterdir()}
+    known.discard('rmw_implementation')  # it stands for any
+    if wanted and known and wanted not in known:
+        there = ', '.join(sorted(known))
+        raise UserError(f'{MIDDLEWARE}: {wanted!r} is not installed (there: {there})')
 
 
 def is_sourced(environment: MutableMapping[str, str]) -> bool:
@@ -77,13 +100,21 @@ def do_without_shared_memory(environment: MutableMapping[str, str]) -> None:
 
 
 def domain_of(environment: MutableMapping[str, str]) -> int:
-    """Return the domain that an environment names; 0 where it names none, or what is none."""
-    said = environment.get(DOMAIN, '')
-    return int(said) if said.isdecimal() else 0
+    """
+    Return the domain that an environment names; 0 where it names none.
+
+    Raises:
+        UserError: it names what is none.
+    """
+    said = environment.get(DOMAIN) or '0'
+    if not re.fullmatch(r'\d{1,3}', said, re.ASCII) or int(said) > LAST_DOMAIN:
+        raise UserError(f'{DOMAIN}: got {said[:SHOWN_LENGTH]!r}, wanted 0 to {LAST_DOMAIN}')
+    return int(said)
 
 
 # Higher ones have ports among those that any program may be given.
 DOMAINS = range(102)
+LAST_DOMAIN = 232  # for which RTPS has ports
 DOMAIN = 'ROS_DOMAIN_ID'
 SOCKETS = Path('/proc/net/unix')
 PROCESSES = Path('/proc')
@@ -164,15 +195,14 @@ def claim_domain(
     0, or one of the user's own that another run is in, too. `talk` is a command that would reach
     this run.
     """
-    wanted = environment.get(DOMAIN)
-    if wanted:
-        if not wanted.isdecimal():
-            return None, ''  # ROS says what is wrong with it
-        place = claim(int(wanted), namespaces)
+    if environment.get(DOMAIN):
+        named = environment[DOMAIN]
+        wanted = int(named) if named.isdecimal() else domain_of(environment)  # which refuses it
+        place = claim(wanted, namespaces)
         if place is not None:
             return place, ''
         return None, (
-            f'domain {int(wanted)} has {_other_run(int(wanted))}, too: each may take keys and '
+            f'domain {wanted} has {_other_run(wanted)}, too: each may take keys and '
             'commands that are for the other'
         )
     for domain in DOMAINS:

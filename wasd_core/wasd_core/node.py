@@ -90,6 +90,7 @@ def init_ros(
     Raises:
         UserError: arguments after --ros-args that are none, in one line.
     """
+    domain_of(os.environ)  # ROS itself says it in words of its own
     middleware = rclpy.get_rmw_implementation_identifier()
     if is_local or not is_sourced(os.environ):
         keep_to_this_machine(os.environ, middleware)
@@ -99,7 +100,7 @@ def init_ros(
     os.environ[SKIP_FOLDERS_PROFILES] = '1'
     remove_segments_of_the_dead()
     if middleware.startswith(FAST_DDS):
-        _look_at_shared_memory()
+        _look_at_shared_memory(domain_of(os.environ))
     # The error says it all: no log line on top of it.
     rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.FATAL)
     try:
@@ -112,8 +113,8 @@ def init_ros(
         rclpy.logging.set_logger_level('rcl', rclpy.logging.LoggingSeverity.UNSET)
 
 
-def _look_at_shared_memory() -> None:
-    reason = why_no_shared_memory(domain_of(os.environ))
+def _look_at_shared_memory(domain: int) -> None:
+    reason = why_no_shared_memory(domain)
     if reason:
         do_without_shared_memory(os.environ)
         words = f'wasd: over UDP, as shared memory is not to be used: {reason}'

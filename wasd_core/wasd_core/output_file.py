@@ -43,11 +43,13 @@ class OutputFile:
     def __init__(self, path: str | Path, option: str) -> None:
         self.path = Path(path)
         self.option = option
-        self._target = os.path.realpath(path)
         self._file: int | None = None
         try:
+            self._target = os.path.realpath(path)
             self.is_regular = self._check(os.fspath(path))
-        except OSError as error:
+        except OutputError:
+            raise
+        except (OSError, ValueError) as error:  # ValueError: a NUL in the name
             raise self._error(error) from None
 
     def __str__(self) -> str:
@@ -208,7 +210,7 @@ class OutputFile:
         except OSError as error:
             raise self._error(error) from None
 
-    def _error(self, error: OSError) -> OutputError:
+    def _error(self, error: Exception) -> OutputError:
         return OutputError(f'{self._name}: {one_line(error)}')
 
     @property
@@ -222,8 +224,8 @@ def identity(path: str | Path) -> tuple[int, int, str] | None:
 
     None for a character device: a terminal or /dev/null takes what comes from anywhere.
     """
-    target = os.path.realpath(path)
     try:
+        target = os.path.realpath(path)
         try:
             status, name = os.stat(path), ''
         except FileNotFoundError:

@@ -14,6 +14,7 @@ from wasd_core.errors import one_line
 from wasd_core.parameters import InvalidParameter
 from wasd_core.parameters import known_parameters
 from wasd_core.parameters import Parameters
+from wasd_core.safe_files import read_beginning
 from wasd_core.safe_files import read_file
 
 ParametersType = TypeVar('ParametersType', bound=Parameters)
@@ -259,10 +260,9 @@ def read_text(path: Path, encoding: str = 'utf-8') -> str:
     Return the text of a file, of an endless one a beginning that `compose_yaml` finds too long.
 
     Raises:
-        OSError, UnicodeDecodeError: it cannot be read, or is no text.
+        OSError, UnicodeDecodeError: it cannot be read, a pipe without a writer, or is no text.
     """
-    with path.open('rb') as file:
-        return file.read(4 * LARGEST_YAML + 4).decode(encoding)
+    return read_beginning(path, 4 * LARGEST_YAML + 4).decode(encoding)
 
 
 def compose_yaml(text: str, expands: bool = True) -> yaml.Node | None:

@@ -5,6 +5,7 @@ import errno
 import os
 from pathlib import Path
 import stat
+import time
 from typing import Any, NamedTuple
 from xml.dom import expatbuilder
 from xml.dom import minidom
@@ -83,6 +84,8 @@ LARGEST_FILE = 4_000_000
 MOST_ELEMENTS = 30_000
 # Python's own recursion limit lets no more levels through xacro.
 DEEPEST_XML = 60
+# So long we wait for a pipe's writer, and so often we look [s].
+PATIENCE, POLL_PERIOD = 5.0, 0.01
 NO_NAMESPACE = xml.parsers.expat.errors.XML_ERROR_UNBOUND_PREFIX
 
 
@@ -114,6 +117,34 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
         raise DescriptionError(
             f'{path}: {size / 1e6:.1f} MB is too much, at most {largest / 1e6:.1f} MB are read'
         )
+    return data
+
+
+def read_beginning(path: Path, most: int) -> bytes:
+    """
+    Return at most so many bytes of a file, device or pipe, whose writer may come a little later.
+
+    Raises:
+        OSError: it cannot be read, or nothing comes for PATIENCE.
+        ValueError: a NUL in the name.
+    """
+    data, deadline = b'', time.monotonic() + PATIENCE
+    flags = os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
+    with open(os.open(path, flags), 'rb') as file:
+        is_pipe = stat.S_ISFIFO(os.fstat(file.fileno()).st_mode)
+        while len(data) < most:
+            try:
+                piece = os.read(file.fileno(), most - len(data))
+            except BlockingIOError:
+                piece = None  # more is to come
+            if piece:
+                data, deadline = data + piece, time.monotonic() + PATIENCE
+            elif piece == b'' and (data or not is_pipe):
+                break
+            elif time.monotonic() > deadline:
+                raise OSError(errno.EAGAIN, f'nothing comes for {PATIENCE:g} s')
+            else:
+                time.sleep(POLL_PERIOD)
     return data
 
 

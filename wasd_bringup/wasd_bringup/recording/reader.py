@@ -4,6 +4,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict
 import json
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -174,7 +175,7 @@ def recorded_ros_arguments(run: Mapping[str, str]) -> list[str]:
 
 
 def _absolute(name_or_path: str) -> str:
-    return str(Path(name_or_path).resolve()) if Path(name_or_path).is_file() else name_or_path
+    return str(Path(name_or_path).resolve()) if os.path.isfile(name_or_path) else name_or_path
 
 
 KEYS = 'keys'

@@ -16,6 +16,7 @@ from PIL import Image
 from PIL import UnidentifiedImageError
 from wasd_core.errors import one_line
 from wasd_core.errors import UserError
+from wasd_core.output_file import OutputError
 from wasd_core.output_file import OutputFile
 from wasd_core.safe_files import read_file
 import yaml
@@ -47,6 +48,8 @@ def map_outputs(path: Path, option: str = '') -> tuple[OutputFile, OutputFile]:
     Raises:
         OutputError: one of them cannot be written; names the `option` that asks for it.
     """
+    if not path.name:
+        raise OutputError(f'{option} {path}: wanted a name'.strip())
     base = path.with_suffix('') if path.suffix in ('.yaml', '.yml', '.pgm') else path
     text, picture = (
         OutputFile(base.with_name(base.name + ending), option) for ending in ('.yaml', '.pgm')

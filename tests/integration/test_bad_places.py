@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An option that is given what it cannot use says so in one line, whatever that is."""
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import pytest
+from wasd_bringup.cli import main
+
+RUN = ('--duration', '0.1', '--speed', '0', '--viewer', 'none')
+PATHS = ('--description', '--world', '--map', '--controller', '--preset', '--package-path')
+SCRIPTS = ('--play', '--twist')
+NUMBERS = (
+    '--duration',
+    '--speed',
+    '--seed',
+    '--payload',
+    '--friction',
+    '--goal',
+    '--push',
+    '--box',
+)
+OTHER_USER = 1234
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> dict[str, str]:
+    """What a path may lead to that nobody meant."""
+    (tmp_path / 'folder').mkdir()
+    (tmp_path / 'empty').touch()
+    os.mkfifo(tmp_path / 'pipe')
+    found = {name: str(tmp_path / name) for name in ('folder', 'empty', 'pipe', 'nothing')}
+    return {**found, 'device': '/dev/zero', 'below a file': str(tmp_path / 'empty' / 'x')}
+
+
+def assert_one_line(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert len(said.splitlines()) == 1, said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('place', ['folder', 'empty', 'pipe', 'nothing', 'device', 'below a file'])
+@pytest.mark.parametrize('option', PATHS)
+def test_a_path_that_leads_elsewhere(option, place, places, capsys):
+    if option == '--package-path' and place == 'folder':
+        pytest.skip('a folder is what it wants')
+    assert_one_line(capsys, ['mbot', *RUN, option, places[place]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('place', ['folder', 'nothing', 'below a file'])
+@pytest.mark.parametrize('option', SCRIPTS)
+def test_a_script_that_is_none(option, place, places, capsys):
+    assert_one_line(capsys, ['mbot', *RUN, option, places[place]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('value', ['nan', '-inf', '1e308 1e308', 'x', '-1e308'])
+@pytest.mark.parametrize('option', NUMBERS)
+def test_a_number_that_is_none_or_huge(option, value, capsys):
+    assert_one_line(capsys, ['go2', *RUN, f'{option}={value}'])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('option', (*PATHS, *SCRIPTS, '--report', '--record', '--save-keys'))
+def test_a_folder_that_one_may_not_enter(option, tmp_path):
+    forbidden = tmp_path / 'forbidden'
+    forbidden.mkdir(mode=0o000)
+    words = [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', *RUN, option, str(forbidden / 'x')]
+    if os.geteuid() == 0:
+        if shutil.which('setpriv') is None:
+            pytest.skip('root may enter any folder')
+        os.chown(forbidden, OTHER_USER, OTHER_USER)
+        powers = '-dac_override,-dac_read_search'
+        words = ['setpriv', f'--bounding-set={powers}', f'--inh-caps={powers}', *words]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2, done.stderr
+    assert len(done.stderr.splitlines()) == 1, done.stderr
+    assert 'Permission denied' in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('name', 'value'),
+    [('ROS_DOMAIN_ID', '233'), ('ROS_DOMAIN_ID', 'x'), ('RMW_IMPLEMENTATION', 'rmw_none')],
+)
+def test_a_setting_of_ros_that_cannot_be(name, value, capsys, monkeypatch):
+    monkeypatch.setenv(name, value)
+    assert main(['mbot', *RUN]) == 2
+    said = capsys.readouterr().err
+    assert name in said
+    assert len(said.splitlines()) == 1, said
