@@ -16,17 +16,10 @@ from typing import Any
 import expansions
 import pytest
 
-pytest_plugins = ['small_expander', 'marking', 'hanging']
+pytest_plugins = ['hanging']
 
 # How long a message may take to arrive on a busy machine [s].
 PATIENCE = 40.0
-# The files that take longest, the longest first, by their names without `test_`: begun last, one
-# of them would keep one worker busy while the others have nothing left.
-LONGEST = (
-    *('panels', 'coming_and_going', 'walk_over_topics', 'any_robot', 'catalogue', 'every_signal'),
-    *('gaits', 'go2_runs', 'own_script', 'first_hour', 'graph_commands', 'who_may_talk'),
-    *('frozen_terminal', 'page_in_chromium', 'workspace', 'page_server', 'session_navigation'),
-)
 
 # Hundreds of processes start here, and each would compile the project anew.
 os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
@@ -67,12 +60,6 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 def pytest_collection() -> None:
     """Load all tests without looking for garbage, of which that makes next to none."""
     gc.disable()
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the files that take longest; the others stay in their order."""
-    ranks = {f'test_{name}': rank for rank, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: ranks.get(item.path.stem, len(ranks)))
 
 
 def pytest_collection_finish() -> None:

@@ -19,7 +19,7 @@ from typing import Any
 from unittest import mock
 
 from executables import SCRIPTS
-import starting
+import programs
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -168,11 +168,11 @@ class Started:
         files = [word for each in (*self.files, path) for word in ('--params-file', str(each))]
         return ['--ros-args', *files, *words]
 
-    def process(self, folder: Path, **options: Any) -> starting.Popen:
+    def process(self, folder: Path, **options: Any) -> Any:
         """Start it, by the module that its executable runs; `folder` is for its parameters."""
         module, _, name = SCRIPTS[self.executable].partition(':')
         program = getattr(importlib.import_module(module), name).module
-        return starting.Popen(
+        return programs.start(
             [sys.executable, '-m', program, *self.command_line(folder)], **options
         )
 

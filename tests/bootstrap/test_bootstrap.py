@@ -11,6 +11,8 @@ import subprocess
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 SHELLS = [shell for shell in ('sh', 'dash', 'bash', 'busybox') if shutil.which(shell)]
 OLD = 'sys.version_info = (3, 9, 2)\n'
 WITHOUT_VENV = "sys.modules['ensurepip'] = None\n"

@@ -11,6 +11,8 @@ import time
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 TOOLS = 'bash cat dirname env ls mkdir mktemp nice readlink rm sh sleep timeout'
 # `./wasd`: each command notes its process, and does what a file that is named after it says.

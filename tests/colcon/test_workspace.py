@@ -22,7 +22,7 @@ COMMANDS = {'describe': ('info', 'mbot')}  # no node: it ends by itself
 # Where the checkout has not compiled it, the leg controller takes a minute of a core.
 PATIENCE = 180.0
 
-pytestmark = pytest.mark.takes_up_to(4.0 * PATIENCE)
+pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(4.0 * PATIENCE)]
 
 WHERE = """
 import importlib, json, sys

@@ -11,6 +11,8 @@ import rclpy
 from rclpy.context import Context
 from rclpy.parameter import Parameter
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def publish(ros):

@@ -17,6 +17,8 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.node import init_ros
 
+pytestmark = pytest.mark.slow
+
 WHEELS = ['left_wheel_joint', 'right_wheel_joint']
 
 

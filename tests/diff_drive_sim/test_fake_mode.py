@@ -102,6 +102,7 @@ def alone(spawn, mbot, spin_until):
     return start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('parameters', [{'mode': 'fake'}, {'sim': True}])
 def test_alone_it_drives_publishes_and_stops_by_itself(alone, spawn, spin_until, parameters):
     node, peer = alone(cmd_vel_timeout=0.2, **parameters)
@@ -122,6 +123,7 @@ def test_alone_it_drives_publishes_and_stops_by_itself(alone, spawn, spin_until,
     assert node.count_publishers('joint_commands') == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(('names', 'expected'), [('both', URDF + ARBOTIX), ('arbotix', ARBOTIX)])
 def test_alone_it_may_have_the_names_of_arbotix(alone, names, expected):
     _, peer = alone(mode='fake', joint_names=names)

@@ -122,6 +122,7 @@ def connect(spawn, spin_until, mbot):
     return connect
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('drive', DRIVES)
 @pytest.mark.parametrize('period', PERIODS)
 def test_cmd_vel_times_out_at_any_rate_of_joint_states(connect, spawn, spin_until, period, drive):
@@ -151,6 +152,7 @@ def test_cmd_vel_times_out_at_any_rate_of_joint_states(connect, spawn, spin_unti
     assert 0.5 - period <= now - last <= 0.5 + period + 1e-9
 
 
+@pytest.mark.slow
 def test_what_was_sent_while_the_controller_stood_still_moves_nothing(connect, spawn, spin_until):
     driver, peer = connect(cmd_vel_timeout=0.5)
     peer.drive(0.3)

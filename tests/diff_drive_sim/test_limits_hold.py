@@ -12,6 +12,8 @@ from diff_drive_sim.parameters import DiffDriveParameters
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 # What a limit may be broken by, in its own unit.
 TOLERANCE = 1e-9
 INF = math.inf
@@ -121,7 +123,6 @@ def count_violations(seed, robots):
     return violations, saturated
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(2))
 def test_no_limit_is_broken_by_any_command_in_any_step(seed):
     violations, saturated = count_violations(seed, robots=50)
@@ -129,7 +130,6 @@ def test_no_limit_is_broken_by_any_command_in_any_step(seed):
     assert saturated > 500
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('seed', range(100, 102))
 def test_no_limit_is_broken_in_four_hundred_thousand_steps(seed):
     violations, saturated = count_violations(seed, robots=500)
@@ -137,7 +137,6 @@ def test_no_limit_is_broken_in_four_hundred_thousand_steps(seed):
     assert saturated > 5000
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('jerk', [math.inf, 20.0])
 @pytest.mark.parametrize('seed', range(10))
 def test_whatever_went_before_it_arrives_at_what_the_wheels_can_do(seed, jerk):

@@ -16,6 +16,8 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+pytestmark = pytest.mark.slow
+
 DT = 0.005
 
 

@@ -10,9 +10,9 @@ import time
 
 from geometry_msgs.msg import Twist
 from mujoco_sim.simulator_node import SimulatorNode
+import programs
 import pytest
 from rclpy.node import Node
-import starting
 
 pytestmark = pytest.mark.slow
 
@@ -23,7 +23,7 @@ RADIUS, SPEED, TIMEOUT = 0.06, 0.3, 0.5
 def controller(isolated_ros) -> Iterator[subprocess.Popen]:
     """Start the controller of mbot's wheels; end it afterwards."""
     words = [sys.executable, '-m', 'diff_drive_sim.diff_drive_controller_node']
-    process = starting.Popen(words, env=os.environ.copy(), start_new_session=True)
+    process = programs.start(words, env=os.environ.copy(), start_new_session=True)
     yield process
     process.send_signal(signal.SIGCONT)
     process.terminate()

@@ -10,6 +10,8 @@ import sys
 import pytest
 from wasd_bringup.cli import main
 
+pytestmark = pytest.mark.slow
+
 RUN = ('--duration', '0.1', '--speed', '0', '--viewer', 'none')
 PATHS = ('--description', '--world', '--map', '--controller', '--preset', '--package-path')
 SCRIPTS = ('--play', '--twist')
@@ -42,7 +44,6 @@ def assert_one_line(capsys: pytest.CaptureFixture[str], words: list[str]) -> Non
     assert len(said.splitlines()) == 1, said
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('place', ['folder', 'empty', 'pipe', 'nothing', 'device', 'below a file'])
 @pytest.mark.parametrize('option', PATHS)
 def test_a_path_that_leads_elsewhere(option, place, places, capsys):
@@ -51,21 +52,18 @@ def test_a_path_that_leads_elsewhere(option, place, places, capsys):
     assert_one_line(capsys, ['mbot', *RUN, option, places[place]])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('place', ['folder', 'nothing', 'below a file'])
 @pytest.mark.parametrize('option', SCRIPTS)
 def test_a_script_that_is_none(option, place, places, capsys):
     assert_one_line(capsys, ['mbot', *RUN, option, places[place]])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('value', ['nan', '-inf', '1e308 1e308', 'x', '-1e308'])
 @pytest.mark.parametrize('option', NUMBERS)
 def test_a_number_that_is_none_or_huge(option, value, capsys):
     assert_one_line(capsys, ['go2', *RUN, f'{option}={value}'])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('option', (*PATHS, *SCRIPTS, '--report', '--record', '--save-keys'))
 def test_a_folder_that_one_may_not_enter(option, tmp_path):
     forbidden = tmp_path / 'forbidden'
@@ -83,7 +81,6 @@ def test_a_folder_that_one_may_not_enter(option, tmp_path):
     assert 'Permission denied' in done.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ('name', 'value'),
     [('ROS_DOMAIN_ID', '233'), ('ROS_DOMAIN_ID', 'x'), ('RMW_IMPLEMENTATION', 'rmw_none')],

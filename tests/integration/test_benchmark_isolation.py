@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
 # A part that does to its process what a keyboard and a renderer do, and one that looks around.
 PARTS = """

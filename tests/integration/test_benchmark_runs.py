@@ -46,7 +46,8 @@ def trace(bench: Any, run: Any) -> Any:
 COLUMNS = ('t', 'position', 'rpy', 'velocity', 'odometry', 'contacts', 'torque')
 
 
-@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.slow
 def test_it_is_what_the_command_reports(bench: Any, run: Any, trace: Any) -> None:
     command = bench('trials').simulate(replace(run, command=True))
     for name in COLUMNS:
@@ -55,7 +56,8 @@ def test_it_is_what_the_command_reports(bench: Any, run: Any, trace: Any) -> Non
     assert trace.report['falls'] == command.report['falls']
 
 
-@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.slow
 def test_on_all_cores_the_figures_are_those_of_one_by_one(
     bench: Any, run: Any, trace: Any
 ) -> None:
@@ -74,7 +76,8 @@ def test_a_run_that_breaks_breaks_no_other(bench: Any, run: Any) -> None:
     assert 'no such file' in str(result)
 
 
-@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.slow
 def test_on_a_cluster_the_figures_are_the_same(
     bench: Any, run: Any, trace: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

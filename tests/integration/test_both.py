@@ -10,6 +10,8 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import get_typestore
 from rosbags.typesys import Stores
 
+pytestmark = pytest.mark.slow
+
 # Who is driven, and which keys: go2 begins.
 PARTS = (
     ('0.1 2\n2.2 4\n2.4 w*20', 3.2),

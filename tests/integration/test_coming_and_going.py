@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
 
 
@@ -16,7 +18,6 @@ def benchmarks(monkeypatch: pytest.MonkeyPatch, isolated_ros: int) -> None:
     monkeypatch.setenv('WASD_TEST_DOMAINS', str(isolated_ros))
 
 
-@pytest.mark.slow
 def test_programs_started_and_stopped_leave_nothing(benchmarks: Any) -> None:
     import cycles
 
@@ -27,7 +28,6 @@ def test_programs_started_and_stopped_leave_nothing(benchmarks: Any) -> None:
     assert len(rows) == len(programs) + 9
 
 
-@pytest.mark.slow
 def test_both_robots_under_random_keys_hold_what_they_hold(
     benchmarks: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,6 +10,8 @@ from wasd_bringup.robots import BOTH
 from wasd_bringup.robots import ROBOTS
 from wasd_core.errors import UserError
 
+pytestmark = pytest.mark.slow
+
 
 def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     """Return what a command prints that ends with status 0."""

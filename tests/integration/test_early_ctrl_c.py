@@ -8,6 +8,8 @@ import sys
 from executables import SCRIPTS
 import pytest
 
+pytestmark = pytest.mark.slow
+
 # A program as its script starts it, with a Ctrl-C at the moment when a module is looked for.
 PROGRAM = """
 import importlib, os, signal, sys

@@ -35,6 +35,7 @@ def start(isolated_ros: int) -> Iterator[Callable[..., 'subprocess.Popen[str]']]
         process.wait()
 
 
+@pytest.mark.slow
 def test_the_example_controller_stands_the_dog_up_over_joint_commands(
     start: Callable[..., Any], spawn: Any, spin_until: Any
 ) -> None:

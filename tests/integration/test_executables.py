@@ -9,8 +9,8 @@ import subprocess
 import sys
 
 from executables import SCRIPTS
+import programs
 import pytest
-import starting
 from wasd_core.command_line import Executable
 from wasd_core.command_line import split_ros_words
 from wasd_core.parameters import known_parameters
@@ -57,6 +57,7 @@ def test_all_programs_are_known():
     assert set(SCRIPTS) - set(PROGRAMS) == {'describe', 'wasd'}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', SCRIPTS)
 @pytest.mark.parametrize('word', ['--help', '-h'])
 def test_help_comes_at_once_and_starts_nothing(name, word):
@@ -67,6 +68,7 @@ def test_help_comes_at_once_and_starts_nothing(name, word):
     assert max(map(len, said.splitlines())) <= 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', PROGRAMS)
 def test_help_has_every_parameter_with_its_default_the_topics_and_an_example(name):
     _, said, _, _ = start(name, '--help')
@@ -83,6 +85,7 @@ def test_help_has_every_parameter_with_its_default_the_topics_and_an_example(nam
     assert program.example.startswith(f'{name} ')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', SCRIPTS)
 @pytest.mark.parametrize('word', ['nonsense', '--nonsense', 'description:=go2'])
 def test_an_unknown_word_is_refused_in_one_line(name, word):
@@ -93,13 +96,14 @@ def test_an_unknown_word_is_refused_in_one_line(name, word):
     assert took < AT_ONCE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', PROGRAMS)
 def test_a_node_started_by_its_module_answers_the_same(name):
     command = [sys.executable, '-m', PROGRAMS[name].module]
     environment = {**os.environ, 'COLUMNS': '80'}
-    asked = starting.run([*command, '--help'], 60.0, text=True, env=environment)
+    asked = programs.run([*command, '--help'], 60.0, text=True, env=environment)
     assert (asked.returncode, asked.stdout) == (0, start(name, '--help')[1])
-    refused = starting.run([*command, 'nonsense'], 60.0, text=True)
+    refused = programs.run([*command, 'nonsense'], 60.0, text=True)
     assert (refused.returncode, refused.stderr) == (2, start(name, 'nonsense')[2])
 
 

@@ -16,11 +16,13 @@ import time
 from typing import Any
 
 import numpy as np
+import programs
 import pytest
-import starting
 from teleop_keyboard.key_script import parse_key_script
 from terminals import assert_soon
 from wasd_core.timing import brief
+
+pytestmark = pytest.mark.slow
 
 CLOCK = re.compile(r'  \d+\.\d s (x\d+\.\d\d|paused)(  |$)')
 CURE = 'press 2 to stand, then 4 to trot'
@@ -48,7 +50,7 @@ class Window:
         self.shown = ''
         unset = ('COLUMNS', 'LINES')
         kept = {name: value for name, value in environment.items() if name not in unset}
-        self.process = starting.Popen(
+        self.process = programs.start(
             [sys.executable, '-m', 'wasd_bringup.cli', *words],
             stdin=self.slave,
             stdout=self.slave,
@@ -142,7 +144,7 @@ def test_w_in_every_state_says_what_to_press_and_hides_neither_state_nor_time(
 def test_in_a_pipe_the_state_is_told_in_plain_lines(
     environment: dict[str, str], tmp_path: Path, robot: str
 ) -> None:
-    run = starting.Popen(
+    run = programs.start(
         [sys.executable, '-m', 'wasd_bringup.cli', robot, '--viewer', 'none'],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 from page_puppet import CutOff
 from page_puppet import PagePuppet
+import programs
 import pytest
-import starting
 from wasd_cockpit.widgets import Rect
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
@@ -165,7 +165,7 @@ def second(environment: dict[str, str], tmp_path: Path) -> Iterator[Callable[...
         said = tmp_path / f'second_{len(started)}.txt'
         with said.open('w') as file:
             started.append(
-                starting.Popen(
+                programs.start(
                     [*WASD, *words],
                     env=environment,
                     cwd=tmp_path,

@@ -59,6 +59,7 @@ def test_the_panel_that_drives_sends_often_enough_and_stops(robot):
     assert (panel['autoSendStopOnRelease'], panel['stopButton']['value']) == (True, 0)
 
 
+@pytest.mark.slow
 def test_a_run_without_a_terminal_says_where_it_serves_and_what_it_waits_for(wasd):
     pytest.importorskip('foxglove.websocket', reason="the extra 'foxglove' is not installed")
     done = wasd('mbot', '--foxglove', '0', '--gamepad', '--duration', '0.1', '--speed', '0')

@@ -6,10 +6,11 @@ import math
 import pytest
 import wasd
 
+pytestmark = pytest.mark.slow
+
 TIGHT = (-0.47, -0.46, 1.7)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ('world', 'velocity'),
     [('flat', (-2.0, -1.0)), ('slope:5', (0.5, 0.0)), ('slope:3', (0.5, 0.0))],
@@ -32,7 +33,6 @@ def test_the_height_that_it_believes_in_is_right_to_two_percent_of_the_way(world
     assert abs(off[2]) < 0.02 * way
 
 
-@pytest.mark.slow
 def test_a_floor_stays_at_its_height_however_it_is_driven_on():
     """Sliding in tight turns it once left the level of the floor: 62 cm in these 48 s."""
     dog = wasd.Go2(seed=34)

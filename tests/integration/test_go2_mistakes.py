@@ -7,6 +7,8 @@ import subprocess
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 Wasd = Callable[..., 'subprocess.CompletedProcess[str]']
 
 SHORT = ('--duration', '1', '--speed', '0')

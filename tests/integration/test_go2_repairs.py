@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from robot_description.packages import share_directory
 
+pytestmark = pytest.mark.slow
+
 PARTS = ('base', 'hip', 'thigh', 'thigh_mirror', 'calf', 'calf_mirror', 'foot')
 OUR_MESHES = 'package://example-robot-data/robots/go2_description/visuals'
 

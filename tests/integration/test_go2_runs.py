@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from quadruped_sim.tuning import SafetyParameters
 
+pytestmark = pytest.mark.slow
+
 Report = dict[str, Any]
 
 # The hips' and thighs' torque limit [N m].

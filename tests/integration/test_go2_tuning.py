@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 # Stand, then trot on the spot.
 STEPS = '0.1 2\n2.2 4'
 REFUSED = 'gait.slow_period must be >= 0.3 and <= 0.6 s, got -1.0'

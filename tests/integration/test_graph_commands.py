@@ -9,12 +9,14 @@ import sys
 import time
 from typing import Any
 
+import programs
 import pytest
 from rclpy.qos import qos_profile_sensor_data
-import starting
 from std_msgs.msg import String
 from wasd_core.network import claim
 import yaml
+
+pytestmark = pytest.mark.slow
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 Ask = Callable[..., 'subprocess.CompletedProcess[str]']
@@ -279,7 +281,7 @@ def test_params_waits_for_a_run_that_it_knows_to_be_there(
         )
         time.sleep(6.0)
         assert process.poll() is None, process.communicate()[1]
-        late = starting.Popen([sys.executable, '-m', 'teleop_keyboard.twist_mux_node'])
+        late = programs.start([sys.executable, '-m', 'teleop_keyboard.twist_mux_node'])
         try:
             said, errors = process.communicate(timeout=30.0)
         finally:

@@ -60,6 +60,7 @@ READERS: dict[str, Callable[[str], object]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('reader', READERS)
 @pytest.mark.parametrize(
     'name',

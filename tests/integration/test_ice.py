@@ -4,12 +4,13 @@
 import pytest
 import wasd
 
+pytestmark = pytest.mark.slow
+
 RINK = """<mujoco><worldbody><body>
 <geom type="box" size="9 9 0.1" pos="0 0 -0.1" friction="0.25" priority="2"/>
 </body></worldbody></mujoco>"""
 
 
-@pytest.mark.slow
 def test_it_speeds_up_on_ice_without_falling(tmp_path):
     path = tmp_path / 'rink.xml'
     path.write_text(RINK)

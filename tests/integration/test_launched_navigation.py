@@ -15,6 +15,8 @@ import pytest
 from rclpy.node import Node
 from wasd_core.topics import LATCHED
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip('tf2_msgs', reason='no tf2_msgs: python -m robot_description.build_interfaces')
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -14,6 +14,8 @@ import pytest
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 
 

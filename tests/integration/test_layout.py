@@ -170,6 +170,7 @@ def test_logic_imports_no_ros(package):
     assert not offences
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('module', 'kept_out'),
     [

@@ -4,6 +4,8 @@
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(('layout', 'key'), [('qwerty', 'w'), ('azerty', 'z'), ('dvorak', ',')])
 def test_the_key_above_the_home_row_drives_mbot_forward(wasd, layout, key):

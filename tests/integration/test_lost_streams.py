@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 RUNS = {
     'mbot': ('mbot', '--speed', '0', '--duration', '2', '--viewer', 'none'),
     'topics': ('topics',),

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 Report = dict[str, Any]
 RunMbot = Callable[..., Report]
 CURVE = '0 0.3 0 0.6\n3 0 0 0'

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 Report = dict[str, Any]
 RunMbot = Callable[..., Report]
 

@@ -9,6 +9,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 Wasd = Callable[..., 'subprocess.CompletedProcess[str]']
 
 MISTAKES = [

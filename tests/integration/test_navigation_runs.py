@@ -15,6 +15,8 @@ from wasd_core.errors import UserError
 from wasd_core.node import MessagePump
 from wasd_core.topics import LATCHED
 
+pytestmark = pytest.mark.slow
+
 WORLD = 'flat:3'
 NEAR = (0.0, 0.5, 1.5)
 

@@ -10,6 +10,8 @@ import time
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 NODES = {
     'keys_to_twist': 'teleop_keyboard.keys_to_twist_node',
     'twist_mux': 'teleop_keyboard.twist_mux_node',

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 from executables import SCRIPTS
 from nav_msgs.msg import Odometry
+import programs
 import pytest
 from rclpy.node import Node
-import starting
 from std_msgs.msg import String
 from wasd_core.topics import LATCHED
 
@@ -84,7 +84,7 @@ class Bench:
         if name in KEYBOARDS:
             master, slave = os.openpty()
         with (self._folder / name).open('wb') as said:
-            process = starting.Popen(
+            process = programs.start(
                 words,
                 env=dict(os.environ),
                 stdin=subprocess.DEVNULL if slave is None else slave,

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 Report = dict[str, Any]
 WAY = '0 0.2 0 0.4\n3 0 0 -0.8\n5 0 0 0'
 # 0.4 rad/s for 3 s and 0.8 rad/s back for 2 s; a step of d at 6 rad/s^2 comes d |d| / 12 late.

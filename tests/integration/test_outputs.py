@@ -15,6 +15,8 @@ import pytest
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.recording.reader import BagReader
 
+pytestmark = pytest.mark.slow
+
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 KEYS = '0.1 i*6\n0.3 k\n'
 RUN = ('mbot', '--play', 'keys', '--duration', '0.5', '--speed', '0')

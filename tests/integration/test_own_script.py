@@ -10,8 +10,10 @@ import threading
 from typing import Any
 
 import numpy as np
+import programs
 import pytest
-import starting
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 # Makes everything of ROS unimportable, then runs the file that is named.
@@ -65,12 +67,11 @@ def test_the_script_without_ros_walks_and_draws(start, tmp_path):
     assert (tmp_path / 'dog.png').stat().st_size > 20_000
 
 
-@pytest.mark.slow
 def test_the_node_of_the_page_drives_mbot(environment: dict[str, str], tmp_path: Path):
     (tmp_path / 'circle.py').write_text(scripts()[1])
     node = subprocess.Popen([sys.executable, 'circle.py'], cwd=tmp_path, env=environment)
     try:
-        done = starting.run(
+        done = programs.run(
             [sys.executable, '-m', 'wasd_bringup.cli', 'mbot', '--duration', '8'],
             env=environment,
             stdin=subprocess.DEVNULL,
@@ -106,7 +107,6 @@ def test_the_same_seed_and_calls_are_the_run_of_the_command(wasd: Any):
     assert positions == there
 
 
-@pytest.mark.slow
 def test_a_velocity_ends_with_the_state_that_follows_it():
     import wasd
 
@@ -128,7 +128,6 @@ def test_a_velocity_ends_with_the_state_that_follows_it():
     assert np.hypot(*(dog.truth.position - start)[:2]) > 0.2
 
 
-@pytest.mark.slow
 def test_the_go2_walks_one_foot_after_the_other():
     import wasd
 
@@ -162,7 +161,6 @@ def test_what_is_untold_is_that_of_the_command(wasd: Any) -> None:
     assert dog.truth.position.tolist() == report['samples']['position'][-1]
 
 
-@pytest.mark.slow
 def test_what_is_not_legal_says_why():
     import wasd
 
@@ -180,7 +178,6 @@ def test_what_is_not_legal_says_why():
     assert 'press 2' in dog.press('w')
 
 
-@pytest.mark.slow
 def test_a_key_that_changes_nothing_is_no_mistake():
     import wasd
 
@@ -192,7 +189,6 @@ def test_a_key_that_changes_nothing_is_no_mistake():
     assert dog.state == 'fixed stand'
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('kind', ['Go2', 'Mbot'])
 def test_a_second_thread_is_refused_and_may_come_after_the_first(kind):
     import wasd
@@ -241,7 +237,6 @@ def test_a_seed_may_be_one_of_numpys():
     assert wasd.Mbot(seed=np.arange(3)[1]).time == 0.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('path', ['nowhere/dog.png', 'dog.xyz'])
 def test_a_picture_that_cannot_be_written_says_why(path, tmp_path):
     done = subprocess.run(
@@ -254,7 +249,6 @@ def test_a_picture_that_cannot_be_written_says_why(path, tmp_path):
     assert done.stdout.startswith('picture: '), done.stderr
 
 
-@pytest.mark.slow
 def test_mbot_drives_by_velocity_and_a_key_takes_over():
     import wasd
 

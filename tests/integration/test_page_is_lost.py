@@ -15,11 +15,11 @@ from typing import Any
 from geometry_msgs.msg import Twist
 import page_puppet
 from page_puppet import PagePuppet
+import programs
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
-import starting
 from std_msgs.msg import String
 
 pytestmark = pytest.mark.slow
@@ -107,7 +107,7 @@ def client(environment: dict[str, str]) -> Iterator[Callable[..., Any]]:
         program = (sys.executable, '-m', 'page_puppet', url, '50', *keys)
         folder = Path(page_puppet.__file__).parent
         started.append(
-            starting.Popen(
+            programs.start(
                 program, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
             )
         )

@@ -45,6 +45,7 @@ def test_launch_files_and_their_arguments_exist(page, launch_file):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('page', [*PAGES, *ROOT_PAGES], ids=str)
 def test_executables_and_commands_exist(page):
     for package, executable in re.findall(r'ros2 run (\w+) (\w+)', code(page)):

@@ -12,6 +12,8 @@ from robot_description.packages import description_path
 from robot_description.packages import share_directory
 from robot_description.xacro import expand
 
+pytestmark = pytest.mark.slow
+
 KEYS = '0.1 2\n2.3 5\n'
 SHRUNK = (0.7, 0.5)  # length, mass
 

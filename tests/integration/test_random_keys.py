@@ -10,6 +10,8 @@ import pytest
 from quadruped_sim.keys import StateName
 from teleop_keyboard.key_script import parse_key_script
 
+pytestmark = pytest.mark.slow
+
 BENCHMARKS = Path(__file__).parents[2] / 'benchmarks'
 
 
@@ -30,14 +32,12 @@ def test_a_monkey_presses_every_kind_of_key(bench: Any) -> None:
     assert set('1234567890vwasdjliknN') | {' '} <= keys
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(('gait', 'world'), [('trot', 'flat'), ('walk', 'boxes:0.05')])
 def test_random_keys_make_nothing_fall(bench: Any, gait: str, world: str) -> None:
     tried = bench('legs_states').monkey('', [3000], 30.0, world=world, gait=gait)
     assert bench('trials').simulate(tried.runs[0]).report['falls'] == 0
 
 
-@pytest.mark.slow
 def test_a_tour_goes_from_a_state_into_each_other(bench: Any) -> None:
     for source in StateName:
         tour = bench('state_pairs').tour(source, 'at rest', 1)
@@ -46,7 +46,6 @@ def test_a_tour_goes_from_a_state_into_each_other(bench: Any) -> None:
         assert tour.pair_at(begun) == f'{source.value} to {wanted.value}'
 
 
-@pytest.mark.slow
 def test_a_push_in_the_swing_test_makes_nothing_that_follows_fall(bench: Any) -> None:
     pairs = bench('state_pairs')
     tour = pairs.tour(StateName.SWING_TEST, 'pushed by 15 N s', 3001)

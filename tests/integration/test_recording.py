@@ -14,6 +14,8 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import get_typestore
 from rosbags.typesys import Stores
 
+pytestmark = pytest.mark.slow
+
 KEYS = '0.5 i*30\n3 j*60\n6 u*20\n8 ,*60'
 DURATION = 12  # [s]
 STORE = get_typestore(Stores.ROS2_JAZZY)

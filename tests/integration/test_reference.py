@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -26,7 +28,6 @@ def test_every_page_and_parameter_file_is_up_to_date(reference, ros):
     assert not stale, f'{", ".join(stale)}: run {reference.COMMAND}'
 
 
-@pytest.mark.slow
 def test_every_node_of_the_packages_is_asked(reference):
     classes = {
         node.name

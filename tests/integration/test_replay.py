@@ -18,6 +18,8 @@ from wasd_bringup.recording.replay import ReplayView
 from wasd_bringup.session import Session
 from wasd_bringup.session_robot import build_worlds
 
+pytestmark = pytest.mark.slow
+
 KEYS = '0.5 i*40\n2.5 j*30'
 PUSH = '1 20 5 0 0.3'
 BOX = '4 3 0'

@@ -10,15 +10,17 @@ import subprocess
 import sys
 from typing import Any
 
+import programs
 import pytest
 from rcl_interfaces.srv import GetParameters
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import ReliabilityPolicy
-import starting
 from wasd_core.node import init_ros
 import yaml
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 LATCHED = {'robot_description', 'selected', 'state', '/tf_static'}
@@ -164,7 +166,7 @@ def test_velocities_go_to_the_mux_of_the_tutorial(node_of):
 def test_a_whole_robot_moves_into_a_namespace(robot, spawn, spin_until):
     rules = ('-r', '__ns:=/yard', '-r', 'cmd_vel:=steer', '-p', 'clock_rate:=50.0')
     words = [robot, '--viewer', 'none', '--duration', '60', '--ros-args', *rules]
-    process = starting.Popen(
+    process = programs.start(
         [sys.executable, '-m', 'wasd_bringup.cli', *words], stderr=subprocess.PIPE, text=True
     )
     peer = spawn(Node('peer'))

@@ -14,6 +14,8 @@ from quadruped_sim.compilation import warm_up
 from quadruped_sim.robot_model import RobotModel
 from robot_description.description import load_robot
 
+pytestmark = pytest.mark.slow
+
 # Before anything else takes these functions by their names. The robots in the argument are built,
 # and what was called meanwhile is printed.
 COUNT = """

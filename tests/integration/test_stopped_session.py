@@ -20,6 +20,8 @@ from terminals import wait_until
 from terminals import ZERO_AFTER
 from wasd_core.signals import DEADLY
 
+pytestmark = pytest.mark.slow
+
 WASD = ('-m', 'wasd_bringup.cli')
 # The same command, stuck in its start, or in the midst of the run at the key X.
 STUCK_AT_START = """

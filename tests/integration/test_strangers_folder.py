@@ -9,6 +9,8 @@ import sys
 from folder_watch import opened_in
 import pytest
 
+pytestmark = pytest.mark.slow
+
 NOBODY = 65534
 RUN = ('mbot', '--duration', '0.1', '--speed', '0', '--viewer', 'none')
 BIN = Path(sys.prefix) / 'bin'
@@ -43,7 +45,6 @@ def trap(tmp_path):
     return folder
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('start', STARTS)
 def test_nothing_in_a_strangers_folder_is_opened(start, trap):
     with opened_in(trap) as names:
@@ -60,7 +61,6 @@ def test_nothing_in_a_strangers_folder_is_opened(start, trap):
     assert list((trap / 'cache').iterdir()) == []
 
 
-@pytest.mark.slow
 def test_a_script_of_a_line_hears_why_it_finds_no_module_there(trap):
     done = subprocess.run(
         [sys.executable, '-c', 'import wasd, enum, yaml'], cwd=trap, capture_output=True, text=True
@@ -69,7 +69,6 @@ def test_a_script_of_a_line_hears_why_it_finds_no_module_there(trap):
     assert 'modules of this folder are not imported' in done.stderr
 
 
-@pytest.mark.slow
 def test_a_script_of_a_line_finds_modules_in_its_own_folder(tmp_path):
     (tmp_path / 'helper.py').write_text('print("helped")')
     done = subprocess.run(

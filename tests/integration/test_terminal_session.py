@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 # The same command with a fault in the midst of the run.
 FAULTY = """
 import sys
@@ -27,7 +29,6 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
-@pytest.mark.slow
 def test_holding_i_rolls_mbot_as_far_as_the_ramp_law_says(
     start: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -14,6 +14,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 import yaml
 
+pytestmark = pytest.mark.slow
+
 TITLE = '\x1b]0;owned\x07'
 SHOWN = '^[]0;owned^G'
 BIDI = '\u202e'

@@ -11,8 +11,8 @@ import time
 from typing import Any
 
 import numpy as np
+import programs
 import pytest
-import starting
 
 pytest.importorskip(
     'tf2_msgs',
@@ -32,6 +32,8 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from wasd_core.node import init_ros
+
+pytestmark = pytest.mark.slow
 
 KEYS = {'mbot': '0.1 i*300', 'go2': '0.1 2\n1 4\n1.5 w*4'}
 BASE = {'mbot': 'base_footprint', 'go2': 'base'}
@@ -113,7 +115,7 @@ def start(robot: str, folder: Path) -> 'subprocess.Popen[str]':
     """Start a robot that is driven by keys."""
     script = folder / 'keys.txt'
     script.write_text(KEYS[robot])
-    return starting.Popen(
+    return programs.start(
         [sys.executable, '-m', 'wasd_bringup.cli', robot, '--play', str(script)]
         + ['--duration', '60'],  # until it has been heard for long enough
         env=dict(os.environ),

@@ -11,6 +11,8 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import get_typestore
 from rosbags.typesys import Stores
 
+pytestmark = pytest.mark.slow
+
 STORE = get_typestore(Stores.ROS2_JAZZY)
 ARC = '0 0.4 0 0.6\n2 0 0 0'
 Messages = dict[tuple[int, int], Any]

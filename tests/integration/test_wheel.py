@@ -20,6 +20,8 @@ from source_trees import modules
 from source_trees import PACKAGES
 from source_trees import ROOT
 
+pytestmark = pytest.mark.slow
+
 
 def build_wheel(root: Path, folder: Path) -> zipfile.ZipFile:
     """Return the wheel of a checkout, built into a folder."""

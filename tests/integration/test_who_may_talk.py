@@ -12,8 +12,10 @@ import subprocess
 import sys
 import time
 
+import programs
 import pytest
-import starting
+
+pytestmark = pytest.mark.slow
 
 PYTHON = sys.executable
 WASD = (PYTHON, '-m', 'wasd_bringup.cli')
@@ -21,7 +23,7 @@ WASD = (PYTHON, '-m', 'wasd_bringup.cli')
 HOME, FOREIGN = '198.18.77.1', '198.18.77.2'
 # What decides who may talk; the processes here start without, as a user's do.
 DECIDES = re.compile('ROS_|FASTRTPS_|FASTDDS_|RMW_')
-# Of a process that others name by its command: it is not forked (tests/starting.py).
+# Of a process that others name by its command.
 NAMED = {'PYTHONHASHSEED': '0'}
 # Says `cmd_vel` for so long [s], or for 4 s to who listens; then how many have listened.
 INTRUDER = """
@@ -72,7 +74,7 @@ class Host:
         kept['ROS_LOG_DIR'] = str(self.folder / 'log')
         # Of the interpreter of this environment: it must find its libraries.
         kept |= {k: v for k, v in os.environ.items() if k.startswith('_ROS')}
-        process = starting.Popen(
+        process = programs.start(
             words,
             machine=self._holder.pid,
             env={**kept, **NAMED, **environment},  # never forked: all start as a user does

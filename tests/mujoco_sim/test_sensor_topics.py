@@ -21,6 +21,8 @@ from sensor_msgs.msg import LaserScan
 from sensor_msgs.msg import Range
 from wasd_core.errors import SimulationError
 
+pytestmark = pytest.mark.slow
+
 SMALL = Parameter('camera_scale', value=0.25)
 
 

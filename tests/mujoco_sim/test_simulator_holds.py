@@ -13,6 +13,8 @@ from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_joint_commands
 from wasd_core.robot_io import JointCommand
 
+pytestmark = pytest.mark.slow
+
 STATE_STEPS = 10  # physics steps between two states at the usual 100 Hz
 
 

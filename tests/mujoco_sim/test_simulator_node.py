@@ -19,6 +19,8 @@ from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_joint_commands
 from wasd_core.robot_io import JointCommand
 
+pytestmark = pytest.mark.slow
+
 WHEELS = ('left_wheel_joint', 'right_wheel_joint')
 
 
@@ -274,7 +276,6 @@ def test_diagnostics_say_how_fast_it_runs(peer, simulator, spawn, spin_until):
     }
 
 
-@pytest.mark.slow
 def test_the_first_diagnostics_call_nothing_slow(peer, simulator, spawn, spin_until):
     simulator.simulation.pacer.speed = 0.05  # even a busy machine keeps up with that
     spin = spawn.pump.handle

@@ -18,6 +18,8 @@ from rclpy.parameter import Parameter
 from robot_description.description import load_robot
 from wasd_core.errors import UserError
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def simulator(spawn, loaded, world):

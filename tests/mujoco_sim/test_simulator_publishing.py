@@ -13,6 +13,8 @@ from sensor_msgs.msg import JointState
 from mujoco_sim import simulator_node
 from mujoco_sim import truth_publisher
 
+pytestmark = pytest.mark.slow
+
 PARTS = (
     (simulator_node, 'to_joint_state'),
     (truth_publisher, 'to_ground_truth'),

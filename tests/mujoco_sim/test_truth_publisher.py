@@ -9,6 +9,8 @@ import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+pytestmark = pytest.mark.slow
+
 
 def odometry(x, y, yaw, stamp=None):
     message = Odometry()

@@ -9,6 +9,8 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope='module')
 def go2():
@@ -24,7 +26,6 @@ def test_mbot_is_put_into_the_world_as_it_is(mbot):
     assert usual_setup(mbot) == RobotSetup()
 
 
-@pytest.mark.slow
 def test_the_go2_has_noise_a_delay_and_speed_limits(go2):
     setup = usual_setup(go2)
     assert setup.noise is not None
@@ -33,7 +34,6 @@ def test_the_go2_has_noise_a_delay_and_speed_limits(go2):
     assert len(setup.speed_limits) == 12
 
 
-@pytest.mark.slow
 def test_without_noise_motors_and_delay_stay_real(go2):
     setup = usual_setup(go2, noise=False)
     assert setup.noise is None
@@ -41,7 +41,6 @@ def test_without_noise_motors_and_delay_stay_real(go2):
     assert len(setup.speed_limits) == 12
 
 
-@pytest.mark.slow
 def test_it_lies_on_the_floor_with_its_legs_folded(go2):
     world = build_world(go2, setup=usual_setup(go2, noise=False))
     angles = dict(zip(world.joint_names, world.joints().position, strict=True))
@@ -58,7 +57,6 @@ def test_it_lies_on_the_floor_with_its_legs_folded(go2):
     np.testing.assert_allclose(after.linear_velocity, 0.0, atol=0.01)
 
 
-@pytest.mark.slow
 def test_reset_puts_it_back(go2):
     world = build_world(go2, setup=usual_setup(go2))
     before = world.data.qpos.copy()

@@ -118,6 +118,7 @@ def compiling(request, tmp_path):
     process.wait()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('number', 'status'), [(signal.SIGINT, 0), (signal.SIGTERM, 128 + signal.SIGTERM)]
 )
@@ -133,6 +134,7 @@ def test_a_signal_ends_the_compilation_at_once(number, status, compiling):
     assert users_of(cache) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('home', ['home', 'none'])
 def test_an_installation_that_cannot_be_written_keeps_it_in_the_home_if_there_is_one(
     home, tmp_path

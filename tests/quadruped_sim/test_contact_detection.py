@@ -10,6 +10,8 @@ from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.tuning import ContactParameters
 
+pytestmark = pytest.mark.slow
+
 DT = 0.002
 LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
 UP = np.array((0.0, 0.0, 1.0))
@@ -27,7 +29,6 @@ def hold(model, detector, forces, seconds=0.2):
         find_touch(detector.flat, UP, rule)
 
 
-@pytest.mark.slow
 def test_static_forces_are_recovered(model):
     detector = ContactDetector(ContactParameters())
     forces = np.array(((5.0, 1.0, 60.0), (0.0, 0.0, 0.0), (-3.0, 2.0, 30.0), (0.0, 0.0, 90.0)))
@@ -36,7 +37,6 @@ def test_static_forces_are_recovered(model):
     np.testing.assert_array_equal(detector.is_contact, (True, False, True, True))
 
 
-@pytest.mark.slow
 def test_hysteresis_keeps_a_light_contact_and_ignores_a_light_touch(model):
     detector = ContactDetector(ContactParameters())
     light = np.zeros((4, 3))

@@ -82,6 +82,7 @@ def test_a_command_is_put_into_the_motors_order_by_name(rng, model):
         np.testing.assert_array_equal(getattr(ordered, name), getattr(command, name)[::-1])
 
 
+@pytest.mark.slow
 def test_odometry_and_transform_carry_one_pose_and_one_stamp(rng):
     quaternion = rng.normal(size=4)
     quaternion /= np.linalg.norm(quaternion)

@@ -10,11 +10,12 @@ from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.tuning import GaitParameters
 from wasd_core.robot_io import JointStates
 
+pytestmark = pytest.mark.slow
+
 PARAMETERS = LegControllerParameters(gait=GaitParameters(step_in_place=True))
 COMMAND, DT = np.array((0.5, 0.1, 0.3)), 0.002
 
 
-@pytest.mark.slow
 def test_one_call_does_what_the_stages_do_one_by_one(model, standing, rng):
     controller, alone = LegController(model, PARAMETERS), Locomotion(model, PARAMETERS)
     legs, ticks_in_air = controller.locomotion, 0
@@ -64,7 +65,6 @@ def in_the_air(model, standing, ticks):
     return controller
 
 
-@pytest.mark.slow
 def test_a_foot_that_finds_no_ground_bears_nothing_and_goes_on_down(model, standing):
     """After 30 ms, at 1.5 m/s from where it is, as long as its schedule lets it stand."""
     controller = in_the_air(model, standing, 150)
@@ -84,7 +84,6 @@ def test_a_foot_that_finds_no_ground_bears_nothing_and_goes_on_down(model, stand
     assert sinking > 100
 
 
-@pytest.mark.slow
 def test_a_foot_that_has_found_ground_stands_to_the_end_of_its_stance(model, standing):
     """Also where the force on it fades: a light foot is no foot in a hole."""
     controller = in_the_air(model, standing, 150)

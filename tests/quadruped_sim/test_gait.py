@@ -134,6 +134,7 @@ def test_a_walk_stops_on_four_feet_too():
     assert not gait.is_stepping
 
 
+@pytest.mark.slow
 def test_a_row_is_a_gait_that_can_be_chosen(monkeypatch):
     with pytest.raises(InvalidParameter, match='gait must be one of trot, walk, .* got .amble.'):
         GaitParameters().changed({'gait': 'amble'})

@@ -27,6 +27,8 @@ from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_stamp
 from wasd_core.topics import tf_message_type
 
+pytestmark = pytest.mark.slow
+
 PERIOD = 0.002
 JOINT_NAMES = tuple(f'{leg}_{part}_joint' for leg in LEGS for part in ('hip', 'thigh', 'calf'))
 STAND = [0.0, 0.8, -1.6] * 4

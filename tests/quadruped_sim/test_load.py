@@ -17,6 +17,8 @@ from quadruped_sim.robot_state import RobotState
 from robot_description.description import load_robot
 from wasd_core.robot_io import GRAVITY
 
+pytestmark = pytest.mark.slow
+
 TIME, DT = 0.5, 0.002
 LEVEL = np.array((0.0, 0.0, 1.0))
 
@@ -61,7 +63,6 @@ def resting(dynamics, forces, velocity):
     return replace(robot, base=base, contact=contact, dynamics=dynamics, forces=forces)
 
 
-@pytest.mark.slow
 def test_a_robot_that_carries_nothing_is_what_its_model_says(model, observer, dynamics):
     plain = dynamics()
     found = felt(observer, dynamics, model.mass, plain.com)
@@ -70,7 +71,6 @@ def test_a_robot_that_carries_nothing_is_what_its_model_says(model, observer, dy
     np.testing.assert_allclose(found.com, plain.com, atol=1e-9)
 
 
-@pytest.mark.slow
 def test_a_load_is_felt_where_it_is(model, observer, dynamics):
     plain = dynamics()
     place = np.array((0.05, 0.1, 0.0))
@@ -91,7 +91,6 @@ def test_a_load_is_felt_where_it_is(model, observer, dynamics):
     np.testing.assert_allclose(found.mass[:3, 3:6], coupling, atol=0.02)
 
 
-@pytest.mark.slow
 def test_it_takes_its_time_and_is_forgotten_by_a_reset(model, observer, dynamics):
     com = dynamics().com
     soon = felt(observer, dynamics, model.mass + 5.0, com, TIME)
@@ -102,7 +101,6 @@ def test_it_takes_its_time_and_is_forgotten_by_a_reset(model, observer, dynamics
     assert float(fresh.mass[0, 0]) == pytest.approx(model.mass, abs=0.05)
 
 
-@pytest.mark.slow
 def test_no_more_is_believed_than_a_robot_can_carry(model, observer, dynamics):
     com = dynamics().com
     found = felt(observer, dynamics, 4.0 * model.mass, com + (0.15, 0.0, 0.0))
@@ -110,7 +108,6 @@ def test_no_more_is_believed_than_a_robot_can_carry(model, observer, dynamics):
     assert found.com[0] - com[0] == pytest.approx(0.06)
 
 
-@pytest.mark.slow
 def test_a_robot_in_flight_carries_nothing(model, observer, dynamics):
     for step in range(200):
         falling = np.array((0.0, 0.0, -GRAVITY * DT * step))
@@ -119,7 +116,6 @@ def test_a_robot_in_flight_carries_nothing(model, observer, dynamics):
     assert robot.mass == pytest.approx(model.mass, rel=0.01)
 
 
-@pytest.mark.slow
 def test_with_eight_kilograms_on_its_left_it_begins_to_walk_level(model):
     loaded = load_robot('go2')
     untold = Untold(payload=Payload(8.0, (0.0, 0.1, 0.0)))

@@ -25,6 +25,8 @@ from wasd_core.parameters import Parameters
 
 from quadruped_sim import parameters
 
+pytestmark = pytest.mark.slow
+
 NAMES = tuple(known_parameters(LegNodeParameters))
 TUNING = tuple(known_parameters(LegControllerParameters))
 PERIOD = 0.002
@@ -210,7 +212,6 @@ def other(name):
     return default + 3 if isinstance(default, int) else 0.9 * default
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('part', [group.name for group in fields(LegControllerParameters)])
 def test_tuned_while_it_runs_it_does_what_one_made_so_does(model, trot, part):
     known = known_parameters(LegControllerParameters)
@@ -230,7 +231,6 @@ def test_new_limits_hold_for_the_present_request_too():
     assert command.step(PERIOD)[0] == 0.4
 
 
-@pytest.mark.slow
 def test_another_horizon_is_taken_while_it_trots(model, trot):
     params = LegControllerParameters().changed({'step_in_place': True})
     controller = LegController(model, params)

@@ -11,12 +11,12 @@ import time
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 import numpy as np
+import programs
 import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
-import starting
 from std_msgs.msg import String
 
 pytestmark = pytest.mark.slow
@@ -101,7 +101,7 @@ def processes(isolated_ros) -> Iterator[list[subprocess.Popen]]:
         ('quadruped_sim.leg_controller_node',),
     )
     started = [
-        starting.Popen(
+        programs.start(
             [sys.executable, '-m', *words], env=os.environ.copy(), start_new_session=True
         )
         for words in commands

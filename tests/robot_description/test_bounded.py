@@ -117,6 +117,7 @@ run_bounded(answer_nobody, {{}})
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('size', [1, 1_000_000])  # what a pipe holds, and more
 def test_a_child_whose_parent_was_killed_ends(size):
     # Both have its output: `run` returns when the last of them has ended.

@@ -13,6 +13,8 @@ import pytest
 
 from robot_description import build_interfaces
 
+pytestmark = pytest.mark.slow
+
 # What `ros2 topic info -v /tf` shows on any ROS 2: the name of the type's exact layout.
 TYPE_HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
 TF2_MSGS, NAV2_MSGS = build_interfaces.PACKAGES

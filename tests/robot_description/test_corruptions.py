@@ -11,6 +11,8 @@ from robot_description.describe_command import main
 from robot_description.packages import description_path
 from robot_description.packages import share_directory
 
+pytestmark = pytest.mark.slow
+
 EXAMPLES = share_directory('example-robot-data') / 'robots'
 FILES = (
     description_path('go2'),
@@ -76,7 +78,6 @@ def corrupt(data: bytes, chance: random.Random) -> bytes:
     return data[: found.start()] + bit + data[found.end() :]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('source', FILES, ids=lambda path: path.name)
 def test_lint_of_a_corrupted_file_is_lines(source: Path, tmp_path: Path, capsys) -> None:
     chance = random.Random(source.name)

@@ -70,6 +70,7 @@ def test_expand_does_not_write_over_a_source(tmp_path, capsys):
     assert path.read_text().startswith('<robot')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('command', ['expand', 'lint', 'fix', 'info'])
 def test_every_command_reads_and_writes_utf8_whatever_the_locale_is(command, tmp_path):
     path = tmp_path / os.fsdecode(b'robot\xff.urdf')

@@ -146,6 +146,7 @@ for name in ('go2', 'mbot'):
 """
 
 
+@pytest.mark.slow
 def test_the_expansion_is_the_same_with_and_without_ament():
     texts = [
         subprocess.run(

@@ -171,7 +171,8 @@ def test_what_files_print_is_a_warning(tmp_path, capfd):
     assert capfd.readouterr() == ('', '')
 
 
-@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.slow
 def test_a_new_python_expands_where_no_process_can_be_forked(tmp_path, monkeypatch):
     path = tmp_path / 'robot.xacro'
     path.write_text(FEATURES)

@@ -22,6 +22,7 @@ def info(capsys, *words):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('robot', ['go2', 'mbot'])
 def test_the_command_says_after_its_tables_that_libraries_agree(robot):
     words = [sys.executable, '-m', 'robot_description.describe_command', 'info', robot, '--check']
@@ -123,6 +124,7 @@ def test_a_robot_without_masses_can_be_checked(capsys, tmp_path):
     assert all(row['distance'] < 1e-6 for row in record['kinematics'])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(find_renderer() is None, reason='neither EGL nor OSMesa here')
 def test_a_picture_shows_the_robot(tmp_path):
     # In a process of its own: what mujoco renders with is chosen when it is first imported.
@@ -136,6 +138,7 @@ def test_a_picture_shows_the_robot(tmp_path):
     assert 0.05 < orange < 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(find_renderer() is None, reason='neither EGL nor OSMesa here')
 def test_a_picture_that_cannot_be_written_is_one_line(tmp_path):
     path = tmp_path / 'nowhere/mbot.png'

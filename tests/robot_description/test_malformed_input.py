@@ -284,6 +284,7 @@ def said(tmp_path_factory):
     return dict(zip(paths, map(json.loads, answers), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', [*TEXTS, *URDFS, *PATHS])
 def test_it_is_refused_in_one_line_at_once(name, said):
     text, seconds, memory = said[name]
@@ -295,17 +296,20 @@ def test_it_is_refused_in_one_line_at_once(name, said):
     assert memory < 500_000
 
 
+@pytest.mark.slow
 def test_nothing_is_run_and_nothing_outside_is_read(said):
     assert not Path('ran').exists()
     assert not [text for text, *_ in said.values() if 'SECRET' in text or 'root:' in text]
     assert len(EXPRESSIONS) + len(TEXTS) >= 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', PATHS)
 def test_the_path_is_named_once(name, said):
     assert said[name][0].count(f'/{Path(name).name}') == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', TEXTS)
 def test_the_line_is_named(name, said):
     assert 'robot.xacro:' in said[name][0] or 'two.xacro:' in said[name][0]

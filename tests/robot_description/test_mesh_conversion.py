@@ -113,6 +113,7 @@ def big_mesh(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_processes_that_fill_the_cache_at_once_all_get_the_mesh(tmp_path, cache):
     path = big_mesh(tmp_path)
     context = multiprocessing.get_context('fork')
@@ -131,6 +132,7 @@ def test_processes_that_fill_the_cache_at_once_all_get_the_mesh(tmp_path, cache)
     assert [entry.suffix for entry in cache.iterdir()] == ['.npz']
 
 
+@pytest.mark.slow
 def test_a_process_killed_while_it_writes_leaves_no_broken_mesh(tmp_path, cache):
     path = big_mesh(tmp_path)
     process = multiprocessing.get_context('fork').Process(target=load_mesh, args=(path,))

@@ -15,6 +15,8 @@ from robot_description.lint import lint
 from robot_description.packages import installed_folders
 from robot_description.packages import share_directory
 
+pytestmark = pytest.mark.slow
+
 # Installed with the simulator; its trunk is visuals/base.dae, and it has no dae/.
 NAME = 'go2_description'
 TETRAHEDRON = 'v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n'
@@ -194,7 +196,6 @@ def is_installed(path: Path) -> bool:
     return any(path.is_relative_to(folder) for folder in installed_folders())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('layout', LAYOUTS, ids=lambda layout: layout.__name__)
 def test_the_own_mesh_is_used_and_said_and_the_fix_works_anywhere(
     layout: Callable[[Path], Path], tmp_path, caplog
@@ -221,7 +222,6 @@ def test_the_own_mesh_is_used_and_said_and_the_fix_works_anywhere(
     assert main(['fix', str(written)]) == 0
 
 
-@pytest.mark.slow
 def test_what_is_only_installed_here_is_used_and_said_and_no_cure_leads_there(tmp_path):
     path = write(tmp_path / NAME, text=robot(f'package://{NAME}/dae/base.dae', '../dae/hip.obj'))
     record = load_robot(str(path)).meshes.records[0]

@@ -39,6 +39,7 @@ def test_a_wheel_is_found_in_any_folder_that_python_imports_from(elsewhere, tmp_
     assert share_directory('go2_description') == share / 'robots/go2_description'
 
 
+@pytest.mark.slow
 def test_a_wheel_is_found_after_pip_install_user(tmp_path):
     ask = 'import site; print(site.getusersitepackages())'
     find = (

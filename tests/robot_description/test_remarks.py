@@ -5,6 +5,8 @@ import pytest
 from robot_description.description import read_description
 from robot_description.lint import lint
 
+pytestmark = pytest.mark.slow
+
 REMARKS = ('<!-- 1 --><?made by hand?>', '<?made?><!-- <link name="x"/> -->', '')
 ROBOT = """<?xml version="1.0"?>{r}
 <robot name="box"{more}>{r}
@@ -19,7 +21,6 @@ ROBOT = """<?xml version="1.0"?>{r}
 """
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('remark', REMARKS)
 @pytest.mark.parametrize('more', ['', ' xmlns:xacro="http://www.ros.org/wiki/xacro"'])
 def test_a_robot_is_the_same_with_remarks_anywhere(remark, more, tmp_path):

@@ -19,6 +19,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from wasd_core.topics import TfBroadcaster
 
+pytestmark = pytest.mark.slow
+
 WHEEL = 'left_wheel_joint'
 
 

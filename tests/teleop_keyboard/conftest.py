@@ -13,10 +13,10 @@ import time
 
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
+import programs
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-import starting
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.twist_messages import from_twist
@@ -35,8 +35,8 @@ class PtyProcess:
         self.before = termios.tcgetattr(self.slave)
         self.output = b''
         self.is_gone = False
-        self.process = starting.Popen(
-            [sys.executable, '-c', starting.TAKE_TERMINAL, *arguments],
+        self.process = programs.start(
+            [sys.executable, '-c', programs.TAKE_TERMINAL, *arguments],
             stdin=self.slave,
             stdout=self.slave,
             stderr=self.slave,
@@ -279,7 +279,7 @@ def background():
 
     def start(module, *arguments):
         processes.append(
-            starting.Popen(
+            programs.start(
                 [sys.executable, '-m', module, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,

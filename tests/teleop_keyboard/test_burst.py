@@ -11,6 +11,8 @@ from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from wasd_core.topics import EVENTS
 from wasd_core.topics import LoopbackSubscription
 
+pytestmark = pytest.mark.slow
+
 BURST = 2000
 
 
@@ -50,7 +52,6 @@ def test_a_burst_that_is_handed_over_is_not_heard_twice(spawn, spin_until):
     assert heard == typed
 
 
-@pytest.mark.slow
 def test_a_burst_typed_on_a_terminal_is_published_whole(pty_process, listener):
     process = pty_process('-m', 'teleop_keyboard.key_publisher_node')
     listener.probe(process)

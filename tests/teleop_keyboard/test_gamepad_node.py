@@ -20,6 +20,8 @@ from teleop_keyboard.parameters import PAD_PRESETS
 from teleop_keyboard.parameters import PadParameters
 from wasd_core.errors import UserError
 
+pytestmark = pytest.mark.slow
+
 L1, START = 4, 7
 
 

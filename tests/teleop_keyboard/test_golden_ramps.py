@@ -9,6 +9,8 @@ from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.parameters import TeleopParameters
 
+pytestmark = pytest.mark.slow
+
 
 class SeedRamps:
     """keys_to_twist_with_ramps as the tutorial prints it, with its two lost `return`s."""
@@ -44,7 +46,6 @@ class SeedRamps:
         return self.last
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ('scales', 'ramps'), [((0.5, 0.5), (1.0, 1.0)), ((0.7, 0.3), (0.9, 0.35))]
 )

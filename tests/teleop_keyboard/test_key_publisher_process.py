@@ -7,8 +7,8 @@ import subprocess
 import sys
 import time
 
+import programs
 import pytest
-import starting
 from std_msgs.msg import String
 from teleop_keyboard.key_script import parse_key_script
 from terminals import wait_until
@@ -165,7 +165,7 @@ def test_an_exception_leaves_the_terminal_as_it_was(pty_process, listener):
 
 
 def run_without_terminal(**arguments):
-    return starting.run(
+    return programs.run(
         [sys.executable, *MODULE],
         start_new_session=True,
         timeout=20.0,

@@ -4,17 +4,19 @@ import time
 
 from geometry_msgs.msg import Twist
 from geometry_msgs.msg import TwistStamped
+import programs
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-import starting
 from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.twist_messages import from_twist
 from wasd_core.parameters import InvalidParameter
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
@@ -133,7 +135,6 @@ def test_a_key_that_was_handed_over_is_not_handled_again_when_it_comes_back(ros)
     keys.destroy_node()
 
 
-@pytest.mark.slow
 def test_keys_that_cancelled_each_other_are_forgotten_when_the_next_one_comes(ros):
     node = KeysToTwistNode(parameter_overrides=[Parameter('preset', value='wasd')])
     executor = SingleThreadedExecutor()
@@ -149,7 +150,6 @@ def test_keys_that_cancelled_each_other_are_forgotten_when_the_next_one_comes(ro
     node.destroy_node()
 
 
-@pytest.mark.slow
 def test_alone_it_follows_its_own_clock(ros):
     node = KeysToTwistNode()
     received = []
@@ -171,7 +171,6 @@ def test_alone_it_follows_its_own_clock(ros):
     node.destroy_node()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ('parameter', 'message'),
     [
@@ -182,7 +181,7 @@ def test_alone_it_follows_its_own_clock(ros):
 )
 def test_a_wrong_parameter_ends_the_process_with_one_line(ros_domain, parameter, message):
     command = [sys.executable, '-m', 'teleop_keyboard.keys_to_twist_node']
-    result = starting.run([*command, '--ros-args', '-p', parameter], text=True, timeout=20.0)
+    result = programs.run([*command, '--ros-args', '-p', parameter], text=True, timeout=20.0)
     assert result.returncode == 2
     (line,) = result.stderr.splitlines()
     assert line.startswith(message)

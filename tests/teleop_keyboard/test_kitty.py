@@ -89,6 +89,7 @@ def shown(master, text):
     return data
 
 
+@pytest.mark.slow
 def test_a_reader_asks_once_and_then_tells_what_is_down(screen):
     reader, master = screen
     assert reader.poll(0.0) == []
@@ -107,6 +108,7 @@ def test_a_reader_asks_once_and_then_tells_what_is_down(screen):
     shown(master, KITTY_OFF)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('code', 'number'), [(99, signal.SIGINT), (122, signal.SIGTSTP), (92, signal.SIGQUIT)]
 )

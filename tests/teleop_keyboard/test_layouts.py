@@ -66,6 +66,7 @@ def test_two_keys_that_become_one_are_an_error(tmp_path, monkeypatch):
         load_preset(str(path), 'azerty')
 
 
+@pytest.mark.slow
 def test_wasd_keys_lists_the_presets(capsys):
     assert main(['keys']) == 0
     shown = capsys.readouterr().out
@@ -73,6 +74,7 @@ def test_wasd_keys_lists_the_presets(capsys):
     assert all(len(line) < 80 for line in list_presets())
 
 
+@pytest.mark.slow
 def test_wasd_keys_prints_a_keymap_for_a_keyboard(capsys):
     assert main(['keys', 'wasd', '--layout', 'azerty']) == 0
     shown = capsys.readouterr().out
@@ -81,6 +83,7 @@ def test_wasd_keys_prints_a_keymap_for_a_keyboard(capsys):
     assert '  SPACE        stop at once\n' in shown
 
 
+@pytest.mark.slow
 def test_wasd_keys_prints_the_go2s_own_keys(capsys):
     assert main(['keys', 'unitree', '--layout', 'dvorak']) == 0
     shown = capsys.readouterr().out
@@ -88,6 +91,7 @@ def test_wasd_keys_prints_the_go2s_own_keys(capsys):
     assert 'then ,.' in shown
 
 
+@pytest.mark.slow
 def test_wasd_keys_says_what_is_wrong_in_one_line(capsys):
     assert main(['keys', 'wsad']) == 2
     assert capsys.readouterr().err.startswith("error: unknown preset 'wsad', did you mean wasd?")

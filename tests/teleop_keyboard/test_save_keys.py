@@ -17,6 +17,8 @@ from wasd_core.errors import UserError
 from wasd_core.output_file import OutputError
 from wasd_core.output_file import OutputFile
 
+pytestmark = pytest.mark.slow
+
 KEYS = ['i', 'j', ' ', '*', '#', '+', 'é', 'CTRL+*', 'ALT+#', 'SHIFT+UP', 'CTRL+SPACE']
 EVENTS = ['HELD+i', 'RELEASE+i', 'HELD+SPACE', 'RELEASE+UP', 'HELD+#', 'RELEASE+*']
 

@@ -16,6 +16,8 @@ from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.twist_messages import from_twist
 from wasd_core.parameters import InvalidParameter
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def teleop_of(ros_domain, spawn):

@@ -15,6 +15,8 @@ from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_reader import Pipe
 from teleop_keyboard.terminal import Terminal
 
+pytestmark = pytest.mark.slow
+
 # A program that holds a raw terminal until something happens to it.
 HOLDER = """
 import os, sys, time

@@ -15,6 +15,8 @@ from teleop_keyboard.twist_mux_node import TwistMuxNode
 from visualization_msgs.msg import Marker
 from wasd_core.parameters import InvalidParameter
 
+pytestmark = pytest.mark.slow
+
 
 class Peer:
     """The rest of the robot: sends velocities and locks, hears what comes of it."""

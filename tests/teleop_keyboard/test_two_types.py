@@ -15,6 +15,8 @@ from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.twist_mux_node import TwistMuxNode
 from wasd_core.parameters import InvalidParameter
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def here(spawn):
@@ -105,7 +107,6 @@ def test_the_mux_keeps_a_sources_type_where_the_process_holds_it(
     there.destroy_publisher(publisher)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize('rule', ['odom:=cmd_vel', 'keys:=cmd_vel'])
 def test_a_remapping_that_gives_a_topic_two_types_is_one_line(ros_domain, rule):
     done = subprocess.run(

@@ -27,6 +27,7 @@ def anew(**options: object) -> Anew:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('before', 'after'),
     [

@@ -156,6 +156,7 @@ def messages() -> list[object]:
     return [odometry, joints, contacts, JointState(), array, Time(sec=3)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('message', messages(), ids=lambda message: type(message).__name__)
 def test_equal_messages_are_equal_bytes_without_scraps_of_memory(message: object) -> None:
     data = to_bytes(message)

@@ -14,6 +14,8 @@ from wasd_core.errors import UserError
 
 from wasd_bringup import calibrate
 
+pytestmark = pytest.mark.slow
+
 WHEELS = Path(__file__).parents[1] / 'catalogue' / 'wheels'
 TRUE_RADIUS, TRUE_SEPARATION = 0.06, 0.38
 

@@ -10,6 +10,8 @@ from wasd_bringup.robots import Kind
 from wasd_bringup.robots import RobotRow
 from wasd_bringup.robots import ROBOTS
 
+pytestmark = pytest.mark.slow
+
 # It turns on the spot by torque alone, as fast as it is told, and knows no odometry.
 PACKAGE = """
 import numpy as np

@@ -22,6 +22,8 @@ from foxglove_client import FoxgloveClient  # noqa: E402
 from wasd_bringup.session import Session  # noqa: E402
 from wasd_bringup.session_foxglove import FoxgloveServer  # noqa: E402
 
+pytestmark = pytest.mark.slow
+
 TWIST = 'geometry_msgs/msg/Twist'
 
 

@@ -141,6 +141,7 @@ def test_our_navigator_is_alone_and_a_source_of_the_mux(launch_file, robot):
     assert [path.name for path in navigator.files] == [f'navigator_{robot}.yaml']
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('robot', ROBOTS)
 @pytest.mark.usefixtures('ros')
 def test_our_navigator_knows_a_robot_as_wasd_does(robot):

@@ -29,6 +29,7 @@ def read(tmp_path, monkeypatch):
     return lambda *words: read_options(parser.parse_args(words))
 
 
+@pytest.mark.slow
 def test_an_option_of_another_robot_names_the_help_of_this_one():
     with pytest.raises(UserError, match=r'arguments: --gait walk \(see: .*wasd mbot --help\)'):
         make_parser().parse_args(['mbot', '--gait', 'walk'])

@@ -13,6 +13,8 @@ from wasd_cockpit.scene import Pool
 
 from wasd_cockpit import style
 
+pytestmark = pytest.mark.slow
+
 FORWARD = 0.5  # [m/s], five presses of w
 LOOKS, LOOK = 100, 0.01  # how many, and how far apart [s]
 ARROW, SPHERE = int(mujoco.mjtGeom.mjGEOM_ARROW), int(mujoco.mjtGeom.mjGEOM_SPHERE)

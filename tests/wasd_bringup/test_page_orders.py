@@ -20,6 +20,8 @@ from wasd_core.output_file import OutputFile
 
 from diff_drive_sim import messages as drive_messages
 
+pytestmark = pytest.mark.slow
+
 PERIOD = 1.0 / 60.0  # of the scene [s]
 
 

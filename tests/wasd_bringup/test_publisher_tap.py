@@ -12,6 +12,8 @@ from wasd_bringup.recording.recorder import PublisherTap
 from wasd_core.topics import has_listener
 from wasd_core.topics import LoopbackSubscription
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def heard() -> Iterator[list[tuple[str, str, str]]]:

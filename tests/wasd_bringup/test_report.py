@@ -18,6 +18,8 @@ from wasd_bringup.report import Sample
 from wasd_bringup.report import UP_AGAIN
 from wasd_bringup.report import write_report
 
+pytestmark = pytest.mark.slow
+
 NOW = Sample('trotting', (0.1, 0.2, 0.3), (1.0, 2.0, 3.0), (1, 0, 0, 1))
 DOWN = NOW._replace(is_down=True)
 TICKS = TickSummary(1.0, 2.0, 3.0, 0)
@@ -60,7 +62,6 @@ def test_velocity_is_in_the_yaw_aligned_frame_of_the_base(world, recorder):
     np.testing.assert_allclose(recorder.samples['velocity'], [[0.4, 0.0, 0.0]], atol=1e-12)
 
 
-@pytest.mark.slow
 def test_the_yaw_of_odometry_is_between_minus_pi_and_pi(recorder):
     recorder.sample(NOW._replace(odometry=(0.0, 0.0, 4.0)))
     assert recorder.samples['odom'][0][2] == pytest.approx(4.0 - 2.0 * math.pi)
@@ -68,7 +69,6 @@ def test_the_yaw_of_odometry_is_between_minus_pi_and_pi(recorder):
     assert recorder.samples['odom'][1][2] == pytest.approx(-7.0 + 2.0 * math.pi)
 
 
-@pytest.mark.slow
 def test_59_degrees_is_no_fall_and_61_is(world, recorder):
     tilt(world, 59.0)
     recorder.sample(NOW)
@@ -79,7 +79,6 @@ def test_59_degrees_is_no_fall_and_61_is(world, recorder):
     assert (recorder.falls, recorder.fell_at) == (1, pytest.approx(0.02))
 
 
-@pytest.mark.slow
 def test_lying_on_is_one_fall_and_falling_again_another(world, recorder):
     for angle in (0.0, 70.0, 90.0, 120.0):
         tilt(world, angle)
@@ -94,7 +93,6 @@ def test_lying_on_is_one_fall_and_falling_again_another(world, recorder):
     assert recorder.fell_at == first
 
 
-@pytest.mark.slow
 def test_a_trunk_on_the_ground_is_a_fall_too(recorder):
     for sample in (NOW, DOWN, DOWN, *[NOW] * UP_AGAIN, DOWN):
         recorder.sample(sample)
@@ -102,14 +100,12 @@ def test_a_trunk_on_the_ground_is_a_fall_too(recorder):
     assert recorder.fell_at == 0.0
 
 
-@pytest.mark.slow
 def test_a_trunk_that_bounces_has_fallen_once(recorder):
     for sample in (DOWN, *[NOW] * (UP_AGAIN - 1), DOWN, NOW, DOWN):
         recorder.sample(sample)
     assert recorder.falls == 1
 
 
-@pytest.mark.slow
 def test_falling_over_and_onto_the_trunk_is_one_fall(world, recorder):
     tilt(world, 70.0)
     recorder.sample(NOW)
@@ -123,7 +119,6 @@ def report_of(recorder, wall_time=0.5):
     return build_report(recorder, run, 1.0000000001, wall_time, TICKS)
 
 
-@pytest.mark.slow
 def test_the_report_has_the_fields_of_the_contract(recorder):
     recorder.sample(NOW)
     report = report_of(recorder)
@@ -139,12 +134,10 @@ def test_the_report_has_the_fields_of_the_contract(recorder):
     assert report['tick'] == {'median_us': 1.0, 'p99_us': 2.0, 'max_us': 3.0, 'overruns': 0}
 
 
-@pytest.mark.slow
 def test_a_run_of_no_length_has_a_report(recorder):
     assert report_of(recorder, wall_time=0.0)['real_time_factor'] == 0.0
 
 
-@pytest.mark.slow
 def test_a_report_can_be_read_back_by_everybody(recorder, tmp_path):
     recorder.sample(NOW)
     path = tmp_path / 'report.json'
@@ -163,7 +156,6 @@ def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path):
     assert os.listdir(tmp_path) == ['report.json']
 
 
-@pytest.mark.slow
 def test_a_report_replaces_the_one_before(recorder, tmp_path):
     path = tmp_path / 'report.json'
     path.write_text('x' * 100_000)

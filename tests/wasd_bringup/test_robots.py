@@ -14,6 +14,8 @@ from wasd_bringup.robots import ROBOTS
 from wasd_bringup.robots import WHEELED
 from wasd_core.parameter_file import read_mapping
 
+pytestmark = pytest.mark.slow
+
 TUG = RobotRow(
     name='tug',
     kind=WHEELED,

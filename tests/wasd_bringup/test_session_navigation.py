@@ -70,11 +70,13 @@ def ended(session):
     return last['state'], last['reason']
 
 
+@pytest.mark.slow
 def test_a_goal_of_the_command_line_is_driven_to(driving):
     assert driving.world.base().position[0] > 0.05
     assert navigation(driving).navigator.scans == 6  # 5.5 times a second, from time 0 on
 
 
+@pytest.mark.slow
 def test_nobody_has_to_listen_for_a_scan_and_its_pose_is_of_its_instant(driving):
     scan, pose, _ = navigation(driving).navigator.locator.steps[-1]
     assert len(scan.ends) == 360
@@ -82,6 +84,7 @@ def test_nobody_has_to_listen_for_a_scan_and_its_pose_is_of_its_instant(driving)
     assert 0.0 < pose[0] < driving.world.base().position[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('key', ['i', 'k', 'z', 'HELD+i'])
 def test_a_key_takes_over_in_its_instant(driving, key):
     driving.press(key)
@@ -94,11 +97,13 @@ def test_a_key_takes_over_in_its_instant(driving, key):
     assert wanted(driving) == 0.0
 
 
+@pytest.mark.slow
 def test_a_key_that_is_let_go_takes_nothing_over(driving):
     driving.press('RELEASE+i')
     assert navigation(driving).navigator.goal is not None
 
 
+@pytest.mark.slow
 def test_the_stick_of_the_page_takes_over(driving, monkeypatch, tmp_path):
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
     bridge = CockpitBridge(driving)
@@ -110,6 +115,7 @@ def test_the_stick_of_the_page_takes_over(driving, monkeypatch, tmp_path):
     bridge.close()
 
 
+@pytest.mark.slow
 def test_a_velocity_of_another_process_takes_over(driving):
     cmd_vel = driving.stack.driver.cmd_vel._subscription
     message = Twist()
@@ -120,12 +126,14 @@ def test_a_velocity_of_another_process_takes_over(driving):
     assert wanted(driving) == pytest.approx(-0.1)
 
 
+@pytest.mark.slow
 def test_a_key_of_another_process_takes_over(driving):
     keys = driving.stack._teleop.keys
     keys._on_message(String(data='k'), {'source_timestamp': 0})
     assert ended(driving) == ('cancelled', 'somebody on /keys takes over')
 
 
+@pytest.mark.slow
 def test_pause_reset_and_suspension_end_the_goal(session_of):
     session = session_of(goals=(GOAL, GOAL, GOAL))
     session.simulation.advance(200)
@@ -148,6 +156,7 @@ def test_pause_reset_and_suspension_end_the_goal(session_of):
     assert navigation(session).navigator.goal is None
 
 
+@pytest.mark.slow
 def test_goals_that_were_to_follow_go_with_the_one_that_is_cancelled(session_of):
     session = session_of()
     navigates = navigation(session)
@@ -176,6 +185,7 @@ def test_goals_that_were_to_follow_go_with_the_one_that_is_cancelled(session_of)
         assert wanted(session) == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('end', ['key', 'velocity', 'pause', 'reset'])
 def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of, end):
     session = session_of(goals=(GOAL, GOAL))
@@ -199,6 +209,7 @@ def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of, 
     assert wanted(session) == 0.0
 
 
+@pytest.mark.slow
 def test_what_a_driver_does_before_the_first_goal_ends_none(session_of):
     session = session_of(goals=(GOAL,))
     session.press('k')
@@ -207,6 +218,7 @@ def test_what_a_driver_does_before_the_first_goal_ends_none(session_of):
     assert wanted(session) == pytest.approx(0.3)
 
 
+@pytest.mark.slow
 def test_goals_that_were_to_follow_are_driven_to_after_one_that_has_failed(session_of):
     session = session_of(goals=(GOAL, GOAL))
     navigation(session).navigator.pilot.end = ('failed', 'stuck')
@@ -214,6 +226,7 @@ def test_goals_that_were_to_follow_are_driven_to_after_one_that_has_failed(sessi
     assert [goal['state'] for goal in navigation(session).report()['goals']] == ['failed'] * 2
 
 
+@pytest.mark.slow
 def test_a_robot_whose_lidar_falls_silent_stands_also_for_the_next_goal(driving):
     navigation(driving).node.take_scan = lambda *_: None
     driving.simulation.advance(1500)
@@ -225,6 +238,7 @@ def test_a_robot_whose_lidar_falls_silent_stands_also_for_the_next_goal(driving)
     assert navigation(driving).view().reason == 'the lidar is silent'
 
 
+@pytest.mark.slow
 def test_keys_that_latch_give_way_to_a_goal(session_of):
     session = session_of(preset='ramps')
     session.simulation.advance(100)
@@ -235,6 +249,7 @@ def test_keys_that_latch_give_way_to_a_goal(session_of):
     assert wanted(session) == pytest.approx(0.3)
 
 
+@pytest.mark.slow
 def test_the_page_orders_goals_and_shows_the_map(session_of, monkeypatch, tmp_path):
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path))
     session = session_of()
@@ -256,6 +271,7 @@ def test_the_page_orders_goals_and_shows_the_map(session_of, monkeypatch, tmp_pa
     bridge.close()
 
 
+@pytest.mark.slow
 def test_a_goal_of_the_page_ends_with_it_and_others_do_not(driving):
     navigation(driving).lose_page()
     driving.simulation.advance(100)
@@ -279,6 +295,7 @@ def both(session_of):
     return session
 
 
+@pytest.mark.slow
 def test_tab_ends_the_goal_of_the_robot_that_it_leaves(both):
     mbot, driven = both.robot, navigation(both)
     both.press(SWITCH_KEY)
@@ -290,6 +307,7 @@ def test_tab_ends_the_goal_of_the_robot_that_it_leaves(both):
     assert any('TAB the one it leaves' in line for line in both.first_lines)
 
 
+@pytest.mark.slow
 def test_a_goal_sent_to_the_robot_that_is_not_in_turn_ends_by_tab_and_a_key(both):
     driven = navigation(both)
     both.press(SWITCH_KEY)
@@ -301,6 +319,7 @@ def test_a_goal_sent_to_the_robot_that_is_not_in_turn_ends_by_tab_and_a_key(both
     assert driven.navigator.goal is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('end', ['stop', 'pause'])
 def test_a_stop_and_a_pause_end_the_goal_of_the_robot_that_is_not_in_turn(
     both, end, monkeypatch, tmp_path
@@ -320,11 +339,13 @@ def test_a_stop_and_a_pause_end_the_goal_of_the_robot_that_is_not_in_turn(
     assert driven.navigator.goal is None
 
 
+@pytest.mark.slow
 def test_each_of_two_robots_has_a_map_of_its_own_name(both):
     names = [each.node.settings.save_map for each in both.navigations]
     assert names == ['go2_map', 'mbot_map']
 
 
+@pytest.mark.slow
 def test_a_go2_that_does_not_follow_velocities_says_what_to_press(session_of):
     session = session_of('go2', preset='unitree')
     session.simulation.advance(100)
@@ -333,6 +354,7 @@ def test_a_go2_that_does_not_follow_velocities_says_what_to_press(session_of):
     assert 'press 2' in session.stack.status().message
 
 
+@pytest.mark.slow
 def test_a_goal_of_the_command_line_says_what_it_waits_for(session_of):
     dog = session_of('go2', preset='unitree', goals=(GOAL,))
     line = 'maps: the goal waits: press 2 to stand, then 5 to move; any key takes over'
@@ -342,10 +364,12 @@ def test_a_goal_of_the_command_line_says_what_it_waits_for(session_of):
     assert dog.stack.refusal == 'press 5 to move: it is fixed stand'
 
 
+@pytest.mark.slow
 def test_a_goal_that_does_not_wait_says_no_such_thing(session_of):
     assert 'waits' not in navigation(session_of(goals=(GOAL,))).first_line
 
 
+@pytest.mark.slow
 def test_a_report_tells_where_it_ended(session_of):
     session = session_of(goals=(GOAL,))
     navigation(session).navigator.pilot.end = ('arrived', '')
@@ -408,11 +432,13 @@ def test_a_place_that_cannot_take_the_map_is_refused_before_the_run(read, tmp_pa
         read('--map', str(house), '--save-map', str(tmp_path / 'house'))
 
 
+@pytest.mark.slow
 def test_a_robot_without_a_lidar_is_refused(session_of):
     with pytest.raises(UserError, match='no planar lidar'):
         session_of(description='mbot_bare')
 
 
+@pytest.mark.slow
 def test_the_footprint_is_what_collides(session_of):
     footprint = navigation(session_of()).node.settings.footprint
     assert footprint.radius == pytest.approx(0.2112, abs=1e-3)

@@ -12,6 +12,8 @@ from wasd_bringup.session_guests import SessionPad
 from wasd_cockpit.link import Order
 from wasd_cockpit.link import Stick
 
+pytestmark = pytest.mark.slow
+
 L1, B, START, L2_AXIS, A = 4, 1, 7, 2, 0
 
 

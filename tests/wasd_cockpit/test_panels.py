@@ -8,8 +8,10 @@ import re
 import subprocess
 import sys
 
+import programs
 import pytest
-import starting
+
+pytestmark = pytest.mark.slow
 
 HERE = Path(__file__).parent
 RUNS = {
@@ -39,7 +41,7 @@ def played(log_directory: Path, ros_domains, tmp_path_factory) -> dict[str, dict
             'ROS_LOG_DIR': str(log_directory),
             'XDG_CONFIG_HOME': str(tmp_path_factory.mktemp('config')),
         }
-        done = starting.run(
+        done = programs.run(
             [sys.executable, '-m', 'run_scenarios', module, *words],
             timeout=400,
             env=environment,
@@ -52,7 +54,6 @@ def played(log_directory: Path, ros_domains, tmp_path_factory) -> dict[str, dict
     return results
 
 
-@pytest.mark.slow
 @pytest.mark.takes_up_to(1200.0)
 @pytest.mark.parametrize(('module', 'name'), scenarios())
 def test_the_panels_do_what_they_say(played, module, name):

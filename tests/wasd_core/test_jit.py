@@ -7,10 +7,12 @@ import shutil
 import subprocess
 import sys
 
+import programs
 import pytest
-import starting
 
 import wasd_core
+
+pytestmark = pytest.mark.slow
 
 KERNELS = """
 from wasd_core.jit import jit
@@ -46,7 +48,7 @@ class Kernels:
 
     def start(self, place: str = '.') -> 'subprocess.Popen[str]':
         """Start a process that has loaded the kernel, from a folder, and waits."""
-        process = starting.Popen(
+        process = programs.start(
             [sys.executable, '-m', 'use'],
             cwd=self.folder / place,
             env=self.environment,

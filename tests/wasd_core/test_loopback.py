@@ -10,6 +10,8 @@ from wasd_core.topics import LoopbackSubscription
 
 from wasd_core import topics as topics_module
 
+pytestmark = pytest.mark.slow
+
 
 def twist(speed):
     message = Twist()

@@ -26,6 +26,8 @@ from wasd_core.signals import StopSignals
 
 from wasd_core import node as node_support
 
+pytestmark = pytest.mark.slow
+
 
 @dataclass(frozen=True, kw_only=True)
 class Arm(Parameters):

@@ -85,6 +85,7 @@ def test_what_breaks_off_leaves_the_old_file_and_nothing_else(tmp_path):
     assert os.listdir(tmp_path) == ['old']
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_it_leaves_a_whole_file(tmp_path):
     path = tmp_path / 'file'
     for _ in range(10):
@@ -160,6 +161,7 @@ def test_a_reader_that_has_gone_is_one_line(tmp_path):
         pipe.write(b'text')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('name', ['/dev/stdout', '/dev/fd/1', '/proc/self/fd/1', 'link'])
 def test_standard_output_is_written_to_where_it_stands(tmp_path, name):
     (tmp_path / 'link').symlink_to('/dev/stdout')

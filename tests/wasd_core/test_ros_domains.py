@@ -39,6 +39,7 @@ def hold(domain):
     return process, process.stdout.readline() == 'True\n'
 
 
+@pytest.mark.slow
 def test_a_place_has_one_holder_and_is_free_when_it_was_killed(domains):
     process, has_it = hold(domains[0])
     try:
@@ -55,6 +56,7 @@ def test_a_place_has_one_holder_and_is_free_when_it_was_killed(domains):
     assert domains[0] not in [run.domain for run in running()]
 
 
+@pytest.mark.slow
 def test_of_many_that_start_at_once_one_gets_the_place(domains):
     started = [
         subprocess.Popen(
@@ -71,6 +73,7 @@ def test_of_many_that_start_at_once_one_gets_the_place(domains):
     assert sorted(answers) == ['False\n'] * 5 + ['True\n']
 
 
+@pytest.mark.slow
 def test_the_second_run_takes_the_next_domain_and_says_how_to_talk_to_it(domains):
     process, _ = hold(domains[0])
     try:
@@ -92,6 +95,7 @@ def test_the_first_run_has_the_first_domain_and_nothing_to_say(domains):
         assert (environment, words) == ({'ROS_DOMAIN_ID': str(domains[0])}, '')
 
 
+@pytest.mark.slow
 def test_a_domain_of_the_users_stays_and_a_run_in_it_is_said(domains):
     process, _ = hold(domains[0])
     try:
@@ -105,6 +109,7 @@ def test_a_domain_of_the_users_stays_and_a_run_in_it_is_said(domains):
         process.wait()
 
 
+@pytest.mark.slow
 def test_runs_in_namespaces_of_their_own_share_a_domain(domains):
     first, _ = claim_domain({}, ['/robot1'], '')
     process, has_it = hold(domains[0])

@@ -73,6 +73,7 @@ def segments_of(pid: int) -> set[str]:
     return set(re.findall(r'/dev/shm/(fastrtps_[0-9a-f]{16})\b', maps))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SHARED_MEMORY.is_dir(), reason='no /dev/shm')
 def test_what_a_killed_node_leaves_goes_when_it_is_dead_but_not_before(isolated_ros: int) -> None:
     words = [sys.executable, '-m', 'teleop_keyboard.twist_mux_node']

@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 FULL = Path('/dev/full')
 DESCRIBE = ('robot_description.describe_command', 'expand', 'go2')
 KEYS = ('wasd_bringup.cli', 'keys')

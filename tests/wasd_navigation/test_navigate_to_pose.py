@@ -16,7 +16,10 @@ from wasd_navigation.messages import to_pose_stamped
 from wasd_navigation.navigator_node import NavigatorNode
 
 NavigateToPose = action_type()
-pytestmark = pytest.mark.skipif(NavigateToPose is None, reason='nav2_msgs is not built')
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(NavigateToPose is None, reason='nav2_msgs is not built'),
+]
 
 
 class Client:

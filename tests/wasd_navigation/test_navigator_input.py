@@ -15,6 +15,8 @@ import pytest
 from wasd_core.rotations import Pose
 from wasd_core.topics import tf_message_type
 
+pytestmark = pytest.mark.slow
+
 FAR = np.array([2.0, 1.0, 0.0])
 
 

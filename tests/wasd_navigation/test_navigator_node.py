@@ -29,6 +29,8 @@ from wasd_navigation.messages import to_occupancy
 from wasd_navigation.messages import to_path
 from wasd_navigation.messages import to_planar
 
+pytestmark = pytest.mark.slow
+
 
 def test_alone_it_maps_from_topics_and_drives_by_cmd_vel(make, publish, peer, spawn, spin_until):
     node = make(lock_step=False)

@@ -39,8 +39,6 @@ from wasd_bringup.robots import preset_help
 from wasd_bringup.robots import ROBOTS
 from wasd_bringup.robots import UNITREE_PRESET
 
-# What a quick test does without; tests/marking.py sets the first four by what a test uses.
-SLOW_MARKS = ('process', 'ros', 'run', 'browser', 'slow')
 # Tests wait more than they compute; a module's runs are shared by its tests.
 WORKERS = (
     *('-n', 'auto', '--maxprocesses', '6', '--dist', 'loadfile', '--no-loadscope-reorder'),
@@ -197,7 +195,7 @@ def run_tests(arguments: Sequence[str]) -> int:
     words = list(arguments)
     if '--quick' in words:
         words.remove('--quick')
-        words = ['-m', ' and '.join(f'not {mark}' for mark in SLOW_MARKS), '-q', *words]
+        words = ['-m', 'not slow', '-q', *words]
     else:
         words = [*WORKERS, *words]
     return _run('tests', 'pytest', *words)

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Thirty runs whose every bit is known: what changes without being meant to shows here.
+
+`python tests/golden_runs.py FILE` runs them all in one process and writes what came of each: a
+hash of the report's samples, where it ended, and what was recorded. The file of the tests is
+`tests/golden/runs.json`; write it again only after a change that is meant to change a walk, and
+say which in the commit.
+"""
+
+import contextlib
+import hashlib
+import importlib
+import io
+import json
+import os
+from pathlib import Path
+import shlex
+import sys
+import tempfile
+from typing import Any
+
+STAND = '0.1 2\n2.6 5'
+FORWARD = '3.2 0.5 0 0\n5 0.4 0.2 0.5\n7 0 0 0'
+SQUARE = '0.5 i*45\n2.5 j*30\n4 i*45'
+TOUR = '0.1 2\n2.5 4\n3 w*6\n5.5 SPACE a*6\n7 SPACE j*5'
+# Name -> words after `wasd`, key script, velocities. `{}` is the folder of the run.
+RUNS: dict[str, tuple[str, str, str]] = {
+    'sticks': ('go2 --duration 8', TOUR, ''),
+    'velocities': ('go2 --duration 8', STAND, FORWARD),
+    'by truth': ('go2 --duration 6 --estimator truth', STAND, FORWARD),
+    'race': ('go2 --duration 6 --limits race', STAND, '3.2 2.5 0 0\n5 0 0 3'),
+    'guide': ('go2 --duration 6 --limits guide', TOUR, ''),
+    'walk': ('go2 --duration 6 --gait walk', STAND, FORWARD),
+    'pace': ('go2 --duration 6 --gait pace', STAND, FORWARD),
+    'bound': ('go2 --duration 6 --gait bound', STAND, FORWARD),
+    'pronk': ('go2 --duration 6 --gait pronk', STAND, FORWARD),
+    'gallop': ('go2 --duration 6 --gait gallop', STAND, '3.2 1.5 0 0'),
+    'gait by key': ('go2 --duration 7', f'{STAND}\n4 n\n5.5 N', FORWARD),
+    'push': ('go2 --duration 6 --push "4 0 200 0 0.1"', STAND, FORWARD),
+    'knocked over': ('go2 --duration 9 --push "3 0 450 0 0.1"', '0.1 2\n5 6', ''),
+    'tests': ('go2 --duration 9', '0.1 2\n2.5 0\n3 w*5\n4 2\n4.5 9\n6 2\n6.5 8', ''),
+    'jump and lie': ('go2 --duration 8', '0.1 2\n2.5 v\n5 7\n7 1', ''),
+    'free stand': ('go2 --duration 5', '0.1 2\n2.5 3\n3 w*5 d*5 j*5', ''),
+    'slope': ('go2 --duration 6 --world slope:15', STAND, '3.2 0.5 0 0'),
+    'stairs': ('go2 --duration 8 --world stairs:0.1', STAND, '3.2 0.5 0 0'),
+    'boxes': ('go2 --duration 7 --world boxes:0.05 --seed 3', STAND, '3.2 0.5 0 0'),
+    'rough': ('go2 --duration 6 --world rough:0.05 --seed 4', STAND, '3.2 0.5 0 0'),
+    'ice': ('go2 --duration 7 --world ice:0.2', STAND, '3.2 0.5 0 0'),
+    'payload': ('go2 --duration 6 --payload 5 --friction 0.4', STAND, FORWARD),
+    'differs': ('go2 --duration 6 --randomise 1 --seed 7', STAND, FORWARD),
+    'preset go2': ('go2 --duration 6 --preset go2', '0.1 2\n2.6 5\n3.2 i*30', ''),
+    'square': ('mbot --duration 7', SQUARE, ''),
+    'fake': ('mbot --duration 6 --mode fake', SQUARE, ''),
+    'arbotix': ('mbot --duration 6 --mode arbotix', SQUARE, ''),
+    'ramps': ('mbot --duration 6 --preset ramps', '0.5 w*30\n3 a*20', ''),
+    'wheels by velocity': ('mbot --duration 6', '', '0.5 0.3 0 0.5\n3 0 0 1\n4 stop'),
+    'map and goal': ('mbot --duration 8 --world flat:3 --map --goal "0.6 0.2"', '', ''),
+    'both': ('both --duration 6', '0.1 2\n2.5 4\n3 w*4\n4 TAB i*30', ''),
+}
+RECORDED = ('velocities', 'square', 'both')
+# Topics that say nothing of wall time: their messages are compared, too.
+UNTIMED = ('/odom', '/cmd_vel', '/joint_states', '/keys', '/tf', '/clock', '/imu/data')
+# A walk that differs in its last bits only ends this near [m].
+NEAR = 0.15
+
+
+def arithmetic() -> str:
+    """Return a hash of what this machine computes: only an equal one gives equal bits."""
+    import numpy as np
+
+    matrix = np.random.default_rng(0).normal(size=(48, 48))
+    numbers = [
+        matrix @ matrix,
+        np.linalg.solve(matrix, matrix[0]),
+        np.sin(matrix) * np.exp(matrix),
+    ]
+    return hashlib.sha256(b''.join(each.tobytes() for each in numbers)).hexdigest()[:16]
+
+
+def run_all(folder: Path) -> dict[str, Any]:
+    """Run everything in a folder; return what came of it."""
+    return {'arithmetic': arithmetic(), 'runs': {name: run(name, folder) for name in RUNS}}
+
+
+def run(name: str, folder: Path) -> dict[str, Any]:
+    """Run one; return its samples' hash, its robots' ends, and what was recorded."""
+    from wasd_bringup.cli import main
+
+    words, keys, velocities = RUNS[name]
+    report, bag = folder / f'{name}.json', folder / f'{name}.mcap'
+    arguments = [*shlex.split(words), '--speed', '0', '--report', str(report)]
+    for option, text in (('--play', keys), ('--twist', velocities)):
+        if text:
+            script = folder / f'{name}{option}'
+            script.write_text(text)
+            arguments += [option, str(script)]
+    if name in RECORDED:
+        arguments += ['--record', str(bag)]
+    with contextlib.redirect_stdout(io.StringIO()):
+        status = main(arguments)
+    if status != 0:
+        raise SystemExit(f'{name}: ended with status {status}')
+    found = {'samples': '', **_outcome(json.loads(report.read_text()))}
+    if name in RECORDED:
+        found['topics'] = _recorded(bag)
+    return found
+
+
+def _outcome(report: dict[str, Any]) -> dict[str, Any]:
+    robots = report.get('robots', {report['robot']: report})
+    samples = {robot: one['samples'] for robot, one in robots.items()}
+    return {
+        'samples': _hash(samples),
+        'ends': {
+            robot: [round(x, 3) for x in one['position'][-1]] for robot, one in samples.items()
+        },
+        'states': {robot: list(dict.fromkeys(one['state'])) for robot, one in samples.items()},
+        'falls': [one['falls'] for one in robots.values()],
+    }
+
+
+def _recorded(path: Path) -> dict[str, list[Any]]:
+    """Return of each topic its type, its count and a hash of its decoded messages."""
+    from rclpy.serialization import deserialize_message
+    from wasd_bringup.recording.reader import BagReader
+
+    reader = BagReader(path)
+    found: dict[str, list[Any]] = {}
+    for topic in reader.topics:
+        # Diagnostics come by wall time.
+        is_counted = not topic.name.endswith('/diagnostics')
+        found[topic.name] = [topic.kind, topic.messages if is_counted else None]
+        if topic.name.endswith(UNTIMED):
+            package, _, name = topic.kind.split('/')
+            kind = getattr(importlib.import_module(f'{package}.msg'), name)
+            messages = reader.messages([topic.name])
+            said = [repr(deserialize_message(message.data, kind)) for message in messages]
+            found[topic.name].append(_hash(said))
+    return found
+
+
+def _hash(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value).encode()).hexdigest()[:16]
+
+
+if __name__ == '__main__':
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'
+    with tempfile.TemporaryDirectory() as scratch:
+        outcome = run_all(Path(scratch))
+    Path(sys.argv[1]).write_text(json.dumps(outcome, indent=1) + '\n')
