@@ -72,11 +72,13 @@ def serve(requests: Any, answers: Any) -> None:
     from wasd_bringup.cli import main
 
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    streams = sys.stdout, sys.stderr
     for line in requests:
         request = json.loads(line)
         os.environ.clear()
         os.environ.update(request['environment'])
         os.chdir(request['folder'])
+        sys.stdout, sys.stderr = streams  # a run puts its own in place
         with _heard() as heard:
             status = _status_of(main, request['words'])
         answers.write(json.dumps({'status': status, **heard}) + '\n')
@@ -100,12 +102,12 @@ def _heard() -> Any:
     with tempfile.TemporaryFile() as said, tempfile.TemporaryFile() as errors:
         os.dup2(said.fileno(), 1)
         os.dup2(errors.fileno(), 2)
-        sys.stdout, sys.stderr = os.fdopen(1, 'w', closefd=False), os.fdopen(2, 'w', closefd=False)
         try:
             yield heard
         finally:
-            for stream, name, file in ((sys.stdout, 'said', said), (sys.stderr, 'errors', errors)):
-                stream.flush()
+            sys.stdout.flush()
+            sys.stderr.flush()
+            for name, file in (('said', said), ('errors', errors)):
                 file.seek(0)
                 heard[name] = file.read().decode(errors='replace')
 

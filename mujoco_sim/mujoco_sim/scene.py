@@ -228,6 +228,10 @@ def lead_sun(spec: mujoco.MjSpec, body: str) -> None:
         _add_sun(spec.body(body)).mode = mujoco.mjtCamLight.mjCAMLIGHT_TRACK
 
 
+# How MuJoCo knows what a file is.
+WORLD_FILES = ('.xml', '.urdf')
+
+
 def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
     path = Path(world)
     try:
@@ -240,6 +244,11 @@ def _attach_file(spec: mujoco.MjSpec, world: str) -> None:
         raise SimulationError(
             f'--world {world}: no such file, and no world of that name; '
             f'worlds: {WORLD_NAMES}, or an MJCF or URDF file'
+        )
+    if path.suffix.lower() not in WORLD_FILES:
+        raise SimulationError(
+            f'--world {world}: wanted an MJCF or URDF file, whose name ends in '
+            + ' or '.join(WORLD_FILES)
         )
     try:
         surroundings = mujoco.MjSpec.from_file(str(path))

@@ -534,7 +534,7 @@ class EstimatorParameters(Parameters):
     )
     level_rate: float = parameter(
         2.5,
-        above=0.0,
+        span=(1.5, 6.0),
         unit='rad/s',
         doc='Roll and pitch rate of a robot that is thrown, which learns nothing of the level',
     )
