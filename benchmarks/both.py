@@ -15,8 +15,7 @@ import tempfile
 from typing import Any
 
 from environment import alone
-from mbot_accuracy import run_quietly
-from mbot_accuracy import WASD
+from mbot_accuracy import run_quietly, WASD
 from table import Row
 from wasd_bringup.recording.reader import BagReader
 

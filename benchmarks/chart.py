@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
-from PIL import ImageDraw
-from PIL import ImageFont
+from PIL import Image, ImageDraw, ImageFont
 
 SCALE = 3  # drawn so many times as large as it is saved
 INK, GREY, PAPER = (40, 44, 52), (208, 212, 218), (255, 255, 255)

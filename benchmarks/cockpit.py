@@ -23,8 +23,7 @@ from typing import Any, TYPE_CHECKING
 
 from environment import alone
 from quadruped_sim.keys import ZERO_KEYS
-from table import at_most
-from table import Row
+from table import at_most, Row
 from wasd_cockpit.link import Order
 
 if TYPE_CHECKING:
@@ -185,8 +184,7 @@ def on_a_page(quick: bool, note: Callable[[str], None]) -> dict[str, Any]:
 
 def shown_in_chromium(folder: Path, size: tuple[int, int]) -> tuple[dict[str, float], list[str]]:
     """Return the deviation of the pixels of each panel, and errors of the browser's console."""
-    from page_in_browser import chromium
-    from page_in_browser import open_page
+    from page_in_browser import chromium, open_page
 
     rects = folder / f'rects_{size[0]}.json'
     words = [

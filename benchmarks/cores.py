@@ -6,17 +6,13 @@ A run is the same wherever it is simulated, so the figures are those of one afte
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import as_completed
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import as_completed, ProcessPoolExecutor
 import multiprocessing
 import os
 from pathlib import Path
 from typing import Any
 
-from trials import Run
-from trials import RunFailed
-from trials import simulate
-from trials import Trace
+from trials import Run, RunFailed, simulate, Trace
 
 HERE = Path(__file__).resolve().parent
 # Address of a Dask scheduler; '' is this machine.

@@ -71,8 +71,7 @@ def repeat_node(name: str, times: int, turn: int | None = None) -> list[Held]:
 
 def _cycle_node(make: Callable[[], Any]) -> None:
     import rclpy
-    from wasd_core.node import init_ros
-    from wasd_core.node import MessagePump
+    from wasd_core.node import init_ros, MessagePump
 
     init_ros([])
     node, pump = make(), MessagePump()
@@ -86,8 +85,7 @@ def _cycle_node(make: Callable[[], Any]) -> None:
 
 def _cycle_teleop(make: Callable[[Any], Any]) -> None:
     import rclpy
-    from teleop_keyboard.key_reader import KeyReader
-    from teleop_keyboard.key_reader import Pipe
+    from teleop_keyboard.key_reader import KeyReader, Pipe
     from teleop_keyboard.screen import Screen
     from wasd_core.node import init_ros
 

@@ -132,8 +132,7 @@ class Watch:
 
     def __init__(self) -> None:
         import rclpy
-        from wasd_core.node import init_ros
-        from wasd_core.node import MessagePump
+        from wasd_core.node import init_ros, MessagePump
 
         init_ros([])
         self._ros = rclpy

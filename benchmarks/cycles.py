@@ -14,15 +14,15 @@ import os
 import statistics
 from typing import Any
 
-from cycled_nodes import Held
-from cycled_nodes import NODES
-from cycled_nodes import repeat_node
-from cycled_programs import Cycled
-from cycled_programs import is_segment
-from cycled_programs import kill_and_start_again
-from cycled_programs import port_of
-from cycled_programs import PROGRAMS
-from cycled_programs import repeat_program
+from cycled_nodes import Held, NODES, repeat_node
+from cycled_programs import (
+    Cycled,
+    is_segment,
+    kill_and_start_again,
+    port_of,
+    PROGRAMS,
+    repeat_program,
+)
 from table import Row
 
 QUICK = 3

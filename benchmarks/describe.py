@@ -13,8 +13,7 @@ from mujoco_sim.world import build_world
 from robot_description.description import load_robot
 from robot_description.info import check_kinematics
 from robot_description.packages import share_directory
-from table import at_most
-from table import Row
+from table import at_most, Row
 from wasd_core.errors import UserError
 
 # What a process of its own runs: a world with the Go2 and all that is drawn of it.

@@ -6,11 +6,8 @@ from dataclasses import dataclass
 import math
 from typing import Any, NamedTuple
 
-from table import format_count
-from table import Row
-from trials import Run
-from trials import RunFailed
-from trials import Trace
+from table import format_count, Row
+from trials import Run, RunFailed, Trace
 
 # Nobody tuned with the seeds from here on.
 FIRST_SEED = 1000

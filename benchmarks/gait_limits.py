@@ -13,15 +13,10 @@ from collections.abc import Sequence
 import itertools
 import math
 
-from experiment import Experiment
-from experiment import judged
-from experiment import Trial
-from experiment import worst
+from experiment import Experiment, judged, Trial, worst
 import numpy as np
 from quadruped_sim.presets import GAITS
-from trials import Run
-from trials import START
-from trials import Trace
+from trials import Run, START, Trace
 import wasd
 
 RACE = ('command.limits', 'race')

@@ -13,24 +13,10 @@ import subprocess
 from typing import NamedTuple
 
 from cores import simulate_all
-from experiment import Experiment
-from experiment import FIRST_SEED
-from experiment import seeds
-from go2_time import determinism
-from go2_time import first_start
-from go2_time import over_topics
-from go2_time import slow_host
-from go2_time import ticks
-from go2_trouble import in_place
-from go2_trouble import pushes
-from go2_trouble import random_commands
-from go2_trouble import terrain
-from go2_walks import constant
-from go2_walks import cross_axis
-from go2_walks import odometry
-from go2_walks import stand
-from go2_walks import steadiness
-from go2_walks import tracking
+from experiment import Experiment, FIRST_SEED, seeds
+from go2_time import determinism, first_start, over_topics, slow_host, ticks
+from go2_trouble import in_place, pushes, random_commands, terrain
+from go2_walks import constant, cross_axis, odometry, stand, steadiness, tracking
 from table import Row
 from trials import RunFailed
 

@@ -14,17 +14,10 @@ import tempfile
 import time
 from typing import Any
 
-from environment import alone
-from environment import together
-from experiment import Experiment
-from experiment import Verdict
-from table import at_most
-from table import Row
-from trials import Run
-from trials import simulate
-from trials import START
-from trials import Trace
-from trials import WASD
+from environment import alone, together
+from experiment import Experiment, Verdict
+from table import at_most, Row
+from trials import Run, simulate, START, Trace, WASD
 
 TOPICS = (sys.executable, str(Path(__file__).resolve().parent / 'topics.py'))
 TOPICS_PATIENCE = 180.0

@@ -5,14 +5,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 import math
 
-from experiment import Experiment
-from experiment import judged
-from experiment import Trial
-from experiment import worst
+from experiment import Experiment, judged, Trial, worst
 import numpy as np
-from trials import Run
-from trials import START
-from trials import Trace
+from trials import Run, START, Trace
 
 GAIT_PERIOD = 0.45  # of a slow trot [s]
 PHASES = 8

@@ -4,16 +4,10 @@
 from collections.abc import Sequence
 import math
 
-from experiment import Experiment
-from experiment import judged
-from experiment import Trial
-from experiment import Verdict
-from experiment import worst
+from experiment import Experiment, judged, Trial, Verdict, worst
 import numpy as np
 from table import format_count
-from trials import Run
-from trials import START
-from trials import Trace
+from trials import Run, START, Trace
 
 Velocity = tuple[float, float, float]
 

@@ -6,14 +6,10 @@ import math
 import time
 
 from goals_physics import PhysicalRobot
-from goals_trials import Course
-from goals_trials import Drive
-from goals_trials import Trouble
-from kinematic import RATE
-from kinematic import ROBOTS
+from goals_trials import Course, Drive, Trouble
+from kinematic import RATE, ROBOTS
 import numpy as np
-from table import format_count
-from table import Row
+from table import format_count, Row
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.parts import warm_up
 from wasd_navigation.planning.driver import Driver

@@ -7,18 +7,14 @@ Nobody has to find out where the robot is: the driver gets the truth, off as a l
 
 import math
 
-from kinematic import KinematicRobot
-from kinematic import RATE
-from kinematic import Robot
+from kinematic import KinematicRobot, RATE, Robot
 from mujoco_sim.sensors import Site
 from mujoco_sim.sensors.lidar import Lidar
 import numpy as np
 from robot_description.description import load_robot
 import wasd
-from wasd_core.rotations import Pose
-from wasd_core.rotations import yaw_matrix
-from wasd_navigation.records import read_tilted_scan
-from wasd_navigation.records import Scan
+from wasd_core.rotations import Pose, yaw_matrix
+from wasd_navigation.records import read_tilted_scan, Scan
 
 # The Go2 stands up, and then walks, before it is sent anywhere [s].
 STAND, WALK = 2.5, 0.5

@@ -6,17 +6,13 @@ import math
 import time
 from typing import Any
 
-from kinematic import draw_grid
-from kinematic import KinematicRobot
-from kinematic import RATE
-from kinematic import Robot
+from kinematic import draw_grid, KinematicRobot, RATE, Robot
 from mujoco_sim.flats import make_flat
 import numpy as np
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.planning.goal_field import march_from
 from wasd_navigation.planning.motion import base_of
-from wasd_navigation.planning.route import refusal
-from wasd_navigation.planning.route import Route
+from wasd_navigation.planning.route import refusal, Route
 from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.records import Grid
 

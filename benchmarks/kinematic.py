@@ -15,18 +15,14 @@ from numba import njit
 import numpy as np
 from robot_description.description import load_robot
 from slam_logs import cast
-from wasd_core.parameter_file import NodeKind
-from wasd_core.parameter_file import read_parameters
-from wasd_navigation.parameters import DriveLimits
-from wasd_navigation.parameters import Footprint
-from wasd_navigation.parameters import NavigatorParameters
-from wasd_navigation.parameters import PlanningParameters
-from wasd_navigation.records import FREE
-from wasd_navigation.records import Grid
-from wasd_navigation.records import OCCUPIED
-from wasd_navigation.records import read_scan
-from wasd_navigation.records import Scan
-from wasd_navigation.records import UNKNOWN
+from wasd_core.parameter_file import NodeKind, read_parameters
+from wasd_navigation.parameters import (
+    DriveLimits,
+    Footprint,
+    NavigatorParameters,
+    PlanningParameters,
+)
+from wasd_navigation.records import FREE, Grid, OCCUPIED, read_scan, Scan, UNKNOWN
 
 RATE = 20.0  # of the driver [Hz]
 SUBSTEPS = 5

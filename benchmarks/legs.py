@@ -11,34 +11,15 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from cores import simulate_all
-from experiment import Experiment
-from experiment import FIRST_SEED
-from experiment import seeds
-from gait_limits import between_all
-from gait_limits import full_sticks
-from go2_trouble import random_runs
-from go2_trouble import terrain
-from legs_ground import climbing
-from legs_ground import differing
-from legs_ground import known
-from legs_ground import patch
-from legs_ground import pushed
-from legs_ground import running
-from legs_ground import slippery
-from legs_speed import curve
-from legs_speed import gait
-from legs_speed import gait_switches
-from legs_speed import loaded
-from legs_speed import speed
-from legs_speed import touchdown
-from legs_speed import transport
-from legs_states import get_up
-from legs_states import jump
-from legs_states import monkey
+from experiment import Experiment, FIRST_SEED, seeds
+from gait_limits import between_all, full_sticks
+from go2_trouble import random_runs, terrain
+from legs_ground import climbing, differing, known, patch, pushed, running, slippery
+from legs_speed import curve, gait, gait_switches, loaded, speed, touchdown, transport
+from legs_states import get_up, jump, monkey
 from quadruped_sim.presets import GAITS
 import schedules
-from state_pairs import HOWS
-from state_pairs import pairs
+from state_pairs import HOWS, pairs
 from table import Row
 
 SPEEDS = {

@@ -4,21 +4,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from experiment import Experiment
-from experiment import judged
-from experiment import Trial
-from experiment import worst
-from go2_trouble import push_runs
-from go2_trouble import random_runs
+from experiment import Experiment, judged, Trial, worst
+from go2_trouble import push_runs, random_runs
 from go2_walks import constant
 from legs_speed import RACE
-from mujoco_sim.scene import EDGE
-from mujoco_sim.scene import ICE_AHEAD
-from mujoco_sim.scene import ICE_LENGTH
+from mujoco_sim.scene import EDGE, ICE_AHEAD, ICE_LENGTH
 import numpy as np
-from trials import Run
-from trials import START
-from trials import Trace
+from trials import Run, START, Trace
 
 
 def pushed(

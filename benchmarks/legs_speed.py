@@ -6,21 +6,11 @@ from dataclasses import replace
 import math
 from typing import Any
 
-from experiment import Experiment
-from experiment import judged
-from experiment import Trial
-from experiment import Verdict
-from experiment import worst
-from go2_trouble import PHASES
-from go2_trouble import push_runs
-from go2_walks import constant
-from go2_walks import error_of
-from go2_walks import SETTLE
-from go2_walks import Velocity
+from experiment import Experiment, judged, Trial, Verdict, worst
+from go2_trouble import PHASES, push_runs
+from go2_walks import constant, error_of, SETTLE, Velocity
 import numpy as np
-from trials import Run
-from trials import START
-from trials import Trace
+from trials import Run, START, Trace
 from wasd_core.robot_io import GRAVITY
 
 RACE = (('command.limits', 'race'),)

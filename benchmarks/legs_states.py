@@ -3,16 +3,11 @@
 
 from collections.abc import Sequence
 
-from experiment import Experiment
-from experiment import judged
-from experiment import Trial
-from experiment import worst
+from experiment import Experiment, judged, Trial, worst
 import numpy as np
 from random_keys import monkey_keys
-from robot_description.morphology.quadruped import GO2
-from robot_description.morphology.quadruped import Scale
-from trials import Run
-from trials import Trace
+from robot_description.morphology.quadruped import GO2, Scale
+from trials import Run, Trace
 
 SETTLED = 2.0  # a robot let fall lies still after so long [s]
 PATIENCE = 6.0

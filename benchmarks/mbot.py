@@ -18,12 +18,8 @@ import tempfile
 import time
 
 from environment import alone
-from mbot_accuracy import calibration
-from mbot_accuracy import odometry
-from mbot_accuracy import sensors
-from mbot_accuracy import simulate
-from table import at_most
-from table import Row
+from mbot_accuracy import calibration, odometry, sensors, simulate
+from table import at_most, Row
 
 HOLD = 89.0 / 30.0  # from the first to the last of 90 presses, 30 a second [s]
 RELEASE_DELAY = 0.12  # after its last press a repeating key counts as released [s]

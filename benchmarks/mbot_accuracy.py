@@ -12,15 +12,13 @@ from typing import Any
 from environment import alone
 from mujoco_sim.scene import ROOM_SIZE
 from mujoco_sim.sensors import Site
-from mujoco_sim.sensors.camera import Camera
-from mujoco_sim.sensors.camera import Offscreen
+from mujoco_sim.sensors.camera import Camera, Offscreen
 from mujoco_sim.sensors.lidar import Lidar
 from mujoco_sim.sensors.table import read_sensor_tags
 from mujoco_sim.world import build_world
 import numpy as np
 from robot_description.description import load_robot
-from table import at_most
-from table import Row
+from table import at_most, Row
 from wasd_core.errors import SimulationError
 import yaml
 

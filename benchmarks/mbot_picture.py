@@ -5,9 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from chart import Axes
-from chart import INK
-from chart import Sheet
+from chart import Axes, INK, Sheet
 import numpy as np
 
 COMMAND, ODOMETRY, TRUTH = (150, 158, 170), (32, 104, 196), (226, 92, 16)

@@ -6,8 +6,7 @@ from pathlib import Path
 import re
 from typing import Any
 
-from table import format_table
-from table import Row
+from table import format_table, Row
 
 # Drawn by `wasd bench legs --write`, if not `--quick`, and by `wasd bench legs --picture`.
 SUCCESS = 'pictures/go2_success.png'

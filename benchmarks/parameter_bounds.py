@@ -20,11 +20,8 @@ from typing import Any
 
 from experiment import FIRST_SEED
 from quadruped_sim.parameters import LegControllerParameters
-from trials import Run
-from trials import simulate
-from trials import Trace
-from wasd_core.parameters import known_parameters
-from wasd_core.parameters import numeric_ends
+from trials import Run, simulate, Trace
+from wasd_core.parameters import known_parameters, numeric_ends
 
 # What is done with the parameter: a trot in which it is set, a faster one, a stand, a trot.
 SET_AT = 3.6

@@ -11,22 +11,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from cores import simulate_all
-from experiment import Experiment
-from experiment import judged
-from experiment import seeds
-from experiment import Trial
-from experiment import worst
+from experiment import Experiment, judged, seeds, Trial, worst
 from legs_states import get_up
 import numpy as np
 from robot_description.description import read_description
-from robot_description.morphology.quadruped import Scale
-from robot_description.morphology.quadruped import scale_of
+from robot_description.morphology.quadruped import Scale, scale_of
 from robot_description.packages import share_directory
-from table import format_count
-from table import Row
-from trials import Run
-from trials import START
-from trials import Trace
+from table import format_count, Row
+from trials import Run, START, Trace
 from wasd_core.errors import UserError
 
 # In example-robot-data, which the project installs.

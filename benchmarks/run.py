@@ -27,17 +27,14 @@ import go2
 import goals
 import legs
 import mbot
-from mbot_accuracy import simulate
-from mbot_accuracy import SQUARE
+from mbot_accuracy import simulate, SQUARE
 from mbot_picture import draw_square
 import page
 import quadrupeds
 import slam
 import soak
 from success import draw_success
-from table import describe_machine
-from table import format_table
-from table import Row
+from table import describe_machine, format_table, Row
 import teleop
 from wasd_bringup.parsers import version
 

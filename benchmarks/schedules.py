@@ -3,14 +3,10 @@
 
 from collections.abc import Sequence
 
-from experiment import Experiment
-from experiment import judged
-from experiment import Trial
+from experiment import Experiment, judged, Trial
 from legs_speed import RACE
 import numpy as np
-from trials import Run
-from trials import START
-from trials import Trace
+from trials import Run, START, Trace
 
 Velocity = tuple[float, float, float]
 # From when on, which velocity ahead, to the left [m/s], and turn [rad/s].

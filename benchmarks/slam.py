@@ -12,30 +12,19 @@ import tempfile
 import time
 from typing import Any
 
-from mujoco_sim.flats import Flat
-from mujoco_sim.flats import make_flat
+from mujoco_sim.flats import Flat, make_flat
 import numpy as np
 from PIL import Image
-from slam_anchor import map_by_karto
-from slam_anchor import WHY_NOT
-from slam_logs import error_of
-from slam_logs import GO2_LIDAR
-from slam_logs import Log
-from slam_logs import make_logs
-from slam_logs import surface_distance
+from slam_anchor import map_by_karto, WHY_NOT
+from slam_logs import error_of, GO2_LIDAR, Log, make_logs, surface_distance
 from slam_physics import drive_mbot
 from slam_speed import measure_speed
-from table import format_count
-from table import Row
+from table import format_count, Row
 from wasd_navigation.mapping import save_map
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.records import FREE
-from wasd_navigation.records import Grid
-from wasd_navigation.records import OCCUPIED
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
-from wasd_navigation.se2 import wrap
+from wasd_navigation.records import FREE, Grid, OCCUPIED
+from wasd_navigation.se2 import compose, inverse, wrap
 import yaml
 
 FIRST_SEED = 1000

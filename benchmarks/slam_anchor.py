@@ -5,11 +5,8 @@ import math
 from typing import Any
 
 import numpy as np
-from slam_logs import error_of
-from slam_logs import Log
-from slam_logs import MBOT_LIDAR
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
+from slam_logs import error_of, Log, MBOT_LIDAR
+from wasd_navigation.se2 import compose, inverse
 
 WHY_NOT = 'Karto: not here (extra `anchors`)'
 # What slam_toolbox calls minimum_travel_distance and minimum_travel_heading [m], [rad].
@@ -20,8 +17,7 @@ def map_by_karto(log: Log) -> float | None:
     """Return Karto's unaligned error on a log of mbot's lidar [m]; None where it is not there."""
     try:
         from yag_slam.graph_slam import GraphSlam
-        from yag_slam.helpers import default_config
-        from yag_slam.helpers import default_config_loop
+        from yag_slam.helpers import default_config, default_config_loop
         from yag_slam.scan_matching import Scan2DMatcherCpp
     except ImportError:
         return None

@@ -11,16 +11,12 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from diff_drive_sim.odometry import grow_covariance
-from diff_drive_sim.odometry import Growth
-from diff_drive_sim.odometry import PlanarCovariance
+from diff_drive_sim.odometry import grow_covariance, Growth, PlanarCovariance
 from mujoco_sim.flats import Flat
 from numba import njit
 import numpy as np
-from wasd_navigation.records import read_scan
-from wasd_navigation.records import Scan
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
+from wasd_navigation.records import read_scan, Scan
+from wasd_navigation.se2 import compose, inverse
 
 TICK = 0.02  # [s]
 CELL = 0.05  # [m]

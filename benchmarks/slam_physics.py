@@ -9,11 +9,7 @@ from mujoco_sim.sensors.lidar import Lidar
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
 from robot_description.description import load_robot
-from slam_logs import as_matrix
-from slam_logs import drive
-from slam_logs import Log
-from slam_logs import LOOK_AHEAD
-from slam_logs import TICK
+from slam_logs import as_matrix, drive, Log, LOOK_AHEAD, TICK
 import wasd
 from wasd_navigation.records import read_scan
 from wasd_navigation.se2 import wrap

@@ -6,14 +6,9 @@ import math
 import random
 from typing import NamedTuple
 
-from experiment import Experiment
-from experiment import judged
-from experiment import Trial
-from quadruped_sim.keys import keys_between
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import StateName
-from trials import Run
-from trials import Trace
+from experiment import Experiment, judged, Trial
+from quadruped_sim.keys import keys_between, STATE_KEYS, StateName
+from trials import Run, Trace
 
 HOWS = ('at rest', 'driven at 0.5 m/s', 'stopped', 'pushed by 15 N s')
 PUSH = 150.0  # for a tenth of a second [N]

@@ -16,8 +16,7 @@ import itertools
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import JointMap, RobotModel
 from robot_description.description import load_robot
 
 STEPS = (1, 2, 3, 4, 5, 6, 10, 20)  # of physics, of a millisecond each, between two states

@@ -6,18 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from chart import Axes
-from chart import GREY
-from chart import Sheet
+from chart import Axes, GREY, Sheet
 from cores import simulate_all
-from go2_trouble import GAIT_PERIOD
-from go2_trouble import PUSH_LASTS
+from go2_trouble import GAIT_PERIOD, PUSH_LASTS
 import numpy as np
 from table import wilson
-from trials import Run
-from trials import RunFailed
-from trials import START
-from trials import Trace
+from trials import Run, RunFailed, START, Trace
 
 RATE = (32, 104, 196)
 PUSHED = START + 1.5  # [s]

@@ -23,8 +23,7 @@ from mbot import cpu_time
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
-from table import at_most
-from table import Row
+from table import at_most, Row
 
 PATIENCE = 20.0
 # Longer than a key counts after its press, so that each press starts a motion of its own [s].

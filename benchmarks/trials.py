@@ -13,8 +13,7 @@ from typing import Any
 
 from environment import alone
 import numpy as np
-from walking import Felt
-from walking import Walk
+from walking import Felt, Walk
 
 WASD = (sys.executable, '-m', 'wasd_bringup.cli')
 # A run that takes longer than this has hung [s].

@@ -11,37 +11,21 @@ import functools
 from typing import Any, NamedTuple
 
 import mujoco
-from mujoco_sim.parameters import Payload
-from mujoco_sim.parameters import Untold
+from mujoco_sim.parameters import Payload, Untold
 from mujoco_sim.robot_parts import lowest_point
-from mujoco_sim.robot_setup import randomise
-from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.robot_setup import usual_setup
-from mujoco_sim.simulation import Simulation
-from mujoco_sim.simulation import TickStatistics
-from mujoco_sim.world import build_world
-from mujoco_sim.world import World
+from mujoco_sim.robot_setup import randomise, RobotSetup, usual_setup
+from mujoco_sim.simulation import Simulation, TickStatistics
+from mujoco_sim.world import build_world, World
 import numpy as np
 from quadruped_sim.compilation import warm_up
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_model import RobotModel
-from robot_description.description import Description
-from robot_description.description import load_robot
+from quadruped_sim.robot_model import JointMap, RobotModel
+from robot_description.description import Description, load_robot
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.inputs import parse_push
-from wasd_bringup.inputs import parse_twist_script
-from wasd_bringup.inputs import Player
-from wasd_bringup.inputs import TWIST_RATE
-from wasd_bringup.inputs import TwistPlayer
-from wasd_bringup.report import build_report
-from wasd_bringup.report import Recorder
-from wasd_bringup.report import Sample
-from wasd_bringup.report import SAMPLE_PERIOD
-from wasd_bringup.report import TrunkWatch
-from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.rotations import rpy_from_matrix
+from wasd_bringup.inputs import parse_push, parse_twist_script, Player, TWIST_RATE, TwistPlayer
+from wasd_bringup.report import build_report, Recorder, Sample, SAMPLE_PERIOD, TrunkWatch
+from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 
 CONTROL = 0.002  # period of the leg controller [s]
 DRIVEN = ('trotting', 'move base')

@@ -3,8 +3,7 @@
 
 from collections.abc import Callable
 import functools
-from importlib import import_module
-from importlib import metadata
+from importlib import import_module, metadata
 from typing import Any, NamedTuple
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
@@ -12,8 +11,7 @@ from mujoco_sim.simulator_node import SimulatorNode
 from quadruped_sim.leg_controller_node import LegControllerNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from wasd_core.command_line import Executable
 
 # What rclpy gives every node.

@@ -21,12 +21,9 @@ TESTS = ROOT / 'tests'
 sys.path[:0] = [str(TESTS), str(TESTS / 'wasd_cockpit')]
 
 from mujoco_sim.viewer.input import PageInput
-from page_in_browser import chromium
-from page_in_browser import open_page
-from page_in_browser import screenshot
+from page_in_browser import chromium, open_page, screenshot
 from PIL import Image
-from run_scenarios import Page
-from run_scenarios import run_with_hand
+from run_scenarios import Page, run_with_hand
 from wasd_bringup.options import keep_alone
 from wasd_cockpit.link import Order
 

@@ -23,13 +23,8 @@ import sys
 import termios
 import time
 
-from PIL import Image
-from PIL import ImageDraw
-from PIL import ImageFont
-from teleop_keyboard.screen import BEGIN
-from teleop_keyboard.screen import END
-from teleop_keyboard.screen import NORMAL
-from teleop_keyboard.screen import STYLES
+from PIL import Image, ImageDraw, ImageFont
+from teleop_keyboard.screen import BEGIN, END, NORMAL, STYLES
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURE = ROOT / 'docs' / 'pictures' / 'teleop.png'

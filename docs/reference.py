@@ -13,12 +13,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from ask_nodes import ask
-from ask_nodes import End
-from ask_nodes import Entry
-from ask_nodes import NodeFacts
-from ask_nodes import NODES
-from ask_nodes import VARIANTS
+from ask_nodes import ask, End, Entry, NodeFacts, NODES, VARIANTS
 import rclpy
 from wasd_core.node import init_ros
 import yaml

@@ -3,8 +3,7 @@
 
 import functools
 
-from robot_description.description import Description
-from robot_description.description import load_robot
+from robot_description.description import Description, load_robot
 
 
 @functools.cache

@@ -8,8 +8,7 @@ launch (choices) and of launch_ros (`ParameterValue` by its type, other values b
 
 from collections.abc import Iterator, Mapping
 import contextlib
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 import importlib
 from pathlib import Path
 import runpy

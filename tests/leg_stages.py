@@ -3,15 +3,10 @@
 
 import numpy as np
 from quadruped_sim.algebra import plain
-from quadruped_sim.estimation import feel_grip
-from quadruped_sim.estimation import follow_plane
+from quadruped_sim.estimation import feel_grip, follow_plane
 from quadruped_sim.locomotion.footwork import find_step_height
-from quadruped_sim.locomotion.reference import advance
-from quadruped_sim.locomotion.reference import blank_reference
-from quadruped_sim.locomotion.swing import blank_targets
-from quadruped_sim.locomotion.swing import find_landing
-from quadruped_sim.locomotion.swing import FootPaths
-from quadruped_sim.locomotion.swing import lead
+from quadruped_sim.locomotion.reference import advance, blank_reference
+from quadruped_sim.locomotion.swing import blank_targets, find_landing, FootPaths, lead
 
 # How long feet have sought the ground that find it [s].
 NEVER = np.zeros(4)

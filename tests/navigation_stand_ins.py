@@ -5,8 +5,7 @@ import numpy as np
 from wasd_core.rotations import Pose
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.odometry import Odometry
-from wasd_navigation.records import Grid
-from wasd_navigation.records import Scan
+from wasd_navigation.records import Grid, Scan
 
 
 class StandInLocator:

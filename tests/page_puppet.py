@@ -16,8 +16,7 @@ from typing import Any, Self
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.input import PAGE_KEYS
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
 # The versions in the first packet, of NetImgui 18: the layouts below are this one's.
 VERSIONS_AT = 72

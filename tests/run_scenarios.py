@@ -18,9 +18,7 @@ import time
 import traceback
 from typing import Any
 
-from page_puppet import code
-from page_puppet import PagePuppet
-from page_puppet import SCENE
+from page_puppet import code, PagePuppet, SCENE
 from wasd_bringup.cli import make_parser
 from wasd_bringup.cockpit.bridge import open_view
 from wasd_bringup.options import read_options

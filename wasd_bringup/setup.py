@@ -5,8 +5,7 @@ import glob
 import os
 import xml.etree.ElementTree as ElementTree
 
-from setuptools import find_packages
-from setuptools import setup
+from setuptools import find_packages, setup
 
 MANIFEST = ElementTree.parse('package.xml').getroot()
 NAME = MANIFEST.findtext('name')

@@ -11,14 +11,9 @@ from dataclasses import dataclass
 import math
 
 from diff_drive_sim.controller import Velocity
-from diff_drive_sim.odometry import DiffDriveGeometry
-from diff_drive_sim.odometry import OdometryState
-from diff_drive_sim.odometry import Pair
-from diff_drive_sim.odometry import PlanarCovariance
+from diff_drive_sim.odometry import DiffDriveGeometry, OdometryState, Pair, PlanarCovariance
 from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.wheel_loop import count_ticks
-from diff_drive_sim.wheel_loop import FULL_PWM
-from diff_drive_sim.wheel_loop import Gains
+from diff_drive_sim.wheel_loop import count_ticks, FULL_PWM, Gains
 
 # The board looks at its milliseconds and waits until more than so many have passed.
 FRAME_MILLISECONDS = 33

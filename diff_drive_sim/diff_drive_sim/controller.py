@@ -8,11 +8,13 @@ from robot_description.morphology.equip_wheels import Strength
 from wasd_core.timing import Watchdog
 
 from diff_drive_sim.limits import PlanarRamp
-from diff_drive_sim.odometry import DiffDriveGeometry
-from diff_drive_sim.odometry import Growth
-from diff_drive_sim.odometry import OdometryState
-from diff_drive_sim.odometry import PlanarCovariance
-from diff_drive_sim.odometry import WheelOdometry
+from diff_drive_sim.odometry import (
+    DiffDriveGeometry,
+    Growth,
+    OdometryState,
+    PlanarCovariance,
+    WheelOdometry,
+)
 from diff_drive_sim.parameters import DiffDriveParameters
 
 # A clock that is ahead by less than this [s] is no news.

@@ -3,15 +3,17 @@
 
 from typing import Any, NamedTuple
 
-from wasd_core.parameter_file import build_checked
-from wasd_core.parameter_file import checked
-from wasd_core.parameter_file import children
-from wasd_core.parameter_file import entries_of
-from wasd_core.parameter_file import Entry
-from wasd_core.parameter_file import flat
-from wasd_core.parameter_file import line_of
-from wasd_core.parameter_file import NodeKind
-from wasd_core.parameter_file import read_mapping
+from wasd_core.parameter_file import (
+    build_checked,
+    checked,
+    children,
+    entries_of,
+    Entry,
+    flat,
+    line_of,
+    NodeKind,
+    read_mapping,
+)
 from wasd_core.parameters import InvalidParameter
 import yaml
 

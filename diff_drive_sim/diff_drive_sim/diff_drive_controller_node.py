@@ -7,9 +7,7 @@ import time
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseWithCovarianceStamped
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 import numpy as np
 from rclpy.node import Node
@@ -20,37 +18,35 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import did_you_mean
-from wasd_core.messages import to_joint_commands
-from wasd_core.messages import to_seconds
+from wasd_core.messages import to_joint_commands, to_seconds
 from wasd_core.node import run_node
 from wasd_core.parameters import outward_name
 from wasd_core.robot_io import JointCommand
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
 from wasd_core.timing import Beat
-from wasd_core.topics import AbsenceWatch
-from wasd_core.topics import has_listener
-from wasd_core.topics import RELIABLE
-from wasd_core.topics import SENSOR_DATA
-from wasd_core.topics import TfBroadcaster
+from wasd_core.topics import AbsenceWatch, has_listener, RELIABLE, SENSOR_DATA, TfBroadcaster
 
 from diff_drive_sim.controller import judge_stamp
-from diff_drive_sim.controller_file import ALIASES
-from diff_drive_sim.controller_file import ControllerFile
-from diff_drive_sim.controller_file import read_controller_file
-from diff_drive_sim.controller_file import translate
-from diff_drive_sim.controller_file import UNUSED
+from diff_drive_sim.controller_file import (
+    ALIASES,
+    ControllerFile,
+    read_controller_file,
+    translate,
+    UNUSED,
+)
 from diff_drive_sim.drive import DiffDrive
-from diff_drive_sim.messages import from_pose
-from diff_drive_sim.messages import to_diagnostics
-from diff_drive_sim.messages import to_odometry
-from diff_drive_sim.messages import to_transform
-from diff_drive_sim.messages import to_twist_stamped
-from diff_drive_sim.messages import to_wheel_states
-from diff_drive_sim.messages import VelocityInput
+from diff_drive_sim.messages import (
+    from_pose,
+    to_diagnostics,
+    to_odometry,
+    to_transform,
+    to_twist_stamped,
+    to_wheel_states,
+    VelocityInput,
+)
 from diff_drive_sim.odometry import DiffDriveError
-from diff_drive_sim.parameters import diff_drive_controller
-from diff_drive_sim.parameters import DiffDriveParameters
+from diff_drive_sim.parameters import diff_drive_controller, DiffDriveParameters
 
 
 class GivenParameters(NamedTuple):

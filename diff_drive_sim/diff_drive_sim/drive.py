@@ -8,27 +8,26 @@ import math
 from robot_description.morphology.equip_wheels import strength
 from robot_description.robot import Robot
 
-from diff_drive_sim.arbotix import ArbotixDrive
-from diff_drive_sim.arbotix import LegacyController
-from diff_drive_sim.arbotix import setpoints_of
-from diff_drive_sim.controller import DiffDriveController
-from diff_drive_sim.controller import MAXIMUM_STEP
-from diff_drive_sim.controller import Velocity
-from diff_drive_sim.odometry import DiffDriveGeometry
-from diff_drive_sim.odometry import find_pair
-from diff_drive_sim.odometry import geometry_of
-from diff_drive_sim.odometry import OdometryState
-from diff_drive_sim.odometry import Pair
-from diff_drive_sim.odometry import WheelOdometry
-from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.parameters import WheelParameters
+from diff_drive_sim.arbotix import ArbotixDrive, LegacyController, setpoints_of
+from diff_drive_sim.controller import DiffDriveController, MAXIMUM_STEP, Velocity
+from diff_drive_sim.odometry import (
+    DiffDriveGeometry,
+    find_pair,
+    geometry_of,
+    OdometryState,
+    Pair,
+    WheelOdometry,
+)
+from diff_drive_sim.parameters import DiffDriveParameters, WheelParameters
 from diff_drive_sim.shortfall import Shortfall
-from diff_drive_sim.wheel_loop import count_ticks
-from diff_drive_sim.wheel_loop import Gains
-from diff_drive_sim.wheel_loop import is_gap
-from diff_drive_sim.wheel_loop import wheel_motor
-from diff_drive_sim.wheel_loop import WheelLoop
-from diff_drive_sim.wheel_loop import WheelMotor
+from diff_drive_sim.wheel_loop import (
+    count_ticks,
+    Gains,
+    is_gap,
+    wheel_motor,
+    WheelLoop,
+    WheelMotor,
+)
 
 Controller = DiffDriveController | LegacyController
 # Of the torque that motors have a ramp uses so much: the loop needs some, too.

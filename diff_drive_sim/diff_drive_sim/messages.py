@@ -7,27 +7,18 @@ import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
-from diagnostic_msgs.msg import DiagnosticStatus
-from diagnostic_msgs.msg import KeyValue
-from geometry_msgs.msg import PoseWithCovarianceStamped
-from geometry_msgs.msg import TransformStamped
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 import rclpy
-from rclpy.clock import Clock
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from wasd_core.topics import LoopbackSubscription
-from wasd_core.topics import RELIABLE
+from wasd_core.topics import LoopbackSubscription, RELIABLE
 
 from diff_drive_sim.controller import Velocity
-from diff_drive_sim.odometry import DiffDriveError
-from diff_drive_sim.odometry import OdometryState
-from diff_drive_sim.odometry import PlanarCovariance
+from diff_drive_sim.odometry import DiffDriveError, OdometryState, PlanarCovariance
 from diff_drive_sim.parameters import OdometryParameters
 
 # x, y, z, roll, pitch, yaw on the diagonal of a 6 x 6 covariance, row-major.

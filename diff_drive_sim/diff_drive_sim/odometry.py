@@ -11,10 +11,7 @@ import math
 from typing import NamedTuple
 
 from robot_description.morphology.kinds import name_kind
-from robot_description.morphology.wheels import ANY_WHEELS
-from robot_description.morphology.wheels import Drive
-from robot_description.morphology.wheels import find_drive
-from robot_description.morphology.wheels import WheelChoice
+from robot_description.morphology.wheels import ANY_WHEELS, Drive, find_drive, WheelChoice
 from robot_description.robot import Robot
 from wasd_core.errors import UserError
 

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of the drive controller: wheels, limits, odometry; and it as a program."""
 
-from dataclasses import dataclass
-from dataclasses import fields
+from dataclasses import dataclass, fields
 import math
 from typing import Any, NamedTuple
 
 from robot_description.morphology.wheels import WheelChoice
 from wasd_core.command_line import Executable
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import InvalidParameter, parameter, Parameters
 
 from diff_drive_sim import MODES
 from diff_drive_sim.limits import AxisLimits

@@ -8,8 +8,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
-from trajectory_msgs.msg import JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 GOAL = {'hip': 0.0, 'thigh': 0.8, 'calf': -1.6}  # joint angles of a standing dog [rad]
 KP, KD = 60.0, 3.0  # stiffness [N m/rad] and damping [N m s/rad] of every joint

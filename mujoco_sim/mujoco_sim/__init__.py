@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The MuJoCo world: physics, clock, joints, sensors, services, viewers."""
 
-from wasd_core import load_lazily
-from wasd_core import quiet_start
+from wasd_core import load_lazily, quiet_start
 
 quiet_start(__name__, 'simulator')
 

@@ -6,10 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
-from wasd_core.robot_io import FULL_TORQUE_SHARE
-from wasd_core.robot_io import ImuReading
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
+from wasd_core.robot_io import FULL_TORQUE_SHARE, ImuReading, JointStates, Reading
 
 # Biases of gyro and accelerometer, (3,), and how far the heading is off, (1,) [rad].
 ImuErrors = tuple[np.ndarray, np.ndarray, np.ndarray]

@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Noise of the sensors in a robot: joints and an IMU."""
 
-from dataclasses import dataclass
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
+from wasd_core.robot_io import JointStates, Reading
 
 # Biases and white noise of the same seed have streams of their own.
 STREAM = 15
@@ -82,8 +80,7 @@ class _ImuNoise:
     """The compiled part, loaded with the first IMU: only legs have one, and it takes a while."""
 
     def __init__(self, noise: SensorNoise) -> None:
-        from mujoco_sim.compiled import add_noise
-        from mujoco_sim.compiled import NoiseSizes
+        from mujoco_sim.compiled import add_noise, NoiseSizes
 
         self.drifts = bool(noise.gyro_bias or noise.gyro_walk or noise.acceleration_walk)
         white = noise.orientation, noise.angular_velocity, noise.acceleration

@@ -2,16 +2,13 @@
 """What the simulator is told at its start, and what of it no controller is; loads no MuJoCo."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 import math
 from typing import NamedTuple, Self
 
 from wasd_core.command_line import Executable
 from wasd_core.errors import UserError
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import InvalidParameter, parameter, Parameters
 from wasd_core.robot_io import LEG_RATE
 
 WORLD_NAMES = (

@@ -7,8 +7,7 @@ import sys
 from typing import TYPE_CHECKING
 
 import mujoco
-from wasd_core.errors import one_line
-from wasd_core.errors import SimulationError
+from wasd_core.errors import one_line, SimulationError
 
 from mujoco_sim.parameters import BoxSize
 from mujoco_sim.robot_parts import Actuation

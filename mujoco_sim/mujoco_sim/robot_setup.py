@@ -2,35 +2,27 @@
 """How a robot is put into a world: start pose, motors, noise, load; as usual, given, or drawn."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from dataclasses import field
-from dataclasses import fields
-from dataclasses import replace
+from dataclasses import dataclass, field, fields, replace
 import math
 
 import mujoco
 import numpy as np
 from robot_description.description import Description
-from robot_description.morphology.equip_wheels import held_joints
-from robot_description.morphology.equip_wheels import lowest_point
-from robot_description.morphology.equip_wheels import rotors
-from robot_description.morphology.quadruped import find_imu
-from robot_description.morphology.quadruped import FOLDED
-from robot_description.morphology.quadruped import NotAQuadruped
-from robot_description.morphology.quadruped import Quadruped
-from robot_description.morphology.quadruped import REFLECTED_INERTIA
-from robot_description.morphology.quadruped import scale_of
-from robot_description.morphology.quadruped import similar_pose
-from robot_description.mujoco.builder import add_imu
-from robot_description.mujoco.builder import hold_joints
-from robot_description.mujoco.builder import to_mujoco
+from robot_description.morphology.equip_wheels import held_joints, lowest_point, rotors
+from robot_description.morphology.quadruped import (
+    find_imu,
+    FOLDED,
+    NotAQuadruped,
+    Quadruped,
+    REFLECTED_INERTIA,
+    scale_of,
+    similar_pose,
+)
+from robot_description.mujoco.builder import add_imu, hold_joints, to_mujoco
 from wasd_core.errors import DescriptionError
 
 from mujoco_sim.noise import SensorNoise
-from mujoco_sim.parameters import Drawn
-from mujoco_sim.parameters import NOTHING
-from mujoco_sim.parameters import Payload
-from mujoco_sim.parameters import Untold
+from mujoco_sim.parameters import Drawn, NOTHING, Payload, Untold
 
 # Height of the base of a Go2 that lies on its belly with its legs folded [m], and how deep in the
 # floor its feet are.

@@ -9,13 +9,10 @@ import stat
 
 import mujoco
 import numpy as np
-from wasd_core.errors import one_line
-from wasd_core.errors import SimulationError
+from wasd_core.errors import one_line, SimulationError
 from wasd_core.robot_io import TIME_STEP
 
-from mujoco_sim.flats import Flat
-from mujoco_sim.flats import make_flat
-from mujoco_sim.flats import make_office
+from mujoco_sim.flats import Flat, make_flat, make_office
 from mujoco_sim.parameters import WORLD_NAMES
 
 ROOM_SIZE = 6.0

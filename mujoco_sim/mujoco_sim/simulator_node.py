@@ -7,55 +7,33 @@ import sys
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
-from diagnostic_msgs.msg import DiagnosticStatus
-from diagnostic_msgs.msg import KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.description import Description
-from robot_description.description import load_robot
+from robot_description.description import Description, load_robot
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu
-from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
-from std_srvs.srv import Trigger
+from sensor_msgs.msg import Imu, JointState
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
-from wasd_core.errors import InvalidMessage
-from wasd_core.errors import SimulationError
-from wasd_core.messages import from_joint_commands
-from wasd_core.messages import to_imu
-from wasd_core.messages import to_joint_state
-from wasd_core.messages import to_seconds
-from wasd_core.messages import to_stamp
-from wasd_core.node import MessagePump
-from wasd_core.node import run_node
+from wasd_core.errors import InvalidMessage, SimulationError
+from wasd_core.messages import from_joint_commands, to_imu, to_joint_state, to_seconds, to_stamp
+from wasd_core.node import MessagePump, run_node
 from wasd_core.parameters import Parameters
 from wasd_core.robot_io import LEG_RATE
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.signals import StopSignals
 from wasd_core.streams import visible
-from wasd_core.topics import has_listener
-from wasd_core.topics import RELIABLE
-from wasd_core.topics import SENSOR_DATA
+from wasd_core.topics import has_listener, RELIABLE, SENSOR_DATA
 
-from mujoco_sim.parameters import SHOWN_RATE
-from mujoco_sim.parameters import simulator
-from mujoco_sim.parameters import SimulatorParameters
-from mujoco_sim.parameters import STATE_RATE
-from mujoco_sim.parameters import Untold
-from mujoco_sim.robot_setup import foot_links
-from mujoco_sim.robot_setup import randomise
-from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.parameters import SHOWN_RATE, simulator, SimulatorParameters, STATE_RATE, Untold
+from mujoco_sim.robot_setup import foot_links, randomise, usual_setup
 from mujoco_sim.sensors.publisher import SensorPublisher
 from mujoco_sim.sensors.table import has_camera
-from mujoco_sim.simulation import AnswerHold
-from mujoco_sim.simulation import Simulation
-from mujoco_sim.simulation import TickStatistics
+from mujoco_sim.simulation import AnswerHold, Simulation, TickStatistics
 from mujoco_sim.truth_publisher import TruthPublisher
-from mujoco_sim.world import build_world
-from mujoco_sim.world import World
+from mujoco_sim.world import build_world, World
 
 # A real-time factor below this share of the speed asked for is worth a warning.
 SLOW = 0.9

@@ -10,18 +10,13 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from robot_description.robot import Robot
 from sensor_msgs.msg import JointState
-from wasd_core.messages import to_seconds
-from wasd_core.messages import to_stamp
+from wasd_core.messages import to_seconds, to_stamp
 from wasd_core.robot_io import BaseState
 from wasd_core.rotations import rotate_inverse
-from wasd_core.topics import has_listener
-from wasd_core.topics import has_subscriber
-from wasd_core.topics import RELIABLE
-from wasd_core.topics import SENSOR_DATA
+from wasd_core.topics import has_listener, has_subscriber, RELIABLE, SENSOR_DATA
 
 from mujoco_sim.sensors import Snapshot
-from mujoco_sim.sensors.wheel_slip import Slip
-from mujoco_sim.sensors.wheel_slip import WheelSlip
+from mujoco_sim.sensors.wheel_slip import Slip, WheelSlip
 from mujoco_sim.world import World
 
 # The frame of what the simulator knows: fixed, without drift, and in no tree of /tf but that of

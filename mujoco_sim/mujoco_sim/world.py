@@ -9,25 +9,14 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 from robot_description.description import Description
-from wasd_core.robot_io import BaseState
-from wasd_core.robot_io import ImuReading
-from wasd_core.robot_io import JointCommand
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
+from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading
 
 from mujoco_sim.noise import NoisySensors
-from mujoco_sim.parameters import BoxSize
-from mujoco_sim.parameters import Drawn
-from mujoco_sim.physics import add_boxes
-from mujoco_sim.physics import MovingBoxes
-from mujoco_sim.physics import Physics
-from mujoco_sim.robot_parts import Actuation
-from mujoco_sim.robot_parts import Push
-from mujoco_sim.robot_parts import RobotParts
-from mujoco_sim.robot_setup import robot_spec
-from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.scene import add_scene
-from mujoco_sim.scene import lead_sun
+from mujoco_sim.parameters import BoxSize, Drawn
+from mujoco_sim.physics import add_boxes, MovingBoxes, Physics
+from mujoco_sim.robot_parts import Actuation, Push, RobotParts
+from mujoco_sim.robot_setup import robot_spec, RobotSetup
+from mujoco_sim.scene import add_scene, lead_sun
 
 FALL_TILT = np.deg2rad(60.0)
 # Of an IMU alone.

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Leg controller of a four-legged robot: states, gait, estimator, convex MPC, whole-body QP."""
 
-from wasd_core import load_lazily
-from wasd_core import quiet_start
+from wasd_core import load_lazily, quiet_start
 
 quiet_start(__name__, 'leg_controller')
 

@@ -6,13 +6,10 @@ import math
 from operator import mul
 
 import numpy as np
-from robot_description.morphology.quadruped import GO2
-from robot_description.morphology.quadruped import Scale
+from robot_description.morphology.quadruped import GO2, Scale
 from wasd_core.timing import Watchdog
 
-from quadruped_sim.presets import GAITS
-from quadruped_sim.presets import LIMITS
-from quadruped_sim.presets import VelocityLimits
+from quadruped_sim.presets import GAITS, LIMITS, VelocityLimits
 from quadruped_sim.tuning import CommandParameters
 
 # A command so close to its bounds is within them [m/s], [rad/s].

@@ -10,14 +10,10 @@ from typing import TypeVar
 import numpy as np
 from wasd_core.errors import Stopped
 from wasd_core.jit import before_each_compilation
-from wasd_core.robot_io import GRAVITY
-from wasd_core.robot_io import ImuReading
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
+from wasd_core.robot_io import GRAVITY, ImuReading, JointStates, Reading
 
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.leg_kinematics import all_leg_angles
-from quadruped_sim.leg_kinematics import foot_positions
+from quadruped_sim.leg_kinematics import all_leg_angles, foot_positions
 from quadruped_sim.locomotion.swing import foot_velocities
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel

@@ -8,10 +8,7 @@ import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 
-from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import put
-from quadruped_sim.algebra import rotate
-from quadruped_sim.algebra import rotate_back
+from quadruped_sim.algebra import cross3, put, rotate, rotate_back
 
 
 class Dynamics(NamedTuple):

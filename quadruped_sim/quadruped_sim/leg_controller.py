@@ -5,46 +5,32 @@ from dataclasses import replace
 
 import numpy as np
 from wasd_core.errors import UserError
-from wasd_core.robot_io import BaseState
-from wasd_core.robot_io import ImuReading
-from wasd_core.robot_io import JointCommand
-from wasd_core.robot_io import Reading
+from wasd_core.robot_io import BaseState, ImuReading, JointCommand, Reading
 
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import plain
-from quadruped_sim.command_filter import CommandFilter
-from quadruped_sim.command_filter import velocity_limits
+from quadruped_sim.algebra import flatten, plain
+from quadruped_sim.command_filter import CommandFilter, velocity_limits
 from quadruped_sim.estimation import ContactDetector
 from quadruped_sim.estimation.heading import Heading
-from quadruped_sim.estimation.kalman import Footing
-from quadruped_sim.estimation.kalman import KalmanEstimator
-from quadruped_sim.estimation.load import feel_ground
-from quadruped_sim.estimation.load import LoadObserver
-from quadruped_sim.estimation.load import TouchRules
-from quadruped_sim.keys import GAIT_KEYS
-from quadruped_sim.keys import GET_UP_KEYS
-from quadruped_sim.keys import KeyWords
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import StateMachine
-from quadruped_sim.keys import StateName
-from quadruped_sim.keys import Sticks
-from quadruped_sim.keys import SUCCESSORS
-from quadruped_sim.keys import TRANSITIONS
+from quadruped_sim.estimation.kalman import Footing, KalmanEstimator
+from quadruped_sim.estimation.load import feel_ground, LoadObserver, TouchRules
+from quadruped_sim.keys import (
+    GAIT_KEYS,
+    GET_UP_KEYS,
+    KeyWords,
+    STATE_KEYS,
+    StateMachine,
+    StateName,
+    Sticks,
+    SUCCESSORS,
+    TRANSITIONS,
+)
 from quadruped_sim.locomotion import Locomotion
-from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.parameters import scale_parameters
+from quadruped_sim.parameters import LegControllerParameters, scale_parameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_state import LegOdometry
-from quadruped_sim.robot_state import make_odometry
-from quadruped_sim.robot_state import read_legs
-from quadruped_sim.robot_state import RobotState
-from quadruped_sim.robot_state import turn_base
-from quadruped_sim.safety import FallWatch
-from quadruped_sim.safety import is_sound_state
-from quadruped_sim.safety import Safety
-from quadruped_sim.states import ControllerParts
-from quadruped_sim.states import make_states
+from quadruped_sim.robot_state import LegOdometry, make_odometry, read_legs, RobotState, turn_base
+from quadruped_sim.safety import FallWatch, is_sound_state, Safety
+from quadruped_sim.states import ControllerParts, make_states
 from quadruped_sim.states.driving import damping_command
 from quadruped_sim.states.jump import highest
 from quadruped_sim.states.lying import obstacle

@@ -7,53 +7,41 @@ import sys
 from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import TransformStamped
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import TransformStamped, Twist
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.description import Description
-from robot_description.description import load_robot
-from sensor_msgs.msg import Imu
-from sensor_msgs.msg import JointState
+from robot_description.description import Description, load_robot
+from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
-from wasd_core.messages import to_base_state
-from wasd_core.messages import to_joint_commands
-from wasd_core.messages import to_reading
-from wasd_core.messages import to_seconds
+from wasd_core.messages import to_base_state, to_joint_commands, to_reading, to_seconds
 from wasd_core.node import run_node
-from wasd_core.parameter_file import NodeKind
-from wasd_core.parameter_file import read_parameters
-from wasd_core.robot_io import BaseState
-from wasd_core.robot_io import JointCommand
-from wasd_core.robot_io import Reading
+from wasd_core.parameter_file import NodeKind, read_parameters
+from wasd_core.robot_io import BaseState, JointCommand, Reading
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.signals import stop_requested
 from wasd_core.streams import visible
-from wasd_core.timing import Beat
-from wasd_core.timing import NO_PRESS
-from wasd_core.timing import Notice
-from wasd_core.topics import AbsenceWatch
-from wasd_core.topics import EVENTS
-from wasd_core.topics import has_listener
-from wasd_core.topics import LATCHED
-from wasd_core.topics import LoopbackSubscription
-from wasd_core.topics import PublisherWatch
-from wasd_core.topics import RELIABLE
-from wasd_core.topics import SENSOR_DATA
-from wasd_core.topics import TfBroadcaster
+from wasd_core.timing import Beat, NO_PRESS, Notice
+from wasd_core.topics import (
+    AbsenceWatch,
+    EVENTS,
+    has_listener,
+    LATCHED,
+    LoopbackSubscription,
+    PublisherWatch,
+    RELIABLE,
+    SENSOR_DATA,
+    TfBroadcaster,
+)
 
-from quadruped_sim.compilation import compile_once
-from quadruped_sim.compilation import warm_up
+from quadruped_sim.compilation import compile_once, warm_up
 from quadruped_sim.feed import Feed
 from quadruped_sim.keys import StickValues
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.parameters import leg_controller
-from quadruped_sim.parameters import LegNodeParameters
-from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.parameters import leg_controller, LegNodeParameters
+from quadruped_sim.robot_model import JointMap, RobotModel
 from quadruped_sim.robot_state import LegOdometry
 
 # Longest step of gait and estimate between two readings [s]; a request is as old as it is.

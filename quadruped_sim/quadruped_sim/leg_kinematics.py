@@ -7,10 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import plain
-from quadruped_sim.algebra import Three
-from quadruped_sim.algebra import view_of
+from quadruped_sim.algebra import flatten, plain, Three, view_of
 
 LEGS = ('FL', 'FR', 'RL', 'RR')
 FL, FR, RL, RR = range(4)

@@ -9,33 +9,30 @@ thresholds are numbers with units too, so one rule serves them all, and nothing 
 robot: a parameter's unit says how it grows.
 """
 
-from dataclasses import dataclass
-from dataclasses import fields
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 import math
 from typing import Any, TYPE_CHECKING, TypeVar
 
 from wasd_core.command_line import Executable
-from wasd_core.parameters import group
-from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
-from wasd_core.robot_io import GRAVITY
-from wasd_core.robot_io import LEG_RATE
+from wasd_core.parameters import group, parameter, Parameters
+from wasd_core.robot_io import GRAVITY, LEG_RATE
 
 from quadruped_sim.feed import ENOUGH
-from quadruped_sim.tuning import BalanceParameters
-from quadruped_sim.tuning import CommandParameters
-from quadruped_sim.tuning import ContactParameters
-from quadruped_sim.tuning import EstimatorParameters
-from quadruped_sim.tuning import FootholdParameters
-from quadruped_sim.tuning import GaitParameters
-from quadruped_sim.tuning import GripParameters
-from quadruped_sim.tuning import GroundParameters
-from quadruped_sim.tuning import JumpParameters
-from quadruped_sim.tuning import MpcParameters
-from quadruped_sim.tuning import ReferenceParameters
-from quadruped_sim.tuning import SafetyParameters
-from quadruped_sim.tuning import WholeBodyParameters
+from quadruped_sim.tuning import (
+    BalanceParameters,
+    CommandParameters,
+    ContactParameters,
+    EstimatorParameters,
+    FootholdParameters,
+    GaitParameters,
+    GripParameters,
+    GroundParameters,
+    JumpParameters,
+    MpcParameters,
+    ReferenceParameters,
+    SafetyParameters,
+    WholeBodyParameters,
+)
 
 if TYPE_CHECKING:
     from robot_description.morphology.quadruped import Scale

@@ -8,33 +8,25 @@ import math
 import numpy as np
 import pinocchio as pin
 from robot_description.description import Description
-from robot_description.morphology.quadruped import FOLDED
-from robot_description.morphology.quadruped import GO2_SPEED
-from robot_description.morphology.quadruped import imu_position
-from robot_description.morphology.quadruped import Quadruped
-from robot_description.morphology.quadruped import REFLECTED_INERTIA
-from robot_description.morphology.quadruped import scale_of
-from robot_description.morphology.quadruped import similar_pose
+from robot_description.morphology.quadruped import (
+    FOLDED,
+    GO2_SPEED,
+    imu_position,
+    Quadruped,
+    REFLECTED_INERTIA,
+    scale_of,
+    similar_pose,
+)
 from robot_description.pinocchio_model import to_pinocchio
 from robot_description.robot import Robot
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import RobotModelError
-from wasd_core.robot_io import GRAVITY
-from wasd_core.robot_io import JointCommand
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
+from wasd_core.errors import DescriptionError, RobotModelError
+from wasd_core.robot_io import GRAVITY, JointCommand, JointStates, Reading
 from wasd_core.streams import visible
 
 from quadruped_sim.algebra import flatten
-from quadruped_sim.dynamics import blank_links
-from quadruped_sim.dynamics import Bodies
-from quadruped_sim.dynamics import Dynamics
-from quadruped_sim.dynamics import find_dynamics
-from quadruped_sim.leg_kinematics import foot_positions
-from quadruped_sim.leg_kinematics import leg_motion
-from quadruped_sim.leg_kinematics import LegGeometry
-from quadruped_sim.robot_state import place_base
-from quadruped_sim.robot_state import RobotState
+from quadruped_sim.dynamics import blank_links, Bodies, Dynamics, find_dynamics
+from quadruped_sim.leg_kinematics import foot_positions, leg_motion, LegGeometry
+from quadruped_sim.robot_state import place_base, RobotState
 
 # The closed form may miss the feet by so much per leg length: descriptions round right angles.
 GEOMETRY_TOLERANCE = 2e-3

@@ -1,25 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot as it is in one tick, and what of it is told as odometry."""
 
-from dataclasses import dataclass
-from dataclasses import field
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 import math
 from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
 
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import rotate
-from quadruped_sim.algebra import view_of
-from quadruped_sim.algebra import write_rotation
-from quadruped_sim.dynamics import blank_dynamics
-from quadruped_sim.dynamics import Dynamics
-from quadruped_sim.leg_kinematics import ContactPoints
-from quadruped_sim.leg_kinematics import LegGeometry
-from quadruped_sim.leg_kinematics import LegMotion
-from quadruped_sim.leg_kinematics import move_legs
+from quadruped_sim.algebra import flatten, rotate, view_of, write_rotation
+from quadruped_sim.dynamics import blank_dynamics, Dynamics
+from quadruped_sim.leg_kinematics import ContactPoints, LegGeometry, LegMotion, move_legs
 
 
 class BaseMotion(NamedTuple):

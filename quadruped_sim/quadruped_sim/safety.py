@@ -5,8 +5,7 @@ import math
 
 import numpy as np
 from wasd_core.jit import jit
-from wasd_core.robot_io import JointCommand
-from wasd_core.robot_io import Reading
+from wasd_core.robot_io import JointCommand, Reading
 
 from quadruped_sim.robot_model import JointLimits
 from quadruped_sim.tuning import SafetyParameters

@@ -9,13 +9,9 @@ set to either end of one while it trots, the Go2 walks on (benchmarks/parameter_
 
 from dataclasses import dataclass
 
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import InvalidParameter, parameter, Parameters
 
-from quadruped_sim.presets import DUTY_MAX
-from quadruped_sim.presets import GAITS
-from quadruped_sim.presets import LIMITS
+from quadruped_sim.presets import DUTY_MAX, GAITS, LIMITS
 
 
 @dataclass(frozen=True, kw_only=True)

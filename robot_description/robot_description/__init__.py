@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Robot descriptions: expand, check, mend, load into MuJoCo and Pinocchio, publish."""
 
-from wasd_core import load_lazily
-from wasd_core import quiet_start
+from wasd_core import load_lazily, quiet_start
 
 quiet_start(__name__, 'describe', 'state_publisher')
 

@@ -12,12 +12,8 @@ from typing import Any
 
 from wasd_core.command_line import OneLineParser
 from wasd_core.errors import UserError
-from wasd_core.output_file import identity
-from wasd_core.output_file import OutputFile
-from wasd_core.streams import lost_output
-from wasd_core.streams import OutputLost
-from wasd_core.streams import prepare_streams
-from wasd_core.streams import print_error
+from wasd_core.output_file import identity, OutputFile
+from wasd_core.streams import lost_output, OutputLost, prepare_streams, print_error
 
 # What a xacro argument looks like on the command line.
 ASSIGNMENT = ':='
@@ -146,8 +142,7 @@ def _lint(options: argparse.Namespace) -> int:
 
 
 def _fix(options: argparse.Namespace) -> int:
-    from robot_description.fix import mend
-    from robot_description.fix import write_mended
+    from robot_description.fix import mend, write_mended
     from robot_description.fix.edits import read_renames
 
     renames = read_renames(options.rename)

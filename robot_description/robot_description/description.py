@@ -2,8 +2,7 @@
 """A description from its file to its content and its meshes, in one step."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 import logging
 from pathlib import Path
@@ -11,26 +10,19 @@ from typing import Any
 
 from wasd_core.errors import DescriptionError
 
-from robot_description.meshes import open_meshes
-from robot_description.meshes import with_stand_ins
-from robot_description.meshes.resolver import MeshReport
-from robot_description.meshes.resolver import resolve_meshes
-from robot_description.morphology.equip_wheels import equip_drive
-from robot_description.morphology.equip_wheels import hanging
-from robot_description.morphology.kinds import Kind
-from robot_description.morphology.kinds import name_kind
-from robot_description.morphology.quadruped import equip_legs
-from robot_description.morphology.quadruped import find_quadruped
-from robot_description.morphology.quadruped import NotAQuadruped
-from robot_description.morphology.quadruped import Quadruped
-from robot_description.morphology.wheels import ANY_WHEELS
-from robot_description.morphology.wheels import Drive
-from robot_description.morphology.wheels import find_drive
-from robot_description.morphology.wheels import WheelChoice
+from robot_description.meshes import open_meshes, with_stand_ins
+from robot_description.meshes.resolver import MeshReport, resolve_meshes
+from robot_description.morphology.equip_wheels import equip_drive, hanging
+from robot_description.morphology.kinds import Kind, name_kind
+from robot_description.morphology.quadruped import (
+    equip_legs,
+    find_quadruped,
+    NotAQuadruped,
+    Quadruped,
+)
+from robot_description.morphology.wheels import ANY_WHEELS, Drive, find_drive, WheelChoice
 from robot_description.packages import description_path
-from robot_description.robot import credible_inertias
-from robot_description.robot import impossible_inertias
-from robot_description.robot import Robot
+from robot_description.robot import credible_inertias, impossible_inertias, Robot
 from robot_description.urdf import parse_urdf
 from robot_description.xacro import expand_document
 

@@ -13,18 +13,13 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
-from wasd_core.streams import unguarded
-from wasd_core.streams import visible
+from wasd_core.streams import unguarded, visible
 
-from robot_description.description import Description
-from robot_description.description import DIFF_DRIVE
-from robot_description.description import OTHER
-from robot_description.description import QUADRUPED
+from robot_description.description import Description, DIFF_DRIVE, OTHER, QUADRUPED
 from robot_description.meshes.resolver import MeshRecord
 from robot_description.morphology.quadruped import Quadruped
 from robot_description.morphology.wheels import Drive
-from robot_description.robot import Joint
-from robot_description.robot import Robot
+from robot_description.robot import Joint, Robot
 from robot_description.urdf import parse_urdf
 
 # Where no terminal says how wide it is.
@@ -297,8 +292,7 @@ def _any_position(joint: Joint, random: np.random.Generator) -> float:
 def _in_mujoco(urdf: str) -> LinkPlaces:
     import mujoco
 
-    from robot_description.mujoco.builder import compile_model
-    from robot_description.mujoco.builder import to_mujoco
+    from robot_description.mujoco.builder import compile_model, to_mujoco
 
     # MuJoCo takes nothing that moves without a mass, which is nothing to where it is.
     spec = to_mujoco(parse_urdf(urdf).with_stand_in_masses())

@@ -9,9 +9,7 @@ import re
 import sys
 import tempfile
 
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import one_line
-from wasd_core.errors import PackageNotFound
+from wasd_core.errors import DescriptionError, one_line, PackageNotFound
 
 MANIFEST = 'package.xml'
 PACKAGE = 'package://'

@@ -4,8 +4,7 @@
 from dataclasses import dataclass
 
 from wasd_core.command_line import Executable
-from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import parameter, Parameters
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,14 +7,11 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pinocchio as pin
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import one_line
+from wasd_core.errors import DescriptionError, one_line
 from wasd_core.rotations import Pose
 
 from robot_description.description import Description
-from robot_description.robot import Link
-from robot_description.robot import MOVABLE
-from robot_description.robot import WORLD_LINK
+from robot_description.robot import Link, MOVABLE, WORLD_LINK
 from robot_description.urdf import INERTIA_COMPONENTS
 
 # What an inertial is made of, and what is left out of it.

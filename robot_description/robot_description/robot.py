@@ -2,18 +2,13 @@
 """A robot as data: links, joints, shapes and where they are; geometry and masses live here."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from dataclasses import field
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from wasd_core.rotations import axis_angle
-from wasd_core.rotations import IDENTITY
-from wasd_core.rotations import Origin
-from wasd_core.rotations import Pose
+from wasd_core.rotations import axis_angle, IDENTITY, Origin, Pose
 
 Colour = tuple[float, ...]
 # The colour of what has none, or none that is valid.

@@ -9,24 +9,19 @@ import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-from wasd_core.messages import to_seconds
-from wasd_core.messages import to_transform
+from wasd_core.messages import to_seconds, to_transform
 from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.rotations import Pose
 from wasd_core.streams import visible
 from wasd_core.timing import Beat
-from wasd_core.topics import LATCHED
-from wasd_core.topics import SENSOR_DATA
-from wasd_core.topics import TfBroadcaster
+from wasd_core.topics import LATCHED, SENSOR_DATA, TfBroadcaster
 
-from robot_description.description import Description
-from robot_description.description import read_description
+from robot_description.description import Description, read_description
 from robot_description.meshes.files import published_urdf
 from robot_description.morphology import unknown_joint_warning
 from robot_description.packages import description_path
-from robot_description.parameters import state_publisher
-from robot_description.parameters import StatePublisherParameters
+from robot_description.parameters import state_publisher, StatePublisherParameters
 from robot_description.robot import Joint
 
 

@@ -9,19 +9,11 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 from wasd_core.errors import DescriptionError
-from wasd_core.rotations import Origin
-from wasd_core.rotations import rpy_matrix
+from wasd_core.rotations import Origin, rpy_matrix
 from wasd_core.safe_files import check_xml
 
 from robot_description.morphology import hint_at
-from robot_description.robot import Colour
-from robot_description.robot import GREY
-from robot_description.robot import Joint
-from robot_description.robot import JOINT_KINDS
-from robot_description.robot import Link
-from robot_description.robot import MOVABLE
-from robot_description.robot import Robot
-from robot_description.robot import Shape
+from robot_description.robot import Colour, GREY, Joint, JOINT_KINDS, Link, MOVABLE, Robot, Shape
 
 # Attributes that give a primitive's size, in URDF's order, and how many numbers they are.
 SIZES = {

@@ -5,18 +5,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from wasd_core.timing import brief
-from wasd_core.timing import STOP_KEY
+from wasd_core.timing import brief, STOP_KEY
 
-from teleop_keyboard.keymap import Direction
-from teleop_keyboard.keymap import direction_words
-from teleop_keyboard.keymap import factor_words
-from teleop_keyboard.keymap import key_words
-from teleop_keyboard.keymap import Keymap
-from teleop_keyboard.keymap import SpeedFactor
-from teleop_keyboard.keymap import table_lines
-from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.keys_to_twist import Velocity
+from teleop_keyboard.keymap import (
+    Direction,
+    direction_words,
+    factor_words,
+    key_words,
+    Keymap,
+    SpeedFactor,
+    table_lines,
+)
+from teleop_keyboard.keys_to_twist import KeysToTwist, Velocity
 
 GAP = '  '
 

@@ -20,8 +20,7 @@ import struct
 from typing import NamedTuple
 
 from wasd_core.errors import suggest
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import InvalidParameter, Parameters
 
 from teleop_keyboard.parameters import JoyParameters
 

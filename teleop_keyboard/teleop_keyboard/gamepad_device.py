@@ -14,14 +14,9 @@ import stat
 import time
 from typing import NamedTuple
 
-from wasd_core.errors import one_line
-from wasd_core.errors import UserError
+from wasd_core.errors import one_line, UserError
 
-from teleop_keyboard.gamepad import Controls
-from teleop_keyboard.gamepad import controls_of
-from teleop_keyboard.gamepad import JoyState
-from teleop_keyboard.gamepad import Pad
-from teleop_keyboard.gamepad import USUAL_CONTROLS
+from teleop_keyboard.gamepad import Controls, controls_of, JoyState, Pad, USUAL_CONTROLS
 
 FOLDER = Path('/dev/input')
 # Where there is no pad one is looked for so often [s].

@@ -17,23 +17,12 @@ from wasd_core.node import run_node
 from wasd_core.parameters import known_parameters
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
-from wasd_core.topics import AbsenceWatch
-from wasd_core.topics import EVENTS
-from wasd_core.topics import LoopbackSubscription
-from wasd_core.topics import RELIABLE
+from wasd_core.topics import AbsenceWatch, EVENTS, LoopbackSubscription, RELIABLE
 
-from teleop_keyboard.gamepad import JoyState
-from teleop_keyboard.gamepad import JoyToTwist
-from teleop_keyboard.gamepad import JoyTwist
-from teleop_keyboard.gamepad import PadKeys
-from teleop_keyboard.gamepad import USUAL_CONTROLS
+from teleop_keyboard.gamepad import JoyState, JoyToTwist, JoyTwist, PadKeys, USUAL_CONTROLS
 from teleop_keyboard.gamepad_device import Gamepad
-from teleop_keyboard.parameters import gamepad
-from teleop_keyboard.parameters import JoyParameters
-from teleop_keyboard.parameters import PAD_PRESETS
-from teleop_keyboard.parameters import PadParameters
-from teleop_keyboard.twist_messages import declare_stamped
-from teleop_keyboard.twist_messages import TwistOutput
+from teleop_keyboard.parameters import gamepad, JoyParameters, PAD_PRESETS, PadParameters
+from teleop_keyboard.twist_messages import declare_stamped, TwistOutput
 
 # The thread that waits for the pad goes on when nobody has looked for so long [s].
 PATIENCE = 0.5

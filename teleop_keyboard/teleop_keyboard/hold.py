@@ -2,8 +2,7 @@
 """Which keys are down, from auto-repeat or told releases, and the direction they ask for."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 import math
 
 from teleop_keyboard.keymap import Direction

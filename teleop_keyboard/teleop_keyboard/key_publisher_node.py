@@ -14,22 +14,16 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from std_msgs.msg import String
 from wasd_core.command_line import Executable
-from wasd_core.node import init_ros
-from wasd_core.node import open_node
-from wasd_core.node import run_program
+from wasd_core.node import init_ros, open_node, run_program
 from wasd_core.output_file import OutputFile
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.signals import StopSignals
 from wasd_core.streams import visible
-from wasd_core.topics import EVENTS
-from wasd_core.topics import LATCHED
+from wasd_core.topics import EVENTS, LATCHED
 
-from teleop_keyboard.key_reader import KeyReader
-from teleop_keyboard.key_reader import open_key_reader
-from teleop_keyboard.key_reader import WaitingKeys
+from teleop_keyboard.key_reader import KeyReader, open_key_reader, WaitingKeys
 from teleop_keyboard.key_script import KeyScriptWriter
-from teleop_keyboard.parameters import key_publisher
-from teleop_keyboard.parameters import KeyParameters
+from teleop_keyboard.parameters import key_publisher, KeyParameters
 
 # How long one wait for keys lasts [s]; keys end it at once, signals are seen after it.
 POLL_PERIOD = 0.05

@@ -10,20 +10,12 @@ import sys
 import time
 from typing import Protocol, Self
 
-from wasd_core.timing import HELD
-from wasd_core.timing import HELD_PERIOD
-from wasd_core.timing import NO_PRESS
-from wasd_core.timing import with_event
+from wasd_core.timing import HELD, HELD_PERIOD, NO_PRESS, with_event
 
-from teleop_keyboard.decoder import CharacterDecoder
-from teleop_keyboard.decoder import KeyDecoder
+from teleop_keyboard.decoder import CharacterDecoder, KeyDecoder
 from teleop_keyboard.keymap import SIGNAL_KEYS
-from teleop_keyboard.terminal import NoTerminal
-from teleop_keyboard.terminal import open_terminal
-from teleop_keyboard.terminal import read_ready
-from teleop_keyboard.terminal import Terminal
-from teleop_keyboard.typed_keys import MOST_AT_ONCE
-from teleop_keyboard.typed_keys import TypedKeys
+from teleop_keyboard.terminal import NoTerminal, open_terminal, read_ready, Terminal
+from teleop_keyboard.typed_keys import MOST_AT_ONCE, TypedKeys
 
 # A key that names a state (of the Go2: 2 stands) means the same when it comes late [s]; longer,
 # and whoever pressed it has given up or pressed another.

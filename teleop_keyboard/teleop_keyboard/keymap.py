@@ -18,10 +18,7 @@ from typing import NamedTuple
 
 from wasd_core.errors import did_you_mean
 from wasd_core.parameters import InvalidParameter
-from wasd_core.timing import ALIASES
-from wasd_core.timing import split_event
-from wasd_core.timing import STOP_KEY
-from wasd_core.timing import with_event
+from wasd_core.timing import ALIASES, split_event, STOP_KEY, with_event
 
 MODIFIERS = ('CTRL', 'ALT', 'SHIFT')
 FUNCTION_KEYS = tuple(f'F{number}' for number in range(1, 13))

@@ -15,29 +15,29 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
-from wasd_core.errors import did_you_mean
-from wasd_core.errors import one_line
-from wasd_core.parameter_file import compose_yaml
-from wasd_core.parameter_file import read_text
+from wasd_core.errors import did_you_mean, one_line
+from wasd_core.parameter_file import compose_yaml, read_text
 import yaml
 
-from teleop_keyboard.keymap import canonical_key
-from teleop_keyboard.keymap import Direction
-from teleop_keyboard.keymap import help_table
-from teleop_keyboard.keymap import HIGHEST_ACCEL
-from teleop_keyboard.keymap import HIGHEST_RATE
-from teleop_keyboard.keymap import HIGHEST_SPEED
-from teleop_keyboard.keymap import IDLE_POLICIES
-from teleop_keyboard.keymap import Keymap
-from teleop_keyboard.keymap import KeymapError
-from teleop_keyboard.keymap import Limits
-from teleop_keyboard.keymap import LINE_WIDTH
-from teleop_keyboard.keymap import MODES
-from teleop_keyboard.keymap import on_layout
-from teleop_keyboard.keymap import OTHER_KEYS
-from teleop_keyboard.keymap import SIGNAL_KEYS
-from teleop_keyboard.keymap import SpeedFactor
-from teleop_keyboard.keymap import table_lines
+from teleop_keyboard.keymap import (
+    canonical_key,
+    Direction,
+    help_table,
+    HIGHEST_ACCEL,
+    HIGHEST_RATE,
+    HIGHEST_SPEED,
+    IDLE_POLICIES,
+    Keymap,
+    KeymapError,
+    Limits,
+    LINE_WIDTH,
+    MODES,
+    on_layout,
+    OTHER_KEYS,
+    SIGNAL_KEYS,
+    SpeedFactor,
+    table_lines,
+)
 
 
 def preset_names() -> tuple[str, ...]:

@@ -6,18 +6,11 @@ import math
 from typing import NamedTuple
 
 from wasd_core.parameters import InvalidParameter
-from wasd_core.timing import HELD
-from wasd_core.timing import split_event
-from wasd_core.timing import STOP_KEY
+from wasd_core.timing import HELD, split_event, STOP_KEY
 
-from teleop_keyboard.hold import Motion
-from teleop_keyboard.hold import NOWHERE
-from teleop_keyboard.keymap import Keymap
-from teleop_keyboard.keymap import Limits
-from teleop_keyboard.parameters import AS_PRESET
-from teleop_keyboard.parameters import SPEED_NAMES
-from teleop_keyboard.parameters import TeleopParameters
-from teleop_keyboard.parameters import TURN_NAMES
+from teleop_keyboard.hold import Motion, NOWHERE
+from teleop_keyboard.keymap import Keymap, Limits
+from teleop_keyboard.parameters import AS_PRESET, SPEED_NAMES, TeleopParameters, TURN_NAMES
 
 # Closer than this a ramp has arrived; rounding must not cost another step [m/s or rad/s].
 ARRIVED = 1e-12

@@ -10,19 +10,12 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
-from wasd_core.topics import EVENTS
-from wasd_core.topics import LoopbackSubscription
-from wasd_core.topics import PublisherWatch
+from wasd_core.topics import EVENTS, LoopbackSubscription, PublisherWatch
 
 from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.keys_to_twist import STANDSTILL
-from teleop_keyboard.keys_to_twist import Velocity
-from teleop_keyboard.parameters import keys_to_twist
-from teleop_keyboard.parameters import TeleopParameters
-from teleop_keyboard.twist_messages import declare_stamped
-from teleop_keyboard.twist_messages import to_twist
-from teleop_keyboard.twist_messages import TwistOutput
+from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL, Velocity
+from teleop_keyboard.parameters import keys_to_twist, TeleopParameters
+from teleop_keyboard.twist_messages import declare_stamped, to_twist, TwistOutput
 
 # The zero that ends it all is sent this often, and may take this long to leave [s].
 LAST_ZEROS = 3

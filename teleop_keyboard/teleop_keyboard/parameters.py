@@ -5,16 +5,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from wasd_core.command_line import Executable
-from wasd_core.parameters import group
-from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import group, parameter, Parameters
 
-from teleop_keyboard.keymap import HIGHEST_ACCEL
-from teleop_keyboard.keymap import HIGHEST_RATE
-from teleop_keyboard.keymap import HIGHEST_SPEED
-from teleop_keyboard.keymap import IDLE_POLICIES
-from teleop_keyboard.keymap import LAYOUTS
-from teleop_keyboard.keymap import MODES
+from teleop_keyboard.keymap import (
+    HIGHEST_ACCEL,
+    HIGHEST_RATE,
+    HIGHEST_SPEED,
+    IDLE_POLICIES,
+    LAYOUTS,
+    MODES,
+)
 
 # A preset's value is in force where a number is 0 or a word is this.
 AS_PRESET = 'preset'

@@ -7,15 +7,10 @@ import os
 import shutil
 from typing import TextIO
 
-from wasd_core.streams import offer
-from wasd_core.streams import PATIENCE
-from wasd_core.streams import visible
+from wasd_core.streams import offer, PATIENCE, visible
 
-from teleop_keyboard.dashboard import ASCII
-from teleop_keyboard.dashboard import FULL
-from teleop_keyboard.dashboard import Line
-from teleop_keyboard.terminal import may_draw_on
-from teleop_keyboard.terminal import understands_escapes
+from teleop_keyboard.dashboard import ASCII, FULL, Line
+from teleop_keyboard.terminal import may_draw_on, understands_escapes
 
 # A page is rewritten at most this often: fluent, and cheap over a slow connection [s].
 FRAME_PERIOD = 0.05

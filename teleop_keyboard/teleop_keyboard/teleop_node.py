@@ -13,27 +13,23 @@ from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
-from wasd_core.node import explain_ros_errors
-from wasd_core.node import MessagePump
-from wasd_core.node import run_program
+from wasd_core.node import explain_ros_errors, MessagePump, run_program
 from wasd_core.ros_parameters import misspelt_parameters
 from wasd_core.signals import StopSignals
 from wasd_core.streams import visible
-from wasd_core.timing import is_press
-from wasd_core.timing import Notice
-from wasd_core.topics import LATCHED
-from wasd_core.topics import LATEST
+from wasd_core.timing import is_press, Notice
+from wasd_core.topics import LATCHED, LATEST
 
 from teleop_keyboard import parameters
-from teleop_keyboard.dashboard import asks_for_help
-from teleop_keyboard.dashboard import dashboard
-from teleop_keyboard.dashboard import HELP_KEY
-from teleop_keyboard.dashboard import KeyHints
-from teleop_keyboard.dashboard import plain_line
-from teleop_keyboard.dashboard import Surroundings
-from teleop_keyboard.key_publisher_node import KeyPublisherNode
-from teleop_keyboard.key_publisher_node import open_keyboard
-from teleop_keyboard.key_publisher_node import wait_for_subscriber
+from teleop_keyboard.dashboard import (
+    asks_for_help,
+    dashboard,
+    HELP_KEY,
+    KeyHints,
+    plain_line,
+    Surroundings,
+)
+from teleop_keyboard.key_publisher_node import KeyPublisherNode, open_keyboard, wait_for_subscriber
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.keymap import table_lines
 from teleop_keyboard.keys_to_twist import Velocity

@@ -15,8 +15,7 @@ from types import FrameType
 from typing import Any, Self, TextIO
 
 from wasd_core.errors import UserError
-from wasd_core.signals import DEADLY
-from wasd_core.signals import SUSPENDING
+from wasd_core.signals import DEADLY, SUSPENDING
 from wasd_core.streams import open_own
 
 # Indices into the list of termios.tcgetattr.

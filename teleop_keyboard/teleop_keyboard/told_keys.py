@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The keys that a terminal tells to be down, for as long as it goes on telling."""
 
-from wasd_core.timing import RELEASE
-from wasd_core.timing import STOP_KEY
-from wasd_core.timing import with_event
+from wasd_core.timing import RELEASE, STOP_KEY, with_event
 
-from teleop_keyboard.hold import DELAY_FACTOR
-from teleop_keyboard.hold import DELAY_MARGIN
-from teleop_keyboard.hold import FIRST_REPEAT_TIMEOUT
-from teleop_keyboard.hold import LONGEST_FIRST_TIMEOUT
+from teleop_keyboard.hold import (
+    DELAY_FACTOR,
+    DELAY_MARGIN,
+    FIRST_REPEAT_TIMEOUT,
+    LONGEST_FIRST_TIMEOUT,
+)
 
 # A key that repeats is down for so long after its last repeat [s]: a terminal that says nothing
 # has hung, as ssh does, or its machine sleeps.

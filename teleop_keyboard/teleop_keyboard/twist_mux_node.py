@@ -7,39 +7,36 @@ import functools
 import sys
 from typing import Any
 
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
-from rcl_interfaces.msg import ParameterDescriptor
-from rcl_interfaces.msg import SetParametersResult
+from geometry_msgs.msg import Twist, TwistStamped
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
-from rclpy.clock import Clock
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from std_msgs.msg import Bool
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from visualization_msgs.msg import Marker
 from wasd_core.node import run_node
 from wasd_core.parameters import InvalidParameter
 from wasd_core.ros_parameters import declare_parameters
-from wasd_core.topics import AbsenceWatch
-from wasd_core.topics import LATCHED
-from wasd_core.topics import RELIABLE
+from wasd_core.topics import AbsenceWatch, LATCHED, RELIABLE
 
-from teleop_keyboard.mux import DEFAULT_LOCKS
-from teleop_keyboard.mux import DEFAULT_SOURCES
-from teleop_keyboard.mux import HIGHEST_PRIORITY
-from teleop_keyboard.mux import LONGEST_TIMEOUT
-from teleop_keyboard.mux import Mux
-from teleop_keyboard.mux import MuxInput
-from teleop_keyboard.parameters import MuxParameters
-from teleop_keyboard.parameters import twist_mux
-from teleop_keyboard.twist_messages import declare_stamped
-from teleop_keyboard.twist_messages import is_finite
-from teleop_keyboard.twist_messages import LOOK_PERIOD
-from teleop_keyboard.twist_messages import to_marker
-from teleop_keyboard.twist_messages import TwistOutput
-from teleop_keyboard.twist_messages import type_of
+from teleop_keyboard.mux import (
+    DEFAULT_LOCKS,
+    DEFAULT_SOURCES,
+    HIGHEST_PRIORITY,
+    LONGEST_TIMEOUT,
+    Mux,
+    MuxInput,
+)
+from teleop_keyboard.parameters import MuxParameters, twist_mux
+from teleop_keyboard.twist_messages import (
+    declare_stamped,
+    is_finite,
+    LOOK_PERIOD,
+    to_marker,
+    TwistOutput,
+    type_of,
+)
 
 # How often losses are looked for [s]: so late a zero comes after a time-out.
 STEP_PERIOD = 0.02

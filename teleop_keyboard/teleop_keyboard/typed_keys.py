@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The keys of a person at a terminal, out of its bytes; pasted text is none of them."""
 
-from wasd_core.timing import is_press
-from wasd_core.timing import STOP_KEY
+from wasd_core.timing import is_press, STOP_KEY
 
-from teleop_keyboard.decoder import CharacterDecoder
-from teleop_keyboard.decoder import KeyDecoder
+from teleop_keyboard.decoder import CharacterDecoder, KeyDecoder
 from teleop_keyboard.hold import SHORTEST_GAP
 from teleop_keyboard.keymap import SIGNAL_KEYS
 

@@ -18,8 +18,7 @@ A folder holds descriptions of one sort and `expected.yaml`, a row for each:
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 import math
 from pathlib import Path
 import re
@@ -31,12 +30,10 @@ import pytest
 from robot_description.description import read_description
 from robot_description.info import print_info
 from robot_description.lint import lint
-from robot_description.packages import description_path
-from robot_description.packages import share_directory
+from robot_description.packages import description_path, share_directory
 import wasd
 import wasd.robots
-from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.rotations import rpy_from_matrix
+from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 import yaml
 
 HERE = Path(__file__).parent

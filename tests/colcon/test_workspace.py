@@ -8,8 +8,7 @@ import uuid
 from executables import SCRIPTS
 import pytest
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import GetParameters
-from rcl_interfaces.srv import ListParameters
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
 
 ROOT = Path(__file__).resolve().parents[2]

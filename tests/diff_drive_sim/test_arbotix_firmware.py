@@ -8,10 +8,7 @@ more than the ticks of the frame, e' the one before and S the sum of the errors 
 
 import math
 
-from diff_drive_sim.arbotix import ArbotixFirmware
-from diff_drive_sim.arbotix import divide_like_c
-from diff_drive_sim.arbotix import int16
-from diff_drive_sim.arbotix import setpoints_of
+from diff_drive_sim.arbotix import ArbotixFirmware, divide_like_c, int16, setpoints_of
 from diff_drive_sim.wheel_loop import Gains
 import pytest
 

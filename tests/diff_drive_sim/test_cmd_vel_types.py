@@ -4,8 +4,7 @@
 import time
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 import pytest
 import rclpy
 from rclpy.context import Context

@@ -2,12 +2,9 @@
 import math
 
 from builtin_interfaces.msg import Time
-from diff_drive_sim.messages import to_odometry
-from diff_drive_sim.messages import to_transform
-from diff_drive_sim.odometry import OdometryState
-from diff_drive_sim.odometry import PlanarCovariance
-from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.parameters import UNKNOWN
+from diff_drive_sim.messages import to_odometry, to_transform
+from diff_drive_sim.odometry import OdometryState, PlanarCovariance
+from diff_drive_sim.parameters import DiffDriveParameters, UNKNOWN
 import numpy as np
 import pytest
 

@@ -2,10 +2,8 @@
 import math
 
 from builtin_interfaces.msg import Time
-from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
-from diff_drive_sim.diff_drive_controller_node import main
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode, main
+from geometry_msgs.msg import Twist, TwistStamped
 from mujoco_sim.simulator_node import SimulatorNode
 from nav_msgs.msg import Odometry
 import numpy as np

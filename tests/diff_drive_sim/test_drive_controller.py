@@ -2,8 +2,7 @@
 from dataclasses import replace
 import math
 
-from diff_drive_sim.controller import DiffDriveController
-from diff_drive_sim.controller import Velocity
+from diff_drive_sim.controller import DiffDriveController, Velocity
 from diff_drive_sim.odometry import OdometryState
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest

@@ -2,13 +2,9 @@
 import math
 
 from descriptions import robot_named
-from diff_drive_sim.drive import configure_wheels
-from diff_drive_sim.drive import DiffDrive
-from diff_drive_sim.odometry import DiffDriveError
-from diff_drive_sim.odometry import DiffDriveGeometry
-from diff_drive_sim.odometry import find_wheels
-from diff_drive_sim.parameters import DiffDriveParameters
-from diff_drive_sim.parameters import WheelParameters
+from diff_drive_sim.drive import configure_wheels, DiffDrive
+from diff_drive_sim.odometry import DiffDriveError, DiffDriveGeometry, find_wheels
+from diff_drive_sim.parameters import DiffDriveParameters, WheelParameters
 import pytest
 from robot_description.morphology.wheels import WheelChoice
 from robot_description.urdf import parse_urdf

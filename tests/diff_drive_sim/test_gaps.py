@@ -12,8 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
-from wasd_core.timing import Absence
-from wasd_core.timing import AFTERMATH
+from wasd_core.timing import Absence, AFTERMATH
 
 WHEELS = ['left_wheel_joint', 'right_wheel_joint']
 RADIUS = 0.06

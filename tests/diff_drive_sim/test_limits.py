@@ -2,8 +2,7 @@
 import math
 import random
 
-from diff_drive_sim.limits import AxisLimits
-from diff_drive_sim.limits import AxisRamp
+from diff_drive_sim.limits import AxisLimits, AxisRamp
 import pytest
 
 DT = 0.005

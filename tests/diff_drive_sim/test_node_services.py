@@ -5,9 +5,7 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticArray
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
-from geometry_msgs.msg import PoseWithCovarianceStamped
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 import numpy as np
 import pytest

@@ -2,10 +2,7 @@
 from dataclasses import replace
 import math
 
-from diff_drive_sim.odometry import BELIEVABLE
-from diff_drive_sim.odometry import OdometryState
-from diff_drive_sim.odometry import SMALLEST_JUMP
-from diff_drive_sim.odometry import WheelOdometry
+from diff_drive_sim.odometry import BELIEVABLE, OdometryState, SMALLEST_JUMP, WheelOdometry
 import pytest
 
 

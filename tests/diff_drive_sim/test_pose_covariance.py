@@ -2,9 +2,7 @@
 from dataclasses import replace
 import math
 
-from diff_drive_sim.odometry import Growth
-from diff_drive_sim.odometry import PlanarCovariance
-from diff_drive_sim.odometry import WheelOdometry
+from diff_drive_sim.odometry import Growth, PlanarCovariance, WheelOdometry
 import numpy as np
 import pytest
 

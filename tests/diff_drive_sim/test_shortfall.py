@@ -2,9 +2,7 @@
 """A robot that is slower than it is told is noticed, with the share, after a steady while."""
 
 from diff_drive_sim.controller import Velocity
-from diff_drive_sim.shortfall import MEASURED
-from diff_drive_sim.shortfall import SETTLED
-from diff_drive_sim.shortfall import Shortfall
+from diff_drive_sim.shortfall import MEASURED, SETTLED, Shortfall
 import pytest
 
 DT = 0.02

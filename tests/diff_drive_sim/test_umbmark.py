@@ -3,10 +3,7 @@
 
 import math
 
-from diff_drive_sim.calibration import least_squares
-from diff_drive_sim.calibration import SquareRun
-from diff_drive_sim.calibration import umbmark
-from diff_drive_sim.calibration import Wheels
+from diff_drive_sim.calibration import least_squares, SquareRun, umbmark, Wheels
 from diff_drive_sim.odometry import DiffDriveError
 import numpy as np
 import pytest

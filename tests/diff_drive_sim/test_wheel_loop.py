@@ -3,10 +3,7 @@
 
 import math
 
-from diff_drive_sim.wheel_loop import count_ticks
-from diff_drive_sim.wheel_loop import Gains
-from diff_drive_sim.wheel_loop import WheelLoop
-from diff_drive_sim.wheel_loop import WheelMotor
+from diff_drive_sim.wheel_loop import count_ticks, Gains, WheelLoop, WheelMotor
 import pytest
 
 RADIUS, SCALE, DT = 0.06, 4100.0 * 0.06, 0.005

@@ -11,12 +11,9 @@ from diff_drive_sim.wheel_loop import wheel_motor
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from robot_description.morphology.equip_wheels import rotors
-from robot_description.morphology.equip_wheels import size_motor
-from robot_description.morphology.equip_wheels import STALL_SHARE
+from robot_description.morphology.equip_wheels import rotors, size_motor, STALL_SHARE
 from robot_description.morphology.wheels import find_drive
-from wasd_core.robot_io import JointCommand
-from wasd_core.robot_io import TIME_STEP
+from wasd_core.robot_io import JointCommand, TIME_STEP
 
 DT = 0.005
 

@@ -12,19 +12,20 @@ from diff_drive_sim.wheel_loop import wheel_motor
 import numpy as np
 import pytest
 from robot_description.description import load_robot
-from robot_description.morphology.equip_wheels import axle_inertia
-from robot_description.morphology.equip_wheels import QUICKEST
-from robot_description.morphology.equip_wheels import size_motor
-from robot_description.morphology.equip_wheels import SLOWEST
-from robot_description.morphology.equip_wheels import Strength
-from robot_description.morphology.equip_wheels import strength
-from robot_description.morphology.equip_wheels import yaw_inertia
+from robot_description.morphology.equip_wheels import (
+    axle_inertia,
+    QUICKEST,
+    size_motor,
+    SLOWEST,
+    Strength,
+    strength,
+    yaw_inertia,
+)
 from robot_description.morphology.wheels import find_drive
 from robot_description.urdf import parse_urdf
 import wasd
 from wasd_core.robot_io import TIME_STEP
-from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.rotations import rpy_from_matrix
+from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 
 CATALOGUE = Path(__file__).parents[1] / 'catalogue' / 'wheels'
 CARTS = (

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rosbags.rosbag2.storage_mcap import McapReader
-from rosbags.typesys import get_typestore
-from rosbags.typesys import Stores
+from rosbags.typesys import get_typestore, Stores
 
 pytestmark = pytest.mark.slow
 

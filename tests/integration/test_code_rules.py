@@ -9,11 +9,7 @@ from pathlib import Path
 import re
 
 import pytest
-from source_trees import imports
-from source_trees import modules
-from source_trees import nodes
-from source_trees import PACKAGES
-from source_trees import ROOT
+from source_trees import imports, modules, nodes, PACKAGES, ROOT
 
 LONGEST_FUNCTION = 50  # lines
 MOST_KERNEL_ARGUMENTS = 6

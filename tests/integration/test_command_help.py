@@ -6,8 +6,7 @@ import re
 import pytest
 from wasd_bringup.cli import main
 from wasd_bringup.parsers import examples_of
-from wasd_bringup.robots import BOTH
-from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import BOTH, ROBOTS
 from wasd_core.errors import UserError
 
 pytestmark = pytest.mark.slow

@@ -11,8 +11,7 @@ import sys
 from executables import SCRIPTS
 import programs
 import pytest
-from wasd_core.command_line import Executable
-from wasd_core.command_line import split_ros_words
+from wasd_core.command_line import Executable, split_ros_words
 from wasd_core.parameters import known_parameters
 
 ROOT = Path(__file__).resolve().parents[2]

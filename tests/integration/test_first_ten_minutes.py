@@ -13,8 +13,7 @@ import sys
 import time
 from typing import Any, NamedTuple
 
-from page_puppet import CutOff
-from page_puppet import PagePuppet
+from page_puppet import CutOff, PagePuppet
 import programs
 import pytest
 from wasd_cockpit.widgets import Rect

@@ -9,8 +9,7 @@ import subprocess
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import OccupancyGrid
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 import pytest
 from rclpy.node import Node
 from wasd_core.topics import LATCHED

@@ -16,14 +16,7 @@ from xml.etree import ElementTree
 
 from executables import SCRIPTS
 import pytest
-from source_trees import ALSO_IN
-from source_trees import data_files
-from source_trees import imports
-from source_trees import modules
-from source_trees import nodes
-from source_trees import PACKAGES
-from source_trees import PROJECT
-from source_trees import ROOT
+from source_trees import ALSO_IN, data_files, imports, modules, nodes, PACKAGES, PROJECT, ROOT
 
 # What a package may import: arrows point down only, and the keyboard knows no simulation. One that
 # does not stand here simulates or controls.

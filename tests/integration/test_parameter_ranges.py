@@ -17,9 +17,7 @@ from rclpy.parameter import Parameter
 import wasd
 from wasd_core.errors import UserError
 from wasd_core.parameter_file import read_parameters
-from wasd_core.parameters import known_parameters
-from wasd_core.parameters import numeric_ends
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import known_parameters, numeric_ends, Parameters
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]

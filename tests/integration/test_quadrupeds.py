@@ -8,8 +8,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
-from robot_description.packages import description_path
-from robot_description.packages import share_directory
+from robot_description.packages import description_path, share_directory
 from robot_description.xacro import expand
 
 pytestmark = pytest.mark.slow

@@ -10,9 +10,7 @@ import pytest
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.options import RunOptions
 from wasd_bringup.recording import BagWriter
-from wasd_bringup.recording.reader import BagReader
-from wasd_bringup.recording.reader import describe_run
-from wasd_bringup.recording.reader import recorded_options
+from wasd_bringup.recording.reader import BagReader, describe_run, recorded_options
 from wasd_bringup.recording.recorder import BagRecorder
 from wasd_bringup.recording.replay import ReplayView
 from wasd_bringup.session import Session

@@ -11,13 +11,15 @@ import time
 from typing import Any
 
 import pytest
-from terminals import assert_soon
-from terminals import AT_MOST
-from terminals import END_AFTER
-from terminals import name_of
-from terminals import usual_statuses
-from terminals import wait_until
-from terminals import ZERO_AFTER
+from terminals import (
+    assert_soon,
+    AT_MOST,
+    END_AFTER,
+    name_of,
+    usual_statuses,
+    wait_until,
+    ZERO_AFTER,
+)
 from wasd_core.signals import DEADLY
 
 pytestmark = pytest.mark.slow

@@ -22,8 +22,7 @@ from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_description.description import read_description
 from robot_description.meshes.files import published_urdf
 from robot_description.packages import description_path

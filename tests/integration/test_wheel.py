@@ -14,11 +14,7 @@ import zipfile
 
 from executables import SCRIPTS
 import pytest
-from source_trees import ALSO_IN
-from source_trees import data_files
-from source_trees import modules
-from source_trees import PACKAGES
-from source_trees import ROOT
+from source_trees import ALSO_IN, data_files, modules, PACKAGES, ROOT
 
 pytestmark = pytest.mark.slow
 

@@ -7,9 +7,7 @@ import re
 import textwrap
 
 import pytest
-from sourced_jazzy import missing
-from sourced_jazzy import ROOT
-from sourced_jazzy import SourcedJazzy
+from sourced_jazzy import missing, ROOT, SourcedJazzy
 
 
 def documented_lines() -> str:

@@ -3,8 +3,7 @@
 
 from descriptions import robot_named
 import mujoco
-from mujoco_sim.world import build_world
-from mujoco_sim.world import World
+from mujoco_sim.world import build_world, World
 import pytest
 from robot_description.description import Description
 from robot_description.mujoco.builder import to_mujoco

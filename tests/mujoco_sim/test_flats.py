@@ -4,9 +4,7 @@
 import functools
 
 from descriptions import robot_named
-from mujoco_sim.flats import _corners
-from mujoco_sim.flats import make_flat
-from mujoco_sim.flats import make_office
+from mujoco_sim.flats import _corners, make_flat, make_office
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest

@@ -4,15 +4,9 @@
 import dataclasses
 
 import mujoco
-from mujoco_sim.parameters import Untold
-from mujoco_sim.parameters import WORLD_NAMES
+from mujoco_sim.parameters import Untold, WORLD_NAMES
 from mujoco_sim.robot_setup import usual_setup
-from mujoco_sim.scene import EDGE
-from mujoco_sim.scene import ICE_AHEAD
-from mujoco_sim.scene import ICE_LENGTH
-from mujoco_sim.scene import PIT
-from mujoco_sim.scene import TERRAINS
-from mujoco_sim.scene import WORLDS
+from mujoco_sim.scene import EDGE, ICE_AHEAD, ICE_LENGTH, PIT, TERRAINS, WORLDS
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest

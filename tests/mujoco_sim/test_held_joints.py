@@ -4,8 +4,7 @@
 from pathlib import Path
 
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.world import build_world
-from mujoco_sim.world import World
+from mujoco_sim.world import build_world, World
 import numpy as np
 import pytest
 from robot_description.description import parse_description

@@ -5,11 +5,8 @@ import random
 import struct
 
 from mujoco_sim.viewer.clicks import Mouse
-from mujoco_sim.viewer.server import InputPackets
-from mujoco_sim.viewer.server import UnknownPacket
-from mujoco_sim.viewer.server import with_mouse
-from page_puppet import input_packet
-from page_puppet import VERSION_PACKET
+from mujoco_sim.viewer.server import InputPackets, UnknownPacket, with_mouse
+from page_puppet import input_packet, VERSION_PACKET
 import pytest
 
 

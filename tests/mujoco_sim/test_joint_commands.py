@@ -8,11 +8,9 @@ from mujoco_sim.world import build_world
 import numpy as np
 import pytest
 from robot_description.description import load_robot
-from trajectory_msgs.msg import JointTrajectory
-from trajectory_msgs.msg import JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from wasd_core.errors import InvalidMessage
-from wasd_core.messages import from_joint_commands
-from wasd_core.messages import to_joint_commands
+from wasd_core.messages import from_joint_commands, to_joint_commands
 from wasd_core.robot_io import JointCommand
 
 LIMIT = 2.0

@@ -2,9 +2,7 @@
 import math
 
 from descriptions import robot_named
-from mujoco_sim.world import build_world
-from mujoco_sim.world import place_robot
-from mujoco_sim.world import PlanarPose
+from mujoco_sim.world import build_world, place_robot, PlanarPose
 import numpy as np
 import pytest
 

@@ -7,8 +7,7 @@ from mujoco_sim.robot_setup import RobotSetup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from wasd_core.robot_io import FULL_TORQUE_SHARE
-from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import FULL_TORQUE_SHARE, JointCommand
 
 TORQUE, SPEED = 23.7, 30.1
 

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import math
 
-from mujoco_sim.simulation import MAXIMUM_LAG
-from mujoco_sim.simulation import MINIMUM_INTERVAL
-from mujoco_sim.simulation import Pacer
+from mujoco_sim.simulation import MAXIMUM_LAG, MINIMUM_INTERVAL, Pacer
 import pytest
 
 START = 100.0  # [s] on the wall clock

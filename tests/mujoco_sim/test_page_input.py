@@ -3,14 +3,8 @@
 
 import random
 
-from mujoco_sim.viewer.clicks import CHANGE_PATIENCE
-from mujoco_sim.viewer.clicks import MOST_CHANGES
-from mujoco_sim.viewer.clicks import Mouse
-from mujoco_sim.viewer.input import GONE
-from mujoco_sim.viewer.input import LOSS
-from mujoco_sim.viewer.input import LOST
-from mujoco_sim.viewer.input import PageInput
-from mujoco_sim.viewer.input import SILENCE
+from mujoco_sim.viewer.clicks import CHANGE_PATIENCE, MOST_CHANGES, Mouse
+from mujoco_sim.viewer.input import GONE, LOSS, LOST, PageInput, SILENCE
 from page_puppet import code
 import pytest
 

@@ -2,12 +2,9 @@
 """What counts as a key of the page: one press a tap, a keyboard's repeats, no ghosts."""
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
-from mujoco_sim.viewer.input import LOST
-from mujoco_sim.viewer.input import PAGE_KEYS
-from mujoco_sim.viewer.input import PageKeys
+from mujoco_sim.viewer.input import LOST, PAGE_KEYS, PageKeys
 import pytest
-from wasd_core.timing import HELD
-from wasd_core.timing import RELEASE
+from wasd_core.timing import HELD, RELEASE
 
 from teleop_keyboard import keymap
 

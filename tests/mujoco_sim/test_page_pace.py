@@ -5,9 +5,7 @@ import threading
 import time
 
 from mujoco_sim.viewer.clicks import Mouse
-from mujoco_sim.viewer.drawing import Pace
-from mujoco_sim.viewer.drawing import PacedUi
-from mujoco_sim.viewer.drawing import UNSEEN_PERIOD
+from mujoco_sim.viewer.drawing import Pace, PacedUi, UNSEEN_PERIOD
 from mujoco_sim.viewer.input import PageInput
 import pytest
 

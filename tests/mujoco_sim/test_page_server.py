@@ -15,19 +15,13 @@ import time
 from mujoco.studio import messages
 from mujoco_sim.viewer import server as page_server
 from mujoco_sim.viewer.drawing import Panel
-from mujoco_sim.viewer.page import CameraView
-from mujoco_sim.viewer.page import WebView
+from mujoco_sim.viewer.page import CameraView, WebView
 from mujoco_sim.world import build_world
-from page_puppet import code
-from page_puppet import input_packet
-from page_puppet import PagePuppet
+from page_puppet import code, input_packet, PagePuppet
 import pytest
 from terminals import wait_until
-from websockets.exceptions import ConnectionClosed
-from websockets.exceptions import ConnectionClosedOK
-from websockets.exceptions import InvalidStatus
-from websockets.sync.client import ClientConnection
-from websockets.sync.client import connect
+from websockets.exceptions import ConnectionClosed, ConnectionClosedOK, InvalidStatus
+from websockets.sync.client import ClientConnection, connect
 
 from mujoco_sim import viewer
 

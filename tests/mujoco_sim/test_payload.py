@@ -4,8 +4,7 @@
 import dataclasses
 import math
 
-from mujoco_sim.parameters import Payload
-from mujoco_sim.parameters import Untold
+from mujoco_sim.parameters import Payload, Untold
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
 import numpy as np

@@ -2,11 +2,7 @@
 """Shadows and the like are drawn where they do not make the page slow."""
 
 import mujoco
-from mujoco_sim.viewer.drawing import FAST
-from mujoco_sim.viewer.drawing import FAST_FOR
-from mujoco_sim.viewer.drawing import PictureDetail
-from mujoco_sim.viewer.drawing import SLOW
-from mujoco_sim.viewer.drawing import SLOW_FOR
+from mujoco_sim.viewer.drawing import FAST, FAST_FOR, PictureDetail, SLOW, SLOW_FOR
 import pytest
 
 ALL = [1] * int(mujoco.mjtRndFlag.mjNRNDFLAG)

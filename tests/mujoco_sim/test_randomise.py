@@ -3,12 +3,8 @@
 
 import dataclasses
 
-from mujoco_sim.parameters import Drawn
-from mujoco_sim.parameters import Untold
-from mujoco_sim.robot_setup import draw
-from mujoco_sim.robot_setup import randomise
-from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.parameters import Drawn, Untold
+from mujoco_sim.robot_setup import draw, randomise, RobotSetup, usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest

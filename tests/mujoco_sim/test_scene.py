@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import mujoco
-from mujoco_sim.scene import ROOM_SIZE
-from mujoco_sim.scene import WALL_HEIGHT
+from mujoco_sim.scene import ROOM_SIZE, WALL_HEIGHT
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest

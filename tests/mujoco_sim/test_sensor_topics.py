@@ -2,10 +2,8 @@
 from dataclasses import dataclass
 import math
 
-from mujoco_sim.sensors import camera
-from mujoco_sim.sensors import SensorTag
-from mujoco_sim.sensors.table import SensorKind
-from mujoco_sim.sensors.table import SENSORS
+from mujoco_sim.sensors import camera, SensorTag
+from mujoco_sim.sensors.table import SensorKind, SENSORS
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.world import build_world
 import numpy as np
@@ -15,10 +13,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
 from robot_description.mujoco import find_renderer
 from robot_description.mujoco.geoms import VISUAL_GROUP
-from sensor_msgs.msg import CameraInfo
-from sensor_msgs.msg import Image
-from sensor_msgs.msg import LaserScan
-from sensor_msgs.msg import Range
+from sensor_msgs.msg import CameraInfo, Image, LaserScan, Range
 from wasd_core.errors import SimulationError
 
 pytestmark = pytest.mark.slow

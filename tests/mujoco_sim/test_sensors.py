@@ -4,18 +4,13 @@
 import math
 
 from descriptions import robot_named
-from mujoco_sim.compiled import add_noise
-from mujoco_sim.compiled import NoiseSizes
-from mujoco_sim.noise import NoisySensors
-from mujoco_sim.noise import SensorNoise
-from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.compiled import add_noise, NoiseSizes
+from mujoco_sim.noise import NoisySensors, SensorNoise
+from mujoco_sim.robot_setup import RobotSetup, usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from wasd_core.robot_io import ImuReading
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
+from wasd_core.robot_io import ImuReading, JointStates, Reading
 from wasd_core.rotations import matrix_from_quaternion
 
 NOISE = SensorNoise()

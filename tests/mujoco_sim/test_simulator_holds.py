@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Physics waits for a controller of another process that answers, and for no other."""
 
-from mujoco_sim.simulation import LONGEST_LOOK
-from mujoco_sim.simulation import PATIENCE
-from mujoco_sim.simulation import STATES_AHEAD
-from mujoco_sim.simulation import STEADY
+from mujoco_sim.simulation import LONGEST_LOOK, PATIENCE, STATES_AHEAD, STEADY
 from mujoco_sim.simulator_node import SimulatorNode
 import numpy as np
 import pytest

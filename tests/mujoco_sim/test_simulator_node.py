@@ -3,8 +3,7 @@ import gc
 import weakref
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from mujoco_sim.simulation import TickStatistics
 from mujoco_sim.simulator_node import SimulatorNode
 from nav_msgs.msg import Odometry
@@ -13,8 +12,7 @@ import pytest
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_joint_commands
 from wasd_core.robot_io import JointCommand

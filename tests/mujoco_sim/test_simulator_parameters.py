@@ -5,12 +5,9 @@ import os
 import signal
 import threading
 
-from mujoco_sim.parameters import Payload
-from mujoco_sim.parameters import Untold
-from mujoco_sim.robot_setup import randomise
-from mujoco_sim.robot_setup import usual_setup
-from mujoco_sim.simulator_node import main
-from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.parameters import Payload, Untold
+from mujoco_sim.robot_setup import randomise, usual_setup
+from mujoco_sim.simulator_node import main, SimulatorNode
 from mujoco_sim.world import build_world
 import pytest
 from quadruped_sim.parameters import LegNodeParameters

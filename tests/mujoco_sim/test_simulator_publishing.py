@@ -10,8 +10,7 @@ import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from mujoco_sim import simulator_node
-from mujoco_sim import truth_publisher
+from mujoco_sim import simulator_node, truth_publisher
 
 pytestmark = pytest.mark.slow
 

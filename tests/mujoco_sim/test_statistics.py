@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-from mujoco_sim.simulation import TickStatistics
-from mujoco_sim.simulation import TickSummary
+from mujoco_sim.simulation import TickStatistics, TickSummary
 import pytest
 
 

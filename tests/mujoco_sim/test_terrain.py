@@ -5,9 +5,7 @@ import math
 
 from descriptions import robot_named
 import mujoco
-from mujoco_sim.scene import AHEAD
-from mujoco_sim.scene import STEPS
-from mujoco_sim.scene import TREAD
+from mujoco_sim.scene import AHEAD, STEPS, TREAD
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest

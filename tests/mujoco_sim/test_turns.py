@@ -3,8 +3,7 @@
 
 import math
 
-from mujoco_sim.viewer import GIVEN_AFTER
-from mujoco_sim.viewer import Turns
+from mujoco_sim.viewer import GIVEN_AFTER, Turns
 from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.input import PageInput
 import pytest

@@ -2,9 +2,7 @@
 """A quadruped begins lying, with real motors and sensors; other robots as they are."""
 
 from descriptions import robot_named
-from mujoco_sim.robot_setup import COMMAND_DELAY
-from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.robot_setup import COMMAND_DELAY, RobotSetup, usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest

@@ -5,14 +5,11 @@ import weakref
 
 import mujoco
 from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.world import build_shared_world
-from mujoco_sim.world import build_world
-from mujoco_sim.world import World
+from mujoco_sim.world import build_shared_world, build_world, World
 import numpy as np
 import pytest
 from wasd_core.errors import SimulationError
-from wasd_core.robot_io import BaseState
-from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import BaseState, JointCommand
 from wasd_core.rotations import rpy_matrix
 
 GRAVITY = 9.81

@@ -5,16 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from quadruped_sim.leg_controller import LegController
-from quadruped_sim.leg_kinematics import ContactPoints
-from quadruped_sim.leg_kinematics import find_contact_points
-from quadruped_sim.leg_kinematics import LegMotion
+from quadruped_sim.leg_kinematics import ContactPoints, find_contact_points, LegMotion
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
 from robot_description.description import parse_description
-from wasd_core.robot_io import BaseState
-from wasd_core.robot_io import ImuReading
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
+from wasd_core.robot_io import BaseState, ImuReading, JointStates, Reading
 import xacro
 
 _XACRO = Path(__file__).parents[2] / 'robot_description/robot_description/urdf/go2/go2.urdf.xacro'

@@ -11,8 +11,7 @@ import time
 
 import numba
 import pytest
-from quadruped_sim.compilation import compile_once
-from quadruped_sim.compilation import NOTICE
+from quadruped_sim.compilation import compile_once, NOTICE
 from wasd_core.errors import Stopped
 
 import quadruped_sim

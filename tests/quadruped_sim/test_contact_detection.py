@@ -3,9 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from quadruped_sim.estimation import ContactDetector
-from quadruped_sim.estimation import feel_touch
-from quadruped_sim.estimation import find_touch
+from quadruped_sim.estimation import ContactDetector, feel_touch, find_touch
 from quadruped_sim.leg_kinematics import leg_motion
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.tuning import ContactParameters

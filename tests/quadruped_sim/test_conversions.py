@@ -7,20 +7,12 @@ from builtin_interfaces.msg import Time
 from mujoco_sim.truth_publisher import to_ground_truth
 import numpy as np
 import pytest
-from quadruped_sim.leg_controller_node import Frames
-from quadruped_sim.leg_controller_node import to_odometry
-from quadruped_sim.leg_controller_node import to_transform
+from quadruped_sim.leg_controller_node import Frames, to_odometry, to_transform
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_state import LegOdometry
 from sensor_msgs.msg import JointState
-from wasd_core.messages import to_base_state
-from wasd_core.messages import to_imu
-from wasd_core.messages import to_reading
-from wasd_core.robot_io import BaseState
-from wasd_core.robot_io import ImuReading
-from wasd_core.robot_io import JointCommand
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
+from wasd_core.messages import to_base_state, to_imu, to_reading
+from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading
 
 
 @pytest.fixture

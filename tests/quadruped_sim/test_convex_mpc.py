@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.locomotion.convex_mpc import ConvexMpc
-from quadruped_sim.locomotion.convex_mpc import FrictionPyramids
-from quadruped_sim.locomotion.convex_mpc import MpcProblem
-from quadruped_sim.locomotion.convex_mpc import QpSolver
+from quadruped_sim.locomotion.convex_mpc import ConvexMpc, FrictionPyramids, MpcProblem, QpSolver
 from quadruped_sim.tuning import MpcParameters
 
 MASS = 16.0

@@ -6,14 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from quadruped_sim.estimation import Ground
-from quadruped_sim.estimation.kalman import _anchor
-from quadruped_sim.estimation.kalman import Footing
-from quadruped_sim.estimation.kalman import KalmanEstimator
-from quadruped_sim.leg_kinematics import foot_positions
-from quadruped_sim.leg_kinematics import leg_motion
+from quadruped_sim.estimation.kalman import _anchor, Footing, KalmanEstimator
+from quadruped_sim.leg_kinematics import foot_positions, leg_motion
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.tuning import EstimatorParameters
-from quadruped_sim.tuning import GroundParameters
+from quadruped_sim.tuning import EstimatorParameters, GroundParameters
 from wasd_core.robot_io import ImuReading
 from wasd_core.rotations import yaw_matrix
 

@@ -3,9 +3,7 @@
 
 import numpy as np
 import pytest
-from quadruped_sim.feed import Feed
-from quadruped_sim.feed import FEWEST
-from quadruped_sim.feed import INTERVALS
+from quadruped_sim.feed import Feed, FEWEST, INTERVALS
 
 
 def fed(feed, rate, seconds, begin=0.0):

@@ -4,8 +4,7 @@
 from dataclasses import replace
 
 import numpy as np
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import view_of
+from quadruped_sim.algebra import flatten, view_of
 from quadruped_sim.estimation import Plane
 
 

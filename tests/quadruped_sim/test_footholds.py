@@ -1,19 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
 import pytest
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import flatten, plain
 from quadruped_sim.estimation import Ground
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.locomotion.swing import find_landing
-from quadruped_sim.locomotion.swing import keep_apart
-from quadruped_sim.locomotion.swing import SwingLegs
+from quadruped_sim.locomotion.swing import find_landing, keep_apart, SwingLegs
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_state import BaseMotion
-from quadruped_sim.tuning import FootholdParameters
-from quadruped_sim.tuning import GroundParameters
-from quadruped_sim.tuning import ReferenceParameters
+from quadruped_sim.tuning import FootholdParameters, GroundParameters, ReferenceParameters
 from wasd_core.rotations import yaw_matrix
 
 STANCE = 0.2

@@ -3,9 +3,7 @@ import numpy as np
 import pytest
 from quadruped_sim.locomotion.gait import Gait
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.presets import GaitRow
-from quadruped_sim.presets import GAITS
-from quadruped_sim.presets import LIMITS
+from quadruped_sim.presets import GaitRow, GAITS, LIMITS
 from quadruped_sim.tuning import GaitParameters
 from wasd_bringup.cli import make_parser
 from wasd_core.parameters import InvalidParameter

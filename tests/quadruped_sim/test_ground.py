@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import leg_stages
 import numpy as np
-from quadruped_sim.estimation import Ground
-from quadruped_sim.estimation import height_at
+from quadruped_sim.estimation import Ground, height_at
 from quadruped_sim.tuning import GroundParameters
 
 FEET = np.array(((0.2, 0.15, 0.0), (0.2, -0.15, 0.0), (-0.2, 0.15, 0.0), (-0.2, -0.15, 0.0)))

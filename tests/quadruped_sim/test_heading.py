@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 from quadruped_sim.estimation.heading import Heading
-from quadruped_sim.robot_state import RobotState
-from quadruped_sim.robot_state import turn_base
+from quadruped_sim.robot_state import RobotState, turn_base
 from quadruped_sim.tuning import EstimatorParameters
 from wasd_core.rotations import yaw_matrix
 

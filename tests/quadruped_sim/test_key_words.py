@@ -2,18 +2,19 @@
 import math
 
 import pytest
-from quadruped_sim.keys import ARROWS
-from quadruped_sim.keys import keys_between
-from quadruped_sim.keys import KeyWords
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import StateMachine
-from quadruped_sim.keys import StateName
-from quadruped_sim.keys import STICK_KEYS
-from quadruped_sim.keys import SUCCESSORS
-from quadruped_sim.keys import TRANSITIONS
+from quadruped_sim.keys import (
+    ARROWS,
+    keys_between,
+    KeyWords,
+    STATE_KEYS,
+    StateMachine,
+    StateName,
+    STICK_KEYS,
+    SUCCESSORS,
+    TRANSITIONS,
+)
 from quadruped_sim.leg_controller import LegController
-from teleop_keyboard.dashboard import Status
-from teleop_keyboard.dashboard import status_line
+from teleop_keyboard.dashboard import Status, status_line
 from wasd_core.timing import brief
 
 WORDS = KeyWords(reset_key='BACKSPACE', help_key='?')

@@ -7,8 +7,7 @@ from quadruped_sim.leg_kinematics import foot_positions
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.tuning import GaitParameters
-from wasd_core.rotations import rpy_matrix
-from wasd_core.rotations import to_quaternion
+from wasd_core.rotations import rpy_matrix, to_quaternion
 
 DT = 0.002
 # unitree_guide's stand.

@@ -9,18 +9,13 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from quadruped_sim.keys import StateName
-from quadruped_sim.leg_controller_node import LegControllerNode
-from quadruped_sim.leg_controller_node import LONGEST_GAP
-from quadruped_sim.leg_controller_node import main
+from quadruped_sim.leg_controller_node import LegControllerNode, LONGEST_GAP, main
 from quadruped_sim.leg_kinematics import LEGS
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import qos_profile_sensor_data
-from rclpy.qos import QoSProfile
-from sensor_msgs.msg import Imu
-from sensor_msgs.msg import JointState
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
+from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory

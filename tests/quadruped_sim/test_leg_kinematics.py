@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
-from quadruped_sim.leg_kinematics import all_leg_angles
-from quadruped_sim.leg_kinematics import foot_positions
-from quadruped_sim.leg_kinematics import leg_angles
-from quadruped_sim.leg_kinematics import leg_motion
+from quadruped_sim.leg_kinematics import all_leg_angles, foot_positions, leg_angles, leg_motion
 
 STEP = 1e-6
 

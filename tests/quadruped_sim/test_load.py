@@ -3,14 +3,12 @@
 
 from dataclasses import replace
 
-from mujoco_sim.parameters import Payload
-from mujoco_sim.parameters import Untold
+from mujoco_sim.parameters import Payload, Untold
 from mujoco_sim.robot_setup import usual_setup
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from quadruped_sim.estimation.load import feel_load
-from quadruped_sim.estimation.load import LoadObserver
+from quadruped_sim.estimation.load import feel_load, LoadObserver
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_state import RobotState

@@ -4,32 +4,20 @@
 from collections.abc import Callable
 
 from mujoco_sim.robot_setup import usual_setup
-from mujoco_sim.world import build_world
-from mujoco_sim.world import pose_base
-from mujoco_sim.world import pose_joints
-from mujoco_sim.world import update_bodies
-from mujoco_sim.world import World
+from mujoco_sim.world import build_world, pose_base, pose_joints, update_bodies, World
 import numpy as np
 import pytest
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.states.jump import EXTENDED
-from quadruped_sim.states.jump import highest
-from quadruped_sim.states.lying import rolling_poses
-from quadruped_sim.states.lying import ROLLS
-from quadruped_sim.states.lying import TRIES_MAX
+from quadruped_sim.robot_model import JointMap, RobotModel
+from quadruped_sim.states.jump import EXTENDED, highest
+from quadruped_sim.states.lying import rolling_poses, ROLLS, TRIES_MAX
 from quadruped_sim.tuning import JumpParameters
 from robot_description.description import load_robot
-from robot_description.morphology.quadruped import FOLDED
-from robot_description.morphology.quadruped import similar_pose
+from robot_description.morphology.quadruped import FOLDED, similar_pose
 from robot_description.packages import share_directory
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import numeric_ends
-from wasd_core.rotations import rpy_matrix
-from wasd_core.rotations import to_quaternion
-from wasd_core.rotations import yaw_matrix
+from wasd_core.parameters import InvalidParameter, numeric_ends
+from wasd_core.rotations import rpy_matrix, to_quaternion, yaw_matrix
 
 DT = 0.002
 # How high the base of a Go2 is when its legs, as they extend, stop pushing [m].

@@ -3,11 +3,8 @@ import leg_stages
 import numpy as np
 import pytest
 from quadruped_sim.estimation import Ground
-from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.locomotion.reference import horizon
-from quadruped_sim.locomotion.reference import Reference
-from quadruped_sim.tuning import GroundParameters
-from quadruped_sim.tuning import ReferenceParameters
+from quadruped_sim.locomotion.reference import BaseReference, horizon, Reference
+from quadruped_sim.tuning import GroundParameters, ReferenceParameters
 
 TIMES = 0.025 * np.arange(1, 13)
 

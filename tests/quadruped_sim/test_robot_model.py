@@ -7,14 +7,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from quadruped_sim.leg_kinematics import LEGS
-from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_model import NO_TORQUE
-from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import JointMap, NO_TORQUE, RobotModel
 from robot_description.description import parse_description
 from robot_description.morphology.quadruped import GO2
 from wasd_core.errors import RobotModelError
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
+from wasd_core.robot_io import JointStates, Reading
 
 LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
 

@@ -2,8 +2,7 @@
 import numpy as np
 import pytest
 from quadruped_sim.robot_model import NO_TORQUE
-from quadruped_sim.safety import FallWatch
-from quadruped_sim.safety import Safety
+from quadruped_sim.safety import FallWatch, Safety
 from quadruped_sim.tuning import SafetyParameters
 from wasd_core.rotations import rpy_matrix
 

@@ -6,12 +6,13 @@ import math
 
 import pytest
 from quadruped_sim.command_filter import velocity_limits
-from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.parameters import NOT_SCALED
-from quadruped_sim.parameters import scale_parameters
-from quadruped_sim.parameters import WEIGHT_UNITS
-from robot_description.morphology.quadruped import GO2
-from robot_description.morphology.quadruped import Scale
+from quadruped_sim.parameters import (
+    LegControllerParameters,
+    NOT_SCALED,
+    scale_parameters,
+    WEIGHT_UNITS,
+)
+from robot_description.morphology.quadruped import GO2, Scale
 
 PARAMETERS = LegControllerParameters()
 

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 import numpy as np
-from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import invert3
-from quadruped_sim.algebra import rotate
-from quadruped_sim.algebra import rotate_back
-from quadruped_sim.algebra import solve_in_place
-from quadruped_sim.algebra import write_rotation
+from quadruped_sim.algebra import (
+    cross3,
+    invert3,
+    rotate,
+    rotate_back,
+    solve_in_place,
+    write_rotation,
+)
 from quadruped_sim.locomotion.feedback import rotation_error
-from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.rotations import rotation_vector
-from wasd_core.rotations import rpy_matrix
+from wasd_core.rotations import matrix_from_quaternion, rotation_vector, rpy_matrix
 
 
 def inverse(A):

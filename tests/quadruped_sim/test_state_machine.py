@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from quadruped_sim.keys import keys_between
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import StateMachine
-from quadruped_sim.keys import StateName
-from quadruped_sim.keys import Sticks
-from quadruped_sim.keys import SUCCESSORS
+from quadruped_sim.keys import (
+    keys_between,
+    STATE_KEYS,
+    StateMachine,
+    StateName,
+    Sticks,
+    SUCCESSORS,
+)
 
 P, F, FREE, T, M, B, SW, ST = (STATE_KEYS[key] for key in '12345098')
 

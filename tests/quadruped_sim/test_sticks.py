@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from quadruped_sim.keys import Sticks
-from quadruped_sim.keys import StickValues
+from quadruped_sim.keys import Sticks, StickValues
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,13 @@ import math
 
 import numpy as np
 import pytest
-from quadruped_sim.states.support import corners_of
-from quadruped_sim.states.support import distances_inside
-from quadruped_sim.states.support import middle_of
-from quadruped_sim.states.support import nearest_inside
-from quadruped_sim.states.support import room_inside
+from quadruped_sim.states.support import (
+    corners_of,
+    distances_inside,
+    middle_of,
+    nearest_inside,
+    room_inside,
+)
 from wasd import Go2
 
 # Legs of 3, 4 and 5: the incircle has radius 1 and its centre 1 from both short sides.

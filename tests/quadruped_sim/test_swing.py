@@ -5,13 +5,9 @@ import pytest
 from quadruped_sim.estimation import Ground
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.locomotion.swing import headroom
-from quadruped_sim.locomotion.swing import swing_point
-from quadruped_sim.locomotion.swing import swing_profile
-from quadruped_sim.locomotion.swing import SwingLegs
+from quadruped_sim.locomotion.swing import headroom, swing_point, swing_profile, SwingLegs
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_state import BaseMotion
-from quadruped_sim.robot_state import RobotState
+from quadruped_sim.robot_state import BaseMotion, RobotState
 from quadruped_sim.tuning import GroundParameters
 from wasd_core.rotations import rpy_matrix
 

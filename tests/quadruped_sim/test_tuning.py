@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every number of the leg controller can be given, and changed while it walks."""
 
-from dataclasses import fields
-from dataclasses import replace
+from dataclasses import fields, replace
 import inspect
 
 import numpy as np
@@ -10,18 +9,14 @@ import pytest
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_controller_node import LegControllerNode
-from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.parameters import LegNodeParameters
+from quadruped_sim.parameters import LegControllerParameters, LegNodeParameters
 from quadruped_sim.tuning import CommandParameters
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import known_parameters
-from wasd_core.parameters import numeric_ends
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import InvalidParameter, known_parameters, numeric_ends, Parameters
 
 from quadruped_sim import parameters
 

@@ -9,8 +9,7 @@ import pytest
 from quadruped_sim.leg_controller_node import LegControllerNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_description.packages import share_directory
 from std_msgs.msg import String
 

@@ -5,16 +5,10 @@ from mujoco_sim.compiled import TorqueSpeedCurve
 import numpy as np
 import pytest
 from quadruped_sim.leg_kinematics import leg_motion
-from quadruped_sim.locomotion.whole_body import motor_range
-from quadruped_sim.locomotion.whole_body import WholeBody
-from quadruped_sim.locomotion.whole_body import WholeBodyTask
-from quadruped_sim.robot_state import BaseMotion
-from quadruped_sim.robot_state import RobotState
-from quadruped_sim.tuning import MpcParameters
-from quadruped_sim.tuning import WholeBodyParameters
-from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.rotations import rpy_matrix
-from wasd_core.rotations import to_quaternion
+from quadruped_sim.locomotion.whole_body import motor_range, WholeBody, WholeBodyTask
+from quadruped_sim.robot_state import BaseMotion, RobotState
+from quadruped_sim.tuning import MpcParameters, WholeBodyParameters
+from wasd_core.rotations import matrix_from_quaternion, rpy_matrix, to_quaternion
 
 
 @pytest.fixture

@@ -6,8 +6,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import pytest
-from robot_description.meshes.resolver import MeshReport
-from robot_description.meshes.resolver import resolve_meshes
+from robot_description.meshes.resolver import MeshReport, resolve_meshes
 from robot_description.urdf import parse_urdf
 
 STL = """solid {}

@@ -9,15 +9,11 @@ import mujoco
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from robot_description.description import load_robot
-from robot_description.description import parse_description
-from robot_description.meshes.load import load_mesh
-from robot_description.meshes.load import mesh_points
+from robot_description.description import load_robot, parse_description
+from robot_description.meshes.load import load_mesh, mesh_points
 from robot_description.mujoco.builder import to_mujoco
 from robot_description.packages import share_directory
-from robot_description.robot import credible_inertias
-from robot_description.robot import impossible_inertias
-from robot_description.robot import possible_inertia
+from robot_description.robot import credible_inertias, impossible_inertias, possible_inertia
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 

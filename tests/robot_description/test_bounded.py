@@ -12,8 +12,7 @@ import time
 
 import pytest
 from robot_description.xacro import sandbox
-from robot_description.xacro.sandbox import OutOfBounds
-from robot_description.xacro.sandbox import run_bounded
+from robot_description.xacro.sandbox import OutOfBounds, run_bounded
 
 
 @pytest.fixture(autouse=True)

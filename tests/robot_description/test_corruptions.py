@@ -8,8 +8,7 @@ import shutil
 
 import pytest
 from robot_description.describe_command import main
-from robot_description.packages import description_path
-from robot_description.packages import share_directory
+from robot_description.packages import description_path, share_directory
 
 pytestmark = pytest.mark.slow
 

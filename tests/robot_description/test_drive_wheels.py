@@ -6,8 +6,7 @@ from dataclasses import replace
 from descriptions import robot_named
 import pytest
 from robot_description.description import load_robot
-from robot_description.morphology.equip_wheels import equip_drive
-from robot_description.morphology.equip_wheels import lowest_point
+from robot_description.morphology.equip_wheels import equip_drive, lowest_point
 from robot_description.morphology.wheels import find_drive
 from robot_description.urdf import parse_urdf
 from wasd_core.robot_io import GRAVITY

@@ -4,12 +4,9 @@ import subprocess
 import sys
 
 import pytest
-from robot_description.packages import description_path
-from robot_description.packages import share_directory
-from robot_description.xacro import expand
-from robot_description.xacro import expand_document
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import PackageNotFound
+from robot_description.packages import description_path, share_directory
+from robot_description.xacro import expand, expand_document
+from wasd_core.errors import DescriptionError, PackageNotFound
 
 HEAD = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
 

@@ -6,9 +6,7 @@ import math
 import threading
 
 import pytest
-from robot_description.xacro import expand
-from robot_description.xacro import expand_document
-from robot_description.xacro import sandbox
+from robot_description.xacro import expand, expand_document, sandbox
 from robot_description.xacro.sandbox import evaluate
 from wasd_core.errors import DescriptionError
 import xacro

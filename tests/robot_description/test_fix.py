@@ -3,10 +3,8 @@ from pathlib import Path
 import shutil
 
 import pytest
-from robot_description.describe_command import main
-from robot_description.describe_command import MENDABLE
-from robot_description.fix import FIXES
-from robot_description.fix import mend
+from robot_description.describe_command import main, MENDABLE
+from robot_description.fix import FIXES, mend
 from robot_description.lint import lint
 from robot_description.urdf import parse_urdf
 from robot_description.xacro import expand

@@ -9,10 +9,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_description.mujoco.builder import REFLECTED_INERTIA
-from robot_description.mujoco.builder import to_mujoco
-from robot_description.packages import description_path
-from robot_description.packages import share_directory
+from robot_description.mujoco.builder import REFLECTED_INERTIA, to_mujoco
+from robot_description.packages import description_path, share_directory
 from robot_description.urdf import parse_urdf
 from robot_description.xacro import expand
 

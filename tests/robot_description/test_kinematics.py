@@ -9,16 +9,11 @@ from descriptions import robot_named
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_description.description import load_robot
-from robot_description.description import parse_description
-from robot_description.description import read_description
+from robot_description.description import load_robot, parse_description, read_description
 from robot_description.info import check_kinematics
 from robot_description.mujoco.builder import to_mujoco
-from robot_description.packages import description_path
-from robot_description.packages import share_directory
-from robot_description.pinocchio_model import configuration
-from robot_description.pinocchio_model import link_positions
-from robot_description.pinocchio_model import to_pinocchio
+from robot_description.packages import description_path, share_directory
+from robot_description.pinocchio_model import configuration, link_positions, to_pinocchio
 from wasd_core.errors import DescriptionError
 
 ROBOTS = share_directory('example-robot-data') / 'robots'

@@ -9,8 +9,7 @@ import re
 import pytest
 from robot_description.describe_command import main
 from robot_description.lint import lint
-from robot_description.lint.rules import RULES
-from robot_description.lint.rules import rules_table
+from robot_description.lint.rules import RULES, rules_table
 from robot_description.packages import share_directory
 
 FIXTURES = Path(__file__).parent / 'fixtures'

@@ -12,8 +12,7 @@ from robot_description.description import load_robot
 from robot_description.lint import lint
 from robot_description.meshes import load
 from robot_description.meshes.load import load_mesh
-from robot_description.mujoco.builder import compile_model
-from robot_description.mujoco.builder import to_mujoco
+from robot_description.mujoco.builder import compile_model, to_mujoco
 from wasd_core.errors import DescriptionError
 
 FORMATS = ('stl', 'obj', 'ply', 'glb', 'dae')

@@ -6,9 +6,7 @@ import os
 
 import pytest
 from robot_description.description import load_robot
-from robot_description.meshes.resolver import MeshRecord
-from robot_description.meshes.resolver import MeshReport
-from robot_description.meshes.resolver import resolve_meshes
+from robot_description.meshes.resolver import MeshRecord, MeshReport, resolve_meshes
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
 

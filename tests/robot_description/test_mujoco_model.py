@@ -3,10 +3,8 @@ from descriptions import robot_named
 import mujoco
 import numpy as np
 import pytest
-from robot_description.mujoco.builder import compile_model
-from robot_description.mujoco.builder import to_mujoco
-from robot_description.mujoco.geoms import COLLISION_GROUP
-from robot_description.mujoco.geoms import VISUAL_GROUP
+from robot_description.mujoco.builder import compile_model, to_mujoco
+from robot_description.mujoco.geoms import COLLISION_GROUP, VISUAL_GROUP
 from robot_description.robot import ROOT_JOINT
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError

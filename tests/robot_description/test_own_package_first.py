@@ -9,11 +9,9 @@ import shutil
 import pytest
 from robot_description.describe_command import main
 from robot_description.description import load_robot
-from robot_description.fix import mend
-from robot_description.fix import write_mended
+from robot_description.fix import mend, write_mended
 from robot_description.lint import lint
-from robot_description.packages import installed_folders
-from robot_description.packages import share_directory
+from robot_description.packages import installed_folders, share_directory
 
 pytestmark = pytest.mark.slow
 

@@ -6,14 +6,10 @@ import subprocess
 import sys
 
 import pytest
-from robot_description.packages import EXAMPLE_ROBOT_DATA
-from robot_description.packages import OWN_PACKAGE
-from robot_description.packages import share_directory
+from robot_description.packages import EXAMPLE_ROBOT_DATA, OWN_PACKAGE, share_directory
 from robot_description.xacro import expand_document
-from source_trees import PACKAGES
-from source_trees import ROOT
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import PackageNotFound
+from source_trees import PACKAGES, ROOT
+from wasd_core.errors import DescriptionError, PackageNotFound
 
 
 def make_wheel(site: Path) -> Path:

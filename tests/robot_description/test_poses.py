@@ -5,10 +5,7 @@ from builtin_interfaces.msg import Time
 import numpy as np
 import pytest
 from wasd_core.messages import to_transform
-from wasd_core.rotations import axis_angle
-from wasd_core.rotations import Pose
-from wasd_core.rotations import rpy_matrix
-from wasd_core.rotations import to_quaternion
+from wasd_core.rotations import axis_angle, Pose, rpy_matrix, to_quaternion
 
 RNG = np.random.default_rng(2)
 AXES = RNG.normal(size=(6, 3)).tolist() + np.eye(3).tolist()

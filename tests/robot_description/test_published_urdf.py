@@ -5,8 +5,7 @@ from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 import pytest
-from robot_description.meshes.files import opened_by_rviz
-from robot_description.meshes.files import published_urdf
+from robot_description.meshes.files import opened_by_rviz, published_urdf
 
 LINK = '<robot><link><geometry><mesh filename={} scale="1 1 1"/></geometry></link></robot>'
 

@@ -10,13 +10,15 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from robot_description.description import parse_description
-from robot_description.morphology.quadruped import equip_legs
-from robot_description.morphology.quadruped import find_imu
-from robot_description.morphology.quadruped import find_quadruped
-from robot_description.morphology.quadruped import imu_position
-from robot_description.morphology.quadruped import NotAQuadruped
-from robot_description.morphology.quadruped import Quadruped
-from robot_description.morphology.quadruped import scale_of
+from robot_description.morphology.quadruped import (
+    equip_legs,
+    find_imu,
+    find_quadruped,
+    imu_position,
+    NotAQuadruped,
+    Quadruped,
+    scale_of,
+)
 from robot_description.packages import description_path
 from robot_description.urdf import parse_urdf
 from robot_description.xacro import expand

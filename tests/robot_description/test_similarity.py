@@ -7,14 +7,16 @@ import math
 from descriptions import robot_named
 import numpy as np
 import pytest
-from robot_description.morphology.quadruped import find_quadruped
-from robot_description.morphology.quadruped import FOLDED
-from robot_description.morphology.quadruped import GO2
-from robot_description.morphology.quadruped import Quadruped
-from robot_description.morphology.quadruped import Scale
-from robot_description.morphology.quadruped import scale_of
-from robot_description.morphology.quadruped import similar_pose
-from robot_description.morphology.quadruped import STOP_MARGIN
+from robot_description.morphology.quadruped import (
+    find_quadruped,
+    FOLDED,
+    GO2,
+    Quadruped,
+    Scale,
+    scale_of,
+    similar_pose,
+    STOP_MARGIN,
+)
 from robot_description.urdf import parse_urdf
 
 

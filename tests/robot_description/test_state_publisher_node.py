@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from robot_description.description import read_description
 from robot_description.meshes.files import opened_by_rviz
-from robot_description.packages import description_path
-from robot_description.packages import DESCRIPTIONS
-from robot_description.state_publisher_node import main
-from robot_description.state_publisher_node import StatePublisherNode
+from robot_description.packages import description_path, DESCRIPTIONS
+from robot_description.state_publisher_node import main, StatePublisherNode
 from robot_description.xacro import expand
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String

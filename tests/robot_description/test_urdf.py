@@ -7,9 +7,7 @@ from robot_description.describe_command import main
 from robot_description.robot import GREY
 from robot_description.urdf import parse_urdf
 from wasd_core.errors import DescriptionError
-from wasd_core.rotations import axis_angle
-from wasd_core.rotations import IDENTITY
-from wasd_core.rotations import rpy_matrix
+from wasd_core.rotations import axis_angle, IDENTITY, rpy_matrix
 
 RNG = np.random.default_rng(1)
 ANGLES = RNG.uniform(-math.pi, math.pi, size=(8, 3)).tolist()

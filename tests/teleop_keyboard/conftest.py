@@ -11,8 +11,7 @@ import termios
 import threading
 import time
 
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 import programs
 import pytest
 import rclpy
@@ -20,8 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import String
 from teleop_keyboard.keys_to_twist import STANDSTILL
 from teleop_keyboard.twist_messages import from_twist
-from terminals import fill
-from terminals import wait_until
+from terminals import fill, wait_until
 
 # How long a process may take to start or to end on a busy machine [s].
 PATIENCE = 40.0

@@ -8,8 +8,7 @@ import pytest
 from rclpy.node import Node
 from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
-from wasd_core.topics import EVENTS
-from wasd_core.topics import LoopbackSubscription
+from wasd_core.topics import EVENTS, LoopbackSubscription
 
 pytestmark = pytest.mark.slow
 

@@ -5,10 +5,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TwistStamped
 import pytest
 from teleop_keyboard.keys_to_twist import Velocity
-from teleop_keyboard.twist_messages import from_twist
-from teleop_keyboard.twist_messages import is_finite
-from teleop_keyboard.twist_messages import to_marker
-from teleop_keyboard.twist_messages import to_twist
+from teleop_keyboard.twist_messages import from_twist, is_finite, to_marker, to_twist
 
 VELOCITY = Velocity(0.1, -0.2, 0.4, 0.3)
 

@@ -2,21 +2,11 @@
 import io
 
 import pytest
-from teleop_keyboard.dashboard import bar
-from teleop_keyboard.dashboard import dashboard
-from teleop_keyboard.dashboard import KeyHints
-from teleop_keyboard.dashboard import Line
-from teleop_keyboard.dashboard import plain_line
-from teleop_keyboard.dashboard import Surroundings
-from teleop_keyboard.keymap import LAYOUTS
-from teleop_keyboard.keymap import table_lines
-from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keymap_file import preset_names
-from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.keys_to_twist import Velocity
-from teleop_keyboard.screen import CLOSE
-from teleop_keyboard.screen import OPEN
-from teleop_keyboard.screen import Screen
+from teleop_keyboard.dashboard import bar, dashboard, KeyHints, Line, plain_line, Surroundings
+from teleop_keyboard.keymap import LAYOUTS, table_lines
+from teleop_keyboard.keymap_file import load_preset, preset_names
+from teleop_keyboard.keys_to_twist import KeysToTwist, Velocity
+from teleop_keyboard.screen import CLOSE, OPEN, Screen
 
 ROBOT = Surroundings(velocity=Velocity(vx=0.1, wz=-0.5), state='trotting', subscribers=1)
 

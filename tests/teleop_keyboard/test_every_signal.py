@@ -7,10 +7,7 @@ import time
 
 import pytest
 from teleop_keyboard.keys_to_twist import STANDSTILL
-from terminals import END_AFTER
-from terminals import name_of
-from terminals import usual_statuses
-from terminals import wait_until
+from terminals import END_AFTER, name_of, usual_statuses, wait_until
 from wasd_core.signals import DEADLY
 
 pytestmark = pytest.mark.slow

@@ -7,10 +7,7 @@ import termios
 import time
 
 import pytest
-from terminals import assert_soon
-from terminals import END_AFTER
-from terminals import wait_until
-from terminals import ZERO_AFTER
+from terminals import assert_soon, END_AFTER, wait_until, ZERO_AFTER
 
 pytestmark = pytest.mark.slow
 

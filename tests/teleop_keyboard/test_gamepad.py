@@ -3,18 +3,10 @@
 
 from array import array
 
-from pads import AXIS
-from pads import BUTTON
-from pads import event
-from pads import FULL
-from pads import INIT
+from pads import AXIS, BUTTON, event, FULL, INIT
 import pytest
-from teleop_keyboard.gamepad import controls_of
-from teleop_keyboard.gamepad import JoyState
-from teleop_keyboard.gamepad import Pad
-from teleop_keyboard.gamepad import PadKeys
-from teleop_keyboard.parameters import JoyParameters
-from teleop_keyboard.parameters import PAD_PRESETS
+from teleop_keyboard.gamepad import controls_of, JoyState, Pad, PadKeys
+from teleop_keyboard.parameters import JoyParameters, PAD_PRESETS
 from wasd_core.parameters import InvalidParameter
 
 FIRST = event(AXIS | INIT, 0, 0) + event(BUTTON | INIT, 0, 0) + event(BUTTON | INIT, 1, 0)

@@ -5,9 +5,7 @@ import os
 
 from pads import PipePad
 import pytest
-from teleop_keyboard.gamepad_device import first_pads
-from teleop_keyboard.gamepad_device import Gamepad
-from teleop_keyboard.gamepad_device import LOOK_PERIOD
+from teleop_keyboard.gamepad_device import first_pads, Gamepad, LOOK_PERIOD
 from wasd_core.errors import UserError
 
 STEP = 0.01

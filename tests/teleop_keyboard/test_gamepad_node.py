@@ -7,17 +7,12 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.serialization import deserialize_message
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Joy
 from std_msgs.msg import String
-from teleop_keyboard.gamepad import JoyToTwist
-from teleop_keyboard.gamepad import JoyTwist
-from teleop_keyboard.gamepad_node import from_joy
-from teleop_keyboard.gamepad_node import GamepadNode
-from teleop_keyboard.gamepad_node import PadOutput
-from teleop_keyboard.parameters import PAD_PRESETS
-from teleop_keyboard.parameters import PadParameters
+from teleop_keyboard.gamepad import JoyToTwist, JoyTwist
+from teleop_keyboard.gamepad_node import from_joy, GamepadNode, PadOutput
+from teleop_keyboard.parameters import PAD_PRESETS, PadParameters
 from wasd_core.errors import UserError
 
 pytestmark = pytest.mark.slow

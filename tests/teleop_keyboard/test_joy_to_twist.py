@@ -6,12 +6,8 @@ import math
 import random
 
 import pytest
-from teleop_keyboard.gamepad import JoyState
-from teleop_keyboard.gamepad import JoyToTwist
-from teleop_keyboard.gamepad import JoyTwist
-from teleop_keyboard.gamepad import Pad
-from teleop_keyboard.parameters import JoyParameters
-from teleop_keyboard.parameters import PAD_PRESETS
+from teleop_keyboard.gamepad import JoyState, JoyToTwist, JoyTwist, Pad
+from teleop_keyboard.parameters import JoyParameters, PAD_PRESETS
 
 LINEAR, ANGULAR = ('x', 'y', 'z'), ('roll', 'pitch', 'yaw')
 

@@ -1,16 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from teleop_keyboard.dashboard import driving_keys
-from teleop_keyboard.dashboard import KeyHints
-from teleop_keyboard.dashboard import Status
-from teleop_keyboard.dashboard import status_line
-from teleop_keyboard.keymap import LAYOUTS
-from teleop_keyboard.keymap import NAMED_KEYS
-from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keymap_file import preset_names
+from teleop_keyboard.dashboard import driving_keys, KeyHints, Status, status_line
+from teleop_keyboard.keymap import LAYOUTS, NAMED_KEYS
+from teleop_keyboard.keymap_file import load_preset, preset_names
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from wasd_core.timing import brief
-from wasd_core.timing import is_press
+from wasd_core.timing import brief, is_press
 
 KEYS = (*map(chr, range(32, 127)), *sorted(NAMED_KEYS), 'CTRL+ALT+SHIFT+DOWN')
 WHEELS = ('x', 'yaw')

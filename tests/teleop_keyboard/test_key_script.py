@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from teleop_keyboard.key_script import KeyPress
-from teleop_keyboard.key_script import KeyScriptError
-from teleop_keyboard.key_script import parse_key_script
+from teleop_keyboard.key_script import KeyPress, KeyScriptError, parse_key_script
 
 
 def test_each_word_of_a_line_is_pressed_at_its_time():

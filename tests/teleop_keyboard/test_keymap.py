@@ -3,11 +3,7 @@ from pathlib import Path
 
 import pytest
 from teleop_keyboard.keymap import KeymapError
-from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keymap_file import OPTIONAL
-from teleop_keyboard.keymap_file import preset_names
-from teleop_keyboard.keymap_file import read_keymap
-from teleop_keyboard.keymap_file import REQUIRED
+from teleop_keyboard.keymap_file import load_preset, OPTIONAL, preset_names, read_keymap, REQUIRED
 from wasd_core.parameters import InvalidParameter
 
 GOOD = """\

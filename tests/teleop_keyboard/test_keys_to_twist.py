@@ -4,17 +4,12 @@ import math
 import pytest
 from teleop_keyboard.hold import HELD_TIMEOUT
 from teleop_keyboard.key_script import parse_key_script
-from teleop_keyboard.keymap import IDLE_POLICIES
-from teleop_keyboard.keymap import STOP_KEY
-from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keymap_file import preset_names
-from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.keys_to_twist import STANDSTILL
+from teleop_keyboard.keymap import IDLE_POLICIES, STOP_KEY
+from teleop_keyboard.keymap_file import load_preset, preset_names
+from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
 from wasd_core.parameters import InvalidParameter
-from wasd_core.timing import HELD
-from wasd_core.timing import RELEASE
-from wasd_core.timing import with_event
+from wasd_core.timing import HELD, RELEASE, with_event
 
 STEP = 0.002
 

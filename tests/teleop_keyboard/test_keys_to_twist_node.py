@@ -2,8 +2,7 @@
 import sys
 import time
 
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 import programs
 import pytest
 import rclpy

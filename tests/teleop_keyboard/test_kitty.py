@@ -11,10 +11,7 @@ from teleop_keyboard.decoder import KeyDecoder
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.terminal import ASK_KITTY
-from teleop_keyboard.terminal import KITTY_OFF
-from teleop_keyboard.terminal import KITTY_ON
-from teleop_keyboard.terminal import Terminal
+from teleop_keyboard.terminal import ASK_KITTY, KITTY_OFF, KITTY_ON, Terminal
 
 ANSWER = b'\x1b[?0u'
 

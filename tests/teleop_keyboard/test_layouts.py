@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from teleop_keyboard.keymap import KeymapError
-from teleop_keyboard.keymap import LAYOUTS
-from teleop_keyboard.keymap import on_layout
-from teleop_keyboard.keymap import on_qwerty
-from teleop_keyboard.keymap import places
-from teleop_keyboard.keymap_file import describe_keymap
-from teleop_keyboard.keymap_file import list_presets
-from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keymap_file import preset_names
-from teleop_keyboard.keymap_file import read_keymap
+from teleop_keyboard.keymap import KeymapError, LAYOUTS, on_layout, on_qwerty, places
+from teleop_keyboard.keymap_file import (
+    describe_keymap,
+    list_presets,
+    load_preset,
+    preset_names,
+    read_keymap,
+)
 from wasd_bringup.cli import main
 
 

@@ -10,8 +10,7 @@ import time
 
 from geometry_msgs.msg import Twist
 import pytest
-from terminals import assert_soon
-from terminals import wait_until
+from terminals import assert_soon, wait_until
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,7 @@ from teleop_keyboard.hold import combine
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap import Direction
 from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.keys_to_twist import STANDSTILL
+from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
 
 # go2.py's motion_map, key -> (x, y, z, th), and its speed_map.

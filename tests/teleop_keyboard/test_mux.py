@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from teleop_keyboard.mux import DEFAULT_LOCKS
-from teleop_keyboard.mux import DEFAULT_SOURCES
-from teleop_keyboard.mux import Mux
-from teleop_keyboard.mux import MuxInput
+from teleop_keyboard.mux import DEFAULT_LOCKS, DEFAULT_SOURCES, Mux, MuxInput
 from wasd_core.parameters import InvalidParameter
 
 

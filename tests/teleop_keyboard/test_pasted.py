@@ -6,10 +6,8 @@ import threading
 import time
 
 import pytest
-from teleop_keyboard.typed_keys import PASTE_BEGIN
-from teleop_keyboard.typed_keys import PASTE_END
-from terminals import assert_soon
-from terminals import wait_until
+from teleop_keyboard.typed_keys import PASTE_BEGIN, PASTE_END
+from terminals import assert_soon, wait_until
 
 pytestmark = pytest.mark.slow
 

@@ -3,11 +3,7 @@ import math
 
 import pytest
 from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.keys_to_twist import Pace
-from teleop_keyboard.keys_to_twist import ramped_twist
-from teleop_keyboard.keys_to_twist import STANDSTILL
-from teleop_keyboard.keys_to_twist import Velocity
+from teleop_keyboard.keys_to_twist import KeysToTwist, Pace, ramped_twist, STANDSTILL, Velocity
 from teleop_keyboard.parameters import TeleopParameters
 
 

@@ -11,8 +11,7 @@ import time
 import pytest
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keys_to_twist import KeysToTwist
-from teleop_keyboard.keys_to_twist import STANDSTILL
+from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL
 from teleop_keyboard.parameters import TeleopParameters
 from teleop_keyboard.twist_messages import from_twist
 

@@ -8,14 +8,12 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import read_options
-from teleop_keyboard.key_script import KeyScriptWriter
-from teleop_keyboard.key_script import parse_key_script
+from teleop_keyboard.key_script import KeyScriptWriter, parse_key_script
 from teleop_keyboard.keymap import NAMED_KEYS
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.parameters import teleop
 from wasd_core.errors import UserError
-from wasd_core.output_file import OutputError
-from wasd_core.output_file import OutputFile
+from wasd_core.output_file import OutputError, OutputFile
 
 pytestmark = pytest.mark.slow
 

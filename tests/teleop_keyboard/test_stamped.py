@@ -4,8 +4,7 @@
 import time
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 import pytest
 import rclpy
 from rclpy.parameter import Parameter

@@ -4,8 +4,7 @@ import re
 
 import pytest
 from teleop_keyboard.dashboard import Line
-from teleop_keyboard.screen import StatusLine
-from teleop_keyboard.screen import styled
+from teleop_keyboard.screen import StatusLine, styled
 
 
 class Screen(io.StringIO):

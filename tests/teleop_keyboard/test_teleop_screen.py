@@ -10,8 +10,7 @@ import time
 
 from nav_msgs.msg import Odometry
 import pytest
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 pytestmark = pytest.mark.slow

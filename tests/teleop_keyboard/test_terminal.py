@@ -11,8 +11,7 @@ import threading
 import time
 
 import pytest
-from teleop_keyboard.key_reader import KeyReader
-from teleop_keyboard.key_reader import Pipe
+from teleop_keyboard.key_reader import KeyReader, Pipe
 from teleop_keyboard.terminal import Terminal
 
 pytestmark = pytest.mark.slow

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """`twist_mux` in this process; who sends to it and listens to it lives in another context."""
 
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
-from std_msgs.msg import Bool
-from std_msgs.msg import String
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool, String
 from teleop_keyboard.twist_mux_node import TwistMuxNode
 from visualization_msgs.msg import Marker
 from wasd_core.parameters import InvalidParameter

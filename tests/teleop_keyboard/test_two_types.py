@@ -5,8 +5,7 @@ import subprocess
 import sys
 import time
 
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 import pytest
 import rclpy
 from rclpy.parameter import Parameter

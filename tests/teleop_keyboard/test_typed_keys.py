@@ -4,12 +4,8 @@
 import random
 
 import pytest
-from teleop_keyboard.decoder import CharacterDecoder
-from teleop_keyboard.decoder import KeyDecoder
-from teleop_keyboard.typed_keys import PASTE_BEGIN
-from teleop_keyboard.typed_keys import PASTE_END
-from teleop_keyboard.typed_keys import PASTE_TIMEOUT
-from teleop_keyboard.typed_keys import TypedKeys
+from teleop_keyboard.decoder import CharacterDecoder, KeyDecoder
+from teleop_keyboard.typed_keys import PASTE_BEGIN, PASTE_END, PASTE_TIMEOUT, TypedKeys
 
 # What one read of a terminal brings at most [bytes], and how often it is read [s].
 READ = 4095

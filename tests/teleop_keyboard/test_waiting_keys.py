@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keys that nobody has heard yet: kept in order, for as long as they mean the same."""
 
-from teleop_keyboard.key_reader import LIFETIME
-from teleop_keyboard.key_reader import LIMIT
-from teleop_keyboard.key_reader import STATE_LIFETIME
-from teleop_keyboard.key_reader import WaitingKeys
+from teleop_keyboard.key_reader import LIFETIME, LIMIT, STATE_LIFETIME, WaitingKeys
 
 
 def test_keys_come_out_once_and_in_order():

@@ -7,19 +7,14 @@ from pathlib import Path
 import random
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
 import pytest
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from wasd_bringup.recording import BagWriter
-from wasd_bringup.recording import RecordingError
-from wasd_bringup.recording.recorder import full_definition
-from wasd_bringup.recording.recorder import qos_text
-from wasd_bringup.recording.recorder import to_bytes
+from wasd_bringup.recording import BagWriter, RecordingError
+from wasd_bringup.recording.recorder import full_definition, qos_text, to_bytes
 from wasd_core.errors import UserError
 
 from wasd_bringup import recording as bag_writer
@@ -28,9 +23,11 @@ pytest.importorskip('rosbags', reason="rosbags is not installed: the extra 'test
 
 from rosbags.interfaces import QosDurability  # noqa: E402
 from rosbags.rosbag2.storage_mcap import McapReader  # noqa: E402
-from rosbags.typesys import get_types_from_msg  # noqa: E402
-from rosbags.typesys import get_typestore  # noqa: E402
-from rosbags.typesys import Stores  # noqa: E402
+from rosbags.typesys import (
+    get_types_from_msg,  # noqa: E402
+    get_typestore,  # noqa: E402
+    Stores,  # noqa: E402
+)
 
 STRING = 'std_msgs/msg/String'
 QOS = qos_text(QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))

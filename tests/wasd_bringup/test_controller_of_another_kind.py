@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 from wasd_bringup.cli import main
-from wasd_bringup.robots import Kind
-from wasd_bringup.robots import RobotRow
-from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import Kind, RobotRow, ROBOTS
 
 pytestmark = pytest.mark.slow
 

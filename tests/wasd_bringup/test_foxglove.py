@@ -7,13 +7,11 @@ import time
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 import pytest
-from rclpy.serialization import deserialize_message
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from wasd_bringup.options import RunOptions
-from wasd_bringup.recording.recorder import BagRecorder
-from wasd_bringup.recording.recorder import full_definition
+from wasd_bringup.recording.recorder import BagRecorder, full_definition
 from wasd_core.errors import UserError
 from wasd_core.topics import FOLLOWED
 

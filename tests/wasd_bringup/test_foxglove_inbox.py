@@ -5,12 +5,7 @@ import struct
 from types import SimpleNamespace
 
 import pytest
-from wasd_bringup.foxglove_inbox import AT_ONCE
-from wasd_bringup.foxglove_inbox import Decode
-from wasd_bringup.foxglove_inbox import Inbox
-from wasd_bringup.foxglove_inbox import LARGEST
-from wasd_bringup.foxglove_inbox import LONGEST_QUEUE
-from wasd_bringup.foxglove_inbox import SILENCE
+from wasd_bringup.foxglove_inbox import AT_ONCE, Decode, Inbox, LARGEST, LONGEST_QUEUE, SILENCE
 from wasd_core.errors import UserError
 
 STEP = 0.02

@@ -3,14 +3,10 @@
 
 from mujoco_sim.viewer.input import PAGE_KEYS
 import pytest
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import STICK_KEYS
-from quadruped_sim.keys import ZERO_KEYS
+from quadruped_sim.keys import STATE_KEYS, STICK_KEYS, ZERO_KEYS
 from teleop_keyboard.dashboard import HELP_KEYS
-from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keymap_file import preset_names
-from wasd_bringup.inputs import RESET_KEY
-from wasd_bringup.inputs import SWITCH_KEY
+from teleop_keyboard.keymap_file import load_preset, preset_names
+from wasd_bringup.inputs import RESET_KEY, SWITCH_KEY
 
 NAMES = {name for pair in PAGE_KEYS.values() for name in pair}
 

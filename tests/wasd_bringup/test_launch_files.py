@@ -11,8 +11,7 @@ from mujoco_sim.parameters import SimulatorParameters
 import pytest
 from quadruped_sim.parameters import LegNodeParameters
 from robot_description.parameters import StatePublisherParameters
-from teleop_keyboard.parameters import KeyParameters
-from teleop_keyboard.parameters import TeleopParameters
+from teleop_keyboard.parameters import KeyParameters, TeleopParameters
 from wasd_bringup.robots import unitree_help
 from wasd_navigation.parameters import NavigatorParameters
 import yaml

@@ -4,20 +4,13 @@
 import math
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseArray, PoseStamped
 import pytest
-from sensor_msgs.msg import Imu
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import ByteMultiArray
 from std_srvs.srv import SetBool
-from wasd_bringup.graph import find_type
-from wasd_bringup.graph import full_name
-from wasd_bringup.graph import RateMeter
-from wasd_bringup.messages import field_of
-from wasd_bringup.messages import fill
-from wasd_bringup.messages import to_plain
-from wasd_bringup.messages import to_yaml
+from wasd_bringup.graph import find_type, full_name, RateMeter
+from wasd_bringup.messages import field_of, fill, to_plain, to_yaml
 from wasd_core.errors import UserError
 import yaml
 

@@ -8,8 +8,7 @@ from quadruped_sim.leg_kinematics import LEGS
 from wasd_bringup.cockpit.bridge import CockpitBridge
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
-from wasd_cockpit.scene import draw_marks
-from wasd_cockpit.scene import Pool
+from wasd_cockpit.scene import draw_marks, Pool
 
 from wasd_cockpit import style
 

@@ -4,18 +4,13 @@
 import mujoco
 import numpy as np
 import pytest
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import StateName
-from quadruped_sim.keys import ZERO_KEYS
-from wasd_bringup.cockpit.bridge import CockpitBridge
-from wasd_bringup.cockpit.bridge import SNAPSHOT_EVERY
-from wasd_bringup.inputs import ScriptedTwist
-from wasd_bringup.inputs import SWITCH_KEY
+from quadruped_sim.keys import STATE_KEYS, StateName, ZERO_KEYS
+from wasd_bringup.cockpit.bridge import CockpitBridge, SNAPSHOT_EVERY
+from wasd_bringup.inputs import ScriptedTwist, SWITCH_KEY
 from wasd_bringup.mbot_stack import REFUSED
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import Stick
+from wasd_cockpit.link import Order, Stick
 from wasd_core.output_file import OutputFile
 
 from diff_drive_sim import messages as drive_messages

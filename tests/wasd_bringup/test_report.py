@@ -12,11 +12,7 @@ from mujoco_sim.simulation import TickSummary
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from wasd_bringup.report import build_report
-from wasd_bringup.report import Recorder
-from wasd_bringup.report import Sample
-from wasd_bringup.report import UP_AGAIN
-from wasd_bringup.report import write_report
+from wasd_bringup.report import build_report, Recorder, Sample, UP_AGAIN, write_report
 
 pytestmark = pytest.mark.slow
 

@@ -8,10 +8,7 @@ from typing import Any
 import pytest
 from wasd_bringup.cli import main
 from wasd_bringup.options import RunOptions
-from wasd_bringup.robots import BOTH
-from wasd_bringup.robots import RobotRow
-from wasd_bringup.robots import ROBOTS
-from wasd_bringup.robots import WHEELED
+from wasd_bringup.robots import BOTH, RobotRow, ROBOTS, WHEELED
 from wasd_core.parameter_file import read_mapping
 
 pytestmark = pytest.mark.slow

@@ -5,16 +5,18 @@ import math
 
 from mujoco_sim.parameters import BoxSize
 import pytest
-from wasd_bringup.inputs import box_text
-from wasd_bringup.inputs import parse_box
-from wasd_bringup.inputs import parse_push
-from wasd_bringup.inputs import parse_twist_script
-from wasd_bringup.inputs import Player
-from wasd_bringup.inputs import push_text
-from wasd_bringup.inputs import ScriptedBox
-from wasd_bringup.inputs import ScriptedPush
-from wasd_bringup.inputs import ScriptedTwist
-from wasd_bringup.inputs import TwistPlayer
+from wasd_bringup.inputs import (
+    box_text,
+    parse_box,
+    parse_push,
+    parse_twist_script,
+    Player,
+    push_text,
+    ScriptedBox,
+    ScriptedPush,
+    ScriptedTwist,
+    TwistPlayer,
+)
 from wasd_core.errors import UserError
 
 

@@ -5,21 +5,17 @@ import argparse
 import math
 
 from geometry_msgs.msg import Twist
-from navigation_stand_ins import StandInLocator
-from navigation_stand_ins import StandInPilot
+from navigation_stand_ins import StandInLocator, StandInPilot
 import numpy as np
 import pytest
 from std_msgs.msg import String
 from wasd_bringup.cockpit.bridge import CockpitBridge
 from wasd_bringup.inputs import SWITCH_KEY
-from wasd_bringup.options import read_options
-from wasd_bringup.options import RunOptions
-from wasd_bringup.parsers import add_both_options
-from wasd_bringup.parsers import add_run_options
+from wasd_bringup.options import read_options, RunOptions
+from wasd_bringup.parsers import add_both_options, add_run_options
 from wasd_bringup.robots import MBOT
 from wasd_bringup.session import Session
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import Stick
+from wasd_cockpit.link import Order, Stick
 from wasd_core.errors import UserError
 
 from wasd_navigation import navigator_node

@@ -9,8 +9,7 @@ from wasd_bringup.cockpit.bridge import CockpitBridge
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
 from wasd_bringup.session_guests import SessionPad
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import Stick
+from wasd_cockpit.link import Order, Stick
 
 pytestmark = pytest.mark.slow
 

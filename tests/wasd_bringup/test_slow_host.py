@@ -9,9 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from wasd_bringup.inputs import LONGEST_PAUSE
-from wasd_bringup.inputs import MessageTimes
-from wasd_bringup.inputs import PERIOD
+from wasd_bringup.inputs import LONGEST_PAUSE, MessageTimes, PERIOD
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
 

@@ -5,16 +5,12 @@ import math
 import random
 
 from map_scenarios import goal
-from mbot_scenarios import column
-from mbot_scenarios import top_of
+from mbot_scenarios import column, top_of
 import numpy as np
-from page_puppet import code
-from page_puppet import input_packet
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import TRANSITIONS
+from page_puppet import code, input_packet
+from quadruped_sim.keys import STATE_KEYS, TRANSITIONS
 from quadruped_sim.presets import GAITS
-from run_scenarios import DESK
-from run_scenarios import Page
+from run_scenarios import DESK, Page
 from wasd_cockpit.link import Columns
 from wasd_cockpit.scene import axes_of
 from websockets.sync.client import connect

@@ -7,15 +7,12 @@ import urllib.request
 
 from mujoco_sim.viewer.drawing import SLOW_PAGE
 import numpy as np
-from page_puppet import code
-from page_puppet import PagePuppet
-from page_puppet import SCENE
+from page_puppet import code, PagePuppet, SCENE
 import pytest
 from run_scenarios import Page
 from scribbling import scribble_everywhere
 from wasd_cockpit.layout import PANELS
-from wasd_cockpit.link import Columns
-from wasd_cockpit.link import STICK_PROOF
+from wasd_cockpit.link import Columns, STICK_PROOF
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 

@@ -7,10 +7,7 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
-from wasd_cockpit.scene import HIGHER
-from wasd_cockpit.scene import lift_to_see
-from wasd_cockpit.scene import SEEN_ABOVE
-from wasd_cockpit.scene import SEEN_SHARE
+from wasd_cockpit.scene import HIGHER, lift_to_see, SEEN_ABOVE, SEEN_SHARE
 
 # It stands in the origin, with parts around its middle that are before it from any side.
 ROBOT = """

@@ -8,31 +8,12 @@ import re
 
 import numpy as np
 import pytest
-from wasd_cockpit.cockpit import Cockpit
-from wasd_cockpit.cockpit import load_settings
-from wasd_cockpit.cockpit import save_settings
-from wasd_cockpit.cockpit import usual_path
-from wasd_cockpit.layout import Layout
-from wasd_cockpit.layout import PANELS
-from wasd_cockpit.layout import scene_rect
-from wasd_cockpit.link import History
-from wasd_cockpit.link import Link
-from wasd_cockpit.link import moved
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import PlanarPose
-from wasd_cockpit.link import Stick
-from wasd_cockpit.link import STICK_PROOF
-from wasd_cockpit.panels.drive import DEAD_ZONE
-from wasd_cockpit.panels.drive import deflection
-from wasd_cockpit.panels.map import FREE_GREY
-from wasd_cockpit.panels.map import grid_step
-from wasd_cockpit.panels.map import LEAST_GAP
-from wasd_cockpit.panels.map import paint_cells
-from wasd_cockpit.panels.map import REACHES
-from wasd_cockpit.panels.map import View
-from wasd_cockpit.panels.plots import MOST_POINTS
-from wasd_cockpit.panels.plots import runs
-from wasd_cockpit.panels.plots import thin
+from wasd_cockpit.cockpit import Cockpit, load_settings, save_settings, usual_path
+from wasd_cockpit.layout import Layout, PANELS, scene_rect
+from wasd_cockpit.link import History, Link, moved, Order, PlanarPose, Stick, STICK_PROOF
+from wasd_cockpit.panels.drive import DEAD_ZONE, deflection
+from wasd_cockpit.panels.map import FREE_GREY, grid_step, LEAST_GAP, paint_cells, REACHES, View
+from wasd_cockpit.panels.plots import MOST_POINTS, runs, thin
 from wasd_cockpit.scene import CAMERAS
 from wasd_cockpit.style import TEXT
 from wasd_cockpit.widgets import Rect

@@ -5,8 +5,7 @@ import time
 from geometry_msgs.msg import Twist
 import pytest
 from rclpy.node import Node
-from wasd_core.topics import EVENTS
-from wasd_core.topics import LoopbackSubscription
+from wasd_core.topics import EVENTS, LoopbackSubscription
 
 from wasd_core import topics as topics_module
 

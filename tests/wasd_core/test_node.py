@@ -17,11 +17,8 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from wasd_core.errors import UserError
 from wasd_core.node import run_node
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
-from wasd_core.ros_parameters import declare_parameters
-from wasd_core.ros_parameters import misspelt_parameters
+from wasd_core.parameters import InvalidParameter, parameter, Parameters
+from wasd_core.ros_parameters import declare_parameters, misspelt_parameters
 from wasd_core.signals import StopSignals
 
 from wasd_core import node as node_support

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
-from wasd_core.timing import brief
-from wasd_core.timing import Notice
+from wasd_core.timing import brief, Notice
 
 
 def test_a_text_stands_for_three_seconds_however_they_pass():

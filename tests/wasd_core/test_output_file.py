@@ -10,11 +10,8 @@ import threading
 import time
 
 import pytest
-from wasd_core.errors import attempt_all
-from wasd_core.errors import UserError
-from wasd_core.output_file import check_apart
-from wasd_core.output_file import OutputError
-from wasd_core.output_file import OutputFile
+from wasd_core.errors import attempt_all, UserError
+from wasd_core.output_file import check_apart, OutputError, OutputFile
 
 from wasd_core import output_file
 

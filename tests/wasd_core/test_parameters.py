@@ -1,15 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-from dataclasses import dataclass
-from dataclasses import fields
-from dataclasses import FrozenInstanceError
-from dataclasses import replace
+from dataclasses import dataclass, fields, FrozenInstanceError, replace
 import math
 
 import pytest
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import numeric_ends
-from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import InvalidParameter, numeric_ends, parameter, Parameters
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,11 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from wasd_core.network import claim
-from wasd_core.network import claim_domain
-from wasd_core.network import join_domain
-from wasd_core.network import namespaces_of
-from wasd_core.network import running
+from wasd_core.network import claim, claim_domain, join_domain, namespaces_of, running
 
 # Ahead of what ROS has, so that nothing real is in the way.
 FIRST = 10_000

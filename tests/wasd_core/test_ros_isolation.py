@@ -4,10 +4,7 @@
 import xml.etree.ElementTree as ElementTree
 
 import pytest
-from wasd_core.network import keep_to_this_machine
-from wasd_core.network import PROFILE
-from wasd_core.network import PROFILES_FILE
-from wasd_core.network import RANGE
+from wasd_core.network import keep_to_this_machine, PROFILE, PROFILES_FILE, RANGE
 
 FAST = 'rmw_fastrtps_cpp'
 

@@ -3,13 +3,15 @@ import mujoco
 import numpy as np
 import pinocchio
 import pytest
-from wasd_core.rotations import cross
-from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.rotations import rotate_inverse
-from wasd_core.rotations import rotation_vector
-from wasd_core.rotations import rpy_from_matrix
-from wasd_core.rotations import rpy_matrix
-from wasd_core.rotations import to_quaternion
+from wasd_core.rotations import (
+    cross,
+    matrix_from_quaternion,
+    rotate_inverse,
+    rotation_vector,
+    rpy_from_matrix,
+    rpy_matrix,
+    to_quaternion,
+)
 
 
 @pytest.fixture

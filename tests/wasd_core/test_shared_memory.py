@@ -14,15 +14,13 @@ import types
 
 import pytest
 from wasd_core.errors import UserError
-from wasd_core.network import do_without_shared_memory
-from wasd_core.network import PROFILE
-from wasd_core.network import PROFILES_FILE
-from wasd_core.network import RANGE
-from wasd_core.network import UDP_PROFILE
-from wasd_core.shared_memory import look_before_ros
-from wasd_core.shared_memory import remove_segments_of_the_dead
-from wasd_core.shared_memory import SHARED_MEMORY
-from wasd_core.shared_memory import why_no_shared_memory
+from wasd_core.network import do_without_shared_memory, PROFILE, PROFILES_FILE, RANGE, UDP_PROFILE
+from wasd_core.shared_memory import (
+    look_before_ros,
+    remove_segments_of_the_dead,
+    SHARED_MEMORY,
+    why_no_shared_memory,
+)
 
 DEAD, LIVING = '0123456789abcdef', 'fedcba9876543210'
 

@@ -2,8 +2,7 @@
 import unicodedata
 
 import pytest
-from wasd_core.streams import visible
-from wasd_core.streams import visible_lines
+from wasd_core.streams import visible, visible_lines
 
 
 @pytest.mark.parametrize(

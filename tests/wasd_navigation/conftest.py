@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A navigator of stand-ins on topics, and who talks to it."""
 
-from navigation_stand_ins import StandInLocator
-from navigation_stand_ins import StandInPilot
+from navigation_stand_ins import StandInLocator, StandInPilot
 from navigator_rig import Rig
 import pytest
 from rclpy.node import Node

@@ -7,16 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from wasd_navigation.parameters import DriveLimits
-from wasd_navigation.parameters import Footprint
-from wasd_navigation.parameters import PlanningParameters
+from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
 from wasd_navigation.planning import heading_field
 from wasd_navigation.planning.driver import Driver
-from wasd_navigation.planning.motion import base_of
-from wasd_navigation.planning.motion import move
+from wasd_navigation.planning.motion import base_of, move
 from wasd_navigation.planning.route import SLICE
-from wasd_navigation.records import Grid
-from wasd_navigation.records import Scan
+from wasd_navigation.records import Grid, Scan
 
 # Each drives a robot for a while.
 pytestmark = pytest.mark.slow

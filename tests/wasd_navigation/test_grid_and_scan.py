@@ -5,14 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from wasd_core.rotations import Pose
-from wasd_core.rotations import rpy_matrix
-from wasd_navigation.records import Grid
-from wasd_navigation.records import read_scan
-from wasd_navigation.records import read_tilted_scan
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
-from wasd_navigation.se2 import transform
+from wasd_core.rotations import Pose, rpy_matrix
+from wasd_navigation.records import Grid, read_scan, read_tilted_scan
+from wasd_navigation.se2 import compose, inverse, transform
 
 
 def test_a_pose_and_its_inverse_are_no_motion() -> None:

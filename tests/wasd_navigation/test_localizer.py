@@ -3,17 +3,13 @@
 
 import math
 
-from lidar_room import circle
-from lidar_room import look
+from lidar_room import circle, look
 import numpy as np
 import pytest
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.records import Grid
-from wasd_navigation.records import Scan
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
-from wasd_navigation.se2 import wrap
+from wasd_navigation.records import Grid, Scan
+from wasd_navigation.se2 import compose, inverse, wrap
 
 # Odometry begins somewhere else than the map.
 ODOM = np.array((4.0, 1.0, -2.0))

@@ -9,8 +9,7 @@ import numpy as np
 from PIL import Image
 import pytest
 from wasd_core.errors import UserError
-from wasd_navigation.mapping import load_map
-from wasd_navigation.mapping import save_map
+from wasd_navigation.mapping import load_map, save_map
 from wasd_navigation.records import Grid
 import yaml
 

@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mapping: scans are matched, loops closed, a grid drawn; in a room of four walls and a box."""
 
-from lidar_room import BOX
-from lidar_room import circle
-from lidar_room import look
-from lidar_room import ROOM
+from lidar_room import BOX, circle, look, ROOM
 import numpy as np
 import pytest
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
+from wasd_navigation.se2 import compose, inverse
 
 
 def drive(mapper: Mapper, poses: np.ndarray, scale: float) -> np.ndarray:

@@ -3,24 +3,17 @@
 
 import math
 
-from lidar_room import circle
-from lidar_room import look
+from lidar_room import circle, look
 import numpy as np
 import pytest
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.mapping.occupancy import Canvas
-from wasd_navigation.mapping.places import Drawing
-from wasd_navigation.mapping.places import Places
-from wasd_navigation.mapping.search import Pyramid
-from wasd_navigation.mapping.search import Search
-from wasd_navigation.mapping.search import Window
+from wasd_navigation.mapping.places import Drawing, Places
+from wasd_navigation.mapping.search import Pyramid, Search, Window
 from wasd_navigation.mapping.surface import find_surface
-from wasd_navigation.odometry import add_covariance
-from wasd_navigation.odometry import OdometryGrowth
-from wasd_navigation.records import Grid
-from wasd_navigation.records import Scan
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
+from wasd_navigation.odometry import add_covariance, OdometryGrowth
+from wasd_navigation.records import Grid, Scan
+from wasd_navigation.se2 import compose, inverse
 
 NOTHING = Scan(np.zeros(2), np.zeros((0, 2)), np.zeros(0, dtype=np.bool_))
 

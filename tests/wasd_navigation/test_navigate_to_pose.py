@@ -2,10 +2,7 @@
 """The action of Nav2's clients: feedback, an end of each goal, cancel, preemption."""
 
 from action_msgs.msg import GoalStatus
-from navigation_stand_ins import odometry
-from navigation_stand_ins import scan
-from navigation_stand_ins import StandInLocator
-from navigation_stand_ins import StandInPilot
+from navigation_stand_ins import odometry, scan, StandInLocator, StandInPilot
 import numpy as np
 import pytest
 from rclpy.action import ActionClient

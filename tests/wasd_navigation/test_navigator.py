@@ -3,13 +3,10 @@
 
 import math
 
-from navigation_stand_ins import navigator
-from navigation_stand_ins import odometry
-from navigation_stand_ins import scan
+from navigation_stand_ins import navigator, odometry, scan
 import numpy as np
 import pytest
-from wasd_navigation.navigator import PATIENCE
-from wasd_navigation.navigator import SILENCE
+from wasd_navigation.navigator import PATIENCE, SILENCE
 
 DT = 0.05
 GOAL = np.array([2.0, 1.0, 0.5])

@@ -6,10 +6,7 @@ import math
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
-from navigator_rig import goal_at
-from navigator_rig import LEVEL
-from navigator_rig import odometry_at
-from navigator_rig import scan_at
+from navigator_rig import goal_at, LEVEL, odometry_at, scan_at
 import numpy as np
 import pytest
 from wasd_core.rotations import Pose

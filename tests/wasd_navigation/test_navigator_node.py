@@ -3,31 +3,17 @@
 
 import math
 
-from geometry_msgs.msg import PoseStamped
-from geometry_msgs.msg import TransformStamped
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import OccupancyGrid
-from nav_msgs.msg import Odometry
+from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
+from nav_msgs.msg import OccupancyGrid, Odometry
 from navigation_stand_ins import StandInLocator
-from navigator_rig import goal_at
-from navigator_rig import LEVEL
-from navigator_rig import located
-from navigator_rig import odometry_at
-from navigator_rig import Rig
-from navigator_rig import scan_at
+from navigator_rig import goal_at, LEVEL, located, odometry_at, Rig, scan_at
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
-from std_msgs.msg import Bool
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
-from wasd_core.topics import LATCHED
-from wasd_core.topics import tf_message_type
-from wasd_core.topics import TF_STATIC
-from wasd_navigation.messages import from_pose
-from wasd_navigation.messages import to_occupancy
-from wasd_navigation.messages import to_path
-from wasd_navigation.messages import to_planar
+from wasd_core.topics import LATCHED, tf_message_type, TF_STATIC
+from wasd_navigation.messages import from_pose, to_occupancy, to_path, to_planar
 
 pytestmark = pytest.mark.slow
 

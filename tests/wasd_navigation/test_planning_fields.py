@@ -5,13 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from wasd_navigation.parameters import Footprint
-from wasd_navigation.parameters import InvalidFootprint
-from wasd_navigation.planning import FARTHEST
-from wasd_navigation.planning import Field
-from wasd_navigation.planning import measure_distances
-from wasd_navigation.planning.goal_field import follow
-from wasd_navigation.planning.goal_field import march_from
+from wasd_navigation.parameters import Footprint, InvalidFootprint
+from wasd_navigation.planning import FARTHEST, Field, measure_distances
+from wasd_navigation.planning.goal_field import follow, march_from
 
 RESOLUTION = 0.05
 

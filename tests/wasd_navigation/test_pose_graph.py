@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from wasd_navigation.mapping.pose_graph import Edges
-from wasd_navigation.mapping.pose_graph import factorise
-from wasd_navigation.mapping.pose_graph import find_pattern
-from wasd_navigation.mapping.pose_graph import linearise
-from wasd_navigation.mapping.pose_graph import solve
-from wasd_navigation.mapping.pose_graph import Solver
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
+from wasd_navigation.mapping.pose_graph import (
+    Edges,
+    factorise,
+    find_pattern,
+    linearise,
+    solve,
+    Solver,
+)
+from wasd_navigation.se2 import compose, inverse
 
 COUNT = 60
 

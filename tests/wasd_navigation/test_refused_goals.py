@@ -3,8 +3,7 @@
 
 import numpy as np
 import pytest
-from wasd_navigation.parameters import DriveLimits
-from wasd_navigation.parameters import Footprint
+from wasd_navigation.parameters import DriveLimits, Footprint
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import Grid
 

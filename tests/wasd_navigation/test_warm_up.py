@@ -5,17 +5,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 import sys
 
-from lidar_room import circle
-from lidar_room import look
-from lidar_room import RAYS
+from lidar_room import circle, look, RAYS
 from numba.core.registry import CPUDispatcher
 import numpy as np
 import pytest
 from wasd_navigation.mapping import save_map
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.navigator import Locator
-from wasd_navigation.navigator import Pilot
+from wasd_navigation.navigator import Locator, Pilot
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_parts
 from wasd_navigation.planning.driver import Driver

@@ -9,18 +9,13 @@ One terminal drives one of them. For both in one world see `wasd both`.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.actions import GroupAction
-from launch.actions import IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration
-from launch.substitutions import PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 from mujoco_sim.parameters import SimulatorParameters
-from wasd_bringup.launch_parts import NO_KEYS
-from wasd_bringup.launch_parts import parameter_argument
-from wasd_bringup.robots import GO2
-from wasd_bringup.robots import MBOT
+from wasd_bringup.launch_parts import NO_KEYS, parameter_argument
+from wasd_bringup.robots import GO2, MBOT
 
 # What is the same for both.
 SHARED = ('seed', 'speed')

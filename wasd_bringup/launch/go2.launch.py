@@ -12,13 +12,15 @@ from launch import LaunchDescription
 from launch.substitutions import LaunchConfiguration
 from launch_ros.parameter_descriptions import ParameterValue
 from quadruped_sim.parameters import LegNodeParameters
-from wasd_bringup.launch_parts import keyboard
-from wasd_bringup.launch_parts import parameter_argument
-from wasd_bringup.launch_parts import parameter_value
-from wasd_bringup.launch_parts import robot_arguments
-from wasd_bringup.launch_parts import robot_node
-from wasd_bringup.launch_parts import robot_nodes
-from wasd_bringup.launch_parts import rviz
+from wasd_bringup.launch_parts import (
+    keyboard,
+    parameter_argument,
+    parameter_value,
+    robot_arguments,
+    robot_node,
+    robot_nodes,
+    rviz,
+)
 from wasd_bringup.robots import GO2
 
 

@@ -13,14 +13,9 @@ from diff_drive_sim.parameters import MODES
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration
-from launch.substitutions import NotEqualsSubstitution
+from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution
 from launch_ros.parameter_descriptions import ParameterValue
-from wasd_bringup.launch_parts import keyboard
-from wasd_bringup.launch_parts import robot_arguments
-from wasd_bringup.launch_parts import robot_node
-from wasd_bringup.launch_parts import robot_nodes
-from wasd_bringup.launch_parts import rviz
+from wasd_bringup.launch_parts import keyboard, robot_arguments, robot_node, robot_nodes, rviz
 from wasd_bringup.robots import MBOT
 
 

@@ -11,8 +11,7 @@ gives a node no terminal on its input, and teleop opens /dev/tty.
 import dataclasses
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.actions import Shutdown
+from launch.actions import DeclareLaunchArgument, Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue

@@ -21,11 +21,15 @@ from robot_description.mujoco import choose_renderer
 if 'mujoco' not in sys.modules:
     choose_renderer()
 
-from mujoco_sim.parameters import Payload  # noqa: E402
-from mujoco_sim.parameters import Untold  # noqa: E402
+from mujoco_sim.parameters import (
+    Payload,  # noqa: E402
+    Untold,  # noqa: E402
+)
 from wasd_core.errors import UserError  # noqa: E402
 
-from wasd.robots import Go2  # noqa: E402
-from wasd.robots import Mbot  # noqa: E402
+from wasd.robots import (
+    Go2,  # noqa: E402
+    Mbot,  # noqa: E402
+)
 
 __all__ = ['Go2', 'Mbot', 'Payload', 'Untold', 'UserError']

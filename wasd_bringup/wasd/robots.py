@@ -14,32 +14,24 @@ from typing import Any
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.parameters import DiffDriveParameters
-from mujoco_sim.parameters import NOTHING
-from mujoco_sim.parameters import Untold
-from mujoco_sim.pictures import take_picture
-from mujoco_sim.pictures import Viewpoint
-from mujoco_sim.robot_setup import randomise
-from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.parameters import NOTHING, Untold
+from mujoco_sim.pictures import take_picture, Viewpoint
+from mujoco_sim.robot_setup import randomise, usual_setup
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.world import build_world
 import numpy as np
 from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import JointMap, RobotModel
 from quadruped_sim.robot_state import LegOdometry
-from quadruped_sim.tuning import CommandParameters
-from quadruped_sim.tuning import GaitParameters
+from quadruped_sim.tuning import CommandParameters, GaitParameters
 from robot_description.description import load_robot
-from robot_description.morphology.wheels import ANY_WHEELS
-from robot_description.morphology.wheels import WheelChoice
+from robot_description.morphology.wheels import ANY_WHEELS, WheelChoice
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
-from wasd_core.robot_io import BaseState
-from wasd_core.robot_io import JointCommand
-from wasd_core.robot_io import LEG_RATE
+from wasd_core.robot_io import BaseState, JointCommand, LEG_RATE
 
 # Without a handler Python writes warnings to standard error, a line each.
 LOGGER = logging.getLogger(__name__)

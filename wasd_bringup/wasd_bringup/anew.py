@@ -19,8 +19,7 @@ from wasd_cockpit.link import Start
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.parsers import called
-from wasd_bringup.robots import BOTH
-from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import BOTH, ROBOTS
 
 # What the page offers: each world there is, where it is of a size at a moderate one.
 WORLDS = (

@@ -10,15 +10,9 @@ import sys
 import tempfile
 from typing import Any, NamedTuple
 
-from diff_drive_sim.calibration import least_squares
-from diff_drive_sim.calibration import SquareRun
-from diff_drive_sim.calibration import Umbmark
-from diff_drive_sim.calibration import umbmark
-from diff_drive_sim.calibration import Wheels
-from diff_drive_sim.controller_file import NODE_NAME
-from diff_drive_sim.controller_file import read_controller_file
-from diff_drive_sim.odometry import DiffDriveGeometry
-from diff_drive_sim.odometry import find_wheels
+from diff_drive_sim.calibration import least_squares, SquareRun, Umbmark, umbmark, Wheels
+from diff_drive_sim.controller_file import NODE_NAME, read_controller_file
+from diff_drive_sim.odometry import DiffDriveGeometry, find_wheels
 import numpy as np
 import rclpy
 import rclpy.logging
@@ -26,16 +20,13 @@ from robot_description.description import load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 from wasd_core.errors import UserError
 from wasd_core.node import init_ros
-from wasd_core.output_file import check_apart
-from wasd_core.output_file import OutputFile
+from wasd_core.output_file import check_apart, OutputFile
 from wasd_core.signals import StopSignals
 from wasd_core.streams import offer
 import yaml
 
 from wasd_bringup.inputs import TWIST_RATE
-from wasd_bringup.options import keep_alone
-from wasd_bringup.options import read_folders
-from wasd_bringup.options import RunOptions
+from wasd_bringup.options import keep_alone, read_folders, RunOptions
 from wasd_bringup.robots import MBOT
 from wasd_bringup.session import Session
 

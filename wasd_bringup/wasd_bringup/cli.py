@@ -12,32 +12,26 @@ import sys
 from typing import Any
 
 from teleop_keyboard.keymap import LAYOUTS
-from teleop_keyboard.keymap_file import describe_keymap
-from teleop_keyboard.keymap_file import list_presets
+from teleop_keyboard.keymap_file import describe_keymap, list_presets
 from teleop_keyboard.terminal import tolerate_any_text
 from wasd_core.command_line import OneLineParser
-from wasd_core.errors import Stopped
-from wasd_core.errors import UserError
+from wasd_core.errors import Stopped, UserError
 from wasd_core.network import check_middleware
 from wasd_core.shared_memory import look_before_ros
-from wasd_core.streams import lost_output
-from wasd_core.streams import OutputLost
-from wasd_core.streams import prepare_streams
-from wasd_core.streams import print_error
+from wasd_core.streams import lost_output, OutputLost, prepare_streams, print_error
 
-from wasd_bringup.parsers import add_both_options
-from wasd_bringup.parsers import add_calibrate_options
-from wasd_bringup.parsers import add_graph_commands
-from wasd_bringup.parsers import add_replay_options
-from wasd_bringup.parsers import add_run_options
-from wasd_bringup.parsers import called
-from wasd_bringup.parsers import describe_examples
-from wasd_bringup.parsers import run_epilog
-from wasd_bringup.parsers import version
-from wasd_bringup.robots import BOTH
-from wasd_bringup.robots import preset_help
-from wasd_bringup.robots import ROBOTS
-from wasd_bringup.robots import UNITREE_PRESET
+from wasd_bringup.parsers import (
+    add_both_options,
+    add_calibrate_options,
+    add_graph_commands,
+    add_replay_options,
+    add_run_options,
+    called,
+    describe_examples,
+    run_epilog,
+    version,
+)
+from wasd_bringup.robots import BOTH, preset_help, ROBOTS, UNITREE_PRESET
 
 # Tests wait more than they compute; a module's runs are shared by its tests.
 WORKERS = (

@@ -9,33 +9,20 @@ import math
 from pathlib import Path
 from typing import Any, NamedTuple, TYPE_CHECKING
 
-from mujoco_sim.pictures import take_film
-from mujoco_sim.pictures import take_picture
-from mujoco_sim.pictures import take_strip
-from mujoco_sim.pictures import Trace
-from mujoco_sim.pictures import Viewpoint
+from mujoco_sim.pictures import take_film, take_picture, take_strip, Trace, Viewpoint
 import numpy as np
-from PIL import Image
-from PIL import ImageDraw
+from PIL import Image, ImageDraw
 import rclpy
-from robot_description.mujoco import choose_renderer
-from robot_description.mujoco import NO_RENDERER
+from robot_description.mujoco import choose_renderer, NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
-from wasd_core.errors import one_line
-from wasd_core.errors import UserError
+from wasd_core.errors import one_line, UserError
 from wasd_core.node import init_ros
 from wasd_core.output_file import OutputFile
 from wasd_core.signals import StopSignals
 
-from wasd_bringup.inputs import Goal
-from wasd_bringup.inputs import parse_push
-from wasd_bringup.inputs import parse_twist_script
-from wasd_bringup.inputs import ScriptedPush
-from wasd_bringup.options import keep_alone
-from wasd_bringup.options import RunOptions
-from wasd_bringup.robots import GO2
-from wasd_bringup.robots import MBOT
-from wasd_bringup.robots import RobotRow
+from wasd_bringup.inputs import Goal, parse_push, parse_twist_script, ScriptedPush
+from wasd_bringup.options import keep_alone, RunOptions
+from wasd_bringup.robots import GO2, MBOT, RobotRow
 from wasd_bringup.session import Session
 
 if TYPE_CHECKING:

@@ -6,11 +6,9 @@ import queue
 from typing import Any, NamedTuple, Protocol
 
 from wasd_core.errors import UserError
-from wasd_core.timing import SHORTEST_ABSENCE
-from wasd_core.timing import Watchdog
+from wasd_core.timing import SHORTEST_ABSENCE, Watchdog
 
-from wasd_bringup.inputs import Drive
-from wasd_bringup.inputs import PageDrive
+from wasd_bringup.inputs import Drive, PageDrive
 
 Velocity = tuple[float, float, float]
 STANDSTILL = (0.0, 0.0, 0.0)

@@ -5,11 +5,7 @@ from mujoco_sim.simulation import Schedule
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 import numpy as np
-from quadruped_sim.keys import KeyWords
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import StateName
-from quadruped_sim.keys import STICK_KEYS
-from quadruped_sim.keys import ZERO_KEYS
+from quadruped_sim.keys import KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
 from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.presets import LIMITS
@@ -17,26 +13,16 @@ from rclpy.logging import LoggingSeverity
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from std_msgs.msg import String
-from teleop_keyboard.dashboard import Axis
-from teleop_keyboard.dashboard import driving_keys
-from teleop_keyboard.dashboard import HELP_KEY
-from teleop_keyboard.dashboard import KeyHints
-from teleop_keyboard.dashboard import Status
-from teleop_keyboard.keymap import on_layout
-from teleop_keyboard.keymap import on_qwerty
+from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
+from teleop_keyboard.keymap import on_layout, on_qwerty
 from teleop_keyboard.keys_to_twist import KeysToTwist
-from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.rotations import rpy_from_matrix
-from wasd_core.timing import is_press
-from wasd_core.timing import STOP_KEY
+from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
+from wasd_core.timing import is_press, STOP_KEY
 
 from wasd_bringup.inputs import RESET_KEY
 from wasd_bringup.options import RunOptions
-from wasd_bringup.report import Sample
-from wasd_bringup.report import TrunkWatch
-from wasd_bringup.robots import unitree_first_keys
-from wasd_bringup.robots import unitree_help
-from wasd_bringup.robots import UNITREE_PRESET
+from wasd_bringup.report import Sample, TrunkWatch
+from wasd_bringup.robots import unitree_first_keys, unitree_help, UNITREE_PRESET
 from wasd_bringup.stack import ControlStack
 
 # States in which the robot is being driven.

@@ -8,9 +8,7 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from mujoco_sim.parameters import BoxSize
 from teleop_keyboard.dashboard import HELP_KEY
 from wasd_core.errors import UserError
-from wasd_core.timing import HELD
-from wasd_core.timing import RELEASE
-from wasd_core.timing import split_event
+from wasd_core.timing import HELD, RELEASE, split_event
 
 # Scripted velocity commands are repeated at this rate [Hz], as a navigation stack sends them.
 TWIST_RATE = 20.0

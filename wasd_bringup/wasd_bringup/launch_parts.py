@@ -12,27 +12,24 @@ too, and come first: they and the navigation are sources of twist_mux.
 
 from typing import Any
 
-from launch.actions import DeclareLaunchArgument
-from launch.actions import GroupAction
-from launch.actions import IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
 from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import AndSubstitution
-from launch.substitutions import EqualsSubstitution
-from launch.substitutions import LaunchConfiguration
-from launch.substitutions import NotEqualsSubstitution
-from launch.substitutions import PathJoinSubstitution
+from launch.substitutions import (
+    AndSubstitution,
+    EqualsSubstitution,
+    LaunchConfiguration,
+    NotEqualsSubstitution,
+    PathJoinSubstitution,
+)
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 from mujoco_sim.parameters import SimulatorParameters
-from wasd_core.parameters import known_parameters
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import known_parameters, Parameters
 
 from wasd_bringup.options import NAMESPACED
-from wasd_bringup.robots import RobotRow
-from wasd_bringup.robots import unitree_help
-from wasd_bringup.robots import UNITREE_PRESET
+from wasd_bringup.robots import RobotRow, unitree_help, UNITREE_PRESET
 
 UNITREE_HELP = '\n'.join(unitree_help('qwerty'))
 # Values of the argument `keys` that are no keymap.

@@ -5,35 +5,25 @@ from typing import Any
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.odometry import DiffDriveGeometry
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.viewer.page import CameraView
-from mujoco_sim.world import place_robot
-from mujoco_sim.world import PlanarPose
-from mujoco_sim.world import World
+from mujoco_sim.world import place_robot, PlanarPose, World
 import numpy as np
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from std_msgs.msg import String
-from teleop_keyboard.dashboard import Axis
-from teleop_keyboard.dashboard import driving_keys
-from teleop_keyboard.dashboard import HELP_KEY
-from teleop_keyboard.dashboard import KeyHints
-from teleop_keyboard.dashboard import Status
+from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
 from wasd_core.robot_io import JointCommand
-from wasd_core.timing import is_press
-from wasd_core.timing import Notice
+from wasd_core.timing import is_press, Notice
 
 from diff_drive_sim import MODES as DRIVE_MODES
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
-from wasd_bringup.robots import MBOT
-from wasd_bringup.robots import MODES
-from wasd_bringup.stack import ControlStack
-from wasd_bringup.stack import Velocity
+from wasd_bringup.robots import MBOT, MODES
+from wasd_bringup.stack import ControlStack, Velocity
 
 WASD_ADVICE = 'or start with --preset wasd'
 

@@ -10,8 +10,7 @@ import sys
 from typing import Any, NamedTuple
 
 import numpy as np
-from wasd_core.errors import suggest
-from wasd_core.errors import UserError
+from wasd_core.errors import suggest, UserError
 import yaml
 
 _SEQUENCE = re.compile(r'sequence<(?P<item>[^,]+?)(?:, \d+)?>')

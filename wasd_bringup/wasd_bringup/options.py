@@ -3,9 +3,7 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from dataclasses import field
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 import functools
 import math
 import os
@@ -13,32 +11,25 @@ from pathlib import Path
 import stat
 from typing import TYPE_CHECKING
 
-from mujoco_sim.parameters import Payload
-from mujoco_sim.parameters import Untold
-from teleop_keyboard.key_script import KeyPress
-from teleop_keyboard.key_script import parse_key_script
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import one_line
-from wasd_core.errors import UserError
-from wasd_core.network import RANGE
-from wasd_core.network import SAYS_WHO
-from wasd_core.output_file import check_apart
-from wasd_core.output_file import OutputFile
+from mujoco_sim.parameters import Payload, Untold
+from teleop_keyboard.key_script import KeyPress, parse_key_script
+from wasd_core.errors import DescriptionError, one_line, UserError
+from wasd_core.network import RANGE, SAYS_WHO
+from wasd_core.output_file import check_apart, OutputFile
 from wasd_core.safe_files import read_file
 
-from wasd_bringup.inputs import Command
-from wasd_bringup.inputs import Goal
-from wasd_bringup.inputs import parse_box
-from wasd_bringup.inputs import parse_goal
-from wasd_bringup.inputs import parse_push
-from wasd_bringup.inputs import parse_twist_script
-from wasd_bringup.inputs import ScriptedBox
-from wasd_bringup.inputs import ScriptedPush
-from wasd_bringup.inputs import ScriptedTwist
-from wasd_bringup.robots import BOTH
-from wasd_bringup.robots import ROBOTS
-from wasd_bringup.robots import robots_of
-from wasd_bringup.robots import WHEELED
+from wasd_bringup.inputs import (
+    Command,
+    Goal,
+    parse_box,
+    parse_goal,
+    parse_push,
+    parse_twist_script,
+    ScriptedBox,
+    ScriptedPush,
+    ScriptedTwist,
+)
+from wasd_bringup.robots import BOTH, ROBOTS, robots_of, WHEELED
 
 if TYPE_CHECKING:
     from diff_drive_sim.controller_file import ControllerFile

@@ -6,20 +6,20 @@ from importlib import metadata
 import os
 from typing import Any
 
-from mujoco_sim.parameters import HEAVIEST
-from mujoco_sim.parameters import WORLD_NAMES
+from mujoco_sim.parameters import HEAVIEST, WORLD_NAMES
 from teleop_keyboard.keymap import LAYOUTS
 
-from wasd_bringup.inputs import KEY_LINE
-from wasd_bringup.inputs import SWITCH_LINE
+from wasd_bringup.inputs import KEY_LINE, SWITCH_LINE
 from wasd_bringup.options import RANGES
-from wasd_bringup.robots import add_legged_options
-from wasd_bringup.robots import BOTH
-from wasd_bringup.robots import MBOT
-from wasd_bringup.robots import preset_help
-from wasd_bringup.robots import RobotRow
-from wasd_bringup.robots import ROBOTS
-from wasd_bringup.robots import robots_of
+from wasd_bringup.robots import (
+    add_legged_options,
+    BOTH,
+    MBOT,
+    preset_help,
+    RobotRow,
+    ROBOTS,
+    robots_of,
+)
 
 Examples = tuple[tuple[str, str], ...]
 

@@ -10,10 +10,8 @@ import tempfile
 from typing import Any, NamedTuple
 
 from mujoco_sim.simulation import TickSummary
-from mujoco_sim.world import FALL_TILT
-from mujoco_sim.world import World
-from wasd_core.errors import one_line
-from wasd_core.errors import UserError
+from mujoco_sim.world import FALL_TILT, World
+from wasd_core.errors import one_line, UserError
 from wasd_core.output_file import OutputFile
 
 from wasd_bringup.robots import BOTH

@@ -12,11 +12,8 @@ from dataclasses import dataclass
 import importlib
 from typing import Any
 
-from quadruped_sim.keys import GAIT_KEYS
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import STICK_KEYS
-from quadruped_sim.presets import GAITS
-from quadruped_sim.presets import LIMITS
+from quadruped_sim.keys import GAIT_KEYS, STATE_KEYS, STICK_KEYS
+from quadruped_sim.presets import GAITS, LIMITS
 from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap_file import load_preset
 

@@ -13,25 +13,16 @@ import sys
 from typing import TextIO, TYPE_CHECKING
 
 import rclpy
-from teleop_keyboard.key_reader import KeyReader
-from teleop_keyboard.key_reader import open_key_reader
+from teleop_keyboard.key_reader import KeyReader, open_key_reader
 from teleop_keyboard.terminal import NoTerminal
-from wasd_core.errors import attempt_all
-from wasd_core.errors import Stopped
-from wasd_core.errors import UserError
-from wasd_core.network import claim_domain
-from wasd_core.network import namespaces_of
-from wasd_core.network import RANGE
+from wasd_core.errors import attempt_all, Stopped, UserError
+from wasd_core.network import claim_domain, namespaces_of, RANGE
 from wasd_core.node import init_ros
-from wasd_core.signals import last_status
-from wasd_core.signals import StopSignals
+from wasd_core.signals import last_status, StopSignals
 from wasd_core.streams import never_wait
 
 from wasd_bringup.anew import become
-from wasd_bringup.options import choose_range
-from wasd_bringup.options import NAMESPACED
-from wasd_bringup.options import read_options
-from wasd_bringup.options import RunOptions
+from wasd_bringup.options import choose_range, NAMESPACED, read_options, RunOptions
 from wasd_bringup.robots import BOTH
 from wasd_bringup.session import Session
 

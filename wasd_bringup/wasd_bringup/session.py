@@ -10,8 +10,7 @@ from typing import Any, cast, TYPE_CHECKING
 from mujoco_sim.viewer.input import LOST
 from mujoco_sim.viewer.views import View
 from mujoco_sim.world import World
-from rclpy.clock import ClockType
-from rclpy.clock import ROSClock
+from rclpy.clock import ClockType, ROSClock
 from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.time_source import TimeSource
@@ -22,26 +21,23 @@ from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
 from wasd_core.node import MessagePump
 
-from wasd_bringup.inputs import BoxPlayer
-from wasd_bringup.inputs import Command
-from wasd_bringup.inputs import KEY_LINE
-from wasd_bringup.inputs import KeySwitch
-from wasd_bringup.inputs import MessageTimes
-from wasd_bringup.inputs import PageDrive
-from wasd_bringup.inputs import Player
-from wasd_bringup.inputs import RESET_KEY
-from wasd_bringup.inputs import SWITCH_KEY
-from wasd_bringup.inputs import SWITCH_LINE
-from wasd_bringup.inputs import TWIST_RATE
-from wasd_bringup.options import AFTERGLOW
-from wasd_bringup.options import RunOptions
-from wasd_bringup.report import join_reports
-from wasd_bringup.report import write_report
-from wasd_bringup.session_guests import make_guests
-from wasd_bringup.session_guests import make_navigations
-from wasd_bringup.session_guests import Told
-from wasd_bringup.session_robot import build_robots
-from wasd_bringup.session_robot import SessionRobot
+from wasd_bringup.inputs import (
+    BoxPlayer,
+    Command,
+    KEY_LINE,
+    KeySwitch,
+    MessageTimes,
+    PageDrive,
+    Player,
+    RESET_KEY,
+    SWITCH_KEY,
+    SWITCH_LINE,
+    TWIST_RATE,
+)
+from wasd_bringup.options import AFTERGLOW, RunOptions
+from wasd_bringup.report import join_reports, write_report
+from wasd_bringup.session_guests import make_guests, make_navigations, Told
+from wasd_bringup.session_robot import build_robots, SessionRobot
 from wasd_bringup.stack import ControlStack
 
 if TYPE_CHECKING:

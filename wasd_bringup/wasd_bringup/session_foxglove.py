@@ -7,28 +7,19 @@ import json
 import time
 from typing import Any
 
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
-from wasd_core.errors import one_line
-from wasd_core.errors import UserError
+from wasd_core.errors import one_line, UserError
 from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
 
-from wasd_bringup.foxglove_inbox import Decode
-from wasd_bringup.foxglove_inbox import Inbox
-from wasd_bringup.foxglove_inbox import Robot
-from wasd_bringup.foxglove_inbox import Sender
-from wasd_bringup.foxglove_inbox import Velocity
+from wasd_bringup.foxglove_inbox import Decode, Inbox, Robot, Sender, Velocity
 from wasd_bringup.graph import find_type
-from wasd_bringup.messages import fill
-from wasd_bringup.messages import type_name
-from wasd_bringup.recording.recorder import full_definition
-from wasd_bringup.recording.recorder import IGNORED
-from wasd_bringup.recording.recorder import PublisherTap
+from wasd_bringup.messages import fill, type_name
+from wasd_bringup.recording.recorder import full_definition, IGNORED, PublisherTap
 
 # CDR begins with its representation, of which ROS has these: big and little endian.
 REPRESENTATIONS = (b'\0\0', b'\0\1')

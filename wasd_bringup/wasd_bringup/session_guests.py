@@ -2,16 +2,13 @@
 """Who else may drive in a run: the navigator, a gamepad, and Foxglove's clients."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Protocol, TYPE_CHECKING
 
 from rclpy.node import Node
 from teleop_keyboard.gamepad import JoyTwist
-from teleop_keyboard.gamepad_node import GamepadNode
-from teleop_keyboard.gamepad_node import PadOutput
-from teleop_keyboard.parameters import PAD_HELP
-from teleop_keyboard.parameters import PadParameters
+from teleop_keyboard.gamepad_node import GamepadNode, PadOutput
+from teleop_keyboard.parameters import PAD_HELP, PadParameters
 
 from wasd_bringup.inputs import KeySwitch
 from wasd_bringup.options import RunOptions

@@ -12,8 +12,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.robot import Robot
-from wasd_cockpit.link import Navigation
-from wasd_cockpit.link import PlanarPose
+from wasd_cockpit.link import Navigation, PlanarPose
 from wasd_core.errors import UserError
 from wasd_core.topics import LoopbackSubscription
 from wasd_navigation.navigator import Outcome

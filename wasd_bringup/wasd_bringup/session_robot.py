@@ -7,47 +7,31 @@ import math
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from mujoco_sim.robot_setup import randomise
-from mujoco_sim.robot_setup import RobotSetup
-from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.robot_setup import randomise, RobotSetup, usual_setup
 from mujoco_sim.sensors.table import has_camera
-from mujoco_sim.simulation import Schedule
-from mujoco_sim.simulation import Simulation
+from mujoco_sim.simulation import Schedule, Simulation
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.truth_publisher import WORLD_FRAME
-from mujoco_sim.world import build_shared_world
-from mujoco_sim.world import build_world
-from mujoco_sim.world import World
+from mujoco_sim.world import build_shared_world, build_world, World
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from robot_description.description import Description
-from robot_description.description import load_robot
+from robot_description.description import Description, load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 from robot_description.state_publisher_node import StatePublisherNode
-from teleop_keyboard.dashboard import board
-from teleop_keyboard.dashboard import Line
-from teleop_keyboard.dashboard import Status
-from teleop_keyboard.dashboard import status_line
+from teleop_keyboard.dashboard import board, Line, Status, status_line
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.screen import StatusLine
 from wasd_core.messages import to_transform
 from wasd_core.rotations import Pose
-from wasd_core.timing import RELEASE
-from wasd_core.timing import split_event
+from wasd_core.timing import RELEASE, split_event
 from wasd_core.topics import TfBroadcaster
 
-from wasd_bringup.inputs import Player
-from wasd_bringup.inputs import TWIST_RATE
-from wasd_bringup.inputs import TwistPlayer
+from wasd_bringup.inputs import Player, TWIST_RATE, TwistPlayer
 from wasd_bringup.options import RunOptions
-from wasd_bringup.report import build_report
-from wasd_bringup.report import Recorder
-from wasd_bringup.report import SAMPLE_PERIOD
-from wasd_bringup.robots import LEGGED
-from wasd_bringup.robots import ROBOTS
-from wasd_bringup.stack import make_stack
-from wasd_bringup.stack import Velocity
+from wasd_bringup.report import build_report, Recorder, SAMPLE_PERIOD
+from wasd_bringup.robots import LEGGED, ROBOTS
+from wasd_bringup.stack import make_stack, Velocity
 
 
 class SessionRobot:

@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The nodes that drive one robot in lock-step: what all robots share of them."""
 
-from abc import ABC
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 import time
 from typing import Any
 
 from geometry_msgs.msg import Twist
-from mujoco_sim.simulation import Schedule
-from mujoco_sim.simulation import TickStatistics
+from mujoco_sim.simulation import Schedule, TickStatistics
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
 from nav_msgs.msg import Odometry
@@ -18,14 +16,12 @@ from rclpy.parameter import Parameter
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
-from wasd_core.timing import Notice
-from wasd_core.timing import STOP_KEY
+from wasd_core.timing import Notice, STOP_KEY
 from wasd_core.topics import RELIABLE
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
-from wasd_bringup.robots import load_class
-from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import load_class, ROBOTS
 
 Velocity = tuple[float, float, float]
 

@@ -3,8 +3,7 @@
 
 from collections.abc import Callable, Mapping
 import contextlib
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 import functools
 import json
 import logging
@@ -18,31 +17,17 @@ from mujoco_sim.viewer.drawing import SLOW_PAGE
 from mujoco_sim.viewer.input import PageInput
 
 from wasd_cockpit import style
-from wasd_cockpit.layout import Layout
-from wasd_cockpit.layout import Place
-from wasd_cockpit.layout import TOUCH_SCALE
-from wasd_cockpit.link import Link
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import words_of
-from wasd_cockpit.panels import PagePanel
-from wasd_cockpit.panels import PageState
-from wasd_cockpit.panels.drive import Drive
-from wasd_cockpit.panels.drive import Keys
-from wasd_cockpit.panels.drive import LEAST_SHARE
+from wasd_cockpit.layout import Layout, Place, TOUCH_SCALE
+from wasd_cockpit.link import Link, Order, words_of
+from wasd_cockpit.panels import PagePanel, PageState
+from wasd_cockpit.panels.drive import Drive, Keys, LEAST_SHARE
 from wasd_cockpit.panels.map import Map
-from wasd_cockpit.panels.plots import PAGES
-from wasd_cockpit.panels.plots import Plots
-from wasd_cockpit.panels.robot import Robot
-from wasd_cockpit.panels.robot import STOP_LABEL
-from wasd_cockpit.panels.robot import World
-from wasd_cockpit.panels.view import Eyes
-from wasd_cockpit.panels.view import View
-from wasd_cockpit.scene import CAMERAS
-from wasd_cockpit.scene import OVERLAYS
-from wasd_cockpit.scene import Scene
+from wasd_cockpit.panels.plots import PAGES, Plots
+from wasd_cockpit.panels.robot import Robot, STOP_LABEL, World
+from wasd_cockpit.panels.view import Eyes, View
+from wasd_cockpit.scene import CAMERAS, OVERLAYS, Scene
 from wasd_cockpit.sight import Sight
-from wasd_cockpit.widgets import columns
-from wasd_cockpit.widgets import Widgets
+from wasd_cockpit.widgets import columns, Widgets
 
 # More than this is no file of ours.
 _LARGEST_SETTINGS = 100_000

@@ -13,10 +13,7 @@ import numpy as np
 from wasd_core.rotations import rpy_from_matrix
 
 from wasd_cockpit import style
-from wasd_cockpit.link import Marks
-from wasd_cockpit.link import moved
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import Snapshot
+from wasd_cockpit.link import Marks, moved, Order, Snapshot
 from wasd_cockpit.panels import PageState
 from wasd_cockpit.widgets import Dragging
 

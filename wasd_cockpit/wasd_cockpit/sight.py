@@ -9,8 +9,7 @@ import time
 from typing import NamedTuple
 
 import mujoco
-from mujoco_sim.sensors.camera import Frustum
-from mujoco_sim.sensors.camera import Offscreen
+from mujoco_sim.sensors.camera import Frustum, Offscreen
 from mujoco_sim.sensors.lidar import SEEN_GROUPS
 from mujoco_sim.world import World
 import numpy as np

@@ -14,9 +14,7 @@ from typing import Any, NoReturn
 
 from wasd_core.errors import UserError
 from wasd_core.network import check_middleware
-from wasd_core.parameters import as_given
-from wasd_core.parameters import describe_range
-from wasd_core.parameters import known_parameters
+from wasd_core.parameters import as_given, describe_range, known_parameters
 from wasd_core.shared_memory import look_before_ros
 
 

@@ -7,20 +7,12 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 import numpy as np
-from sensor_msgs.msg import Imu
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
-from trajectory_msgs.msg import JointTrajectoryPoint
+from sensor_msgs.msg import Imu, JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from wasd_core.errors import InvalidMessage
-from wasd_core.robot_io import BaseState
-from wasd_core.robot_io import ImuReading
-from wasd_core.robot_io import JointCommand
-from wasd_core.robot_io import JointStates
-from wasd_core.robot_io import Reading
-from wasd_core.rotations import Pose
-from wasd_core.rotations import rotate_inverse
-from wasd_core.rotations import to_quaternion
+from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading
+from wasd_core.rotations import Pose, rotate_inverse, to_quaternion
 
 
 def to_seconds(stamp: Time) -> float:

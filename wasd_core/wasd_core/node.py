@@ -10,40 +10,35 @@ import time
 from typing import Any, TypeVar
 
 import rclpy
-from rclpy._rclpy_pybind11 import InvalidHandle
-from rclpy._rclpy_pybind11 import RCLError
-from rclpy._rclpy_pybind11 import UnknownROSArgsError
-from rclpy._rclpy_pybind11 import WaitSet
+from rclpy._rclpy_pybind11 import InvalidHandle, RCLError, UnknownROSArgsError, WaitSet
 from rclpy.event_handler import EventHandler
-from rclpy.executors import ConditionReachedException
-from rclpy.executors import Executor
-from rclpy.executors import ShutdownException
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.executors import TimeoutException
+from rclpy.executors import (
+    ConditionReachedException,
+    Executor,
+    ShutdownException,
+    SingleThreadedExecutor,
+    TimeoutException,
+)
 import rclpy.logging
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.waitable import NumberOfEntities
 
 from wasd_core.command_line import Executable
-from wasd_core.errors import Stopped
-from wasd_core.errors import UserError
-from wasd_core.network import do_without_shared_memory
-from wasd_core.network import domain_of
-from wasd_core.network import FAST_DDS
-from wasd_core.network import is_sourced
-from wasd_core.network import join_domain
-from wasd_core.network import keep_to_this_machine
-from wasd_core.network import SKIP_FOLDERS_PROFILES
+from wasd_core.errors import Stopped, UserError
+from wasd_core.network import (
+    do_without_shared_memory,
+    domain_of,
+    FAST_DDS,
+    is_sourced,
+    join_domain,
+    keep_to_this_machine,
+    SKIP_FOLDERS_PROFILES,
+)
 from wasd_core.ros_parameters import misspelt_parameters
-from wasd_core.shared_memory import remove_segments_of_the_dead
-from wasd_core.shared_memory import why_no_shared_memory
-from wasd_core.signals import last_status
-from wasd_core.signals import StopSignals
-from wasd_core.streams import never_wait
-from wasd_core.streams import prepare_streams
-from wasd_core.streams import print_error
-from wasd_core.streams import visible
+from wasd_core.shared_memory import remove_segments_of_the_dead, why_no_shared_memory
+from wasd_core.signals import last_status, StopSignals
+from wasd_core.streams import never_wait, prepare_streams, print_error, visible
 
 # A node with a `close`.
 NodeType = TypeVar('NodeType', bound=Any)

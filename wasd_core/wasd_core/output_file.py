@@ -18,8 +18,7 @@ import sys
 import tempfile
 import time
 
-from wasd_core.errors import one_line
-from wasd_core.errors import UserError
+from wasd_core.errors import one_line, UserError
 
 # So long we wait for a pipe's reader: for it to come, and then whenever it takes nothing [s].
 PATIENCE = 5.0

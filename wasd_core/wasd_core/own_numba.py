@@ -9,18 +9,13 @@ and unpickles what lies in its cache: either one runs the code of the user who w
 from collections.abc import Sequence
 import functools
 from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
-from importlib.machinery import PathFinder
-from importlib.machinery import SourceFileLoader
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 import os
 import sys
-from types import CodeType
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
-from wasd_core.ownership import OPEN
-from wasd_core.ownership import others_can_write
-from wasd_core.ownership import why_foreign
+from wasd_core.ownership import OPEN, others_can_write, why_foreign
 
 CONFIG, CONFIG_FILE = 'numba.core.config', '.numba_config.yaml'
 

@@ -8,14 +8,9 @@ from typing import Any, NamedTuple, TypeVar
 
 import yaml
 
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import did_you_mean
-from wasd_core.errors import one_line
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import known_parameters
-from wasd_core.parameters import Parameters
-from wasd_core.safe_files import read_beginning
-from wasd_core.safe_files import read_file
+from wasd_core.errors import DescriptionError, did_you_mean, one_line
+from wasd_core.parameters import InvalidParameter, known_parameters, Parameters
+from wasd_core.safe_files import read_beginning, read_file
 
 ParametersType = TypeVar('ParametersType', bound=Parameters)
 

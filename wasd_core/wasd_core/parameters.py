@@ -6,8 +6,7 @@ import dataclasses
 import math
 from typing import Any, NamedTuple, Self
 
-from wasd_core.errors import suggest
-from wasd_core.errors import UserError
+from wasd_core.errors import suggest, UserError
 
 # The ends of a range, and how they are written.
 BOUNDS = {'above': '>', 'below': '<', 'minimum': '>=', 'maximum': '<='}

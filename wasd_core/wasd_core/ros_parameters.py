@@ -9,22 +9,26 @@ from types import MethodType
 from typing import Any, cast, TypeVar
 from weakref import WeakMethod
 
-from rcl_interfaces.msg import FloatingPointRange
-from rcl_interfaces.msg import IntegerRange
-from rcl_interfaces.msg import ParameterDescriptor
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from wasd_core.errors import did_you_mean
-from wasd_core.parameters import as_given
-from wasd_core.parameters import describe_range
-from wasd_core.parameters import InvalidParameter
-from wasd_core.parameters import Known
-from wasd_core.parameters import known_parameters
-from wasd_core.parameters import numeric_ends
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import (
+    as_given,
+    describe_range,
+    InvalidParameter,
+    Known,
+    known_parameters,
+    numeric_ends,
+    Parameters,
+)
 
 
 def to_descriptor(field: 'dataclasses.Field[Any]') -> ParameterDescriptor:

@@ -7,13 +7,10 @@ from pathlib import Path
 import stat
 import time
 from typing import Any, NamedTuple
-from xml.dom import expatbuilder
-from xml.dom import minidom
-from xml.dom import Node
+from xml.dom import expatbuilder, minidom, Node
 import xml.parsers.expat
 
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import one_line
+from wasd_core.errors import DescriptionError, one_line
 
 KEY = 'place'
 

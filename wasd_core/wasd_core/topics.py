@@ -16,12 +16,9 @@ import time
 from typing import Any, ClassVar, Generic, TypeVar
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.clock import Clock
-from rclpy.clock import ClockType
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import qos_profile_sensor_data
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
 from rclpy.serialization import serialize_message
 
 from wasd_core.network import is_sourced

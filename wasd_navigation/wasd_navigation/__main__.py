@@ -4,8 +4,7 @@
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.parameters import NavigatorParameters
-from wasd_navigation.parts import make_pilot
-from wasd_navigation.parts import warm_up
+from wasd_navigation.parts import make_pilot, warm_up
 
 if __name__ == '__main__':
     settings = NavigatorParameters()

@@ -6,8 +6,7 @@ import importlib
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped
-from rclpy.action import ActionServer
-from rclpy.action import CancelResponse
+from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import GoalEvent
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -16,8 +15,7 @@ from wasd_core.errors import InvalidMessage
 from wasd_core.timing import Beat
 
 from wasd_navigation.messages import to_pose_stamped
-from wasd_navigation.navigator import Navigator
-from wasd_navigation.navigator import Outcome
+from wasd_navigation.navigator import Navigator, Outcome
 
 NAME = 'navigate_to_pose'
 # So many requests wait until they are handled: of a hundred at once by default ten are answered.

@@ -6,33 +6,20 @@ import math
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped
-from geometry_msgs.msg import PoseWithCovarianceStamped
-from geometry_msgs.msg import TransformStamped
-from nav_msgs.msg import MapMetaData
-from nav_msgs.msg import OccupancyGrid
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
 from nav_msgs.msg import Odometry as OdometryMessage
-from nav_msgs.msg import Path
 import numpy as np
 from rclpy.node import Node
 from sensor_msgs.msg import LaserScan
 from wasd_core.errors import InvalidMessage
 from wasd_core.messages import to_stamp
-from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.rotations import Pose
-from wasd_core.rotations import rpy_from_matrix
-from wasd_core.rotations import yaw_matrix
-from wasd_core.topics import has_listener
-from wasd_core.topics import has_subscriber
-from wasd_core.topics import LATCHED
-from wasd_core.topics import RELIABLE
-from wasd_core.topics import TfBroadcaster
+from wasd_core.rotations import matrix_from_quaternion, Pose, rpy_from_matrix, yaw_matrix
+from wasd_core.topics import has_listener, has_subscriber, LATCHED, RELIABLE, TfBroadcaster
 
 from wasd_navigation.navigator import Navigator
 from wasd_navigation.odometry import Odometry
-from wasd_navigation.records import Grid
-from wasd_navigation.records import read_tilted_scan
-from wasd_navigation.records import Scan
+from wasd_navigation.records import Grid, read_tilted_scan, Scan
 from wasd_navigation.se2 import compose
 
 # Nothing drives so far [m] or so fast [m/s, rad/s], and no lidar has so many rays.

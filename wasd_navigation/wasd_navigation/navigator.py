@@ -9,11 +9,8 @@ import numpy as np
 from wasd_core.timing import Watchdog
 
 from wasd_navigation.odometry import Odometry
-from wasd_navigation.records import Grid
-from wasd_navigation.records import Scan
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
-from wasd_navigation.se2 import transform
+from wasd_navigation.records import Grid, Scan
+from wasd_navigation.se2 import compose, inverse, transform
 
 # Odometry, or a lidar, that is silent for so long is gone [s].
 SILENCE = 0.5

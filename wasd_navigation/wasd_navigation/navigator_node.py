@@ -7,49 +7,44 @@ import pathlib
 import sys
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped
-from geometry_msgs.msg import PoseWithCovarianceStamped
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry as OdometryMessage
 import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import LaserScan
-from std_msgs.msg import Bool
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
-from wasd_core.errors import InvalidMessage
-from wasd_core.errors import UserError
+from wasd_core.errors import InvalidMessage, UserError
 from wasd_core.messages import to_seconds
 from wasd_core.node import run_node
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.rotations import Pose
 from wasd_core.streams import visible
-from wasd_core.topics import AbsenceWatch
-from wasd_core.topics import LATCHED
-from wasd_core.topics import PublisherWatch
-from wasd_core.topics import RELIABLE
-from wasd_core.topics import SENSOR_DATA
-from wasd_core.topics import tf_message_type
-from wasd_core.topics import TF_STATIC
+from wasd_core.topics import (
+    AbsenceWatch,
+    LATCHED,
+    PublisherWatch,
+    RELIABLE,
+    SENSOR_DATA,
+    tf_message_type,
+    TF_STATIC,
+)
 
 from wasd_navigation.goal_action import GoalAction
 from wasd_navigation.mapping import save_map
-from wasd_navigation.messages import from_covariance
-from wasd_navigation.messages import from_odometry
-from wasd_navigation.messages import from_pose
-from wasd_navigation.messages import from_scan
-from wasd_navigation.messages import NavigationPublisher
-from wasd_navigation.messages import to_planar
-from wasd_navigation.navigator import Navigator
-from wasd_navigation.navigator import Outcome
+from wasd_navigation.messages import (
+    from_covariance,
+    from_odometry,
+    from_pose,
+    from_scan,
+    NavigationPublisher,
+    to_planar,
+)
+from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.odometry import OdometryMemory
-from wasd_navigation.parameters import navigator
-from wasd_navigation.parameters import NavigatorParameters
-from wasd_navigation.parts import make_parts
-from wasd_navigation.parts import make_pilot
-from wasd_navigation.parts import Parts
+from wasd_navigation.parameters import navigator, NavigatorParameters
+from wasd_navigation.parts import make_parts, make_pilot, Parts
 from wasd_navigation.se2 import compose
 
 # Locks of the mux that stop navigation, and the name of its source.

@@ -8,12 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.rotations import Pose
 
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
-from wasd_navigation.se2 import is_definite
-from wasd_navigation.se2 import sandwich
-from wasd_navigation.se2 import turn_axes
-from wasd_navigation.se2 import wrap
+from wasd_navigation.se2 import compose, inverse, is_definite, sandwich, turn_axes, wrap
 
 # So many are remembered: two seconds at 50 Hz.
 REMEMBERED = 100

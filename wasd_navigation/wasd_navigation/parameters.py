@@ -8,9 +8,7 @@ import math
 import numpy as np
 from wasd_core.command_line import Executable
 from wasd_core.errors import UserError
-from wasd_core.parameters import group
-from wasd_core.parameters import parameter
-from wasd_core.parameters import Parameters
+from wasd_core.parameters import group, parameter, Parameters
 
 # Circles along the edge of a rectangle reach inward so far [m].
 _DEPTH = 0.16

@@ -14,15 +14,10 @@ from wasd_core.signals import stop_requested
 from wasd_navigation.mapping import load_map
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.navigator import Locator
-from wasd_navigation.navigator import Pilot
+from wasd_navigation.navigator import Locator, Pilot
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.planning.driver import Driver
-from wasd_navigation.records import FREE
-from wasd_navigation.records import Grid
-from wasd_navigation.records import OCCUPIED
-from wasd_navigation.records import read_scan
-from wasd_navigation.records import Scan
+from wasd_navigation.records import FREE, Grid, OCCUPIED, read_scan, Scan
 
 Parts = tuple[Locator, Pilot]
 NOTICE = 'compiling, once: the navigator, which takes up to a minute of a core'

@@ -4,8 +4,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from wasd_core.rotations import Pose
-from wasd_core.rotations import yaw_matrix
+from wasd_core.rotations import Pose, yaw_matrix
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 # Fewer rows or columns are no map: between the middles of two cells values are looked up.

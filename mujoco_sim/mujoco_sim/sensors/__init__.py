@@ -10,8 +10,7 @@ import xml.etree.ElementTree as ElementTree
 import mujoco
 import numpy as np
 from robot_description.robot import Robot
-from wasd_core.rotations import Pose
-from wasd_core.rotations import rpy_matrix
+from wasd_core.rotations import Pose, rpy_matrix
 
 from mujoco_sim.world import World
 from robot_description import sensor_tags

@@ -12,20 +12,12 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from robot_description.mujoco import find_renderer
-from robot_description.mujoco import NO_RENDERER
-from robot_description.sensor_tags import COLOUR_TYPES
-from robot_description.sensor_tags import DEPTH_TYPES
-from wasd_core.errors import one_line
-from wasd_core.errors import SimulationError
+from robot_description.mujoco import find_renderer, NO_RENDERER
+from robot_description.sensor_tags import COLOUR_TYPES, DEPTH_TYPES
+from wasd_core.errors import one_line, SimulationError
 from wasd_core.rotations import Pose
 
-from mujoco_sim.sensors import Fields
-from mujoco_sim.sensors import legal_topic
-from mujoco_sim.sensors import Random
-from mujoco_sim.sensors import SensorTag
-from mujoco_sim.sensors import Site
-from mujoco_sim.sensors import TagReader
+from mujoco_sim.sensors import Fields, legal_topic, Random, SensorTag, Site, TagReader
 from mujoco_sim.world import World
 from robot_description import sensor_tags
 

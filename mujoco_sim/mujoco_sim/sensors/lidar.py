@@ -10,12 +10,7 @@ import mujoco
 import numpy as np
 from robot_description.mujoco.geoms import VISUAL_GROUP
 
-from mujoco_sim.sensors import Fields
-from mujoco_sim.sensors import legal_topic
-from mujoco_sim.sensors import Random
-from mujoco_sim.sensors import SensorTag
-from mujoco_sim.sensors import Site
-from mujoco_sim.sensors import TagReader
+from mujoco_sim.sensors import Fields, legal_topic, Random, SensorTag, Site, TagReader
 from robot_description import sensor_tags
 
 # What is there to be looked at only is not there for a lidar: it sees the same without a viewer.

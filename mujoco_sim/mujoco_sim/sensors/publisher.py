@@ -14,17 +14,11 @@ from std_msgs.msg import Header
 from wasd_core.messages import to_stamp
 from wasd_core.streams import visible
 from wasd_core.timing import Beat
-from wasd_core.topics import has_listener
-from wasd_core.topics import has_subscriber
-from wasd_core.topics import RELIABLE
+from wasd_core.topics import has_listener, has_subscriber, RELIABLE
 
 from mujoco_sim.parameters import SimulatorParameters
-from mujoco_sim.sensors import Random
-from mujoco_sim.sensors import SensorTag
-from mujoco_sim.sensors import Site
-from mujoco_sim.sensors.table import read_sensor_tags
-from mujoco_sim.sensors.table import Sensor
-from mujoco_sim.sensors.table import SENSORS
+from mujoco_sim.sensors import Random, SensorTag, Site
+from mujoco_sim.sensors.table import read_sensor_tags, Sensor, SENSORS
 from mujoco_sim.world import World
 
 # Made only when somebody looks: a recording of everything would be 80 MB a second.

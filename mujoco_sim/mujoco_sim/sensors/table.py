@@ -6,19 +6,11 @@ from dataclasses import replace
 from typing import Any, NamedTuple, Protocol
 
 from robot_description.robot import Robot
-from robot_description.sensor_tags import CAMERA_TYPES
-from robot_description.sensor_tags import LIDAR_TYPES
+from robot_description.sensor_tags import CAMERA_TYPES, LIDAR_TYPES
 
-from mujoco_sim.sensors import Fields
-from mujoco_sim.sensors import legal_topic
-from mujoco_sim.sensors import Random
-from mujoco_sim.sensors import SensorTag
-from mujoco_sim.sensors import Site
-from mujoco_sim.sensors import TagReader
-from mujoco_sim.sensors.camera import Camera
-from mujoco_sim.sensors.camera import read_camera
-from mujoco_sim.sensors.lidar import Lidar
-from mujoco_sim.sensors.lidar import read_lidar
+from mujoco_sim.sensors import Fields, legal_topic, Random, SensorTag, Site, TagReader
+from mujoco_sim.sensors.camera import Camera, read_camera
+from mujoco_sim.sensors.lidar import Lidar, read_lidar
 from robot_description import sensor_tags
 
 

@@ -8,17 +8,10 @@ import threading
 import time
 
 from mujoco.studio.dear_imgui import dear_imgui as imgui
-from wasd_core.timing import HELD
-from wasd_core.timing import HELD_PERIOD
-from wasd_core.timing import RELEASE
-from wasd_core.timing import REPEAT_RATE
-from wasd_core.timing import Watchdog
-from wasd_core.timing import with_event
+from wasd_core.timing import HELD, HELD_PERIOD, RELEASE, REPEAT_RATE, Watchdog, with_event
 
 from mujoco_sim.viewer import Turns
-from mujoco_sim.viewer.clicks import Clicks
-from mujoco_sim.viewer.clicks import IDLE
-from mujoco_sim.viewer.clicks import Mouse
+from mujoco_sim.viewer.clicks import Clicks, IDLE, Mouse
 
 # What is held down on a page counts for so long after it was heard [s]: with every picture.
 SILENCE = 0.5

@@ -11,25 +11,14 @@ import time
 from typing import Any, cast, NamedTuple, TypeVar
 
 import mujoco
-from mujoco.studio import endpoints
-from mujoco.studio import launch_thread
-from mujoco.studio import messages
-from mujoco.studio import plugin
-from mujoco.studio import viewer_protocol
-from mujoco.studio import web_viewer
+from mujoco.studio import endpoints, launch_thread, messages, plugin, viewer_protocol, web_viewer
 from mujoco.studio.web import web_server
 import numpy as np
-from wasd_core.errors import one_line
-from wasd_core.errors import SimulationError
+from wasd_core.errors import one_line, SimulationError
 
-from mujoco_sim.viewer.drawing import Pace
-from mujoco_sim.viewer.drawing import PacedUi
-from mujoco_sim.viewer.drawing import PageContent
-from mujoco_sim.viewer.drawing import Panels
-from mujoco_sim.viewer.drawing import PictureDetail
+from mujoco_sim.viewer.drawing import Pace, PacedUi, PageContent, Panels, PictureDetail
 from mujoco_sim.viewer.input import PageInput
-from mujoco_sim.viewer.server import HOST
-from mujoco_sim.viewer.server import use_page_server
+from mujoco_sim.viewer.server import HOST, use_page_server
 from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0

@@ -10,11 +10,7 @@ import struct
 from typing import Any, cast, NamedTuple
 
 from mujoco.studio.web import web_server
-from mujoco.studio.web.web_server import Headers
-from mujoco.studio.web.web_server import Request
-from mujoco.studio.web.web_server import Response
-from mujoco.studio.web.web_server import serve
-from mujoco.studio.web.web_server import ServerConnection
+from mujoco.studio.web.web_server import Headers, Request, Response, serve, ServerConnection
 
 from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.input import PageInput

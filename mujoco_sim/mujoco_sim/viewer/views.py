@@ -9,8 +9,7 @@ from wasd_core.errors import SimulationError
 
 from mujoco_sim.viewer.drawing import PageContent
 from mujoco_sim.viewer.input import LOST
-from mujoco_sim.viewer.page import CameraView
-from mujoco_sim.viewer.page import WebView
+from mujoco_sim.viewer.page import CameraView, WebView
 from mujoco_sim.world import World
 
 # Between two pictures [s].

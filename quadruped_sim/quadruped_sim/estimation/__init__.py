@@ -7,16 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import rotate
-from quadruped_sim.algebra import rotate_back
-from quadruped_sim.algebra import solve_in_place
-from quadruped_sim.algebra import Three
-from quadruped_sim.algebra import view_of
-from quadruped_sim.tuning import ContactParameters
-from quadruped_sim.tuning import GripParameters
-from quadruped_sim.tuning import GroundParameters
+from quadruped_sim.algebra import (
+    cross3,
+    flatten,
+    rotate,
+    rotate_back,
+    solve_in_place,
+    Three,
+    view_of,
+)
+from quadruped_sim.tuning import ContactParameters, GripParameters, GroundParameters
 
 # Cosine between motion and force of a foot below which it slips: -1, but for what is not known.
 _OPPOSED = -0.9

@@ -6,18 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
-from wasd_core.robot_io import GRAVITY
-from wasd_core.robot_io import ImuReading
+from wasd_core.robot_io import GRAVITY, ImuReading
 
-from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import plain
-from quadruped_sim.algebra import put
-from quadruped_sim.algebra import rotate
-from quadruped_sim.algebra import rotate_back
-from quadruped_sim.algebra import view_of
-from quadruped_sim.estimation import fit_plane
-from quadruped_sim.estimation import height_at
+from quadruped_sim.algebra import cross3, flatten, plain, put, rotate, rotate_back, view_of
+from quadruped_sim.estimation import fit_plane, height_at
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.robot_state import turn_base
 from quadruped_sim.tuning import EstimatorParameters

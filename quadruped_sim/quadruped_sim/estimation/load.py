@@ -7,15 +7,9 @@ import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 
-from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import put
-from quadruped_sim.algebra import rotate_back
-from quadruped_sim.dynamics import Dynamics
-from quadruped_sim.dynamics import find_dynamics
-from quadruped_sim.estimation import feel_touch
-from quadruped_sim.estimation import find_touch
-from quadruped_sim.estimation import TouchRule
+from quadruped_sim.algebra import cross3, flatten, put, rotate_back
+from quadruped_sim.dynamics import Dynamics, find_dynamics
+from quadruped_sim.estimation import feel_touch, find_touch, TouchRule
 from quadruped_sim.leg_kinematics import find_contact_points
 from quadruped_sim.robot_state import place_base
 

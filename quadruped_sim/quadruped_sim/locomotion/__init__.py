@@ -5,39 +5,38 @@ import math
 
 import numpy as np
 from wasd_core.jit import jit
-from wasd_core.robot_io import GRAVITY
-from wasd_core.robot_io import JointCommand
-from wasd_core.rotations import cross
-from wasd_core.rotations import yaw_matrix
+from wasd_core.robot_io import GRAVITY, JointCommand
+from wasd_core.rotations import cross, yaw_matrix
 
 from quadruped_sim.algebra import plain
-from quadruped_sim.estimation import Grip
-from quadruped_sim.estimation import Ground
-from quadruped_sim.locomotion.convex_mpc import ConvexMpc
-from quadruped_sim.locomotion.convex_mpc import MpcProblem
-from quadruped_sim.locomotion.feedback import base_acceleration
-from quadruped_sim.locomotion.feedback import BaseTracking
-from quadruped_sim.locomotion.feedback import joint_command
-from quadruped_sim.locomotion.feedback import standing_forces
-from quadruped_sim.locomotion.footwork import blank_feet
-from quadruped_sim.locomotion.footwork import FootAims
-from quadruped_sim.locomotion.footwork import FootRules
-from quadruped_sim.locomotion.footwork import FootStages
-from quadruped_sim.locomotion.footwork import stance_rule
-from quadruped_sim.locomotion.footwork import step_feet
-from quadruped_sim.locomotion.footwork import StepHeight
+from quadruped_sim.estimation import Grip, Ground
+from quadruped_sim.locomotion.convex_mpc import ConvexMpc, MpcProblem
+from quadruped_sim.locomotion.feedback import (
+    base_acceleration,
+    BaseTracking,
+    joint_command,
+    standing_forces,
+)
+from quadruped_sim.locomotion.footwork import (
+    blank_feet,
+    FootAims,
+    FootRules,
+    FootStages,
+    stance_rule,
+    step_feet,
+    StepHeight,
+)
 from quadruped_sim.locomotion.gait import Gait
-from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.locomotion.reference import blank_reference
-from quadruped_sim.locomotion.reference import horizon
-from quadruped_sim.locomotion.reference import Reference
-from quadruped_sim.locomotion.reference import travel
-from quadruped_sim.locomotion.reference import turned
-from quadruped_sim.locomotion.swing import blank_targets
-from quadruped_sim.locomotion.swing import SwingLegs
-from quadruped_sim.locomotion.swing import SwingTargets
-from quadruped_sim.locomotion.whole_body import WholeBody
-from quadruped_sim.locomotion.whole_body import WholeBodyTask
+from quadruped_sim.locomotion.reference import (
+    BaseReference,
+    blank_reference,
+    horizon,
+    Reference,
+    travel,
+    turned,
+)
+from quadruped_sim.locomotion.swing import blank_targets, SwingLegs, SwingTargets
+from quadruped_sim.locomotion.whole_body import WholeBody, WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState

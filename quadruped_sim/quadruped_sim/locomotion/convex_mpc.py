@@ -9,10 +9,7 @@ import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 
-from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import plain
-from quadruped_sim.algebra import rotate
+from quadruped_sim.algebra import cross3, flatten, plain, rotate
 from quadruped_sim.tuning import MpcParameters
 
 

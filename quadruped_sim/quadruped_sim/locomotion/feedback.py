@@ -5,24 +5,15 @@ import math
 
 import numpy as np
 from wasd_core.jit import jit
-from wasd_core.robot_io import GRAVITY
-from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import GRAVITY, JointCommand
 
-from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import invert3
-from quadruped_sim.algebra import plain
-from quadruped_sim.algebra import put
-from quadruped_sim.algebra import rotate
-from quadruped_sim.algebra import rotate_back
-from quadruped_sim.leg_kinematics import LegGeometry
-from quadruped_sim.leg_kinematics import solve_leg
+from quadruped_sim.algebra import cross3, invert3, plain, put, rotate, rotate_back
+from quadruped_sim.leg_kinematics import LegGeometry, solve_leg
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_state import BaseMotion
-from quadruped_sim.robot_state import RobotState
-from quadruped_sim.tuning import BalanceParameters
-from quadruped_sim.tuning import WholeBodyParameters
+from quadruped_sim.robot_state import BaseMotion, RobotState
+from quadruped_sim.tuning import BalanceParameters, WholeBodyParameters
 
 
 def gains_of(params: BalanceParameters | WholeBodyParameters) -> np.ndarray:

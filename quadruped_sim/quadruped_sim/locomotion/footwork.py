@@ -7,26 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import view_of
-from quadruped_sim.estimation import feel_grip
-from quadruped_sim.estimation import follow_plane
-from quadruped_sim.estimation import GripRule
-from quadruped_sim.estimation import height_at
-from quadruped_sim.estimation import PlaneFilter
+from quadruped_sim.algebra import flatten, view_of
+from quadruped_sim.estimation import feel_grip, follow_plane, GripRule, height_at, PlaneFilter
 from quadruped_sim.locomotion.gait import GaitState
-from quadruped_sim.locomotion.reference import advance
-from quadruped_sim.locomotion.reference import BaseReference
-from quadruped_sim.locomotion.swing import find_landing
-from quadruped_sim.locomotion.swing import FootPaths
-from quadruped_sim.locomotion.swing import lead
-from quadruped_sim.locomotion.swing import SwingGains
-from quadruped_sim.locomotion.swing import SwingTargets
+from quadruped_sim.locomotion.reference import advance, BaseReference
+from quadruped_sim.locomotion.swing import find_landing, FootPaths, lead, SwingGains, SwingTargets
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.tuning import ContactParameters
-from quadruped_sim.tuning import GaitParameters
+from quadruped_sim.tuning import ContactParameters, GaitParameters
 
 # Feet that stand this far off the plane through all are the noise of a flat floor, and this far
 # off are on rough ground, in full; on the Go2 [m].

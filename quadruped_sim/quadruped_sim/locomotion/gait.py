@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadruped_sim.presets import DUTY_MAX
-from quadruped_sim.presets import GaitRow
-from quadruped_sim.presets import GAITS
+from quadruped_sim.presets import DUTY_MAX, GaitRow, GAITS
 from quadruped_sim.tuning import GaitParameters
 
 # How fast a gait becomes another while the legs move: shares of a period, and of each of the

@@ -8,8 +8,7 @@ import numpy as np
 from robot_description.morphology.quadruped import Scale
 from wasd_core.jit import jit
 
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import plain
+from quadruped_sim.algebra import flatten, plain
 from quadruped_sim.estimation import height_at
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.tuning import ReferenceParameters

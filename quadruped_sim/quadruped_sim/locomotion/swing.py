@@ -8,16 +8,13 @@ import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY
 
-from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import rotate
+from quadruped_sim.algebra import cross3, flatten, rotate
 from quadruped_sim.estimation import height_at
 from quadruped_sim.locomotion.gait import GaitState
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_state import BaseMotion
-from quadruped_sim.robot_state import RobotState
+from quadruped_sim.robot_state import BaseMotion, RobotState
 
 # Share of a swing in which the foot gathers speed, and as much in which it loses it again.
 _RAMP = 0.3

@@ -7,21 +7,20 @@ import numpy as np
 from wasd_core.jit import jit
 from wasd_core.robot_io import FULL_TORQUE_SHARE
 
-from quadruped_sim.algebra import cross3
-from quadruped_sim.algebra import flatten
-from quadruped_sim.algebra import invert3
-from quadruped_sim.algebra import plain
-from quadruped_sim.algebra import put
-from quadruped_sim.algebra import rotate
-from quadruped_sim.algebra import rotate_back
-from quadruped_sim.algebra import solve_in_place
-from quadruped_sim.locomotion.convex_mpc import ForceBounds
-from quadruped_sim.locomotion.convex_mpc import FrictionPyramids
-from quadruped_sim.locomotion.convex_mpc import QpSolver
+from quadruped_sim.algebra import (
+    cross3,
+    flatten,
+    invert3,
+    plain,
+    put,
+    rotate,
+    rotate_back,
+    solve_in_place,
+)
+from quadruped_sim.locomotion.convex_mpc import ForceBounds, FrictionPyramids, QpSolver
 from quadruped_sim.robot_model import JointLimits
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.tuning import MpcParameters
-from quadruped_sim.tuning import WholeBodyParameters
+from quadruped_sim.tuning import MpcParameters, WholeBodyParameters
 
 
 class WholeBodyTask(NamedTuple):

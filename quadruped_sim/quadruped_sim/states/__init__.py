@@ -2,19 +2,18 @@
 """One class per state of the leg controller."""
 
 from quadruped_sim.keys import StateName
-from quadruped_sim.states.driving import ControllerParts
-from quadruped_sim.states.driving import FixedStand
-from quadruped_sim.states.driving import FreeStand
-from quadruped_sim.states.driving import MoveBase
-from quadruped_sim.states.driving import Passive
-from quadruped_sim.states.driving import State
-from quadruped_sim.states.driving import Trotting
-from quadruped_sim.states.exercises import BalanceTest
-from quadruped_sim.states.exercises import StepTest
-from quadruped_sim.states.exercises import SwingTest
+from quadruped_sim.states.driving import (
+    ControllerParts,
+    FixedStand,
+    FreeStand,
+    MoveBase,
+    Passive,
+    State,
+    Trotting,
+)
+from quadruped_sim.states.exercises import BalanceTest, StepTest, SwingTest
 from quadruped_sim.states.jump import Jump
-from quadruped_sim.states.lying import GetUp
-from quadruped_sim.states.lying import LieDown
+from quadruped_sim.states.lying import GetUp, LieDown
 
 __all__ = ['ControllerParts', 'State', 'make_states']
 

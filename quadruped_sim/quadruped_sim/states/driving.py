@@ -1,31 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a state is, and those in which a driver stands, leans and walks."""
 
-from abc import ABC
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 import math
 
 import numpy as np
-from robot_description.morphology.quadruped import Scale
-from robot_description.morphology.quadruped import similar_pose
-from wasd_core.robot_io import GRAVITY
-from wasd_core.robot_io import JointCommand
-from wasd_core.rotations import rotation_vector
-from wasd_core.rotations import rpy_matrix
+from robot_description.morphology.quadruped import Scale, similar_pose
+from wasd_core.robot_io import GRAVITY, JointCommand
+from wasd_core.rotations import rotation_vector, rpy_matrix
 
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.keys import Sticks
-from quadruped_sim.leg_kinematics import all_leg_angles
-from quadruped_sim.leg_kinematics import foot_positions
+from quadruped_sim.leg_kinematics import all_leg_angles, foot_positions
 from quadruped_sim.locomotion import Locomotion
-from quadruped_sim.locomotion.feedback import base_acceleration
-from quadruped_sim.locomotion.feedback import standing_forces
+from quadruped_sim.locomotion.feedback import base_acceleration, standing_forces
 from quadruped_sim.locomotion.swing import foot_velocities
 from quadruped_sim.locomotion.whole_body import WholeBodyTask
 from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_model import NO_TORQUE
-from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import NO_TORQUE, RobotModel
 from quadruped_sim.robot_state import RobotState
 from quadruped_sim.safety import UP
 from quadruped_sim.states.support import is_to_step

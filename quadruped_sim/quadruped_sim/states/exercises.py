@@ -16,12 +16,8 @@ from wasd_core.rotations import yaw_matrix
 
 from quadruped_sim.leg_kinematics import FR
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.states.driving import approach
-from quadruped_sim.states.driving import OnFeet
-from quadruped_sim.states.driving import smooth
-from quadruped_sim.states.support import corners_of
-from quadruped_sim.states.support import nearest_inside
-from quadruped_sim.states.support import room_inside
+from quadruped_sim.states.driving import approach, OnFeet, smooth
+from quadruped_sim.states.support import corners_of, nearest_inside, room_inside
 
 # The centre of mass stays so far inside the edges between four feet [m].
 BALANCE_MARGIN = 0.06

@@ -1,28 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """A jump from the stand, in place or ahead, key v."""
 
-from enum import auto
-from enum import Enum
+from enum import auto, Enum
 import math
 from typing import NamedTuple
 
 import numpy as np
-from wasd_core.robot_io import GRAVITY
-from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import GRAVITY, JointCommand
 from wasd_core.rotations import yaw_matrix
 
-from quadruped_sim.leg_kinematics import all_leg_angles
-from quadruped_sim.leg_kinematics import foot_positions
-from quadruped_sim.leg_kinematics import leg_motion
-from quadruped_sim.locomotion.feedback import pd_law
-from quadruped_sim.locomotion.feedback import rotation_error
-from quadruped_sim.robot_model import NO_TORQUE
-from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.leg_kinematics import all_leg_angles, foot_positions, leg_motion
+from quadruped_sim.locomotion.feedback import pd_law, rotation_error
+from quadruped_sim.robot_model import NO_TORQUE, RobotModel
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.states.driving import ControllerParts
-from quadruped_sim.states.driving import OnFeet
-from quadruped_sim.states.driving import smooth
-from quadruped_sim.states.driving import stiff_command
+from quadruped_sim.states.driving import ControllerParts, OnFeet, smooth, stiff_command
 
 # Of the Go2. How far the hips are above the feet: crouched, at take-off, with folded legs in the
 # air, with legs held ready for the ground, and at rest again [m].

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """On the ground and up from it: get up from any pose, key 6, and lie down gently, key 7."""
 
-from enum import auto
-from enum import Enum
+from enum import auto, Enum
 import math
 from typing import NamedTuple
 
@@ -11,15 +10,16 @@ from robot_description.morphology.quadruped import similar_pose
 from wasd_core.robot_io import JointCommand
 
 from quadruped_sim.leg_kinematics import LEFT
-from quadruped_sim.robot_model import NO_TORQUE
-from quadruped_sim.robot_model import RobotModel
+from quadruped_sim.robot_model import NO_TORQUE, RobotModel
 from quadruped_sim.robot_state import RobotState
-from quadruped_sim.states.driving import AfterTrot
-from quadruped_sim.states.driving import approach
-from quadruped_sim.states.driving import ControllerParts
-from quadruped_sim.states.driving import smooth
-from quadruped_sim.states.driving import State
-from quadruped_sim.states.driving import stiff_command
+from quadruped_sim.states.driving import (
+    AfterTrot,
+    approach,
+    ControllerParts,
+    smooth,
+    State,
+    stiff_command,
+)
 
 
 class Roll(NamedTuple):

@@ -9,22 +9,20 @@ import re
 import shutil
 from typing import NamedTuple
 
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import one_line
-from wasd_core.output_file import identity
-from wasd_core.output_file import OutputFile
+from wasd_core.errors import DescriptionError, one_line
+from wasd_core.output_file import identity, OutputFile
 
-from robot_description.fix.edits import add_footprint
-from robot_description.fix.edits import correct_mesh_paths
-from robot_description.fix.edits import drop_materials
-from robot_description.fix.edits import prefix_macros
-from robot_description.fix.edits import rename_joints
-from robot_description.fix.edits import swap_sides
-from robot_description.fix.workspace import Edit
-from robot_description.fix.workspace import Workspace
+from robot_description.fix.edits import (
+    add_footprint,
+    correct_mesh_paths,
+    drop_materials,
+    prefix_macros,
+    rename_joints,
+    swap_sides,
+)
+from robot_description.fix.workspace import Edit, Workspace
 from robot_description.lint.rules import Finding
-from robot_description.packages import own_folder
-from robot_description.packages import source_of
+from robot_description.packages import own_folder, source_of
 
 # What diff and patch call a line; Python's splitlines knows other ends, too.
 LINE = re.compile(r'[^\n]*\n|[^\n]+')

@@ -11,18 +11,11 @@ from xml.sax.saxutils import escape
 from wasd_core.errors import DescriptionError
 from wasd_core.safe_files import Place
 
-from robot_description.fix.workspace import Edit
-from robot_description.fix.workspace import Workspace
-from robot_description.lint.geometry import find_wheels
-from robot_description.lint.geometry import FOOTPRINT
-from robot_description.lint.geometry import swapped_pairs
+from robot_description.fix.workspace import Edit, Workspace
+from robot_description.lint.geometry import find_wheels, FOOTPRINT, swapped_pairs
 from robot_description.lint.model import Element
-from robot_description.morphology import hint_at
-from robot_description.morphology import OPPOSITE
-from robot_description.morphology import sides
-from robot_description.xacro.source import PREFIX
-from robot_description.xacro.source import SourceTag
-from robot_description.xacro.source import unprefixed_calls
+from robot_description.morphology import hint_at, OPPOSITE, sides
+from robot_description.xacro.source import PREFIX, SourceTag, unprefixed_calls
 
 QUOTES = {'"': '&quot;', "'": '&apos;'}
 TEXT = """{indent}<link name="{footprint}"/>

@@ -7,24 +7,18 @@ from pathlib import Path
 import re
 from typing import NamedTuple
 
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import PackageNotFound
+from wasd_core.errors import DescriptionError, PackageNotFound
 from wasd_core.safe_files import Place
 
 from robot_description.lint import lint_session
-from robot_description.lint.model import make_model
-from robot_description.lint.model import Model
+from robot_description.lint.model import make_model, Model
 from robot_description.lint.rules import Finding
 from robot_description.meshes import open_meshes
-from robot_description.meshes.resolver import MeshReport
-from robot_description.meshes.resolver import resolve_meshes
-from robot_description.packages import own_folder
-from robot_description.packages import PackageFinder
+from robot_description.meshes.resolver import MeshReport, resolve_meshes
+from robot_description.packages import own_folder, PackageFinder
 from robot_description.urdf import parse_urdf
-from robot_description.xacro import Expansion
-from robot_description.xacro import XacroSession
-from robot_description.xacro.source import parse_source
-from robot_description.xacro.source import SourceTag
+from robot_description.xacro import Expansion, XacroSession
+from robot_description.xacro.source import parse_source, SourceTag
 
 FIND = re.compile(r'\$\(find\s+([^\s)]+)\s*\)')
 

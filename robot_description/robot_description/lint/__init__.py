@@ -7,26 +7,17 @@ from itertools import islice
 from pathlib import Path
 
 from wasd_core.errors import DescriptionError
-from wasd_core.safe_files import LocatedError
-from wasd_core.safe_files import Place
+from wasd_core.safe_files import LocatedError, Place
 
-from robot_description.lint import geometry
-from robot_description.lint import sensors
-from robot_description.lint import structure
-from robot_description.lint.model import make_model
-from robot_description.lint.model import Model
-from robot_description.lint.rules import Finding
-from robot_description.lint.rules import finding
+from robot_description.lint import geometry, sensors, structure
+from robot_description.lint.model import make_model, Model
+from robot_description.lint.rules import Finding, finding
 from robot_description.meshes import open_meshes
-from robot_description.meshes.resolver import MeshRecord
-from robot_description.meshes.resolver import resolve_meshes
-from robot_description.meshes.resolver import SIZE
-from robot_description.meshes.resolver import UNUSABLE
+from robot_description.meshes.resolver import MeshRecord, resolve_meshes, SIZE, UNUSABLE
 from robot_description.robot import Robot
 from robot_description.urdf import parse_urdf
 from robot_description.xacro import XacroSession
-from robot_description.xacro.source import unprefixed_calls
-from robot_description.xacro.source import XACRO_TAGS
+from robot_description.xacro.source import unprefixed_calls, XACRO_TAGS
 
 CHECKS: tuple[Callable[[Model], Iterator[Finding]], ...] = (
     structure.check_names,

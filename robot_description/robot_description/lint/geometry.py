@@ -8,19 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.rotations import Pose
 
-from robot_description.lint.model import Element
-from robot_description.lint.model import end
-from robot_description.lint.model import Model
-from robot_description.lint.rules import Finding
-from robot_description.lint.rules import finding
-from robot_description.morphology import OPPOSITE
-from robot_description.morphology import part
-from robot_description.morphology import sides
-from robot_description.morphology import words
-from robot_description.morphology.rollers import find_rollers
-from robot_description.morphology.rollers import is_on_leg
-from robot_description.morphology.tyre import imbalance
-from robot_description.morphology.tyre import is_unbalanced
+from robot_description.lint.model import Element, end, Model
+from robot_description.lint.rules import Finding, finding
+from robot_description.morphology import OPPOSITE, part, sides, words
+from robot_description.morphology.rollers import find_rollers, is_on_leg
+from robot_description.morphology.tyre import imbalance, is_unbalanced
 from robot_description.robot import Robot
 from robot_description.urdf import INERTIA_COMPONENTS
 

@@ -7,9 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from wasd_core.rotations import IDENTITY
-from wasd_core.rotations import Pose
-from wasd_core.rotations import rpy_matrix
+from wasd_core.rotations import IDENTITY, Pose, rpy_matrix
 from wasd_core.safe_files import Place
 
 from robot_description.robot import MOVABLE

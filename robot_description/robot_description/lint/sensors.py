@@ -4,10 +4,8 @@
 from collections.abc import Iterator
 
 from robot_description import sensor_tags
-from robot_description.lint.model import Element
-from robot_description.lint.model import Model
-from robot_description.lint.rules import Finding
-from robot_description.lint.rules import finding
+from robot_description.lint.model import Element, Model
+from robot_description.lint.rules import Finding, finding
 
 
 def check_sensors(model: Model) -> Iterator[Finding]:

@@ -9,18 +9,10 @@ import re
 from wasd_core.errors import did_you_mean
 from wasd_core.safe_files import Place
 
-from robot_description.lint.model import Element
-from robot_description.lint.model import end
-from robot_description.lint.model import Model
-from robot_description.lint.model import MOVING_KINDS
-from robot_description.lint.rules import Finding
-from robot_description.lint.rules import finding
-from robot_description.morphology import guess_name
-from robot_description.morphology import hint_at
-from robot_description.morphology import sides
-from robot_description.morphology import words
-from robot_description.robot import MOVABLE
-from robot_description.robot import WORLD_LINK
+from robot_description.lint.model import Element, end, Model, MOVING_KINDS
+from robot_description.lint.rules import Finding, finding
+from robot_description.morphology import guess_name, hint_at, sides, words
+from robot_description.robot import MOVABLE, WORLD_LINK
 
 # Tag: what it may hold. After the URDF specification of urdfdom 4.
 CHILDREN = {

@@ -9,17 +9,17 @@ import numpy as np
 from wasd_core.rotations import NO_ORIGIN
 
 from robot_description.meshes.load import extent
-from robot_description.meshes.resolver import EXACT
-from robot_description.meshes.resolver import GUESSED
-from robot_description.meshes.resolver import mesh_shapes
-from robot_description.meshes.resolver import MeshRecord
-from robot_description.meshes.resolver import MeshReport
-from robot_description.meshes.resolver import MISSING
-from robot_description.meshes.resolver import SIZE
-from robot_description.meshes.resolver import UNUSABLE
-from robot_description.robot import Link
-from robot_description.robot import Robot
-from robot_description.robot import Shape
+from robot_description.meshes.resolver import (
+    EXACT,
+    GUESSED,
+    mesh_shapes,
+    MeshRecord,
+    MeshReport,
+    MISSING,
+    SIZE,
+    UNUSABLE,
+)
+from robot_description.robot import Link, Robot, Shape
 
 # A mesh is too large beyond so many times the robot's reach, and beyond so many metres at least;
 # the latter without a reach, as that of a single link.

@@ -5,15 +5,13 @@ from collections.abc import Collection, Iterable, Mapping
 import difflib
 import filecmp
 import os
-from pathlib import Path
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 import re
 from urllib.parse import unquote
 import xml.etree.ElementTree as ElementTree
 from xml.sax.saxutils import quoteattr
 
-from robot_description.morphology import SIDES
-from robot_description.morphology import words
+from robot_description.morphology import SIDES, words
 from robot_description.packages import PACKAGE
 
 # Formats that can be read, the ones that say most about a mesh with least trouble first.

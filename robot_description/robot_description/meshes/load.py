@@ -18,8 +18,7 @@ import zipfile
 import numpy as np
 from wasd_core.errors import one_line
 
-from robot_description.robot import Robot
-from robot_description.robot import Shape
+from robot_description.robot import Robot, Shape
 
 # Raise it when what is cached changes.
 CACHE_VERSION = 5

@@ -3,21 +3,22 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 import os
-from pathlib import Path
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 import re
 from typing import NamedTuple
 from urllib.parse import unquote
 
-from robot_description.packages import AllowedPaths
-from robot_description.packages import dependencies
-from robot_description.packages import installed_folders
-from robot_description.packages import linked
-from robot_description.packages import manifest_name
-from robot_description.packages import own_folder
-from robot_description.packages import OWN_PACKAGE
-from robot_description.packages import own_package
-from robot_description.packages import package_url
+from robot_description.packages import (
+    AllowedPaths,
+    dependencies,
+    installed_folders,
+    linked,
+    manifest_name,
+    own_folder,
+    OWN_PACKAGE,
+    own_package,
+    package_url,
+)
 
 # Of a file's name, and of a path with room for the folders before it.
 LONGEST_NAME, LONGEST_PATH = 255, 3000

@@ -3,31 +3,27 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from functools import cached_property
+from functools import cache, cached_property
 import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from wasd_core.errors import DescriptionError
 
-from robot_description.meshes.files import best_format
-from robot_description.meshes.files import closest
-from robot_description.meshes.files import guess_files
-from robot_description.meshes.files import in_any_case
-from robot_description.meshes.files import is_carrier
-from robot_description.meshes.files import mesh_files
-from robot_description.meshes.files import only
-from robot_description.meshes.files import part_words
-from robot_description.meshes.files import PARTS
-from robot_description.meshes.files import with_other_extension
-from robot_description.meshes.places import MeshPlace
-from robot_description.meshes.places import MeshPlaces
-from robot_description.meshes.places import NAMESAKE
-from robot_description.meshes.places import NEAR
-from robot_description.meshes.places import ROOT
-from robot_description.robot import Robot
-from robot_description.robot import Shape
+from robot_description.meshes.files import (
+    best_format,
+    closest,
+    guess_files,
+    in_any_case,
+    is_carrier,
+    mesh_files,
+    only,
+    part_words,
+    PARTS,
+    with_other_extension,
+)
+from robot_description.meshes.places import MeshPlace, MeshPlaces, NAMESAKE, NEAR, ROOT
+from robot_description.robot import Robot, Shape
 
 EXACT = 'exact'
 MISSING = 'missing'

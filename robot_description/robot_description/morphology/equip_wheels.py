@@ -24,19 +24,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from wasd_core.robot_io import GRAVITY
-from wasd_core.robot_io import TIME_STEP
-from wasd_core.rotations import Origin
-from wasd_core.rotations import rpy_from_matrix
+from wasd_core.robot_io import GRAVITY, TIME_STEP
+from wasd_core.rotations import Origin, rpy_from_matrix
 
 from robot_description.meshes.load import mesh_points
-from robot_description.morphology.tyre import carried
-from robot_description.morphology.tyre import Tyre
+from robot_description.morphology.tyre import carried, Tyre
 from robot_description.morphology.wheels import Drive
-from robot_description.robot import Joint
-from robot_description.robot import Link
-from robot_description.robot import Robot
-from robot_description.robot import Shape
+from robot_description.robot import Joint, Link, Robot, Shape
 
 # A gear motor's stall torque over the torque that its driver lets through.
 STALL_SHARE = 3.75

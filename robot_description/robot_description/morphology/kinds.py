@@ -7,17 +7,11 @@ from typing import NamedTuple
 from robot_description.morphology import words
 from robot_description.morphology.equip_wheels import lowest_point
 from robot_description.morphology.leg import LEG_JOINTS as WALKING_JOINTS
-from robot_description.morphology.quadruped import find_quadruped
-from robot_description.morphology.quadruped import NotAQuadruped
-from robot_description.morphology.rollers import find_rollers
-from robot_description.morphology.rollers import is_on_leg
-from robot_description.morphology.rollers import is_upright
-from robot_description.morphology.rollers import Roller
+from robot_description.morphology.quadruped import find_quadruped, NotAQuadruped
+from robot_description.morphology.rollers import find_rollers, is_on_leg, is_upright, Roller
 from robot_description.morphology.tyre import turns_freely
-from robot_description.morphology.wheels import Drive
-from robot_description.morphology.wheels import find_drive
-from robot_description.robot import Joint
-from robot_description.robot import Robot
+from robot_description.morphology.wheels import Drive, find_drive
+from robot_description.robot import Joint, Robot
 
 GO2, MBOT = 'drive it by wasd go2 --description', 'drive it by wasd mbot --description'
 SIMULATE = (

@@ -9,9 +9,7 @@ import numpy as np
 from wasd_core.rotations import Pose
 
 from robot_description.meshes.load import mesh_points
-from robot_description.robot import Joint
-from robot_description.robot import Robot
-from robot_description.robot import Shape
+from robot_description.robot import Joint, Robot, Shape
 
 LEG_JOINTS = 3
 # A description's rotations are often rounded to `1.57`: axes may be off by so much [rad].

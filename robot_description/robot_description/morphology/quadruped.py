@@ -2,8 +2,7 @@
 """Recognises a quadruped by its tree and geometry, and compares it with the Go2."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 import math
 import re
@@ -12,13 +11,8 @@ import numpy as np
 from wasd_core.errors import DescriptionError
 from wasd_core.rotations import Pose
 
-from robot_description.morphology.leg import has_wheel
-from robot_description.morphology.leg import Leg
-from robot_description.morphology.leg import LEG_JOINTS
-from robot_description.morphology.leg import measure_leg
-from robot_description.morphology.leg import NotALeg
-from robot_description.robot import Joint
-from robot_description.robot import Robot
+from robot_description.morphology.leg import has_wheel, Leg, LEG_JOINTS, measure_leg, NotALeg
+from robot_description.robot import Joint, Robot
 
 WANTED = 'a quadruped is wanted: four legs of three revolute joints (roll, pitch, pitch)'
 # More limbs than this are counted, not listed.

@@ -9,12 +9,8 @@ import numpy as np
 from wasd_core.rotations import Pose
 
 from robot_description.morphology import words
-from robot_description.morphology.tyre import carried
-from robot_description.morphology.tyre import find_tyre
-from robot_description.morphology.tyre import OFF_RADIUS
-from robot_description.morphology.tyre import turns_freely
-from robot_description.robot import Joint
-from robot_description.robot import Robot
+from robot_description.morphology.tyre import carried, find_tyre, OFF_RADIUS, turns_freely
+from robot_description.robot import Joint, Robot
 
 # An axis that is upright within this [rad] steers or swivels.
 UPRIGHT = math.radians(30.0)

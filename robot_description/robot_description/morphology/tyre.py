@@ -5,14 +5,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from wasd_core.rotations import IDENTITY
-from wasd_core.rotations import Pose
+from wasd_core.rotations import IDENTITY, Pose
 
 from robot_description.meshes.load import mesh_points
-from robot_description.robot import Joint
-from robot_description.robot import Link
-from robot_description.robot import Robot
-from robot_description.robot import Shape
+from robot_description.robot import Joint, Link, Robot, Shape
 
 # Angles of a description that differ by no more than this are meant to be equal: CAD rounds to
 # 0.5 degrees on each side, exporters write 1.57 for a right angle [rad].

@@ -8,13 +8,14 @@ from pathlib import PurePosixPath
 import numpy as np
 
 from robot_description.morphology import words
-from robot_description.morphology.rollers import CASTER_WORDS
-from robot_description.morphology.rollers import is_on_leg
-from robot_description.morphology.rollers import Roller
-from robot_description.morphology.rollers import steered_by
-from robot_description.morphology.rollers import turned_by
-from robot_description.robot import Joint
-from robot_description.robot import Robot
+from robot_description.morphology.rollers import (
+    CASTER_WORDS,
+    is_on_leg,
+    Roller,
+    steered_by,
+    turned_by,
+)
+from robot_description.robot import Joint, Robot
 
 # Axes of wheels that stand in each other's way by more than this [rad] are those of an omni base.
 CROSSED = math.radians(15.0)

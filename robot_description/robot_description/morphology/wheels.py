@@ -10,24 +10,27 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.rotations import Pose
 
-from robot_description.morphology.rollers import carries_all
-from robot_description.morphology.rollers import find_rollers
-from robot_description.morphology.rollers import is_on_leg
-from robot_description.morphology.rollers import is_upright
-from robot_description.morphology.rollers import joints_above
-from robot_description.morphology.rollers import Roller
-from robot_description.morphology.rollers import turned_by
-from robot_description.morphology.tyre import differ
-from robot_description.morphology.tyre import find_tyre
-from robot_description.morphology.tyre import imbalance
-from robot_description.morphology.tyre import is_unbalanced
-from robot_description.morphology.tyre import OFF_AXIS
-from robot_description.morphology.tyre import OFF_RADIUS
-from robot_description.morphology.tyre import turns_freely
-from robot_description.morphology.tyre import Tyre
+from robot_description.morphology.rollers import (
+    carries_all,
+    find_rollers,
+    is_on_leg,
+    is_upright,
+    joints_above,
+    Roller,
+    turned_by,
+)
+from robot_description.morphology.tyre import (
+    differ,
+    find_tyre,
+    imbalance,
+    is_unbalanced,
+    OFF_AXIS,
+    OFF_RADIUS,
+    turns_freely,
+    Tyre,
+)
 from robot_description.morphology.vehicles import other_vehicle
-from robot_description.robot import Joint
-from robot_description.robot import Robot
+from robot_description.robot import Joint, Robot
 
 # Lengths of a description that differ by no more than this are meant to be equal: CAD rounds to
 # 1 mm on each side [m].

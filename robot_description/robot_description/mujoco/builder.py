@@ -14,24 +14,19 @@ import contextlib
 
 import mujoco
 import numpy as np
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import one_line
-from wasd_core.rotations import NO_ORIGIN
-from wasd_core.rotations import Origin
+from wasd_core.errors import DescriptionError, one_line
+from wasd_core.rotations import NO_ORIGIN, Origin
 
-from robot_description.morphology.quadruped import find_imu
-from robot_description.morphology.quadruped import imu_position
-from robot_description.morphology.quadruped import REFLECTED_INERTIA
+from robot_description.morphology.quadruped import find_imu, imu_position, REFLECTED_INERTIA
 from robot_description.morphology.wheels import drive_wheels
-from robot_description.mujoco.geoms import add_geoms
-from robot_description.mujoco.geoms import exclude_all
-from robot_description.mujoco.geoms import exclude_pairs
-from robot_description.mujoco.geoms import Meshes
-from robot_description.mujoco.geoms import quaternion
-from robot_description.robot import Joint
-from robot_description.robot import possible_inertia
-from robot_description.robot import Robot
-from robot_description.robot import WORLD_LINK
+from robot_description.mujoco.geoms import (
+    add_geoms,
+    exclude_all,
+    exclude_pairs,
+    Meshes,
+    quaternion,
+)
+from robot_description.robot import Joint, possible_inertia, Robot, WORLD_LINK
 
 # How far in the floor a hanging robot may be, and how far above it is hung up otherwise [m].
 CLEARANCE = 0.05

@@ -12,10 +12,7 @@ from wasd_core.errors import DescriptionError
 from wasd_core.rotations import Origin
 
 from robot_description.meshes.load import load_mesh
-from robot_description.robot import Colour
-from robot_description.robot import Link
-from robot_description.robot import Robot
-from robot_description.robot import Shape
+from robot_description.robot import Colour, Link, Robot, Shape
 
 # Without a handler Python writes warnings to standard error, a line each.
 LOGGER = logging.getLogger(__name__)

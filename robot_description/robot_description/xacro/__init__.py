@@ -6,20 +6,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from wasd_core.errors import DescriptionError
-from wasd_core.safe_files import check_xml
-from wasd_core.safe_files import LocatedError
-from wasd_core.safe_files import parse_with_places
-from wasd_core.safe_files import Place
-from wasd_core.safe_files import read_file
+from wasd_core.safe_files import check_xml, LocatedError, parse_with_places, Place, read_file
 
-from robot_description.xacro.processor import describe_document
-from robot_description.xacro.processor import process
-from robot_description.xacro.processor import unlisted
-from robot_description.xacro.sandbox import OutOfBounds
-from robot_description.xacro.sandbox import run_bounded
-from robot_description.xacro.source import check_format
-from robot_description.xacro.source import check_name
-from robot_description.xacro.source import tidy
+from robot_description.xacro.processor import describe_document, process, unlisted
+from robot_description.xacro.sandbox import OutOfBounds, run_bounded
+from robot_description.xacro.source import check_format, check_name, tidy
 
 
 class Node(NamedTuple):

@@ -15,29 +15,24 @@ import re
 import sys
 from types import SimpleNamespace
 from typing import Any
-from xml.dom import minidom
-from xml.dom import Node
+from xml.dom import minidom, Node
 
-from wasd_core.errors import DescriptionError
-from wasd_core.errors import PackageNotFound
+from wasd_core.errors import DescriptionError, PackageNotFound
 from wasd_core.parameter_file import read_yaml
-from wasd_core.safe_files import check_xml
-from wasd_core.safe_files import LocatedError
-from wasd_core.safe_files import parse_with_places
-from wasd_core.safe_files import Place
-from wasd_core.safe_files import place_of
-from wasd_core.safe_files import read_file
+from wasd_core.safe_files import (
+    check_xml,
+    LocatedError,
+    parse_with_places,
+    Place,
+    place_of,
+    read_file,
+)
 import xacro
 from xacro import substitution_args
 
 from robot_description.packages import AllowedPaths
-from robot_description.xacro.sandbox import evaluate
-from robot_description.xacro.sandbox import evaluate_substitution
-from robot_description.xacro.sandbox import MEMORY
-from robot_description.xacro.source import check_format
-from robot_description.xacro.source import FOREIGN_TAGS
-from robot_description.xacro.source import tidy
-from robot_description.xacro.source import unprefixed_calls
+from robot_description.xacro.sandbox import evaluate, evaluate_substitution, MEMORY
+from robot_description.xacro.source import check_format, FOREIGN_TAGS, tidy, unprefixed_calls
 
 
 def describe_document(document: minidom.Document, file: Path) -> dict[str, Any]:

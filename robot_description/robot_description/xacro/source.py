@@ -2,15 +2,13 @@
 """Files of a description before xacro: what they are, where tags stand, which lack a prefix."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 import re
 from typing import NamedTuple
 import xml.parsers.expat
 
-from wasd_core.safe_files import LocatedError
-from wasd_core.safe_files import Place
+from wasd_core.safe_files import LocatedError, Place
 
 # A start tag, up to its end; `>` may stand in quotes.
 START_TAG = re.compile(rb'<(?:[^<>"\']|"[^"]*"|\'[^\']*\')*>')

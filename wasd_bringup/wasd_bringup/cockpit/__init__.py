@@ -1,21 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the cockpit has to know of a robot, whatever it walks or rolls on."""
 
-from abc import ABC
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from teleop_keyboard.keymap import direction_words
-from teleop_keyboard.keymap import factor_words
-from teleop_keyboard.keymap import Keymap
-from wasd_cockpit.link import Choice
-from wasd_cockpit.link import KeyCap
-from wasd_cockpit.link import Marks
-from wasd_cockpit.link import Setting
-from wasd_cockpit.link import Stick
-from wasd_cockpit.link import StickUse
+from teleop_keyboard.keymap import direction_words, factor_words, Keymap
+from wasd_cockpit.link import Choice, KeyCap, Marks, Setting, Stick, StickUse
 
 Numbers = Sequence[float] | np.ndarray
 

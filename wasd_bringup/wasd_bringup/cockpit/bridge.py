@@ -7,31 +7,28 @@ from typing import TYPE_CHECKING
 
 from mujoco_sim.viewer.views import start_view
 import numpy as np
-from wasd_cockpit.cockpit import Cockpit
-from wasd_cockpit.cockpit import usual_path
-from wasd_cockpit.link import Choice
-from wasd_cockpit.link import Columns
-from wasd_cockpit.link import History
-from wasd_cockpit.link import Link
-from wasd_cockpit.link import moved
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import PlanarPose
-from wasd_cockpit.link import RATE
-from wasd_cockpit.link import Snapshot
-from wasd_cockpit.link import SPAN
-from wasd_cockpit.link import Stick
+from wasd_cockpit.cockpit import Cockpit, usual_path
+from wasd_cockpit.link import (
+    Choice,
+    Columns,
+    History,
+    Link,
+    moved,
+    Order,
+    PlanarPose,
+    RATE,
+    Snapshot,
+    SPAN,
+    Stick,
+)
 from wasd_core.errors import UserError
 from wasd_core.rotations import matrix_from_quaternion
-from wasd_core.timing import HELD
-from wasd_core.timing import RELEASE
-from wasd_core.timing import split_event
+from wasd_core.timing import HELD, RELEASE, split_event
 
-from wasd_bringup.anew import Anew
-from wasd_bringup.anew import page_port
+from wasd_bringup.anew import Anew, page_port
 from wasd_bringup.cockpit import Described
 from wasd_bringup.report import SAMPLE_PERIOD
-from wasd_bringup.robots import load_class
-from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import load_class, ROBOTS
 from wasd_bringup.session import Session
 from wasd_bringup.session_robot import SessionRobot
 

@@ -2,30 +2,23 @@
 """A quadruped in the cockpit: its states as buttons, the stick by the keys of its sticks."""
 
 import numpy as np
-from quadruped_sim.keys import GAIT_KEYS
-from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.keys import StateName
-from quadruped_sim.keys import STEP
-from quadruped_sim.keys import STICK_KEYS
-from quadruped_sim.keys import StickValues
-from quadruped_sim.keys import ZERO_KEYS
+from quadruped_sim.keys import (
+    GAIT_KEYS,
+    STATE_KEYS,
+    StateName,
+    STEP,
+    STICK_KEYS,
+    StickValues,
+    ZERO_KEYS,
+)
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_state import RobotState
 from teleop_keyboard.keymap import on_layout
-from wasd_cockpit.link import Choice
-from wasd_cockpit.link import KeyCap
-from wasd_cockpit.link import Marks
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import Setting
-from wasd_cockpit.link import Stick
-from wasd_cockpit.link import StickUse
+from wasd_cockpit.link import Choice, KeyCap, Marks, Order, Setting, Stick, StickUse
 from wasd_core.rotations import matrix_from_quaternion
 
-from wasd_bringup.cockpit import Described
-from wasd_bringup.cockpit import keymap_caps
-from wasd_bringup.cockpit import Motion
-from wasd_bringup.cockpit import Numbers
+from wasd_bringup.cockpit import Described, keymap_caps, Motion, Numbers
 from wasd_bringup.go2_stack import Go2Stack
 
 _PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)

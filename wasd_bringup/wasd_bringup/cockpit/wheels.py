@@ -2,16 +2,10 @@
 """A wheeled robot in the cockpit: its mode, its limits, the stick as velocities."""
 
 import numpy as np
-from wasd_cockpit.link import Choice
-from wasd_cockpit.link import KeyCap
-from wasd_cockpit.link import Marks
-from wasd_cockpit.link import Setting
-from wasd_cockpit.link import StickUse
+from wasd_cockpit.link import Choice, KeyCap, Marks, Setting, StickUse
 from wasd_core.rotations import yaw_matrix
 
-from wasd_bringup.cockpit import Described
-from wasd_bringup.cockpit import keymap_caps
-from wasd_bringup.cockpit import Motion
+from wasd_bringup.cockpit import Described, keymap_caps, Motion
 from wasd_bringup.mbot_stack import MbotStack
 from wasd_bringup.robots import MODES
 

@@ -14,16 +14,12 @@ import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
-from rclpy.qos import QoSProfile
-from rclpy.qos import ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.topic_or_service_is_hidden import topic_or_service_is_hidden
 from rclpy.validate_full_topic_name import validate_full_topic_name
-from wasd_core.errors import suggest
-from wasd_core.errors import UserError
+from wasd_core.errors import suggest, UserError
 from wasd_core.network import running
-from wasd_core.node import init_ros
-from wasd_core.node import MessagePump
+from wasd_core.node import init_ros, MessagePump
 from wasd_core.signals import StopSignals
 
 # What is asked for is not there when nothing new has been discovered for so long [s].

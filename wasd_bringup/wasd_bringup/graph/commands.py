@@ -11,32 +11,27 @@ import time
 from typing import Any
 
 from rclpy.duration import Duration
-from rclpy.parameter import Parameter
-from rclpy.parameter import parameter_value_to_python
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
-from wasd_core.errors import one_line
-from wasd_core.errors import suggest
-from wasd_core.errors import UserError
+from wasd_core.errors import one_line, suggest, UserError
 from wasd_core.parameter_file import load_yaml
 from wasd_core.signals import last_status
 from wasd_core.streams import print_error
 from wasd_core.topics import RELIABLE
 import yaml
 
-from wasd_bringup.graph import find_type
-from wasd_bringup.graph import full_name
-from wasd_bringup.graph import Interrupted
-from wasd_bringup.graph import NotFound
-from wasd_bringup.graph import PATIENCE
-from wasd_bringup.graph import POLL_PERIOD
-from wasd_bringup.graph import RateMeter
-from wasd_bringup.graph import RosGraph
-from wasd_bringup.graph import TopicListener
-from wasd_bringup.messages import field_of
-from wasd_bringup.messages import fill
-from wasd_bringup.messages import SHOWN_LENGTH
-from wasd_bringup.messages import to_yaml
-from wasd_bringup.messages import type_name
+from wasd_bringup.graph import (
+    find_type,
+    full_name,
+    Interrupted,
+    NotFound,
+    PATIENCE,
+    POLL_PERIOD,
+    RateMeter,
+    RosGraph,
+    TopicListener,
+)
+from wasd_bringup.messages import field_of, fill, SHOWN_LENGTH, to_yaml, type_name
 
 # A rate is printed so often [s].
 HZ_PERIOD = 1.0

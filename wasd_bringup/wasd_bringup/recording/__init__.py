@@ -7,23 +7,24 @@ from pathlib import Path
 
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Channel
-from mcap.records import Chunk
-from mcap.records import ChunkIndex
-from mcap.records import DataEnd
-from mcap.records import Footer
-from mcap.records import Header
-from mcap.records import McapRecord
-from mcap.records import Message
-from mcap.records import MessageIndex
-from mcap.records import Metadata
-from mcap.records import MetadataIndex
-from mcap.records import Schema
-from mcap.records import Statistics
-from mcap.records import SummaryOffset
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Message,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
 from wasd_core.errors import UserError
-from wasd_core.output_file import OutputError
-from wasd_core.output_file import OutputFile
+from wasd_core.output_file import OutputError, OutputFile
 
 MAGIC = b'\x89MCAP0\r\n'
 LIBRARY = 'wasd'

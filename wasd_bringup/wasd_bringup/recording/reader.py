@@ -8,26 +8,18 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from geometry_msgs.msg import Twist
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist, TwistStamped
 from mcap.reader import make_reader
-from mujoco_sim.parameters import Payload
-from mujoco_sim.parameters import Untold
+from mujoco_sim.parameters import Payload, Untold
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_core.errors import one_line
 
-from wasd_bringup.inputs import box_text
-from wasd_bringup.inputs import Command
-from wasd_bringup.inputs import parse_box
-from wasd_bringup.inputs import parse_push
-from wasd_bringup.inputs import push_text
+from wasd_bringup.inputs import box_text, Command, parse_box, parse_push, push_text
 from wasd_bringup.options import RunOptions
-from wasd_bringup.recording import RECORD_NAME
-from wasd_bringup.recording import RecordingError
+from wasd_bringup.recording import RECORD_NAME, RecordingError
 from wasd_bringup.recording.recorder import EVENTS
-from wasd_bringup.robots import BOTH
-from wasd_bringup.robots import ROBOTS
+from wasd_bringup.robots import BOTH, ROBOTS
 
 
 class Topic(NamedTuple):

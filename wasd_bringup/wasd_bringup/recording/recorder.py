@@ -16,16 +16,13 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from robot_description.packages import share_directory
 from std_msgs.msg import String
-from wasd_core.errors import one_line
-from wasd_core.errors import UserError
+from wasd_core.errors import one_line, UserError
 from wasd_core.output_file import OutputFile
 from wasd_core.topics import LoopbackSubscription
 import yaml
 
-from wasd_bringup.messages import clear_padding
-from wasd_bringup.messages import type_name
-from wasd_bringup.recording import BagWriter
-from wasd_bringup.recording import RecordingError
+from wasd_bringup.messages import clear_padding, type_name
+from wasd_bringup.recording import BagWriter, RecordingError
 
 SEPARATOR = '=' * 80
 # The type at the beginning of a field's line: package and name, or a name of the same package.

@@ -13,12 +13,8 @@ from typing import Any
 
 from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.page import CameraView
-from mujoco_sim.viewer.views import start_view
-from mujoco_sim.viewer.views import View
-from mujoco_sim.world import pose_base
-from mujoco_sim.world import pose_joints
-from mujoco_sim.world import update_bodies
-from mujoco_sim.world import World
+from mujoco_sim.viewer.views import start_view, View
+from mujoco_sim.world import pose_base, pose_joints, update_bodies, World
 from nav_msgs.msg import Odometry
 import rclpy
 from rclpy.serialization import deserialize_message
@@ -27,20 +23,19 @@ from std_msgs.msg import String
 from wasd_core.node import init_ros
 from wasd_core.signals import StopSignals
 
-from wasd_bringup.inputs import BoxPlayer
-from wasd_bringup.inputs import ScriptedBox
-from wasd_bringup.options import keep_alone
-from wasd_bringup.options import read_number
-from wasd_bringup.options import RunOptions
+from wasd_bringup.inputs import BoxPlayer, ScriptedBox
+from wasd_bringup.options import keep_alone, read_number, RunOptions
 from wasd_bringup.recording import RecordingError
-from wasd_bringup.recording.reader import BagReader
-from wasd_bringup.recording.reader import DESCRIPTION
-from wasd_bringup.recording.reader import read_commands
-from wasd_bringup.recording.reader import recorded_options
-from wasd_bringup.recording.reader import recorded_ros_arguments
-from wasd_bringup.recording.reader import RecordedMessage
-from wasd_bringup.recording.reader import robot_topics
-from wasd_bringup.recording.reader import TRUTH
+from wasd_bringup.recording.reader import (
+    BagReader,
+    DESCRIPTION,
+    read_commands,
+    recorded_options,
+    recorded_ros_arguments,
+    RecordedMessage,
+    robot_topics,
+    TRUTH,
+)
 from wasd_bringup.recording.recorder import PublisherTap
 from wasd_bringup.run_command import with_own_frames
 from wasd_bringup.session import Session

@@ -8,10 +8,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 from mujoco_sim.viewer.input import PageInput
 
 from wasd_cockpit.layout import Layout
-from wasd_cockpit.link import Force
-from wasd_cockpit.link import Link
-from wasd_cockpit.link import Snapshot
-from wasd_cockpit.link import Stick
+from wasd_cockpit.link import Force, Link, Snapshot, Stick
 from wasd_cockpit.sight import Sight
 from wasd_cockpit.widgets import Widgets
 

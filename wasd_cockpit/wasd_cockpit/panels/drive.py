@@ -6,12 +6,9 @@ import math
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import Snapshot
-from wasd_cockpit.link import Stick
+from wasd_cockpit.link import Order, Snapshot, Stick
 from wasd_cockpit.panels import PageState
-from wasd_cockpit.widgets import columns
-from wasd_cockpit.widgets import Rect
+from wasd_cockpit.widgets import columns, Rect
 
 # What is nearer to the middle than this share of the way is no wish.
 DEAD_ZONE = 0.08

@@ -11,15 +11,9 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 import numpy as np
 
 from wasd_cockpit import style
-from wasd_cockpit.link import moved
-from wasd_cockpit.link import Navigation
-from wasd_cockpit.link import navigation_words
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import PlanarPose
-from wasd_cockpit.link import Snapshot
+from wasd_cockpit.link import moved, Navigation, navigation_words, Order, PlanarPose, Snapshot
 from wasd_cockpit.panels import PageState
-from wasd_cockpit.widgets import Dragging
-from wasd_cockpit.widgets import Rect
+from wasd_cockpit.widgets import Dragging, Rect
 
 # How much of the floor is seen [m], from middle to edge.
 REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)

@@ -8,9 +8,7 @@ from mujoco.studio.implot import implot
 import numpy as np
 
 from wasd_cockpit import style
-from wasd_cockpit.link import Columns
-from wasd_cockpit.link import Snapshot
-from wasd_cockpit.link import SPAN
+from wasd_cockpit.link import Columns, Snapshot, SPAN
 from wasd_cockpit.panels import PageState
 from wasd_cockpit.widgets import Rect
 

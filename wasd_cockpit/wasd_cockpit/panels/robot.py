@@ -4,10 +4,7 @@
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
-from wasd_cockpit.link import Choice
-from wasd_cockpit.link import Order
-from wasd_cockpit.link import Setting
-from wasd_cockpit.link import Snapshot
+from wasd_cockpit.link import Choice, Order, Setting, Snapshot
 from wasd_cockpit.panels import PageState
 from wasd_cockpit.widgets import columns
 

@@ -6,10 +6,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 from wasd_cockpit import style
 from wasd_cockpit.link import Snapshot
 from wasd_cockpit.panels import PageState
-from wasd_cockpit.scene import CAMERAS
-from wasd_cockpit.scene import HANDS
-from wasd_cockpit.scene import OVERLAYS
-from wasd_cockpit.scene import Scene
+from wasd_cockpit.scene import CAMERAS, HANDS, OVERLAYS, Scene
 from wasd_cockpit.sight import SIZE
 from wasd_cockpit.widgets import columns
 

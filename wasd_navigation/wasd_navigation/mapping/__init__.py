@@ -12,20 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
-from PIL import UnidentifiedImageError
-from wasd_core.errors import one_line
-from wasd_core.errors import UserError
-from wasd_core.output_file import OutputError
-from wasd_core.output_file import OutputFile
+from PIL import Image, UnidentifiedImageError
+from wasd_core.errors import one_line, UserError
+from wasd_core.output_file import OutputError, OutputFile
 from wasd_core.safe_files import read_file
 import yaml
 
-from wasd_navigation.records import FEWEST
-from wasd_navigation.records import FREE
-from wasd_navigation.records import Grid
-from wasd_navigation.records import OCCUPIED
-from wasd_navigation.records import UNKNOWN
+from wasd_navigation.records import FEWEST, FREE, Grid, OCCUPIED, UNKNOWN
 
 # What map_saver writes, but for its threshold of 0.25: grey is 50/255 occupied, so that reads it
 # as free.

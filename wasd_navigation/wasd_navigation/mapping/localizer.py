@@ -7,26 +7,13 @@ import math
 
 import numpy as np
 
-from wasd_navigation.mapping.local_map import Fit
-from wasd_navigation.mapping.local_map import fit_scan
-from wasd_navigation.mapping.search import Found
-from wasd_navigation.mapping.search import Pyramid
-from wasd_navigation.mapping.search import Search
-from wasd_navigation.mapping.search import STEP
-from wasd_navigation.mapping.search import Window
-from wasd_navigation.mapping.search import window_around
-from wasd_navigation.mapping.surface import find_surface
-from wasd_navigation.mapping.surface import make_grid_map
-from wasd_navigation.odometry import add_covariance
-from wasd_navigation.odometry import LEAP
-from wasd_navigation.odometry import OdometryGrowth
+from wasd_navigation.mapping.local_map import Fit, fit_scan
+from wasd_navigation.mapping.search import Found, Pyramid, Search, STEP, Window, window_around
+from wasd_navigation.mapping.surface import find_surface, make_grid_map
+from wasd_navigation.odometry import add_covariance, LEAP, OdometryGrowth
 from wasd_navigation.parameters import MappingParameters
-from wasd_navigation.records import Grid
-from wasd_navigation.records import Scan
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
-from wasd_navigation.se2 import invert
-from wasd_navigation.se2 import wrap
+from wasd_navigation.records import Grid, Scan
+from wasd_navigation.se2 import compose, inverse, invert, wrap
 
 # At most so many are looked at, these far apart at least [m], [rad].
 MOST, APART, TURNED = 8, 0.4, 0.3

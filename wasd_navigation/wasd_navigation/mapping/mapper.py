@@ -5,28 +5,15 @@ import math
 
 import numpy as np
 
-from wasd_navigation.mapping.local_map import Fit
-from wasd_navigation.mapping.local_map import fit_scan
-from wasd_navigation.mapping.local_map import make_local_map
-from wasd_navigation.mapping.places import Drawing
-from wasd_navigation.mapping.places import Places
+from wasd_navigation.mapping.local_map import Fit, fit_scan, make_local_map
+from wasd_navigation.mapping.places import Drawing, Places
 from wasd_navigation.mapping.pose_graph import Solver
-from wasd_navigation.mapping.search import Pyramid
-from wasd_navigation.mapping.search import Search
-from wasd_navigation.mapping.search import window_around
-from wasd_navigation.mapping.surface import find_surface
-from wasd_navigation.mapping.surface import Surface
-from wasd_navigation.odometry import add_covariance
-from wasd_navigation.odometry import LEAP
-from wasd_navigation.odometry import OdometryGrowth
+from wasd_navigation.mapping.search import Pyramid, Search, window_around
+from wasd_navigation.mapping.surface import find_surface, Surface
+from wasd_navigation.odometry import add_covariance, LEAP, OdometryGrowth
 from wasd_navigation.parameters import MappingParameters
-from wasd_navigation.records import Grid
-from wasd_navigation.records import Scan
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import inverse
-from wasd_navigation.se2 import invert
-from wasd_navigation.se2 import turn_axes
-from wasd_navigation.se2 import wrap
+from wasd_navigation.records import Grid, Scan
+from wasd_navigation.se2 import compose, inverse, invert, turn_axes, wrap
 
 # A local map reaches as far as a scan that fits, and as far as places are from each other [m].
 LOCAL_REACH = 14.0

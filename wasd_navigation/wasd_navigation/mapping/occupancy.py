@@ -6,11 +6,7 @@ import math
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.records import FREE
-from wasd_navigation.records import Grid
-from wasd_navigation.records import OCCUPIED
-from wasd_navigation.records import Scan
-from wasd_navigation.records import UNKNOWN
+from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan, UNKNOWN
 
 # Log-odds that a ray adds to the cell that it ends in, a scan to each cell that it looks through,
 # and a ray to the cells behind and before its end, down to a doubt: one hit by noise, among many

@@ -1,18 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Places that a mapping robot has been to, what it saw there, and the grid drawn of them."""
 
-from dataclasses import dataclass
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from wasd_navigation.mapping.local_map import add_surfaces
-from wasd_navigation.mapping.local_map import LocalMap
+from wasd_navigation.mapping.local_map import add_surfaces, LocalMap
 from wasd_navigation.mapping.occupancy import Canvas
 from wasd_navigation.mapping.pose_graph import Edges
 from wasd_navigation.mapping.surface import Surface
-from wasd_navigation.records import Grid
-from wasd_navigation.records import Scan
+from wasd_navigation.records import Grid, Scan
 
 # So many places are drawn in one step.
 PORTION = 2

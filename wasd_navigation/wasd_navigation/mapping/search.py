@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.records import Grid
-from wasd_navigation.records import OCCUPIED
+from wasd_navigation.records import Grid, OCCUPIED
 from wasd_navigation.se2 import put
 
 LEVELS = 5  # cells of 1.6 m at the top of one of 10 cm

@@ -7,14 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.mapping.local_map import add_surfaces
-from wasd_navigation.mapping.local_map import CELL
-from wasd_navigation.mapping.local_map import LocalMap
-from wasd_navigation.mapping.local_map import make_local_map
-from wasd_navigation.records import FREE
-from wasd_navigation.records import Grid
-from wasd_navigation.records import OCCUPIED
-from wasd_navigation.records import Scan
+from wasd_navigation.mapping.local_map import add_surfaces, CELL, LocalMap, make_local_map
+from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan
 
 # Neighbours of a point lie on the same surface within this distance [m] ...
 REACH = 0.16

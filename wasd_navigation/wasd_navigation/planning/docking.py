@@ -7,9 +7,7 @@ import numpy as np
 from wasd_core.jit import jit
 
 from wasd_navigation.planning import Field
-from wasd_navigation.planning.motion import Base
-from wasd_navigation.planning.motion import clearance
-from wasd_navigation.planning.motion import move
+from wasd_navigation.planning.motion import Base, clearance, move
 from wasd_navigation.se2 import wrap
 
 GO, TURN, STAND = 0, 1, 2

@@ -6,22 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wasd_navigation.parameters import DriveLimits
-from wasd_navigation.parameters import Footprint
-from wasd_navigation.parameters import PlanningParameters
+from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
 from wasd_navigation.planning.docking import Docking
-from wasd_navigation.planning.motion import base_of
-from wasd_navigation.planning.motion import clearance
-from wasd_navigation.planning.motion import PoseFilter
-from wasd_navigation.planning.route import is_shut_off
-from wasd_navigation.planning.route import refusal
-from wasd_navigation.planning.route import Route
-from wasd_navigation.planning.sampling import is_safe
-from wasd_navigation.planning.sampling import Sampler
-from wasd_navigation.planning.sampling import Scene
+from wasd_navigation.planning.motion import base_of, clearance, PoseFilter
+from wasd_navigation.planning.route import is_shut_off, refusal, Route
+from wasd_navigation.planning.sampling import is_safe, Sampler, Scene
 from wasd_navigation.planning.surroundings import Surroundings
-from wasd_navigation.records import Grid
-from wasd_navigation.records import Scan
+from wasd_navigation.records import Grid, Scan
 from wasd_navigation.se2 import wrap
 
 # From so much left on it is looked whether the goal is there straight away [m].

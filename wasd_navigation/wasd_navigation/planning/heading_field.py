@@ -13,10 +13,7 @@ import numpy as np
 from wasd_core.jit import jit
 
 from wasd_navigation.planning import Field
-from wasd_navigation.planning.goal_field import Heap
-from wasd_navigation.planning.goal_field import make_heap
-from wasd_navigation.planning.goal_field import pop
-from wasd_navigation.planning.goal_field import push
+from wasd_navigation.planning.goal_field import Heap, make_heap, pop, push
 from wasd_navigation.planning.motion import Base
 from wasd_navigation.planning.surroundings import Surroundings
 

@@ -7,11 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wasd_navigation.parameters import DriveLimits
-from wasd_navigation.planning import fast
-from wasd_navigation.planning import Field
-from wasd_navigation.planning import look_up
-from wasd_navigation.se2 import compose
-from wasd_navigation.se2 import wrap
+from wasd_navigation.planning import fast, Field, look_up
+from wasd_navigation.se2 import compose, wrap
 
 # Time constant in which a pose that the velocity does not explain is believed [s]; and the
 # difference [m or rad] that is no noise, but another place.

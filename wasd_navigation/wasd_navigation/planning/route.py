@@ -6,18 +6,11 @@ from typing import Protocol
 
 import numpy as np
 
-from wasd_navigation.parameters import Footprint
-from wasd_navigation.parameters import PlanningParameters
+from wasd_navigation.parameters import Footprint, PlanningParameters
 from wasd_navigation.planning import Field
-from wasd_navigation.planning.goal_field import DiscField
-from wasd_navigation.planning.goal_field import reaches
-from wasd_navigation.planning.goal_field import shortest
-from wasd_navigation.planning.heading_field import EASY
-from wasd_navigation.planning.heading_field import HeadingField
-from wasd_navigation.planning.heading_field import SHORT
-from wasd_navigation.planning.motion import Base
-from wasd_navigation.planning.motion import clearance
-from wasd_navigation.planning.motion import least_clearance
+from wasd_navigation.planning.goal_field import DiscField, reaches, shortest
+from wasd_navigation.planning.heading_field import EASY, HeadingField, SHORT
+from wasd_navigation.planning.motion import Base, clearance, least_clearance
 from wasd_navigation.planning.sampling import value_at
 from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.records import FEWEST

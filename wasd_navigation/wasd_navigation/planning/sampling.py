@@ -13,12 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wasd_navigation.planning import fast
-from wasd_navigation.planning import Field
-from wasd_navigation.planning import look_up
-from wasd_navigation.planning.motion import Base
-from wasd_navigation.planning.motion import clearance
-from wasd_navigation.planning.motion import move
+from wasd_navigation.planning import fast, Field, look_up
+from wasd_navigation.planning.motion import Base, clearance, move
 from wasd_navigation.se2 import wrap
 
 STEP = 0.1  # of a motion [s]

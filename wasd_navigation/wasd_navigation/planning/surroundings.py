@@ -6,15 +6,9 @@ import math
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.parameters import Footprint
-from wasd_navigation.parameters import PlanningParameters
-from wasd_navigation.planning import Field
-from wasd_navigation.planning import measure_distances
-from wasd_navigation.records import FREE
-from wasd_navigation.records import Grid
-from wasd_navigation.records import OCCUPIED
-from wasd_navigation.records import Scan
-from wasd_navigation.records import UNKNOWN
+from wasd_navigation.parameters import Footprint, PlanningParameters
+from wasd_navigation.planning import Field, measure_distances
+from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan, UNKNOWN
 from wasd_navigation.se2 import transform
 
 # A mark is gone after so many scans whose rays go through it.
