@@ -11,11 +11,7 @@ import numpy as np
 import pytest
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
-from page_in_browser import (
-    open_page,  # noqa: E402
-    set_page_size,  # noqa: E402
-    skip_unless_alive,  # noqa: E402
-)
+from page_in_browser import open_page, set_page_size, skip_unless_alive  # noqa: E402
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
 

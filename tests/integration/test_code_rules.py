@@ -21,7 +21,7 @@ ONE_HOME = {
     'drive modes': ({'float', 'arbotix', 'fake'}, 'diff_drive_sim.__init__'),
     'opposite sides': (
         {'left', 'right', 'front', 'back'},
-        'robot_description.morphology.__init__',
+        'robot_description.morphology.names',
     ),
 }
 

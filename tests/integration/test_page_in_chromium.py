@@ -9,12 +9,7 @@ from typing import Any
 import pytest
 
 selenium = pytest.importorskip('selenium', reason='selenium is not installed')
-from page_in_browser import (  # noqa: E402
-    judged_while_alive,
-    open_page,
-    set_page_size,
-    skip_unless_alive,
-)
+from page_in_browser import judged_while_alive, open_page, set_page_size, skip_unless_alive  # noqa: E402
 from selenium.webdriver.common.action_chains import ActionChains  # noqa: E402
 
 pytestmark = pytest.mark.slow

@@ -17,7 +17,8 @@ from robot_description.sensor_tags import COLOUR_TYPES, DEPTH_TYPES
 from wasd_core.errors import one_line, SimulationError
 from wasd_core.rotations import Pose
 
-from mujoco_sim.sensors import Fields, legal_topic, Random, SensorTag, Site, TagReader
+from mujoco_sim.sensors.mount import Fields, Random, Site
+from mujoco_sim.sensors.tags import legal_topic, SensorTag, TagReader
 from mujoco_sim.world import World
 from robot_description import sensor_tags
 

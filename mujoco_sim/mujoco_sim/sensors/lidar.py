@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 from robot_description.mujoco.geoms import VISUAL_GROUP
 
-from mujoco_sim.sensors import Fields, legal_topic, Random, SensorTag, Site, TagReader
+from mujoco_sim.sensors.mount import Fields, Random, Site
+from mujoco_sim.sensors.tags import legal_topic, SensorTag, TagReader
 from robot_description import sensor_tags
 
 # What is there to be looked at only is not there for a lidar: it sees the same without a viewer.

@@ -17,8 +17,9 @@ from wasd_core.timing import Beat
 from wasd_core.topics import has_listener, has_subscriber, RELIABLE
 
 from mujoco_sim.parameters import SimulatorParameters
-from mujoco_sim.sensors import Random, SensorTag, Site
+from mujoco_sim.sensors.mount import Random, Site
 from mujoco_sim.sensors.table import read_sensor_tags, Sensor, SENSORS
+from mujoco_sim.sensors.tags import SensorTag
 from mujoco_sim.world import World
 
 # Made only when somebody looks: a recording of everything would be 80 MB a second.

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple, Protocol
 from robot_description.robot import Robot
 from robot_description.sensor_tags import CAMERA_TYPES, LIDAR_TYPES
 
-from mujoco_sim.sensors import Fields, legal_topic, Random, SensorTag, Site, TagReader
 from mujoco_sim.sensors.camera import Camera, read_camera
 from mujoco_sim.sensors.lidar import Lidar, read_lidar
+from mujoco_sim.sensors.mount import Fields, Random, Site
+from mujoco_sim.sensors.tags import legal_topic, SensorTag, TagReader
 from robot_description import sensor_tags
 
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from robot_description.robot import Robot
 
-from mujoco_sim.sensors import Snapshot
+from mujoco_sim.sensors.mount import Snapshot
 from mujoco_sim.world import World
 
 # Below this speed [m/s] of tread and wheel alike, nothing is said to slip.

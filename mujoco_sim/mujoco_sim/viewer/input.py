@@ -10,8 +10,8 @@ import time
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from wasd_core.timing import HELD, HELD_PERIOD, RELEASE, REPEAT_RATE, Watchdog, with_event
 
-from mujoco_sim.viewer import Turns
 from mujoco_sim.viewer.clicks import Clicks, IDLE, Mouse
+from mujoco_sim.viewer.turns import Turns
 
 # What is held down on a page counts for so long after it was heard [s]: with every picture.
 SILENCE = 0.5

@@ -9,7 +9,7 @@ from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY, ImuReading
 
 from quadruped_sim.algebra import cross3, flatten, plain, put, rotate, rotate_back, view_of
-from quadruped_sim.estimation import fit_plane, height_at
+from quadruped_sim.estimation.ground import fit_plane, height_at
 from quadruped_sim.leg_kinematics import LegMotion
 from quadruped_sim.robot_state import turn_base
 from quadruped_sim.tuning import EstimatorParameters

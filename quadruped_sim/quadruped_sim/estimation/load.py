@@ -9,7 +9,7 @@ from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import cross3, flatten, put, rotate_back
 from quadruped_sim.dynamics import Dynamics, find_dynamics
-from quadruped_sim.estimation import feel_touch, find_touch, TouchRule
+from quadruped_sim.estimation.touch import feel_touch, find_touch, TouchRule
 from quadruped_sim.leg_kinematics import find_contact_points
 from quadruped_sim.robot_state import place_base
 

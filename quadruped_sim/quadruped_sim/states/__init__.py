@@ -1,35 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One class per state of the leg controller."""
 
-from quadruped_sim.keys import StateName
-from quadruped_sim.states.driving import (
-    ControllerParts,
-    FixedStand,
-    FreeStand,
-    MoveBase,
-    Passive,
-    State,
-    Trotting,
-)
-from quadruped_sim.states.exercises import BalanceTest, StepTest, SwingTest
-from quadruped_sim.states.jump import Jump
-from quadruped_sim.states.lying import GetUp, LieDown
+from quadruped_sim.states.driving import ControllerParts, State
+from quadruped_sim.states.table import make_states
 
 __all__ = ['ControllerParts', 'State', 'make_states']
-
-
-def make_states(parts: ControllerParts) -> dict[StateName, State]:
-    """All states over the same parts."""
-    return {
-        StateName.PASSIVE: Passive(parts),
-        StateName.FIXED_STAND: FixedStand(parts),
-        StateName.FREE_STAND: FreeStand(parts),
-        StateName.TROTTING: Trotting(parts),
-        StateName.MOVE_BASE: MoveBase(parts),
-        StateName.BALANCE_TEST: BalanceTest(parts),
-        StateName.SWING_TEST: SwingTest(parts),
-        StateName.STEP_TEST: StepTest(parts),
-        StateName.GET_UP: GetUp(parts),
-        StateName.LIE_DOWN: LieDown(parts),
-        StateName.JUMP: Jump(parts),
-    }

@@ -4,9 +4,9 @@
 import math
 from typing import NamedTuple
 
-from robot_description.morphology import words
 from robot_description.morphology.equip_wheels import lowest_point
 from robot_description.morphology.leg import LEG_JOINTS as WALKING_JOINTS
+from robot_description.morphology.names import words
 from robot_description.morphology.quadruped import find_quadruped, NotAQuadruped
 from robot_description.morphology.rollers import find_rollers, is_on_leg, is_upright, Roller
 from robot_description.morphology.tyre import turns_freely

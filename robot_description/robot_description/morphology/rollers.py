@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.rotations import Pose
 
-from robot_description.morphology import words
+from robot_description.morphology.names import words
 from robot_description.morphology.tyre import carried, find_tyre, OFF_RADIUS, turns_freely
 from robot_description.robot import Joint, Robot
 

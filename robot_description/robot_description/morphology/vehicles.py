@@ -7,7 +7,7 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from robot_description.morphology import words
+from robot_description.morphology.names import words
 from robot_description.morphology.rollers import (
     CASTER_WORDS,
     is_on_leg,

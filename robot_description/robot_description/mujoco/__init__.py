@@ -1,61 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot as a MuJoCo model: tree, masses, shapes, contacts; and what renders it."""
 
-import ctypes.util
-import importlib.util
-import os
-from pathlib import Path
+from robot_description.mujoco.renderer import choose_renderer, find_renderer, NO_RENDERER
 
-NO_RENDERER = 'no EGL or OSMesa library (Debian, Ubuntu: apt install libegl1 libosmesa6)'
-# MUJOCO_GL's word for each library, the faster one first.
-_LIBRARIES = {'EGL': 'egl', 'OSMesa': 'osmesa'}
-# X11 or Wayland, where the user says which.
-_GLFW_VARIANT = 'PYGLFW_LIBRARY_VARIANT'
-_OFF = ('disable', 'disabled', 'off', 'false', '0')
-
-
-def _use_own_window_library() -> None:
-    """
-    Have mujoco, when it is imported, take the glfw that came with it, unless the user has chosen.
-
-    It would start a Python to ask each that this machine has for its version.
-    """
-    glfw = importlib.util.find_spec('glfw')
-    if glfw is not None and glfw.origin is not None:
-        is_wayland = os.environ.get('XDG_SESSION_TYPE') == 'wayland'
-        system = os.environ.get(_GLFW_VARIANT, '') or ('wayland' if is_wayland else 'x11')
-        library = Path(glfw.origin).parent / system.lower() / 'libglfw.so'
-        if library.is_file():
-            os.environ.setdefault('PYGLFW_LIBRARY', str(library))
-
-
-_use_own_window_library()
-
-
-def find_renderer() -> str | None:
-    """
-    Return `egl` or `osmesa`, whichever this machine has, or None.
-
-    MUJOCO_GL decides where the user has set it to one of them, or to off.
-    """
-    wanted = os.environ.get('MUJOCO_GL', '').lower()
-    if wanted in _OFF:
-        return None
-    if wanted in _LIBRARIES.values():
-        return wanted
-    return next((n for lib, n in _LIBRARIES.items() if ctypes.util.find_library(lib)), None)
-
-
-def choose_renderer() -> bool:
-    """
-    Set MUJOCO_GL to what this machine has, unless the user has set it; return whether it has any.
-
-    mujoco.Renderer needs it; mujoco reads the variable once, when it is imported for the first
-    time.
-    """
-    if 'MUJOCO_GL' in os.environ:
-        return os.environ['MUJOCO_GL'].lower() not in _OFF
-    name = find_renderer()
-    if name is not None:
-        os.environ['MUJOCO_GL'] = name
-    return name is not None
+__all__ = ['NO_RENDERER', 'choose_renderer', 'find_renderer']

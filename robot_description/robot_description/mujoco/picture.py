@@ -10,9 +10,9 @@ from PIL import Image
 from wasd_core.errors import DescriptionError
 from wasd_core.output_file import OutputFile
 
-from robot_description.mujoco import find_renderer, NO_RENDERER
 from robot_description.mujoco.builder import compile_model, to_mujoco
 from robot_description.mujoco.geoms import VISUAL_GROUP
+from robot_description.mujoco.renderer import find_renderer, NO_RENDERER
 from robot_description.robot import Robot
 
 SIZE = (1280, 960)

@@ -26,7 +26,7 @@ from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.timing import HELD, RELEASE, split_event
 
 from wasd_bringup.anew import Anew, page_port
-from wasd_bringup.cockpit import Described
+from wasd_bringup.cockpit.described import Described
 from wasd_bringup.report import SAMPLE_PERIOD
 from wasd_bringup.robots import load_class, ROBOTS
 from wasd_bringup.session import Session

@@ -18,7 +18,7 @@ from teleop_keyboard.keymap import on_layout
 from wasd_cockpit.link import Choice, KeyCap, Marks, Order, Setting, Stick, StickUse
 from wasd_core.rotations import matrix_from_quaternion
 
-from wasd_bringup.cockpit import Described, keymap_caps, Motion, Numbers
+from wasd_bringup.cockpit.described import Described, keymap_caps, Motion, Numbers
 from wasd_bringup.go2_stack import Go2Stack
 
 _PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)

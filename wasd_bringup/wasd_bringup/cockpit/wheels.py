@@ -5,7 +5,7 @@ import numpy as np
 from wasd_cockpit.link import Choice, KeyCap, Marks, Setting, StickUse
 from wasd_core.rotations import yaw_matrix
 
-from wasd_bringup.cockpit import Described, keymap_caps, Motion
+from wasd_bringup.cockpit.described import Described, keymap_caps, Motion
 from wasd_bringup.mbot_stack import MbotStack
 from wasd_bringup.robots import MODES
 

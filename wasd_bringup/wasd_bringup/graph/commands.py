@@ -20,16 +20,16 @@ from wasd_core.streams import print_error
 from wasd_core.topics import RELIABLE
 import yaml
 
-from wasd_bringup.graph import (
+from wasd_bringup.graph.listener import TopicListener
+from wasd_bringup.graph.rate import RateMeter
+from wasd_bringup.graph.ros_graph import (
     find_type,
     full_name,
     Interrupted,
     NotFound,
     PATIENCE,
     POLL_PERIOD,
-    RateMeter,
     RosGraph,
-    TopicListener,
 )
 from wasd_bringup.messages import field_of, fill, SHOWN_LENGTH, to_yaml, type_name
 

@@ -17,7 +17,7 @@ from wasd_core.errors import one_line
 
 from wasd_bringup.inputs import box_text, Command, parse_box, parse_push, push_text
 from wasd_bringup.options import RunOptions
-from wasd_bringup.recording import RECORD_NAME, RecordingError
+from wasd_bringup.recording.bag_writer import RECORD_NAME, RecordingError
 from wasd_bringup.recording.recorder import EVENTS
 from wasd_bringup.robots import BOTH, ROBOTS
 

@@ -22,7 +22,7 @@ from wasd_core.topics import LoopbackSubscription
 import yaml
 
 from wasd_bringup.messages import clear_padding, type_name
-from wasd_bringup.recording import BagWriter, RecordingError
+from wasd_bringup.recording.bag_writer import BagWriter, RecordingError
 
 SEPARATOR = '=' * 80
 # The type at the beginning of a field's line: package and name, or a name of the same package.

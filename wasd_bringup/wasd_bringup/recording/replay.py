@@ -25,7 +25,7 @@ from wasd_core.signals import StopSignals
 
 from wasd_bringup.inputs import BoxPlayer, ScriptedBox
 from wasd_bringup.options import keep_alone, read_number, RunOptions
-from wasd_bringup.recording import RecordingError
+from wasd_bringup.recording.bag_writer import RecordingError
 from wasd_bringup.recording.reader import (
     BagReader,
     DESCRIPTION,

@@ -7,7 +7,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
 from wasd_cockpit.link import Order, Snapshot, Stick
-from wasd_cockpit.panels import PageState
+from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.widgets import columns, Rect
 
 # What is nearer to the middle than this share of the way is no wish.

@@ -12,7 +12,7 @@ import numpy as np
 
 from wasd_cockpit import style
 from wasd_cockpit.link import moved, Navigation, navigation_words, Order, PlanarPose, Snapshot
-from wasd_cockpit.panels import PageState
+from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.widgets import Dragging, Rect
 
 # How much of the floor is seen [m], from middle to edge.

@@ -9,7 +9,7 @@ import numpy as np
 
 from wasd_cockpit import style
 from wasd_cockpit.link import Columns, Snapshot, SPAN
-from wasd_cockpit.panels import PageState
+from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.widgets import Rect
 
 PAGES = ('velocity', 'torque', 'feet', 'pace')

@@ -5,7 +5,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from wasd_cockpit import style
 from wasd_cockpit.link import Snapshot
-from wasd_cockpit.panels import PageState
+from wasd_cockpit.panels.page_panel import PageState
 from wasd_cockpit.scene import CAMERAS, HANDS, OVERLAYS, Scene
 from wasd_cockpit.sight import SIZE
 from wasd_cockpit.widgets import columns

@@ -6,7 +6,7 @@ import math
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.planning import Field
+from wasd_navigation.planning.distances import Field
 from wasd_navigation.planning.motion import Base, clearance, move
 from wasd_navigation.se2 import wrap
 

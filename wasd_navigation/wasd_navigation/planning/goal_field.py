@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.planning import Field, look_up
+from wasd_navigation.planning.distances import Field, look_up
 from wasd_navigation.planning.surroundings import Surroundings
 
 # Around the goal, so many cells each way get their straight distance: first order errs most there.

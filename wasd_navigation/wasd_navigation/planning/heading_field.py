@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from wasd_core.jit import jit
 
-from wasd_navigation.planning import Field
+from wasd_navigation.planning.distances import Field
 from wasd_navigation.planning.goal_field import Heap, make_heap, pop, push
 from wasd_navigation.planning.motion import Base
 from wasd_navigation.planning.surroundings import Surroundings

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wasd_navigation.parameters import DriveLimits
-from wasd_navigation.planning import fast, Field, look_up
+from wasd_navigation.planning.distances import fast, Field, look_up
 from wasd_navigation.se2 import compose, wrap
 
 # Time constant in which a pose that the velocity does not explain is believed [s]; and the

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from wasd_navigation.parameters import Footprint, PlanningParameters
-from wasd_navigation.planning import Field
+from wasd_navigation.planning.distances import Field
 from wasd_navigation.planning.goal_field import DiscField, reaches, shortest
 from wasd_navigation.planning.heading_field import EASY, HeadingField, SHORT
 from wasd_navigation.planning.motion import Base, clearance, least_clearance

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wasd_navigation.planning import fast, Field, look_up
+from wasd_navigation.planning.distances import fast, Field, look_up
 from wasd_navigation.planning.motion import Base, clearance, move
 from wasd_navigation.se2 import wrap
 

@@ -7,7 +7,7 @@ import numpy as np
 from wasd_core.jit import jit
 
 from wasd_navigation.parameters import Footprint, PlanningParameters
-from wasd_navigation.planning import Field, measure_distances
+from wasd_navigation.planning.distances import Field, measure_distances
 from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan, UNKNOWN
 from wasd_navigation.se2 import transform
 

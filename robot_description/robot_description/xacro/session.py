@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Xacro to URDF with our own `$(find)`, so that it works with and without a ROS installation."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from wasd_core.errors import DescriptionError
+from wasd_core.safe_files import check_xml, LocatedError, parse_with_places, Place, read_file
+
+from robot_description.xacro.processor import describe_document, process, unlisted
+from robot_description.xacro.sandbox import OutOfBounds, run_bounded
+from robot_description.xacro.source import check_format, check_name, tidy
+
+
+class Node(NamedTuple):
+    """An element of an expansion and its place; `parent` counts in the list of all, -1 is none."""
+
+    tag: str
+    attributes: dict[str, str]
+    text: str
+    place: Place
+    parent: int
+
+
+class Expansion(NamedTuple):
+    """An expanded file: its text; its elements, parents first; xacro's warnings; files read."""
+
+    urdf: str
+    nodes: tuple[Node, ...]
+    warnings: tuple[tuple[Place | None, str], ...]
+    files: tuple[Path, ...]
+
+
+class XacroSession:
+    """
+    Runs xacro on one file, see Processor; `sources` are the files it read.
+
+    `texts` are read in place of the files of that name.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        arguments: Mapping[str, str],
+        search: Sequence[Path] = (),
+        texts: Mapping[Path, bytes] | None = None,
+    ) -> None:
+        self.sources: dict[Path, bytes] = {}
+        self.path = path
+        self.search = search
+        self._arguments = dict(arguments)
+        self._texts = dict(texts or {})
+
+    def expand(self) -> Expansion:
+        """
+        Return what the file expands to.
+
+        Raises:
+            DescriptionError: see `expand`.
+        """
+        try:
+            data = self._texts[self.path] if self.path in self._texts else read_file(self.path)
+        except DescriptionError:  # it is too large, say
+            check_name(self.path)
+            raise
+        data, notes = tidy(data)
+        check_format(data, self.path)
+        answer = self._run() if _is_xacro(data) else self._read(data, notes)
+        if 'error' in answer:
+            raise _to_error(**answer['error'])
+        nodes = tuple(
+            Node(tag, attributes, text, Place(Path(place[0]), *place[1:]), parent)
+            for tag, attributes, text, place, parent in answer['nodes']
+        )
+        warnings = tuple((unlisted(place), text) for place, text in answer['warnings'])
+        return Expansion(answer['urdf'], nodes, warnings, tuple(self.sources))
+
+    def _read(self, data: bytes, notes: Sequence[str]) -> dict[str, Any]:
+        """Read a file in which xacro would change nothing."""
+        check_xml(data, self.path)
+        self.sources = {self.path: data}
+        unknown = [*notes]
+        unknown += [f'no argument {name!r} here; it has: none' for name in sorted(self._arguments)]
+        document = parse_with_places(data, self.path)
+        described = describe_document(document, self.path)
+        return {**described, 'warnings': [(None, text) for text in unknown]}
+
+    def _run(self) -> dict[str, Any]:
+        job = {
+            'path': str(self.path),
+            'arguments': self._arguments,
+            'search': [str(folder) for folder in self.search],
+            'texts': {str(file): text.decode('latin-1') for file, text in self._texts.items()},
+        }
+        try:
+            answer: dict[str, Any] = run_bounded(process, job)
+        except OutOfBounds as error:
+            listed, text = error.note or (None, '')
+            at = f', at {" ".join(text.split())!r}' if text else ''
+            place = unlisted(listed) or Place(self.path, 1)
+            raise LocatedError(place, f'expanding {self.path.name} {error}{at}') from None
+        sources = answer['sources'].items()
+        self.sources = {Path(file): text.encode('latin-1') for file, text in sources}
+        return answer
+
+
+def _is_xacro(data: bytes) -> bool:
+    return b'xacro' in data or b'$' in data or b'\0' in data  # in UTF-16 one cannot see it
+
+
+def _to_error(place: list[Any] | None, reason: str, via: list[Any] | None) -> DescriptionError:
+    at = unlisted(place)
+    return LocatedError(at, reason, unlisted(via)) if at else DescriptionError(reason)
+
+
+def expand(
+    path: Path, arguments: Mapping[str, str] | None = None, search: Sequence[Path] = ()
+) -> str:
+    """
+    Return the URDF text of a xacro or URDF file.
+
+    `arguments` are xacro args; `search` are folders in which `$(find)` looks first.
+
+    Raises:
+        DescriptionError: one line with the file and, where there is one, the line.
+    """
+    return expand_document(path, arguments, search).urdf
+
+
+def expand_document(
+    path: Path, arguments: Mapping[str, str] | None = None, search: Sequence[Path] = ()
+) -> Expansion:
+    """
+    Return what a xacro or URDF file expands to, as elements that know their places.
+
+    Raises:
+        DescriptionError: see `expand`.
+    """
+    return XacroSession(path, arguments or {}, search).expand()
