@@ -2,6 +2,8 @@
 """`--foxglove`: a client gets every topic with its definition, drives, and stops by silence."""
 
 from pathlib import Path
+import subprocess
+import sys
 import time
 
 from geometry_msgs.msg import Twist
@@ -284,3 +286,16 @@ def test_a_port_that_is_taken_is_said(ros):
             FoxgloveServer(server.port)
     finally:
         server.close()
+
+
+def test_warnings_of_ours_are_as_before_once_the_library_is_loaded(tmp_path):
+    program = (
+        'import logging, sys\n'
+        'from wasd_bringup.session_foxglove import load_sdk\n'
+        'load_sdk()\n'
+        f'sys.stderr = open({str(tmp_path / "said")!r}, "w")\n'
+        'logging.getLogger("robot").warning("description: a mesh is missing")\n'
+    )
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert done.stderr == ''
+    assert (tmp_path / 'said').read_text() == 'description: a mesh is missing\n'

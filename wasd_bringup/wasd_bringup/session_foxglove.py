@@ -4,6 +4,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 import json
+import logging
 import time
 from typing import Any
 
@@ -97,6 +98,9 @@ def load_sdk() -> Any:
             '--foxglove: foxglove-sdk is not installed: .venv/bin/python -m pip install -e '
             "'.[foxglove]'"
         ) from None
+    if not logging.root.handlers and logging.lastResort is not None:
+        # Without a handler the library adds its own: to the error stream of now, in its own words.
+        logging.root.addHandler(logging.lastResort)
     sdk.set_log_level('CRITICAL')
     return sdk
 
