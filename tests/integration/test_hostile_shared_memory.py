@@ -16,7 +16,7 @@ BIN = Path(sys.prefix) / 'bin'
 RUN = [str(BIN / 'wasd'), 'mbot', '--viewer', 'none', '--duration']
 KEYS = [str(BIN / 'twist_mux')]
 # Some ports of each domain there is.
-NAMES = 'd=0; while [ $d -lt 102 ]; do for p in 0 1 2 10 11 12 13; do n=$((7400 + 250*d + p));'
+NAMES = 'd=0; while [ $d -lt 233 ]; do for p in 0 1 2 10 11 12 13; do n=$((7400 + 250*d + p));'
 MOUNT = 'mount -t tmpfs -o size=16m none /dev/shm || exit 99; chmod 1777 /dev/shm;'
 STATES = {
     'empty ports of another user': f'{NAMES} : >/dev/shm/fastrtps_port$n; done; d=$((d+1)); done; '

@@ -13,11 +13,9 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from wasd_bringup.recording import BagWriter, RecordingError
+from wasd_bringup.recording import bag_writer, BagWriter, RecordingError
 from wasd_bringup.recording.recorder import full_definition, qos_text, to_bytes
 from wasd_core.errors import UserError
-
-from wasd_bringup import recording as bag_writer
 
 pytest.importorskip('rosbags', reason="rosbags is not installed: the extra 'test'")
 
