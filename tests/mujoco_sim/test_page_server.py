@@ -14,6 +14,7 @@ import time
 
 from mujoco.studio import messages
 from mujoco_sim.viewer import server as page_server
+from mujoco_sim.viewer import turns
 from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.page import CameraView, WebView
 from mujoco_sim.world import build_world
@@ -22,8 +23,6 @@ import pytest
 from terminals import wait_until
 from websockets.exceptions import ConnectionClosed, ConnectionClosedOK, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
-
-from mujoco_sim import viewer
 
 PATHS = ('/', '/status', '/ui', '/state', '/drop', '/model', '/web_client.js', '/nothing')
 SOCKETS = ('/ui', '/state', '/drop')
@@ -229,7 +228,7 @@ def wait_for_grant(state: ClientConnection, seconds: float) -> bool:
 def test_control_that_is_asked_for_goes_when_it_is_given_or_the_driver_rests(
     view, port, monkeypatch, way
 ):
-    monkeypatch.setattr(viewer, 'GIVEN_AFTER', 0.3 if way == 'rests' else 1000.0)
+    monkeypatch.setattr(turns, 'GIVEN_AFTER', 0.3 if way == 'rests' else 1000.0)
     with PagePuppet(view.url, session='first') as page:
         page.keys = {code('I')}
         time.sleep(0.5)
