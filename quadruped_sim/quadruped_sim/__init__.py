@@ -16,6 +16,7 @@ _HOMES = {
     'LegControllerNode': 'leg_controller_node',
     'LegControllerParameters': 'parameters',
     'LegNodeParameters': 'parameters',
+    'Legs': 'legs',
     'LegOdometry': 'robot_model',
     'RobotModel': 'robot_model',
     'RobotModelError': 'robot_model',

@@ -8,7 +8,7 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_kinematics import ContactPoints, find_contact_points, LegMotion
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
-from robot_description.description import parse_description
+from robot_description.description import Description, parse_description
 from wasd_core.robot_io import BaseState, ImuReading, JointStates, Reading
 import xacro
 
@@ -21,8 +21,13 @@ def urdf() -> str:
 
 
 @pytest.fixture(scope='session')
-def model(urdf: str) -> RobotModel:
-    return RobotModel(parse_description(urdf, Path('robot.urdf')))
+def go2(urdf: str) -> Description:
+    return parse_description(urdf, Path('robot.urdf'))
+
+
+@pytest.fixture(scope='session')
+def model(go2: Description) -> RobotModel:
+    return RobotModel(go2)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from quadruped_sim.leg_controller_node import Frames, to_odometry, to_transform
 from quadruped_sim.robot_model import JointMap
 from quadruped_sim.robot_state import LegOdometry
 from sensor_msgs.msg import JointState
-from wasd_core.messages import to_base_state, to_imu, to_reading
+from wasd_core.messages import to_base_state, to_imu, to_imu_reading, to_joint_states
 from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading
 
 
@@ -42,8 +42,8 @@ def test_a_reading_survives_its_messages(reading, model):
     joints, imu = reading
     message = JointState(name=list(model.quadruped.joint_names), position=joints.position.tolist())
     message.velocity, message.effort = joints.velocity.tolist(), joints.effort.tolist()
-    back = to_reading(message, to_imu(imu, 'base', Time()))
-    for one, other in zip((*back.joints, *back.imu), (*joints, *imu), strict=True):
+    back = to_joint_states(message), to_imu_reading(to_imu(imu, 'base', Time()))
+    for one, other in zip((*back[0], *back[1]), (*joints, *imu), strict=True):
         np.testing.assert_array_equal(one, other)
 
 

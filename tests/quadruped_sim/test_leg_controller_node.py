@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node: keys and cmd_vel in, commands, odometry, state and a service out, on real topics."""
 
-import copy
 import re
 
 from geometry_msgs.msg import Twist
@@ -9,8 +8,10 @@ from nav_msgs.msg import Odometry
 import numpy as np
 import pytest
 from quadruped_sim.keys import StateName
-from quadruped_sim.leg_controller_node import LegControllerNode, LONGEST_GAP, main
+from quadruped_sim.leg_controller_node import LegControllerNode, main
 from quadruped_sim.leg_kinematics import LEGS
+from quadruped_sim.legs import Legs
+from quadruped_sim.readings import LONGEST_GAP
 import rclpy
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -20,6 +21,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import to_stamp
+from wasd_core.robot_io import JointStates
 from wasd_core.topics import tf_message_type
 
 pytestmark = pytest.mark.slow
@@ -27,6 +29,7 @@ pytestmark = pytest.mark.slow
 PERIOD = 0.002
 JOINT_NAMES = tuple(f'{leg}_{part}_joint' for leg in LEGS for part in ('hip', 'thigh', 'calf'))
 STAND = [0.0, 0.8, -1.6] * 4
+RESTING = JointStates(np.array(STAND), np.zeros(12), np.zeros(12))
 
 
 def twist(vx, vy=0.0, wz=0.0):
@@ -61,17 +64,27 @@ class Peer(Node):
 
 
 @pytest.fixture
-def legs(spawn):
+def node(spawn):
     return spawn(LegControllerNode())
 
 
 @pytest.fixture
-def peer(spawn, legs, spin_until):
+def legs(node):
+    return node.legs
+
+
+@pytest.fixture
+def readings(node):
+    return node.readings
+
+
+@pytest.fixture
+def peer(spawn, node, spin_until):
     peer = spawn(Peer())
     talks = (peer.keys, peer.cmd_vel, peer.imu, peer.joints)
     spin_until(spawn.pump, lambda: all(talk.get_subscription_count() for talk in talks))
     for topic in ('joint_commands', 'odom', 'state'):
-        spin_until(spawn.pump, lambda topic=topic: legs.count_subscribers(topic))
+        spin_until(spawn.pump, lambda topic=topic: node.count_subscribers(topic))
     return peer
 
 
@@ -99,16 +112,16 @@ def feed(peer, spawn, spin_until):
 
 
 @pytest.fixture
-def alive(peer, legs, spawn, spin_until):
+def alive(peer, readings, spawn, spin_until):
     """Bring the node to its second reading: the first one only starts its clock."""
     imu, joints = Imu(), JointState(name=list(JOINT_NAMES), position=STAND)
     joints.velocity = joints.effort = [0.0] * 12
     imu.orientation.w, imu.linear_acceleration.z = 1.0, 9.81
     joints.header.stamp = imu.header.stamp = to_stamp(0.9)
     peer.imu.publish(imu)
-    spin_until(spawn.pump, lambda: legs._imu is not None)
+    spin_until(spawn.pump, lambda: readings._imu is not None)
     peer.joints.publish(joints)
-    spin_until(spawn.pump, lambda: legs._last is not None)
+    spin_until(spawn.pump, lambda: readings.last is not None)
 
 
 @pytest.mark.usefixtures('alive')
@@ -206,10 +219,10 @@ def test_odometry_is_published_50_times_a_second(feed, peer, spawn, spin_until):
 
 
 @pytest.mark.usefixtures('alive')
-def test_odometry_and_its_transform_have_one_stamp(feed, peer, legs, spawn, spin_until):
+def test_odometry_and_its_transform_have_one_stamp(feed, peer, node, spawn, spin_until):
     heard = []
     peer.create_subscription(tf_message_type(), '/tf', heard.append, 10)
-    spin_until(spawn.pump, lambda: legs._tf.available)
+    spin_until(spawn.pump, lambda: node._tf.available)
     for index in range(31):
         feed(1.0 + PERIOD * index)
     spin_until(spawn.pump, lambda: heard and peer.odometry)
@@ -218,15 +231,12 @@ def test_odometry_and_its_transform_have_one_stamp(feed, peer, legs, spawn, spin
 
 
 @pytest.mark.usefixtures('alive')
-def test_a_clock_that_jumps_back_steps_nothing(feed, legs, peer):
+def test_a_clock_that_jumps_back_steps_nothing(feed, legs, readings):
     feed(5.0)
-    before = len(peer.commands)
-    message = JointState(name=list(JOINT_NAMES), position=STAND)
-    message.velocity = message.effort = [0.0] * 12
-    message.header.stamp = to_stamp(2.0)
-    legs._on_joint_states(message)
-    assert legs._last == 2.0
-    assert len(peer.commands) == before
+    answers = []
+    readings.take_joints(2.0, JOINT_NAMES, RESTING, answers.append)
+    assert readings.last == 2.0
+    assert answers == []
     feed(2.002)  # and goes on from there
     assert legs.controller.state == 'passive'
 
@@ -242,62 +252,68 @@ def test_joints_may_change_their_order_on_the_way(feed, legs):
 
 @pytest.mark.usefixtures('alive')
 @pytest.mark.parametrize(
-    'state',
+    ('names', 'joints'),
     [
-        JointState(name=['left_wheel_joint'], position=[0.0], velocity=[0.0], effort=[0.0]),
-        JointState(name=list(JOINT_NAMES), position=STAND),
-        JointState(name=list(JOINT_NAMES[:11]), position=STAND[:11]),
+        (('left_wheel_joint',), JointStates(*np.zeros((3, 1)))),
+        (JOINT_NAMES, RESTING._replace(velocity=np.empty(0), effort=np.empty(0))),
+        (JOINT_NAMES[:11], JointStates(*(part[:11] for part in RESTING))),
     ],
 )
-def test_a_state_that_is_not_complete_is_ignored_with_one_warning(legs, peer, feed, state, capfd):
-    state.header.stamp = to_stamp(0.95)
-    legs._on_joint_states(state)
-    legs._on_joint_states(state)
+def test_a_state_that_is_not_complete_is_ignored_with_one_warning(
+    readings, feed, names, joints, capfd
+):
+    answers = []
+    for _ in range(2):
+        readings.take_joints(0.95, names, joints, answers.append)
     feed(1.0)  # alive
-    assert len(peer.commands) == 1
+    assert answers == []
     assert capfd.readouterr().err.count('joint_states lacks') == 1
 
 
 @pytest.mark.usefixtures('alive')
-def test_without_a_fresh_imu_it_gives_no_commands(legs, peer, feed, capfd):
+def test_without_a_fresh_imu_it_gives_no_commands(readings, peer, feed, capfd):
     feed(1.0)
-    zeros = [0.0] * 12
-    state = JointState(name=list(JOINT_NAMES), position=STAND, velocity=zeros, effort=zeros)
+    answers = []
     for time in (1.5, 1.57):  # the first is given up when the next one comes
-        state.header.stamp = to_stamp(time)
-        legs._on_joint_states(state)
+        readings.take_joints(time, JOINT_NAMES, RESTING, answers.append)
     assert 'imu/data is silent' in capfd.readouterr().err
     feed(1.602)
+    assert answers == []
     assert len(peer.commands) == 2
 
 
 @pytest.mark.usefixtures('alive')
 @pytest.mark.parametrize('behind', [0.002, 1.0])
-def test_joints_that_overtake_the_imu_wait_for_it(legs, peer, feed, spin_until, spawn, behind):
+def test_joints_that_overtake_the_imu_wait_for_it(readings, feed, standing, behind):
     feed(1.0)
-    zeros = [0.0] * 12
-    state = JointState(name=list(JOINT_NAMES), position=STAND, velocity=zeros, effort=zeros)
-    state.header.stamp = to_stamp(1.0 + behind)
-    legs._on_joint_states(state)
-    assert legs._last == 1.0
-    imu = copy.deepcopy(legs._imu)
-    imu.header.stamp = to_stamp(1.0 + behind)
-    legs._on_imu(imu)
-    spin_until(spawn.pump, lambda: len(peer.commands) == 2)
-    assert peer.commands[-1].header.stamp == state.header.stamp
+    answers = []
+    readings.take_joints(1.0 + behind, JOINT_NAMES, RESTING, answers.append)
+    assert readings.last == 1.0
+    readings.take_imu(1.0 + behind, standing.imu)
+    assert readings.last == 1.0 + behind
+    assert len(answers) == 1
 
 
-def test_in_lock_step_it_listens_to_no_sensors(spawn):
-    node = spawn(LegControllerNode(lock_step=True))
+def test_legs_that_it_is_given_are_fed_by_no_topic(spawn, go2):
+    legs = Legs(go2)
+    node = spawn(LegControllerNode(legs))
+    assert node.legs is legs
     assert node.count_publishers('joint_commands') == 0
     assert node.count_subscribers('joint_states') == 0
     assert node.count_subscribers('keys') == 1
 
 
+def test_legs_that_it_is_given_take_its_parameters(spawn, go2):
+    given = {'limits': 'guide', 'estimator': 'truth', 'update_rate': 400.0}
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    legs = spawn(LegControllerNode(Legs(go2), parameter_overrides=overrides)).legs
+    assert legs.controller.command_filter.limits.forward == 0.4
+    assert legs.controller._uses_truth
+    assert legs.settings.update_rate == 400.0
+
+
 def test_guides_limits_are_a_parameter(spawn):
-    node = spawn(
-        LegControllerNode(lock_step=True, parameter_overrides=[Parameter('limits', value='guide')])
-    )
+    node = spawn(LegControllerNode(parameter_overrides=[Parameter('limits', value='guide')]))
     assert node.controller.command_filter.limits.forward == 0.4
 
 
@@ -346,12 +362,12 @@ def test_a_legal_key_ends_what_was_said(feed, peer, legs, spawn, spin_until):
     spin_until(spawn.pump, lambda: not legs.notice.text)
 
 
-def test_sticks_do_not_outlive_the_keyboard_that_set_them(legs, peer, spawn, spin_until):
+def test_sticks_do_not_outlive_the_keyboard_that_set_them(node, legs, peer, spawn, spin_until):
     other = Node('keyboard')
     keyboard = other.create_publisher(String, 'keys', 100)
     peer.destroy_publisher(peer.keys)
     legs.controller.press('w')
-    spin_until(spawn.pump, lambda: legs.count_publishers('keys') == 1)
+    spin_until(spawn.pump, lambda: node.count_publishers('keys') == 1)
     for _ in range(20):
         spawn.pump.handle(0.02)
     # As long as somebody could let go of them they stay.
@@ -364,11 +380,11 @@ def test_sticks_do_not_outlive_the_keyboard_that_set_them(legs, peer, spawn, spi
 @pytest.mark.usefixtures('alive')
 @pytest.mark.parametrize('topic', ['joint_states', 'imu/data'])
 def test_readings_that_come_too_slowly_move_nothing_and_are_said_once(
-    feed, legs, peer, spawn, spin_until, capfd, topic
+    feed, legs, readings, peer, spawn, spin_until, capfd, topic
 ):
     """50 Hz of either: what `ros2 run` of a simulator with another default would give."""
-    (other,) = set(legs._feeds) - {topic}
-    legs._feeds[other].wanted = 1.0  # content with any
+    (other,) = set(readings.feeds) - {topic}
+    readings.feeds[other].wanted = 1.0  # content with any
     for index in range(60):
         feed(1.0 + 0.02 * index)
     said = f'{topic} comes at 50 Hz, wanted 500 (update_rate): it does not move'

@@ -9,6 +9,7 @@ import pytest
 from quadruped_sim.command_filter import CommandFilter
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.leg_controller_node import LegControllerNode
+from quadruped_sim.legs import Legs
 from quadruped_sim.parameters import LegControllerParameters, LegNodeParameters
 from quadruped_sim.tuning import CommandParameters
 from rcl_interfaces.msg import Parameter as ParameterMessage
@@ -28,12 +29,12 @@ PERIOD = 0.002
 
 
 @pytest.fixture
-def make(spawn):
-    """Return a function that makes the node with parameters."""
+def make(spawn, go2):
+    """Return a function that makes the face of legs with parameters."""
 
     def legs(**values):
         given = [Parameter(name.replace('__', '.'), value=v) for name, v in values.items()]
-        return spawn(LegControllerNode(lock_step=True, parameter_overrides=given))
+        return spawn(LegControllerNode(Legs(go2), parameter_overrides=given))
 
     return legs
 
@@ -85,7 +86,7 @@ def test_a_value_that_is_given_is_the_controllers(make, trot):
 
 def test_a_list_that_is_given_is_the_controllers(make):
     legs = make(balance__position_gains=[1.0, 2.0, 3.0])
-    assert legs.settings.balance.position_gains == (1.0, 2.0, 3.0)
+    assert legs.legs.settings.balance.position_gains == (1.0, 2.0, 3.0)
 
 
 @pytest.mark.parametrize(
@@ -126,13 +127,13 @@ def test_a_bad_value_is_an_error_of_one_line(make, values, message):
 def test_the_file_may_be_a_table_or_a_ros_parameter_file(make, tmp_path, text):
     path = tmp_path / 'legs.yaml'
     path.write_text(text)
-    assert make(controller=str(path)).settings.gait.slow_period == 0.6
+    assert make(controller=str(path)).legs.settings.gait.slow_period == 0.6
 
 
 def test_what_ros_is_given_goes_before_the_file(make, tmp_path):
     path = tmp_path / 'legs.yaml'
     path.write_text('gait: {slow_period: 0.6, fast_period: 0.3}\nlimits: guide\n')
-    settings = make(controller=str(path), gait__slow_period=0.5).settings
+    settings = make(controller=str(path), gait__slow_period=0.5).legs.settings
     assert (settings.gait.slow_period, settings.gait.fast_period) == (0.5, 0.3)
     assert settings.command.limits == 'guide'
 
@@ -170,7 +171,7 @@ def test_a_running_node_takes_a_gait_period_from_the_next_tick(make, trot, spawn
     trot(legs.controller, ticks=2)
     after = legs.controller.locomotion.schedule
     assert after.stance_time == pytest.approx(0.6 / 0.45 * before.stance_time)
-    assert legs.settings.gait.slow_period == 0.6
+    assert legs.legs.settings.gait.slow_period == 0.6
 
 
 def test_the_parameter_and_the_key_choose_the_same_gait(make):
@@ -180,7 +181,8 @@ def test_the_parameter_and_the_key_choose_the_same_gait(make):
     assert legs.controller.gait == 'walk'
     legs.keys.put(String(data='n'))
     assert legs.controller.gait == legs.get_parameter('gait').value == 'pace'
-    legs.reset()
+    legs.legs.reset()
+    legs.publish()
     assert legs.controller.gait == legs.get_parameter('gait').value == 'trot'
 
 
@@ -189,7 +191,7 @@ def test_a_bad_value_at_run_time_is_refused_and_changes_nothing(make):
     (result,) = legs.set_parameters([Parameter('contact.force_off', value=30.0)])
     assert not result.successful
     assert 'contact.force_off' in result.reason and 'Min: 4.0, Max: 18.0' in result.reason
-    assert legs.settings == LegNodeParameters()
+    assert legs.legs.settings == LegNodeParameters()
     (result,) = legs.set_parameters([Parameter('update_rate', value=100.0)])
     assert not result.successful
 

@@ -8,8 +8,9 @@ import numpy as np
 from quadruped_sim.keys import KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
 from quadruped_sim.leg_controller_node import LegControllerNode
 from quadruped_sim.leg_kinematics import LegGeometry
+from quadruped_sim.legs import Legs
 from quadruped_sim.presets import LIMITS
-from rclpy.logging import LoggingSeverity
+from rclpy.logging import get_logger, LoggingSeverity
 from rclpy.parameter import Parameter
 from robot_description.description import Description
 from std_msgs.msg import String
@@ -43,9 +44,11 @@ class Go2Stack(ControlStack):
     def __init__(self, loaded: Description, world: World, options: RunOptions) -> None:
         self.layout = options.layout
         self.start = world.setup.place
-        self._legs = _make_legs(loaded, world, options)
-        super().__init__(world, options, self._legs)
-        quadruped = self._legs.quadruped
+        legs = Legs(loaded, inform=get_logger('leg_controller').info)
+        self._node = _make_node(legs, loaded, world, options)
+        self._legs = self._node.legs
+        super().__init__(world, options, self._node)
+        quadruped = legs.model.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)
         size = self._legs.controller.model.scale.of('m')
         self.feet = _feet(self._legs.controller.model.geometry)
@@ -55,12 +58,12 @@ class Go2Stack(ControlStack):
         self.notice = self._legs.notice
         if options.interactive:
             # What it refuses is in the status line; a log would break that line.
-            self._legs.get_logger().set_level(LoggingSeverity.ERROR)
+            self._node.get_logger().set_level(LoggingSeverity.ERROR)
         self._trunk = TrunkWatch()
 
     @property
-    def legs(self) -> LegControllerNode:
-        """The node that walks."""
+    def legs(self) -> Legs:
+        """What walks."""
         return self._legs
 
     @property
@@ -115,7 +118,7 @@ class Go2Stack(ControlStack):
         if key in ZERO_KEYS and not self.is_pressed:
             legs_key = STOP_KEY  # which is not answered with keys to press
         # What is published, and comes back, is the key as it was pressed.
-        self._legs.keys.put(String(data=legs_key), published=String(data=key))
+        self._node.keys.put(String(data=legs_key), published=String(data=key))
         if self._teleop is None or self._hints is None:
             return
         self._teleop.keys.put(String(data=key))
@@ -191,7 +194,7 @@ class Go2Stack(ControlStack):
         return options.preset != UNITREE_PRESET
 
     def _schedule_publishing(self, schedule: Schedule) -> None:
-        schedule.every(1.0 / self._legs.settings.publish_rate, self._legs.publish_odometry)
+        schedule.every(1.0 / self._legs.settings.publish_rate, self._node.publish)
 
     def _key_words(self) -> KeyWords:
         """Return what the legs tell of keys, some of which may be the keymap's."""
@@ -226,19 +229,14 @@ def _feet(legs: LegGeometry) -> np.ndarray:
     return np.asarray((places[:, None] + corners).reshape(-1, 2))
 
 
-def _make_legs(loaded: Description, world: World, options: RunOptions) -> LegControllerNode:
-    """
-    Return the leg controller of a robot.
-
-    Raises:
-        RobotModelError: the description is no quadruped that can be walked; says which file.
-    """
+def _make_node(
+    legs: Legs, loaded: Description, world: World, options: RunOptions
+) -> LegControllerNode:
+    """Return the face of a robot's legs, with what the command line says of them."""
     names = ('description', 'estimator', 'limits', 'gait', 'controller')
     given = {name: getattr(options, name) for name in names}
     overrides = [Parameter(name, value=str(value)) for name, value in given.items() if value]
     if world.prefix:
         overrides.append(Parameter('odom_frame', value=f'{world.prefix}odom'))
         overrides.append(Parameter('base_frame', value=world.prefix + loaded.robot.root))
-    return LegControllerNode(
-        loaded, lock_step=True, namespace=options.namespace, parameter_overrides=overrides
-    )
+    return LegControllerNode(legs, namespace=options.namespace, parameter_overrides=overrides)

@@ -11,7 +11,7 @@ from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from wasd_core.errors import InvalidMessage
-from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading
+from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates
 from wasd_core.rotations import Pose, rotate_inverse, to_quaternion
 
 
@@ -62,16 +62,17 @@ def to_imu(reading: ImuReading, frame: str, stamp: Time) -> Imu:
     return message
 
 
-def to_reading(joints: JointState, imu: Imu) -> Reading:
-    """Return the reading of two messages."""
-    q, w, a = imu.orientation, imu.angular_velocity, imu.linear_acceleration
-    return Reading(
-        JointStates(np.array(joints.position), np.array(joints.velocity), np.array(joints.effort)),
-        ImuReading(
-            np.array((q.w, q.x, q.y, q.z)),
-            np.array((w.x, w.y, w.z)),
-            np.array((a.x, a.y, a.z)),
-        ),
+def to_joint_states(message: JointState) -> JointStates:
+    """Return the joints of a message, in its order."""
+    columns = message.position, message.velocity, message.effort
+    return JointStates(*map(np.array, columns))
+
+
+def to_imu_reading(message: Imu) -> ImuReading:
+    """Return what an IMU measured."""
+    q, w, a = message.orientation, message.angular_velocity, message.linear_acceleration
+    return ImuReading(
+        np.array((q.w, q.x, q.y, q.z)), np.array((w.x, w.y, w.z)), np.array((a.x, a.y, a.z))
     )
 
 

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A quadruped's legs without ROS: keys and velocities in, joint commands and odometry out."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from robot_description.description import Description
+from wasd_core.robot_io import BaseState, JointCommand, Reading
+from wasd_core.signals import stop_requested
+from wasd_core.timing import NO_PRESS, Notice
+
+from quadruped_sim.compilation import compile_once, warm_up
+from quadruped_sim.keys import StateName, StickValues
+from quadruped_sim.leg_controller import LegController
+from quadruped_sim.parameters import LegNodeParameters
+from quadruped_sim.robot_model import JointMap, RobotModel
+from quadruped_sim.robot_state import LegOdometry
+
+
+class Legs:
+    """
+    The leg controller of one robot, with its settings and what it tells the driver.
+
+    `control` steps it on readings whose joints come in any order. What the driver should know is
+    in `notice`, whose time its owner lets pass; `on_said` hears each text once. `settings` follow
+    the keys that choose a gait.
+    """
+
+    def __init__(
+        self,
+        description: Description,
+        settings: LegNodeParameters | None = None,
+        inform: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        """
+        Take a robot, and compile its controller where that has not been done; `inform` is told.
+
+        Raises:
+            RobotModelError: the description is no quadruped that can be walked; says which file.
+            Stopped: a signal came while the controller was being compiled.
+        """
+        self.base_frame = description.robot.base
+        # Before anything else calls a compiled function; loading is no part of the first tick.
+        self.model = compile_once(lambda: _warm_model(description), inform, stop_requested)
+        self.notice = Notice()
+        self.on_said: Callable[[str], None] = lambda text: None
+        self.configure(settings or LegNodeParameters())
+
+    def configure(self, settings: LegNodeParameters) -> None:
+        """Begin with settings, also with those that only hold from the start."""
+        self.settings = settings
+        self.controller = LegController(self.model, settings, settings.estimator)
+        self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
+        self._state = self.controller.state
+        self._refusal: str | None = None
+
+    def tune(self, settings: LegNodeParameters) -> None:
+        """Go on with other settings, from the next step."""
+        if settings != self.settings:
+            self.settings = settings
+            self.controller.tune(settings)
+
+    @property
+    def state(self) -> str:
+        """Name of the present state."""
+        return self.controller.state
+
+    @property
+    def odometry(self) -> LegOdometry | None:
+        """Estimated pose and velocity of the base; None before the first reading."""
+        return self.controller.odometry
+
+    def press(self, key: str) -> None:
+        """Take what came on `keys`: the sticks go by presses alone."""
+        if not key.startswith(NO_PRESS):
+            self.say(self.controller.press(key))
+            self._follow_gait()
+
+    def command(self, vx: float, vy: float, wz: float) -> None:
+        """Take a velocity for the state move base [m/s], [m/s], [rad/s]."""
+        refusal = self.controller.set_velocity(vx, vy, wz)
+        # Once: commands come twenty times a second, and keys are to have their say, too.
+        if refusal is not None and refusal != self._refusal:
+            self.say(refusal)
+        self._refusal = refusal
+
+    def control(
+        self,
+        reading: Reading,
+        joint_names: tuple[str, ...],
+        motor_names: tuple[str, ...],
+        dt: float,
+        truth: BaseState | None = None,
+    ) -> JointCommand:
+        """Return the motors' command for a reading `dt` [s] after the one before."""
+        if (joint_names, motor_names) != self._names:
+            self._names = joint_names, motor_names
+            self._joints = JointMap(self.model.quadruped, joint_names, motor_names)
+        command = self.controller.step(self._joints.reading(reading), dt, truth)
+        if self.controller.state != self._state:
+            self._state = self.controller.state
+            self._say_event()
+        return self._joints.command(command)
+
+    def e_stop(self) -> None:
+        """Go passive at once."""
+        self.controller.e_stop()
+
+    def reset(self) -> None:
+        """Forget the past: passive, in the gait of the start, with nothing said."""
+        self.controller.reset()
+        self._follow_gait()
+        self.notice.say(None)
+
+    def forget_velocity(self) -> bool:
+        """Follow the last velocity no more; return whether it was moving the robot."""
+        asked = self.controller.command_filter
+        was_driven = self.state == StateName.MOVE_BASE and not asked.is_silent
+        asked.forget_request()
+        return was_driven
+
+    def centre_sticks(self) -> bool:
+        """Have the sticks where nobody holds them; return whether they were elsewhere."""
+        were_held = self.controller.sticks.values != StickValues()
+        self.controller.sticks.zero()
+        return were_held
+
+    def say(self, text: str | None) -> None:
+        """Tell the driver a text, or that there is nothing to tell."""
+        if self.notice.say(text) and text:
+            self.on_said(text)
+
+    def _follow_gait(self) -> None:
+        if self.controller.gait != self.settings.gait.name:
+            gait = replace(self.settings.gait, name=self.controller.gait)
+            self.settings = replace(self.settings, gait=gait)
+
+    def _say_event(self) -> None:
+        legs = self.controller
+        if legs.event is not None and self._state == StateName.PASSIVE:
+            self.say(legs.words.to_event(legs.event, legs.is_fallen, legs.obstacle))
+
+
+def _warm_model(description: Description) -> RobotModel:
+    """Return the model of a robot, with all loaded that its controller compiles."""
+    model = RobotModel(description)
+    warm_up(model)
+    return model
