@@ -240,7 +240,8 @@ class WheelParameters(Parameters):
     )
     wheel_separation: float = parameter(
         0.0,
-        minimum=0.0,
+        minimum=0.01,
+        or_zero=True,
         maximum=10.0,
         doc="Distance of the wheels; 0: the description's",
         unit='m',
@@ -248,7 +249,8 @@ class WheelParameters(Parameters):
     )
     wheel_radius: float = parameter(
         0.0,
-        minimum=0.0,
+        minimum=0.002,
+        or_zero=True,
         maximum=5.0,
         doc="Radius of the wheels; 0: the description's",
         unit='m',
@@ -379,7 +381,8 @@ class DiffDriveParameters(OdometryParameters, LimitParameters, WheelParameters):
     )
     diagnostic_rate: float = parameter(
         1.0,
-        minimum=0.0,
+        minimum=0.01,
+        or_zero=True,
         maximum=100.0,
         doc='Rate of diagnostics; 0: none',
         unit='Hz',

@@ -53,7 +53,11 @@ class SimulatorParameters(Parameters):
         0, minimum=0, maximum=2**63 - 1, doc='Seed of everything random', read_only=True
     )
     speed: float = parameter(
-        1.0, minimum=0.0, maximum=1000.0, doc='Real-time factor aimed at; 0 is as fast as it goes'
+        1.0,
+        minimum=0.001,
+        maximum=1000.0,
+        or_zero=True,
+        doc='Real-time factor aimed at; 0 is as fast as it goes',
     )
     clock_rate: float = parameter(
         100.0, minimum=1.0, maximum=1000.0, doc='Rate of /clock', unit='Hz', read_only=True

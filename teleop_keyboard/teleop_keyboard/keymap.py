@@ -117,6 +117,8 @@ OTHER_KEYS = ('stop', 'ignore')
 IDLE_POLICIES = ('silent', 'zeros', 'repeat')
 # What keymaps and parameters may ask for: [Hz], [m/s] or [rad/s], [m/s^2] or [rad/s^2].
 HIGHEST_RATE, HIGHEST_SPEED, HIGHEST_ACCEL = 500.0, 100.0, 1000.0
+# Less is none: a robot would not start, or not stop.
+LOWEST_RATE, LOWEST_ACCEL = 1.0, 0.05
 
 
 class KeymapError(InvalidParameter):

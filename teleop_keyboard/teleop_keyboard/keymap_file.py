@@ -17,6 +17,7 @@ from typing import Any, NoReturn, TypeVar
 
 from wasd_core.errors import did_you_mean, one_line
 from wasd_core.parameter_file import compose_yaml, read_text
+from wasd_core.parameters import LONGEST_SHOWN, shown
 import yaml
 
 from teleop_keyboard.keymap import (
@@ -31,6 +32,8 @@ from teleop_keyboard.keymap import (
     KeymapError,
     Limits,
     LINE_WIDTH,
+    LOWEST_ACCEL,
+    LOWEST_RATE,
     MODES,
     on_layout,
     OTHER_KEYS,
@@ -209,18 +212,20 @@ class _KeymapReader:
             other_keys=self._choice('other_keys', OTHER_KEYS),
             first_character_only=self._choice('first_character_only', ('false', 'true')) == 'true',
             idle=self._choice('idle', IDLE_POLICIES),
-            rate=self._positive('rate', 50.0, HIGHEST_RATE),
+            rate=self._bounded('rate', 50.0, LOWEST_RATE, HIGHEST_RATE),
             speed=self._within('speed', speed_limits),
             turn=self._within('turn', turn_limits),
             speed_limits=speed_limits,
             turn_limits=turn_limits,
-            linear_accel=self._positive('linear_accel', None, HIGHEST_ACCEL),
-            angular_accel=self._positive('angular_accel', None, HIGHEST_ACCEL),
+            linear_accel=self._bounded('linear_accel', None, LOWEST_ACCEL, HIGHEST_ACCEL),
+            angular_accel=self._bounded('angular_accel', None, LOWEST_ACCEL, HIGHEST_ACCEL),
         )
 
     def _fail(self, node: yaml.Node, key: str, problem: str) -> NoReturn:
         line = node.start_mark.line + 1
-        raise KeymapError(f'{self._file_name}:{line}: {key}: {problem}')
+        is_plain = key.isprintable() and len(key) <= LONGEST_SHOWN
+        name = key if is_plain else shown(key)
+        raise KeymapError(f'{self._file_name}:{line}: {name}: {problem}')
 
     def _mapping(self, node: yaml.Node, where: str) -> dict[str, yaml.Node]:
         if not isinstance(node, yaml.MappingNode):
@@ -312,16 +317,17 @@ class _KeymapReader:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            self._fail(node, key, f'must be a number, got {text!r}')
+            self._fail(node, key, f'must be a number, got {shown(text)}')
         return value
 
-    def _positive(self, field: str, default: float | None, highest: float) -> float:
+    def _bounded(self, field: str, default: float | None, lowest: float, highest: float) -> float:
         if field not in self._fields and default is not None:
             return default
         node = self._fields[field]
         value = self._number(node, field)
-        if not 0.0 < value <= highest:
-            self._fail(node, field, f'must be > 0 and <= {highest:g}, got {value:g}')
+        if not lowest <= value <= highest:
+            wanted = f'must be >= {lowest:g} and <= {highest:g}'
+            self._fail(node, field, f'{wanted}, got {value:g}')
         return value
 
     def _within(self, field: str, limits: Limits) -> float:
@@ -341,7 +347,7 @@ class _KeymapReader:
         text = self._text(field, choices[0])
         if text not in choices:
             wanted = ' or '.join(choices)
-            self._fail(self._fields[field], field, f'must be {wanted}, got {text!r}')
+            self._fail(self._fields[field], field, f'must be {wanted}, got {shown(text)}')
         return text
 
     def _scalar(self, node: yaml.Node, key: str) -> str:

@@ -13,6 +13,8 @@ from teleop_keyboard.keymap import (
     HIGHEST_SPEED,
     IDLE_POLICIES,
     LAYOUTS,
+    LOWEST_ACCEL,
+    LOWEST_RATE,
     MODES,
 )
 
@@ -75,9 +77,16 @@ gamepad = Executable(
 )
 
 
-def _number(doc: str, unit: str, highest: float) -> Any:
-    """Return the field of a number that 0 leaves to the preset, or to another parameter."""
-    return parameter(0.0, doc=doc, unit=unit, minimum=0.0, maximum=highest)
+def _speed(doc: str, unit: str) -> Any:
+    """Return the field of a speed; the preset narrows its range."""
+    return parameter(0.0, doc=doc, unit=unit, minimum=0.0, maximum=HIGHEST_SPEED)
+
+
+def _ramp(doc: str, unit: str) -> Any:
+    """Return the field of an acceleration that 0 leaves to the preset, or to another one."""
+    return parameter(
+        0.0, doc=doc, unit=unit, minimum=LOWEST_ACCEL, maximum=HIGHEST_ACCEL, or_zero=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,26 +139,31 @@ class TeleopParameters(Parameters):
     step_share: float = parameter(
         0.1, minimum=0.001, maximum=1.0, doc='What a press adds in mode step, of full speed.'
     )
-    speed: float = _number('Full speed; 0: as the preset says.', 'm/s', HIGHEST_SPEED)
-    turn: float = _number('Full turn rate; 0: as the preset says.', 'rad/s', HIGHEST_SPEED)
-    scale_linear: float = _number("mbot_teleop's name of speed.", 'm/s', HIGHEST_SPEED)
-    scale_angular: float = _number("mbot_teleop's name of turn.", 'rad/s', HIGHEST_SPEED)
-    linear_scale: float = _number("keys_to_twist's name of speed.", 'm/s', HIGHEST_SPEED)
-    angular_scale: float = _number("keys_to_twist's name of turn.", 'rad/s', HIGHEST_SPEED)
-    linear_accel: float = _number('Speeding up; 0: as the preset says.', 'm/s^2', HIGHEST_ACCEL)
-    angular_accel: float = _number('Turning up; 0: as the preset says.', 'rad/s^2', HIGHEST_ACCEL)
-    linear_decel: float = _number('Slowing down; 0: as speeding up.', 'm/s^2', HIGHEST_ACCEL)
-    angular_decel: float = _number('Turning down; 0: as turning up.', 'rad/s^2', HIGHEST_ACCEL)
-    linear_stop: float = _number(
-        'Slowing down to a stop with no key; 0: as slowing down.', 'm/s^2', HIGHEST_ACCEL
-    )
-    angular_stop: float = _number(
-        'Turning down to a stop with no key; 0: as turning down.', 'rad/s^2', HIGHEST_ACCEL
+    speed: float = _speed('Full speed; 0: as the preset says.', 'm/s')
+    turn: float = _speed('Full turn rate; 0: as the preset says.', 'rad/s')
+    scale_linear: float = _speed("mbot_teleop's name of speed.", 'm/s')
+    scale_angular: float = _speed("mbot_teleop's name of turn.", 'rad/s')
+    linear_scale: float = _speed("keys_to_twist's name of speed.", 'm/s')
+    angular_scale: float = _speed("keys_to_twist's name of turn.", 'rad/s')
+    linear_accel: float = _ramp('Speeding up; 0: as the preset says.', 'm/s^2')
+    angular_accel: float = _ramp('Turning up; 0: as the preset says.', 'rad/s^2')
+    linear_decel: float = _ramp('Slowing down; 0: as speeding up.', 'm/s^2')
+    angular_decel: float = _ramp('Turning down; 0: as turning up.', 'rad/s^2')
+    linear_stop: float = _ramp('Slowing down to a stop with no key; 0: as slowing down.', 'm/s^2')
+    angular_stop: float = _ramp(
+        'Turning down to a stop with no key; 0: as turning down.', 'rad/s^2'
     )
     keep_direction: bool = parameter(
         False, doc='Ramp all axes at the pace of the slowest: the path of the robot stays.'
     )
-    rate: float = _number('Messages a second; 0: as the preset says.', 'Hz', HIGHEST_RATE)
+    rate: float = parameter(
+        0.0,
+        doc='Messages a second; 0: as the preset says.',
+        unit='Hz',
+        minimum=LOWEST_RATE,
+        maximum=HIGHEST_RATE,
+        or_zero=True,
+    )
     idle: str = parameter(
         AS_PRESET,
         doc='While the robot stands: one zero and then silence, zeros, or the last command.',
@@ -305,6 +319,7 @@ class PadParameters(Parameters):
         20.0,
         doc='How often a state that stays is told; 0: never.',
         unit='Hz',
-        minimum=0.0,
+        minimum=0.1,
+        or_zero=True,
         maximum=1000.0,
     )

@@ -166,7 +166,7 @@ def test_a_plain_table_has_the_names_of_here(read):
     [
         (
             TUTORIAL.replace('0.26', '-0.26'),
-            'drive.yaml:5: base_width must be >= 0 and <= 10 m, got -0.26',
+            'drive.yaml:5: base_width must be 0, or >= 0.01 and <= 10 m, got -0.26',
         ),
         (
             TUTORIAL.replace('12,', 'twelve,', 1),
@@ -232,6 +232,9 @@ def test_a_plain_table_has_the_names_of_here(read):
         ),
         ('', 'drive.yaml: wanted "name: value" pairs'),
         ('- 1\n- 2', 'drive.yaml: wanted "name: value" pairs'),
+        ('Kp: !!bool maybe', "drive.yaml:1: 'maybe' is no bool"),
+        ('Kp: !!timestamp x', "drive.yaml:1: 'x' is no timestamp"),
+        ('Kp: 1.0\n[a, b]: 1', 'drive.yaml:2: a name must be a word, got a sequence'),
         ('a: [', "drive.yaml:1: expected the node content, but found '<stream end>'"),
     ],
 )

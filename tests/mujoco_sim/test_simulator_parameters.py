@@ -43,7 +43,7 @@ def test_the_speed_can_be_changed_while_it_runs_and_the_world_cannot(simulator):
         ({'world': 'moon'}, '^world moon: no such file'),
         ({'world': 'slope:x'}, '^world slope:x: wanted a number from -45 to 45'),
         ({'description': 'dog'}, '^dog: no such file'),
-        ({'speed': -1.0}, 'speed must be >= 0 and <= 1000, got -1.0'),
+        ({'speed': -1.0}, 'speed must be 0, or >= 0.001 and <= 1000, got -1.0'),
         ({'seed': -1}, 'seed must be >= 0 and <= 9223372036854775807, got -1'),
         ({'friction': 0.0}, 'friction must be >= 0.01 and <= 2, or NaN: what the description'),
         ({'payload': 'heavy'}, "payload: got 'heavy', wanted KG or KG@X,Y,Z with KG > 0"),

@@ -338,7 +338,7 @@ class Mbot(Robot):
         self._is_driven_by_keys = False
         schedule = self._simulation.schedule
         schedule.every(1.0 / self._keys.rate, self._take_keys)
-        schedule.every(self._period, self._control)
+        schedule.at_rate('update_rate', parameters.update_rate, self._control)
         self._simulation.on_reset.append(self._forget)
 
     @property

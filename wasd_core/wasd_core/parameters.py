@@ -33,6 +33,7 @@ def parameter(
     read_only: bool = False,
     name: str = '',
     nan: str = '',
+    or_zero: bool = False,
 ) -> Any:
     """
     Return the dataclass field of one parameter.
@@ -40,8 +41,8 @@ def parameter(
     `above` and `below` exclude their bound, `minimum` and `maximum` include theirs; `choices`
     lists the legal strings. `read_only` parameters are fixed once a node has started. `name` is
     what users call it where that is no Python name (`linear.x.max_velocity`); `nan` says what NaN
-    means where it is legal. A tuple makes a list of its items' type, of strings when empty;
-    bounds hold for each item.
+    means where it is legal, and with `or_zero` 0 is legal below the minimum: it stands for a word.
+    A tuple makes a list of its items' type, of strings when empty; bounds hold for each item.
 
     What people give (a file, ROS) must lie in the `span`, of which both ends belong to it and are
     tuples for a list; without one, within the bounds. Code may go beyond it, as far as the bounds:
@@ -61,6 +62,7 @@ def parameter(
             'read_only': read_only,
             'name': name,
             'nan': nan,
+            'or_zero': or_zero,
         },
     )
 
@@ -214,6 +216,8 @@ def _checked_item(meta: Mapping[str, Any], value: Any, kind: type, name: str) ->
 
 
 def _in_range(value: float, meta: Mapping[str, Any]) -> bool:
+    if meta.get('or_zero') and value == 0.0:
+        return True
     return (
         (meta.get('above') is None or value > meta['above'])
         and (meta.get('below') is None or value < meta['below'])
@@ -235,11 +239,11 @@ def numeric_ends(field: 'dataclasses.Field[Any]') -> tuple[Any, Any]:
     """
     Return the smallest and the largest number that people may give, tuples for a list of numbers.
 
-    An open end is infinite; an excluded one is the next number inside.
+    An open end is infinite; an excluded one is the next number inside; 0 as a word is one.
     """
     meta = as_given(field.metadata)
     low, high = meta['minimum'], meta['maximum']
-    low = -math.inf if low is None else low
+    low = -math.inf if low is None else 0.0 if meta['or_zero'] else low
     high = math.inf if high is None else high
     if meta['above'] is not None:
         low = math.nextafter(meta['above'], math.inf)
@@ -266,4 +270,5 @@ def describe_range(meta: Mapping[str, Any]) -> str:
             parts.append(f'{sign} {_plain(meta[key])}')
     text = ' and '.join(parts) or 'a number'
     text = f'{text} {meta["unit"]}' if meta.get('unit') else text
+    text = f'0, or {text}' if meta.get('or_zero') else text
     return f'{text}, or NaN: {meta["nan"]}' if meta.get('nan') else text

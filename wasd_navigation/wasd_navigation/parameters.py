@@ -293,13 +293,20 @@ class NavigatorParameters(Parameters):
     footprint_length: float = parameter(
         0.0,
         unit='m',
-        minimum=0.0,
+        minimum=0.02,
+        or_zero=True,
         maximum=10.0,
         doc='Length of a robot that is no circle, its base frame in its middle; 0: round',
         read_only=True,
     )
     footprint_width: float = parameter(
-        0.0, unit='m', minimum=0.0, maximum=10.0, doc='Its width; 0: round', read_only=True
+        0.0,
+        unit='m',
+        minimum=0.02,
+        or_zero=True,
+        maximum=10.0,
+        doc='Its width; 0: round',
+        read_only=True,
     )
     mapping: MappingParameters = group(MappingParameters)
     limits: DriveLimits = group(DriveLimits)
