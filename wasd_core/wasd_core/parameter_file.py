@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 import yaml
 
 from wasd_core.errors import DescriptionError, did_you_mean, one_line
-from wasd_core.parameters import InvalidParameter, known_parameters, Parameters
+from wasd_core.parameters import InvalidParameter, known_parameters, Parameters, shown
 from wasd_core.safe_files import read_beginning, read_file
 
 ParametersType = TypeVar('ParametersType', bound=Parameters)
@@ -119,9 +119,9 @@ def checked(
     known = known_parameters(definition)
     if outward not in known:
         if ':' in key:
-            raise InvalidParameter(f':{line}: {key!r}: a space is missing after the colon')
+            raise InvalidParameter(f':{line}: {shown(key)}: a space is missing after the colon')
         hint = did_you_mean(key, [*known, *aliases])
-        raise InvalidParameter(f':{line}: unknown parameter {key!r}{hint}')
+        raise InvalidParameter(f':{line}: unknown parameter {shown(key)}{hint}')
     try:
         return definition.checked(outward, value)
     except InvalidParameter as error:
@@ -163,9 +163,11 @@ def children(node: yaml.MappingNode) -> dict[str, yaml.Node]:
     """
     found: dict[str, yaml.Node] = {}
     for key, value in node.value:
+        if not isinstance(key, yaml.ScalarNode):
+            raise InvalidParameter(f':{line_of(key)}: a name must be a word, got a {key.id}')
         name = str(key.value)
         if name in found:
-            raise InvalidParameter(f':{line_of(key)}: {name!r} is there twice')
+            raise InvalidParameter(f':{line_of(key)}: {shown(name)} is there twice')
         found[name] = value
     return found
 
@@ -187,7 +189,7 @@ def _entries(node: yaml.MappingNode) -> dict[str, Entry]:
     found: dict[str, Entry] = {}
     for name, entry in flat(node):
         if name in found:
-            raise InvalidParameter(f':{entry.line}: {name!r} is there twice')
+            raise InvalidParameter(f':{entry.line}: {shown(name)} is there twice')
         found[name] = entry
     return found
 
@@ -304,6 +306,9 @@ def construct(node: yaml.Node) -> Any:
         return value
     except (ValueError, OverflowError) as error:
         raise yaml.MarkedYAMLError(problem=str(error), problem_mark=node.start_mark) from None
+    except (AttributeError, LookupError, TypeError):  # PyYAML believes what a tag says
+        problem = f'{shown(node.value)} is no {node.tag.rpartition(":")[2]}'
+        raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark) from None
 
 
 def read_yaml(path: Path) -> str:
