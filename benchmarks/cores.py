@@ -12,6 +12,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from family import end_with_parent
 from trials import Run, RunFailed, simulate, Trace
 
 HERE = Path(__file__).resolve().parent
@@ -43,7 +44,9 @@ def on_cores(runs: Sequence[Run], cores: int | None = None) -> Iterator[tuple[Ru
     """Yield each run and its result, as they come."""
     spawning = multiprocessing.get_context('spawn')
     cores = cores or len(os.sched_getaffinity(0))
-    with ProcessPoolExecutor(max_workers=cores, mp_context=spawning) as pool:
+    with ProcessPoolExecutor(
+        max_workers=cores, mp_context=spawning, initializer=end_with_parent
+    ) as pool:
         futures = {pool.submit(attempt, run): run for run in runs}
         for future in as_completed(futures):
             yield futures[future], future.result()

@@ -23,6 +23,7 @@ import cores
 import cycles
 import describe
 from experiment import FIRST_SEED
+from family import end_with_parent
 import go2
 import goals
 import legs
@@ -67,7 +68,9 @@ def measure(name: str, arguments: argparse.Namespace) -> list[Row]:
     One that breaks is a row that fails: the others have taken minutes.
     """
     spawning = multiprocessing.get_context('spawn')
-    with ProcessPoolExecutor(max_workers=1, mp_context=spawning) as pool:
+    with ProcessPoolExecutor(
+        max_workers=1, mp_context=spawning, initializer=end_with_parent
+    ) as pool:
         try:
             return pool.submit(_measure_here, name, arguments).result()
         except Exception as error:

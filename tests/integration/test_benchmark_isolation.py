@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is measured is measured alone: no part of the benchmark, no run beside it, is heard."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+import contextlib
 import os
 from pathlib import Path
 import subprocess
 import sys
+import time
 from typing import Any
+import uuid
 
 import pytest
 
@@ -38,6 +41,7 @@ if __name__ == '__main__':
 GOES = '0 0.3 0 0\n'
 STANDS = '0 0 0 0\n'
 LONG = ('--duration', '100')  # at full speed still seconds of wall time
+PATIENCE = 120.0  # of a busy machine [s]
 ALONE = 1e-6  # a robot that nobody else drives stays within so much [m]
 
 
@@ -50,6 +54,33 @@ def test_no_part_of_the_benchmark_changes_the_environment_of_another(tmp_path: P
         [sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=120
     )
     assert (done.stdout, done.returncode) == ('None True\n', 0), done.stderr
+
+
+def commands(mark: str) -> list[str]:
+    """Return the command lines of all processes with a variable of this value."""
+    found = []
+    for folder in Path('/proc').glob('[0-9]*'):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            if f'WASD_MARK={mark}\0'.encode() in (folder / 'environ').read_bytes():
+                found.append((folder / 'cmdline').read_text())
+    return found
+
+
+def test_nothing_is_left_of_a_benchmark_that_was_killed(tmp_path: Path) -> None:
+    mark = uuid.uuid4().hex
+    words = [sys.executable, '-m', 'wasd_bringup.cli', 'bench', 'mbot', '--quick']
+    bench = subprocess.Popen(words, cwd=tmp_path, env={**os.environ, 'WASD_MARK': mark})
+    wait_until(lambda: any('--twist' in each for each in commands(mark)))
+    bench.kill()
+    bench.wait()
+    wait_until(lambda: not commands(mark))
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, f'waited {PATIENCE} s in vain'
+        time.sleep(0.05)
 
 
 @pytest.fixture(scope='module')

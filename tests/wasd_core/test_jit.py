@@ -221,3 +221,24 @@ def test_a_cache_of_another_user_is_not_used(kernels, refused):
     os.chown(cache, 1234, 1234)
     assert f'{cache} belongs to user 1234' in refused(cache)[1]
     assert refused(cache)[0] == '1 1'  # from the home
+
+
+# What the numba 0.58 of Ubuntu 24.04 calls the places of caches.
+OLD_NAMES = """
+from numba.core import caching
+for name in ('UserProvidedCacheLocator', 'InTreeCacheLocator', 'UserWideCacheLocator'):
+    if hasattr(caching, name):
+        setattr(caching, f'_{name}', caching.__dict__.pop(name))
+from kernels.size import size
+print(size(), *size.stats.cache_misses.values())
+print(size._cache.cache_path)
+"""
+
+
+def test_the_numba_of_ubuntu_keeps_what_it_compiled_as_a_newer_one_does(tmp_path):
+    kernels = Kernels(tmp_path)
+    words = [sys.executable, '-c', OLD_NAMES]
+    done = subprocess.run(
+        words, cwd=tmp_path, env=kernels.environment, capture_output=True, text=True
+    )
+    assert done.stdout == f'1 1\n{kernels.package}/__pycache__\n', done.stderr

@@ -6,10 +6,20 @@ import subprocess
 import sys
 
 import pytest
-from wasd_core.network import claim, claim_domain, join_domain, namespaces_of, running
+from wasd_core.network import claim, claim_domain, join_domain, namespaces_of, running, SOCKETS
 
 # Ahead of what ROS has, so that nothing real is in the way.
 FIRST = 10_000
+STRANGER = 65534  # a user who may do nothing
+LIAR = """
+import os, socket, sys
+os.setuid(int(sys.argv[2]))
+held = socket.socket(socket.AF_UNIX)
+held.bind(chr(0) + sys.argv[1])
+held.listen()
+print(flush=True)
+sys.stdin.read()
+"""
 HOLDER = """
 import sys, time
 from wasd_core.network import claim
@@ -122,11 +132,49 @@ def test_a_full_machine_is_said(domains):
     held = [claim(domain, ['/']) for domain in domains]
     # A process has one entry a domain; the places are what counts.
     assert all(held)
-    place, words = claim_domain({}, ['/'], '')
+    environment = {'ROS_LOCALHOST_ONLY': '1'}
+    place, words = claim_domain(environment, ['/'], '')
     assert place is None
-    assert words.startswith('every domain has a run')
+    assert words.startswith('every domain has a run: over ROS this one talks to nobody')
+    # Nobody drives this robot, and it takes nothing that is for another.
+    assert environment == {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'OFF'}
     for one in held:
         one.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    'user',
+    [
+        os.getuid(),
+        pytest.param(STRANGER, marks=pytest.mark.skipif(os.getuid() != 0, reason='needs root')),
+    ],
+    ids=['own', 'stranger'],
+)
+def test_who_only_says_that_he_is_a_run_of_ours_leads_nobody_to_his_domain(domains, user):
+    name = f'wasd run {domains[0]} {os.getuid()} {os.getpid()}'
+    liar = subprocess.Popen(
+        [sys.executable, '-c', LIAR, name, str(user)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        liar.stdout.readline()
+        assert f'@{name}\n' in SOCKETS.read_text()
+        assert domains[0] not in [run.domain for run in running()]
+        with claim(domains[1], ['/']):
+            environment = {}
+            join_domain(environment)
+            assert environment['ROS_DOMAIN_ID'] != str(domains[0])
+    finally:
+        liar.communicate()
+
+
+def test_a_run_answers_however_often_it_is_asked(domains):
+    with claim(domains[0], ['/']):
+        for _ in range(500):
+            assert domains[0] in [run.domain for run in running(os.getuid())]
 
 
 def test_who_joins_keeps_a_domain_of_the_users():

@@ -9,7 +9,7 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
-from typing import Any
+from typing import Any, NoReturn
 
 from teleop_keyboard.keymap import LAYOUTS
 from teleop_keyboard.keymap_file import describe_keymap, list_presets
@@ -176,9 +176,9 @@ def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     return run_command(arguments, ros_arguments)
 
 
-def run_tests(arguments: Sequence[str]) -> int:
+def run_tests(arguments: Sequence[str]) -> NoReturn:
     """
-    Run pytest on the clone's tests; return its exit status.
+    Become pytest on the clone's tests.
 
     `--quick` runs the tests that need no process, no ROS and no browser, in one process; other
     arguments go to pytest.
@@ -192,7 +192,8 @@ def run_tests(arguments: Sequence[str]) -> int:
         words = ['-m', 'not slow', '-q', *words]
     else:
         words = [*WORKERS, *words]
-    return _run('tests', 'pytest', *words)
+    os.chdir(_clone('tests'))
+    _become('-m', 'pytest', *words)
 
 
 def run_linters(arguments: Sequence[str]) -> int:
@@ -213,25 +214,29 @@ def run_linters(arguments: Sequence[str]) -> int:
     return max(_run('tests', *words) for words in LINTERS)
 
 
-def run_benchmark(arguments: Sequence[str]) -> int:
+def run_benchmark(arguments: Sequence[str]) -> NoReturn:
     """
-    Run the clone's benchmark; return its exit status: 1 when a bound is missed.
+    Become the clone's benchmark, whose exit status is 1 when a bound is missed.
 
     Raises:
         UserError: this is not installed from a clone.
     """
     script = _clone('benchmarks') / 'benchmarks' / 'run.py'
-    return _start([sys.executable, str(script), *arguments])
+    _become(str(script), *arguments)
+
+
+def _become(*words: str) -> NoReturn:
+    """Go on as another Python program: whatever ends this process ends that."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.stdout.flush()
+    os.execv(sys.executable, [sys.executable, *words])
 
 
 def _run(folder: str, module: str, *arguments: str) -> int:
-    return _start([sys.executable, '-m', module, *arguments], cwd=_clone(folder))
-
-
-def _start(words: Sequence[str], cwd: Path | None = None) -> int:
     # Ctrl-C is for both: whoever is started has the last word.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    return subprocess.run(words, cwd=cwd).returncode
+    words = [sys.executable, '-m', module, *arguments]
+    return subprocess.run(words, cwd=_clone(folder)).returncode
 
 
 def _clone(folder: str) -> Path:

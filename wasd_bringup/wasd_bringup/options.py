@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from mujoco_sim.parameters import Payload, Untold
 from teleop_keyboard.key_script import KeyPress, parse_key_script
 from wasd_core.errors import DescriptionError, one_line, UserError
-from wasd_core.network import RANGE, SAYS_WHO
+from wasd_core.network import SAYS_WHO, set_range
 from wasd_core.output_file import check_apart, OutputFile
 from wasd_core.safe_files import read_file
 
@@ -366,14 +366,7 @@ def keep_alone() -> None:
 
     An experiment is to be repeated: not even another run on this machine may join it.
     """
-    set_range('off')
-
-
-def set_range(name: str) -> None:
-    """Have what is initialised next look for others in one of RANGES."""
-    os.environ[RANGE] = name.upper()
-    # The variable of old takes precedence where it is set, and knows no "off".
-    os.environ.pop('ROS_LOCALHOST_ONLY', None)
+    set_range(os.environ, 'off')
 
 
 def choose_range(asked: str | None, is_experiment: bool) -> None:
@@ -388,6 +381,6 @@ def choose_range(asked: str | None, is_experiment: bool) -> None:
         for name in SAYS_WHO:
             os.environ.pop(name, None)
     elif asked is not None:
-        set_range(asked)
+        set_range(os.environ, asked)
     elif is_experiment:
         keep_alone()

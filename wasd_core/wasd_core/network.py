@@ -5,16 +5,19 @@ Who talks to whom over ROS on this machine.
 ROS keeps to this machine unless the user says otherwise. Each run takes a domain of its own by
 binding sockets with names (abstract unix sockets): the kernel gives a name once, to one process,
 and takes it back when that ends, however it ends. Such names hold for the same network namespace
-as 127.0.0.1 does, for all users.
+as 127.0.0.1 does, for all users. Anybody may take a name; whose socket it is the kernel says.
 """
 
 from collections.abc import MutableMapping, Sequence
+import contextlib
 import hashlib
 import os
 from pathlib import Path
 import re
 import socket
+import struct
 import sys
+import threading
 from typing import NamedTuple, Self
 
 from wasd_core.errors import UserError
@@ -83,6 +86,13 @@ def keep_to_this_machine(environment: MutableMapping[str, str], middleware: str)
     environment[PROFILES_FILE] = str(PROFILE)
 
 
+def set_range(environment: MutableMapping[str, str], name: str) -> None:
+    """Have ROS look for others in a range, e.g. off: a run with which nobody talks."""
+    environment[RANGE] = name.upper()
+    # The variable of old takes precedence where it is set, and knows no "off".
+    environment.pop(LOCALHOST_ONLY, None)
+
+
 def do_without_shared_memory(environment: MutableMapping[str, str]) -> None:
     """
     Have Fast DDS use UDP alone.
@@ -92,8 +102,7 @@ def do_without_shared_memory(environment: MutableMapping[str, str]) -> None:
     """
     is_local = environment.get(RANGE) == 'LOCALHOST' or environment.get(LOCALHOST_ONLY) == '1'
     if is_local or environment.get(PROFILES_FILE) == str(PROFILE):
-        environment[RANGE] = 'SYSTEM_DEFAULT'
-        environment.pop(LOCALHOST_ONLY, None)
+        set_range(environment, 'SYSTEM_DEFAULT')
         environment[PROFILES_FILE] = str(UDP_PROFILE)
     elif not environment.get(TRANSPORTS):
         environment[TRANSPORTS] = 'UDPv4'
@@ -117,6 +126,8 @@ DOMAINS = range(102)
 LAST_DOMAIN = 232  # for which RTPS has ports
 DOMAIN = 'ROS_DOMAIN_ID'
 SOCKETS = Path('/proc/net/unix')
+# One that is listened at tells who does: process, user, group.
+RUN_SOCKET, CREDENTIALS = socket.SOCK_STREAM, 'iII'
 PROCESSES = Path('/proc')
 # How much of a command line is shown.
 SHOWN_LENGTH = 40
@@ -128,6 +139,25 @@ class Run(NamedTuple):
     domain: int
     user: int
     process: int
+
+    @property
+    def name(self) -> str:
+        """What its socket is called."""
+        return f'wasd run {self.domain} {self.user} {self.process}'
+
+    @property
+    def is_true(self) -> bool:
+        """Whether that user's process has made the socket: the kernel knows, not the name."""
+        with socket.socket(socket.AF_UNIX, RUN_SOCKET) as asker:
+            asker.setblocking(False)  # somebody else's may let us wait
+            try:
+                asker.connect(f'\0{self.name}')
+            except OSError:
+                return False
+            size = struct.calcsize(CREDENTIALS)
+            peer = asker.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
+        process, user, _ = struct.unpack(CREDENTIALS, peer)
+        return (process, user) == (self.process, self.user)
 
     @property
     def words(self) -> str:
@@ -164,6 +194,8 @@ class Claim:
     def close(self) -> None:
         """Give the place back."""
         for one in self._sockets:
+            with contextlib.suppress(OSError):  # not connected
+                one.shutdown(socket.SHUT_RDWR)  # which ends a thread that waits at it
             one.close()
 
 
@@ -174,15 +206,25 @@ def claim(domain: int, namespaces: Sequence[str]) -> Claim | None:
     Two runs in one domain do not hear each other when their namespaces differ.
     """
     sockets: list[socket.socket] = []
+    place = Claim(domain, sockets)
     names = [f'wasd place {domain} {_short(namespace)}' for namespace in namespaces]
-    for name in [*names, f'wasd run {domain} {os.getuid()} {os.getpid()}']:
-        bound = _bind(name)
+    run = Run(domain, os.getuid(), os.getpid())
+    for name, kind in [*((name, socket.SOCK_DGRAM) for name in names), (run.name, RUN_SOCKET)]:
+        bound = _bind(name, kind)
         if bound is None:
-            for one in sockets:
-                one.close()
+            place.close()
             return None
         sockets.append(bound)
-    return Claim(domain, sockets)
+    sockets[-1].listen()
+    threading.Thread(target=_dismiss_callers, args=(sockets[-1],), daemon=True).start()
+    return place
+
+
+def _dismiss_callers(listener: socket.socket) -> None:
+    """Let go who connects only to learn whose socket it is, until it is closed."""
+    with contextlib.suppress(OSError):
+        while True:
+            listener.accept()[0].close()
 
 
 def claim_domain(
@@ -193,7 +235,7 @@ def claim_domain(
 
     Returns the place, and a line for the user when something is not as usual: another domain than
     0, or one of the user's own that another run is in, too. `talk` is a command that would reach
-    this run.
+    this run. Where every domain is taken, by whomever, it talks to nobody.
     """
     if environment.get(DOMAIN):
         named = environment[DOMAIN]
@@ -216,7 +258,8 @@ def claim_domain(
             f'domain {DOMAINS[0]} has {_other_run(DOMAINS[0])}: this one is in domain {domain} '
             f'(to talk to it: {DOMAIN}={domain} {talk})'
         )
-    return None, 'every domain has a run: this one may take what is for another'
+    set_range(environment, 'off')
+    return None, f'every domain has a run: over ROS this one talks to nobody ({DOMAIN}=N: in N)'
 
 
 def _other_run(domain: int) -> str:
@@ -232,7 +275,7 @@ def running(user: int | None = None) -> list[Run]:
         return []
     found = re.findall(r'@wasd run (\d+) (\d+) (\d+)$', text, re.MULTILINE)
     runs = sorted({Run(*map(int, numbers)) for numbers in found})
-    return [run for run in runs if user in (None, run.user)]
+    return [run for run in runs if user in (None, run.user) and run.is_true]
 
 
 def join_domain(environment: MutableMapping[str, str]) -> str:
@@ -265,8 +308,8 @@ def _is_namespace(word: str) -> bool:
     return word.partition(':=')[0].rpartition(':')[2] == '__ns'
 
 
-def _bind(name: str) -> socket.socket | None:
-    bound = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+def _bind(name: str, kind: int) -> socket.socket | None:
+    bound = socket.socket(socket.AF_UNIX, kind)
     try:
         bound.bind('\0' + name)
     except OSError:

@@ -70,6 +70,12 @@ def _say(text: str) -> None:
     print(f'wasd: {text}', file=sys.stderr, flush=True)
 
 
+def _place(name: str) -> type:
+    """Return numba's class of a place; the numba of Ubuntu 24.04 has an underscore before it."""
+    found: type = getattr(caching, name, None) or getattr(caching, f'_{name}')
+    return found
+
+
 class _Guarded:
     """A place of a cache that is none where another user can write."""
 
@@ -104,15 +110,15 @@ class _Guarded:
             return True
 
 
-class _Told(_Guarded, caching.UserProvidedCacheLocator):
+class _Told(_Guarded, _place('UserProvidedCacheLocator')):  # type: ignore[misc]
     """Where NUMBA_CACHE_DIR says."""
 
 
-class _InHome(_Guarded, caching.UserWideCacheLocator):
+class _InHome(_Guarded, _place('UserWideCacheLocator')):  # type: ignore[misc]
     """The user's folder of caches."""
 
 
-class _BesideCode(_Guarded, caching.InTreeCacheLocator):
+class _BesideCode(_Guarded, _place('InTreeCacheLocator')):  # type: ignore[misc]
     """Beside the code: who can write that needs no cache, so it may be as open, and no more."""
 
     def _why_foreign(self) -> str:
