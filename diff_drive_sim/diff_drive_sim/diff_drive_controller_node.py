@@ -9,11 +9,9 @@ from typing import Any, NamedTuple
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
-import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import load_robot
-from robot_description.robot import Robot
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -21,7 +19,6 @@ from wasd_core.errors import did_you_mean
 from wasd_core.messages import to_joint_commands, to_seconds
 from wasd_core.node import run_node
 from wasd_core.parameters import outward_name
-from wasd_core.robot_io import JointCommand
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
 from wasd_core.timing import Beat
@@ -35,7 +32,7 @@ from diff_drive_sim.controller_file import (
     translate,
     UNUSED,
 )
-from diff_drive_sim.drive import DiffDrive
+from diff_drive_sim.drive import Controller, DiffDrive
 from diff_drive_sim.messages import (
     from_pose,
     to_diagnostics,
@@ -105,30 +102,28 @@ def _say_unused(node: Node, names: set[str]) -> None:
 
 
 ARBOTIX_JOINTS = ('base_l_wheel_joint', 'base_r_wheel_joint')
-JUMPED = 'the wheel angles have jumped (was the robot reset?): odometry goes on from where it was'
 
 
 class DiffDriveControllerNode(Node):
     """
-    Drives two wheels from cmd_vel.
+    The face of a drive: cmd_vel and parameters in, odom, /tf and diagnostics out.
 
-    Alone, it steps at each `joint_states` message and publishes `joint_commands`; in mode fake it
-    steps on a timer, and the wheels' `joint_states` are its own. In lock-step the simulation loop
-    calls `control` and the `publish` methods, and `cmd_vel.put` hands commands of the same
-    process over.
+    A drive that it is given is stepped by who made it, who also calls the `publish` methods;
+    `cmd_vel.put` hands commands of the same process over. Alone, it makes a drive by its
+    parameters, steps it at each `joint_states` and publishes `joint_commands`; in mode fake it
+    steps on a timer, and the wheels' `joint_states` are its own.
     """
 
     def __init__(
         self,
-        robot: Robot | None = None,
+        unit: DiffDrive | None = None,
         *,
-        lock_step: bool = False,
         namespace: str = '',
         parameter_overrides: list[Parameter] | None = None,
         file: ControllerFile | None = None,
     ) -> None:
         """
-        Take a robot, or load the one that the parameter `description` names.
+        Configure a drive by the parameters, or load the robot that these name.
 
         `file` is what the parameter `controller` names, where that was read before.
 
@@ -142,53 +137,40 @@ class DiffDriveControllerNode(Node):
         )
         given = read_given(self, file)
         declared = declare_parameters(self, DiffDriveParameters, self._on_change, given.defaults)
-        robot = robot or load_robot(declared.description, wheels=declared.wheel_choice()).robot
-        self._root = robot.root
-        self.settings = self._with_base_frame(declared)
-        # Over topics the answer to a state is in force from the next one on.
-        self.unit = DiffDrive(robot, self.settings, delay=0 if lock_step else 1)
-        self.controller = self.unit.controller
-        for note in (*self.unit.notes, *self._frame_notes(robot)):
+        self._is_alone = unit is None
+        self.unit = unit or _load_drive(declared)
+        self.unit.configure(declared)
+        for note in (*self.unit.notes, *self._frame_notes()):
             self.get_logger().warning(visible(note))
         self.unit.say = lambda text: self.get_logger().warning(visible(text))
         self._label = f'{self.get_namespace()}/{given.name or self.get_name()}'.strip('/')
-        self._is_alone = not lock_step
         self._absence = AbsenceWatch(self, self._on_return)
         self._arrived_at = 0.0
         self.cmd_vel = VelocityInput(
             self, self.settings.stamped, self._on_twist, self._on_twist_stamped, self._is_stale
         )
-        self.is_fake = self.settings.mode == 'fake'
-        self._names = self._own_joint_names(alone=self.is_fake and not lock_step)
+        self._names = self._own_joint_names(alone=self.unit.is_fake and self._is_alone)
         self._make_publishers()
         self.create_service(Trigger, '~/reset_odometry', self._on_reset_odometry)
         self.create_subscription(
             PoseWithCovarianceStamped, '~/set_odometry', self._on_set_odometry, RELIABLE
         )
-        if not lock_step:
+        if self._is_alone:
             self._stand_alone()
 
     @property
-    def update_rate(self) -> float:
-        """How often `control` is to be called [Hz]; a frame of the firmware is 17 of its calls."""
-        return 500.0 if self.settings.mode == 'arbotix' else self.settings.update_rate
+    def settings(self) -> DiffDriveParameters:
+        """What is in force."""
+        return self.unit.parameters
 
-    def control(self, left: float, right: float, dt: float, late: float = 0.0) -> JointCommand:
-        """
-        Return the command of the two motors, left then right, for wheel angles [rad].
-
-        They are `dt` [s] after the last ones; a velocity that has come since came `late` [s] ago.
-        """
-        self._absence.beat()
-        restarts = self.controller.restarts
-        speeds = np.array(self.unit.step(left, right, dt, late))
-        if self.controller.restarts > restarts:
-            self.get_logger().warning(JUMPED, throttle_duration_sec=5.0)
-        none = np.zeros(2)
-        return JointCommand(none, speeds, none, none, np.full(2, self.unit.motor.damping))
+    @property
+    def controller(self) -> Controller:
+        """What commands become wheel speeds by."""
+        return self.unit.controller
 
     def publish(self, stamp: Any = None) -> None:
         """Publish odom and /tf, and what else is asked for, with one stamp: the node's time."""
+        self._absence.beat()
         stamp = stamp or self.get_clock().now().to_msg()
         state = self.controller.odometry_state
         if has_listener(self._odometry):
@@ -248,8 +230,8 @@ class DiffDriveControllerNode(Node):
         self._beat = Beat()
         if self.settings.diagnostic_rate > 0.0:
             self.create_timer(1.0 / self.settings.diagnostic_rate, self.publish_diagnostics)
-        if self.is_fake:
-            self.create_timer(1.0 / self.update_rate, self._on_fake_timer)
+        if self.unit.is_fake:
+            self.create_timer(1.0 / self.unit.update_rate, self._on_fake_timer)
             return
         self._joint_commands = self.create_publisher(JointTrajectory, 'joint_commands', RELIABLE)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, SENSOR_DATA)
@@ -274,7 +256,8 @@ class DiffDriveControllerNode(Node):
             )
             return
         now = to_seconds(message.header.stamp)
-        command = self.control(wheels[0], wheels[1], *self._elapsed(now))
+        self._absence.beat()
+        command = self.unit.control(wheels[0], wheels[1], *self._elapsed(now))
         self._joint_commands.publish(to_joint_commands(names, command, message.header.stamp))
         self._publish_when_due(now, message.header.stamp)
 
@@ -303,7 +286,7 @@ class DiffDriveControllerNode(Node):
 
     def _on_return(self, gap: float) -> None:
         """Begin anew after this process stood still: nobody knows who still wants what."""
-        # In lock-step robot and process stood still together: its time has not gone on.
+        # Where somebody else steps, robot and process stood still together.
         if self._is_alone and self.settings.cmd_vel_timeout > 0.0:
             was_driven = self.controller.state == 'driving'
             self.controller.forget_command()
@@ -351,15 +334,10 @@ class DiffDriveControllerNode(Node):
         self.controller.set_odometry(*pose)
 
     def _on_change(self, changed: DiffDriveParameters) -> None:
-        self.settings = self._with_base_frame(changed)
-        self.unit.parameters = self.settings
+        self.unit.parameters = changed
 
-    def _with_base_frame(self, parameters: DiffDriveParameters) -> DiffDriveParameters:
-        frame = parameters.base_frame_id or self._root
-        return dataclasses.replace(parameters, base_frame_id=frame)
-
-    def _frame_notes(self, robot: Robot) -> list[str]:
-        frame = self.settings.base_frame_id
+    def _frame_notes(self) -> list[str]:
+        robot, frame = self.unit.robot, self.settings.base_frame_id
         # Of several robots each may have a prefix before its frames, or in its links' names.
         is_root = f'/{frame}'.endswith(f'/{robot.root}')
         if is_root or not self.settings.enable_odom_tf:
@@ -375,6 +353,13 @@ class DiffDriveControllerNode(Node):
             return described if alone else ()
         names = described if alone and wanted != 'arbotix' else ()
         return names if wanted == 'urdf' else (*names, *ARBOTIX_JOINTS)
+
+
+def _load_drive(parameters: DiffDriveParameters) -> DiffDrive:
+    """Return the drive of the robot that the parameters name."""
+    loaded = load_robot(parameters.description, wheels=parameters.wheel_choice())
+    # Over topics the answer to a state is in force from the next one on.
+    return DiffDrive(loaded.robot, delay=1)
 
 
 def main(args: list[str] | None = None) -> int:

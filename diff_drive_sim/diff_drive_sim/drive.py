@@ -5,8 +5,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 import math
 
+import numpy as np
 from robot_description.morphology.equip_wheels import strength
 from robot_description.robot import Robot
+from wasd_core.robot_io import JointCommand
+from wasd_core.timing import Watchdog
 
 from diff_drive_sim.arbotix import ArbotixDrive, LegacyController, setpoints_of
 from diff_drive_sim.controller import DiffDriveController, MAXIMUM_STEP, Velocity
@@ -32,6 +35,9 @@ from diff_drive_sim.wheel_loop import (
 Controller = DiffDriveController | LegacyController
 # Of the torque that motors have a ramp uses so much: the loop needs some, too.
 USED_SHARE = 0.8
+JUMPED = 'the wheel angles have jumped (was the robot reset?): odometry goes on from where it was'
+# That is said again only after this [s].
+JUMPS_SAID = 5.0
 
 
 class FloatDrive:
@@ -102,14 +108,37 @@ class DiffDrive:
     Both are the joints', whose signs `flip` changes; all that is inside counts forward: the last
     wheel angles [rad], their speeds [rad/s] and the encoders' ticks. In mode fake the wheels are
     its own. `notes` are what the parameters contradict and what the motors are too weak for, in
-    words.
-
-    Raises:
-        DiffDriveError: the robot has no two wheels on an axle.
+    words; `say` hears what is worth a line while it drives.
     """
 
-    def __init__(self, robot: Robot, parameters: DiffDriveParameters, delay: int = 0) -> None:
-        """Take a robot; `delay` is how many steps a command takes to reach the motors."""
+    notes: tuple[str, ...]
+    controller: Controller
+
+    def __init__(
+        self, robot: Robot, parameters: DiffDriveParameters | None = None, delay: int = 0
+    ) -> None:
+        """
+        Take a robot; without parameters `configure` is to be called before anything else.
+
+        `delay` is how many steps a command takes to reach the motors.
+
+        Raises:
+            DiffDriveError: the robot has no two wheels on an axle.
+        """
+        self.robot, self._delay = robot, delay
+        self.say: Callable[[str], None] = lambda _: None
+        if parameters is not None:
+            self.configure(parameters)
+
+    def configure(self, parameters: DiffDriveParameters) -> None:
+        """
+        Begin with parameters, also with those that only hold from the start.
+
+        Raises:
+            DiffDriveError: the robot has no such wheels.
+        """
+        robot = self.robot
+        parameters = self._with_base_frame(parameters)
         pair = find_pair(robot, parameters.wheel_choice())
         described = geometry_of(pair)
         self.motor = wheel_motor(robot, pair)
@@ -120,20 +149,19 @@ class DiffDrive:
         self._weakest = pair.weakest.joint
         self._slower = min(pair.wheels, key=lambda wheel: wheel.joint.velocity or math.inf).joint
         self.notes = (*notes, *self._weaknesses(parameters, geometry))
-        # Whoever wants to hear what is worth a line while it drives puts a function here.
-        self.say: Callable[[str], None] = lambda _: None
+        self._jumped = Watchdog(JUMPS_SAID)
         self._has_said = self._has_said_short = False
         self._shortfall = Shortfall(0.5 * geometry.wheel_separation)
         # Ticks belong to the wheel that is there, whatever radius it is believed to have.
         self._scale = parameters.ticks_meter * described.wheel_radius
-        self.controller, self._drive = self._make_loops(geometry, parameters, delay)
+        self.controller, self._drive = self._make_loops(geometry, parameters)
         self.flip = geometry.flip
         self.fake = KinematicBase(geometry)
         self.angles = self.wheel_velocities = (0.0, 0.0)
         self._counts_ticks = parameters.odometry_feedback == 'ticks'
 
     def _make_loops(
-        self, geometry: DiffDriveGeometry, parameters: DiffDriveParameters, delay: int
+        self, geometry: DiffDriveGeometry, parameters: DiffDriveParameters
     ) -> tuple[Controller, FloatDrive | ArbotixDrive]:
         """Return what turns commands into wheel speeds, and what these into duties."""
         gains = gains_of(parameters)
@@ -142,7 +170,7 @@ class DiffDrive:
             return legacy, ArbotixDrive(gains, lambda: legacy.host.setpoints)
         controller = DiffDriveController(geometry, parameters, self._strength)
         if parameters.mode != 'arbotix':
-            return controller, FloatDrive(gains, self.motor, self._scale, delay)
+            return controller, FloatDrive(gains, self.motor, self._scale, self._delay)
         separation, scale = geometry.wheel_separation, parameters.ticks_meter
 
         def setpoints() -> tuple[int, int]:
@@ -152,13 +180,26 @@ class DiffDrive:
 
     @property
     def parameters(self) -> DiffDriveParameters:
-        """What is in force; what may change while it drives does so at once."""
+        """What is in force, the base frame named; what may change while it drives does at once."""
         return self.controller.parameters
 
     @parameters.setter
     def parameters(self, parameters: DiffDriveParameters) -> None:
-        self.controller.parameters = parameters
+        self.controller.parameters = self._with_base_frame(parameters)
         self._drive.set_gains(gains_of(parameters))
+
+    def _with_base_frame(self, parameters: DiffDriveParameters) -> DiffDriveParameters:
+        return replace(parameters, base_frame_id=parameters.base_frame_id or self.robot.root)
+
+    @property
+    def is_fake(self) -> bool:
+        """Whether its wheels are of arithmetic: `step_fake` is for these, `control` for others."""
+        return self.parameters.mode == 'fake'
+
+    @property
+    def update_rate(self) -> float:
+        """How often it is to be stepped [Hz]; a frame of the firmware is 17 of its steps."""
+        return 500.0 if self.parameters.mode == 'arbotix' else self.parameters.update_rate
 
     @property
     def ticks(self) -> tuple[int, int]:
@@ -188,6 +229,17 @@ class DiffDrive:
         if line:
             self._has_said_short = True
             self.say(line)
+
+    def control(self, left: float, right: float, dt: float, late: float = 0.0) -> JointCommand:
+        """Return the command of the two motors, left then right, for what `step` takes."""
+        restarts = self.controller.restarts
+        speeds = np.array(self.step(left, right, dt, late))
+        self._jumped.step(dt)
+        if self.controller.restarts > restarts and not self._jumped.is_alive:
+            self._jumped.hear()
+            self.say(JUMPED)
+        none = np.zeros(2)
+        return JointCommand(none, speeds, none, none, np.full(2, self.motor.damping))
 
     def step(self, left: float, right: float, dt: float, late: float = 0.0) -> tuple[float, float]:
         """

@@ -4,6 +4,7 @@
 import time
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
+from diff_drive_sim.drive import DiffDrive
 from geometry_msgs.msg import Twist, TwistStamped
 import pytest
 import rclpy
@@ -52,11 +53,11 @@ def stamped(linear, stamp=None):
 
 @pytest.fixture
 def make(spawn, mbot):
-    """Return a function that starts a controller in lock-step."""
+    """Return a function that makes the face of a drive with parameters."""
 
     def make(**parameters):
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        return spawn(DiffDriveControllerNode(mbot, lock_step=True, parameter_overrides=overrides))
+        return spawn(DiffDriveControllerNode(DiffDrive(mbot), parameter_overrides=overrides))
 
     return make
 
@@ -138,7 +139,7 @@ def test_a_command_that_took_its_time_times_out_sooner(make):
     node.cmd_vel.put(stamped(0.3, stamp.to_msg()))
     steps = 0
     while node.controller.target.linear:
-        node.control(0.0, 0.0, 0.005)
+        node.unit.control(0.0, 0.0, 0.005)
         steps += 1
     # 0.3 of 0.5 s were over, and what this machine took since.
     assert 0 < steps <= 41  # the last one sees that it is over

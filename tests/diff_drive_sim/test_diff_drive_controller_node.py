@@ -3,6 +3,7 @@ import math
 
 from builtin_interfaces.msg import Time
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode, main
+from diff_drive_sim.drive import DiffDrive
 from geometry_msgs.msg import Twist, TwistStamped
 from mujoco_sim.simulator_node import SimulatorNode
 from nav_msgs.msg import Odometry
@@ -49,8 +50,8 @@ class Peer(Node):
 
 
 @pytest.fixture
-def driver(spawn, mbot):
-    return spawn(DiffDriveControllerNode(mbot))
+def driver(spawn):
+    return spawn(DiffDriveControllerNode())
 
 
 @pytest.fixture
@@ -178,7 +179,7 @@ def test_after_a_gap_it_eases_in(driver, feed):
     driver.cmd_vel.put(twist(1.0))
     feed(1.0)
     driver.controller.command(1.0, 0.0)
-    driver.control(0.0, 0.0, 59.0)  # the command has come in the end
+    driver.unit.control(0.0, 0.0, 59.0)  # the command has come in the end
     assert driver.controller.velocity.linear == pytest.approx(0.1)  # 0.1 s, not 59
 
 
@@ -222,7 +223,7 @@ def test_cmd_vel_that_is_not_finite_is_ignored_with_one_warning(
 
 def test_stamped_commands_are_taken_by_a_stamped_controller(isolated_ros, mbot):
     init_ros(['--ros-args', '-p', 'stamped:=true'])
-    node = DiffDriveControllerNode(mbot, lock_step=True)
+    node = DiffDriveControllerNode(DiffDrive(mbot))
     try:
         message = TwistStamped()
         message.twist.linear.x = 0.3
@@ -251,13 +252,13 @@ def test_limits_can_be_changed_while_it_drives(driver):
 
 def test_closing_leaves_the_wheels_stopped(driver):
     driver.cmd_vel.put(twist(0.5))
-    driver.control(0.0, 0.0, 0.1)
+    driver.unit.control(0.0, 0.0, 0.1)
     driver.close()
-    np.testing.assert_array_equal(driver.control(0.0, 0.0, 0.1).velocity, [0.0, 0.0])
+    np.testing.assert_array_equal(driver.unit.control(0.0, 0.0, 0.1).velocity, [0.0, 0.0])
 
 
-def test_in_lock_step_it_makes_no_commands_of_its_own(spawn, mbot):
-    node = spawn(DiffDriveControllerNode(mbot, lock_step=True))
+def test_a_drive_that_it_is_given_is_fed_by_no_topic(spawn, mbot):
+    node = spawn(DiffDriveControllerNode(DiffDrive(mbot)))
     assert node.count_publishers('joint_commands') == 0
     assert node.count_subscribers('joint_states') == 0
 

@@ -87,12 +87,12 @@ class Peer(Node):
 
 
 @pytest.fixture
-def alone(spawn, mbot, spin_until):
+def alone(spawn, spin_until):
     """Return a function that starts the node alone with parameters, and a peer."""
 
     def start(**parameters):
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        node = spawn(DiffDriveControllerNode(mbot, parameter_overrides=overrides))
+        node = spawn(DiffDriveControllerNode(parameter_overrides=overrides))
         peer = spawn(Peer())
         spin_until(spawn.pump, lambda: peer.odometry and peer.joints)
         spin_until(spawn.pump, lambda: peer.cmd_vel.get_subscription_count())

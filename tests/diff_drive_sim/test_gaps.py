@@ -106,12 +106,12 @@ class Peer(Node):
 
 
 @pytest.fixture
-def connect(spawn, spin_until, mbot):
+def connect(spawn, spin_until):
     """Return a function that makes a controller with parameters, and a peer that it hears."""
 
     def connect(**parameters):
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        driver = spawn(DiffDriveControllerNode(mbot, parameter_overrides=overrides))
+        driver = spawn(DiffDriveControllerNode(parameter_overrides=overrides))
         peer = spawn(Peer())
         for publisher in (peer.cmd_vel, peer.states):
             spin_until(spawn.pump, publisher.get_subscription_count)

@@ -5,6 +5,7 @@ import math
 
 from diagnostic_msgs.msg import DiagnosticArray
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
+from diff_drive_sim.drive import DiffDrive
 from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 import numpy as np
@@ -21,13 +22,13 @@ DT = 0.005
 
 @pytest.fixture
 def make(spawn, mbot):
-    """Return a function that starts a controller in lock-step."""
+    """Return a function that makes the face of a drive with parameters."""
 
     def make(robot=mbot, **parameters):
         overrides = [
             Parameter(name.replace('__', '.'), value=value) for name, value in parameters.items()
         ]
-        return spawn(DiffDriveControllerNode(robot, lock_step=True, parameter_overrides=overrides))
+        return spawn(DiffDriveControllerNode(DiffDrive(robot), parameter_overrides=overrides))
 
     return make
 
@@ -42,7 +43,7 @@ def drive(node, linear, angular, duration, start=(0.0, 0.0)):
     angles = np.array(start)
     for _ in range(round(duration / DT)):
         node.controller.command(linear, angular)
-        node.control(*angles, DT)
+        node.unit.control(*angles, DT)
         angles += DT * np.array(node.controller.geometry.wheel_speeds(*node.controller.velocity))
     return angles
 
@@ -230,15 +231,15 @@ def test_gains_and_limits_can_be_set_while_it_drives_and_signs_are_checked(make)
     assert node.unit._drive._loops[0].gains.Kp == 20.0
     assert node.controller.velocity.linear == pytest.approx(0.2)
     node.controller.command(0.0, 0.0)
-    node.control(0.0, 0.0, DT)
+    node.unit.control(0.0, 0.0, DT)
     assert node.controller.velocity.linear == pytest.approx(0.2 - 4.0 * DT)
     assert 'must be >= -1000 and <= -0.001' in set_to('linear.x.max_deceleration', 4.0).reason
     assert set_to('linear.x.max_velocity', math.nan).successful
     assert set_to('mode', 'fake').reason
 
 
-def test_somebody_elses_joints_on_joint_states_are_no_news(spawn, mbot, capfd):
-    node = spawn(DiffDriveControllerNode(mbot))
+def test_somebody_elses_joints_on_joint_states_are_no_news(spawn, capfd):
+    node = spawn(DiffDriveControllerNode())
     node._on_joint_states(JointState(name=['arm_joint'], position=[1.0]))
     assert 'lacks' not in capfd.readouterr().err
 
@@ -250,9 +251,9 @@ def test_the_file_of_an_arbotix_drives(make, tmp_path):
         'Ko: 50, accel_limit: 1.0}}'
     )
     node = make(controller=str(path), mode='arbotix')
-    assert node.update_rate == 500.0
+    assert node.unit.update_rate == 500.0
     node.cmd_vel.put(_twist(0.5))
-    wheels = [node.control(0.0, 0.0, 0.002).velocity[0] for _ in range(500)]
+    wheels = [node.unit.control(0.0, 0.0, 0.002).velocity[0] for _ in range(500)]
     # A blocked wheel gets more and more, in steps of the board's PWM.
     assert wheels[-1] > wheels[100] > 0.0
     pwm = np.array(wheels) * 255.0 / 25.0

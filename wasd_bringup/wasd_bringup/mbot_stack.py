@@ -4,6 +4,7 @@
 from typing import Any
 
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
+from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.odometry import DiffDriveGeometry
 from geometry_msgs.msg import Twist, TwistStamped
 from mujoco_sim.simulation import Schedule
@@ -42,7 +43,8 @@ class MbotStack(ControlStack):
     camera = CameraView(distance=1.6, azimuth=130.0, elevation=-25.0)
 
     def __init__(self, loaded: Description, world: World, options: RunOptions) -> None:
-        self._driver = _make_driver(loaded, world, options)
+        self._unit = DiffDrive(loaded.robot)
+        self._driver = _make_driver(self._unit, loaded, world, options)
         # A participant knows one type per topic: that of the controller's subscription.
         self._is_stamped = self._driver.settings.stamped == 'true'
         super().__init__(world, options, self._driver, TwistStamped if self._is_stamped else Twist)
@@ -53,9 +55,9 @@ class MbotStack(ControlStack):
         self.mode = (options.mode or MODES[0]) if mode == DRIVE_MODES[0] else mode
         geometry = self._driver.controller.geometry
         self._wheels = (geometry.left_joint, geometry.right_joint)
-        world.is_kinematic = self._driver.is_fake
+        world.is_kinematic = self._unit.is_fake
         missing = [name for name in self._wheels if name not in world.motor_names]
-        if missing and not self._driver.is_fake:
+        if missing and not self._unit.is_fake:
             raise UserError(
                 f'{loaded.robot.name}: no motor on {", ".join(missing)}: '
                 'give the joint a <limit effort="..."/>'
@@ -78,7 +80,7 @@ class MbotStack(ControlStack):
     @property
     def period(self) -> float:
         """The controller's period [s]."""
-        return 1.0 / self._driver.update_rate
+        return 1.0 / self._unit.update_rate
 
     @property
     def drive_limits(self) -> dict[str, float]:
@@ -122,7 +124,7 @@ class MbotStack(ControlStack):
     def reset(self) -> None:
         """Forget the past: commands, ramps, odometry."""
         super().reset()
-        self._driver.unit.reset()
+        self._unit.reset()
         self.notice.say(None)
 
     def sample(self) -> Sample:
@@ -131,7 +133,7 @@ class MbotStack(ControlStack):
         pose = controller.odometry_state
         # Without physics there is nothing that presses.
         links = self._wheel_links
-        forces = self._world.contact_forces(links) * (not self._driver.is_fake)
+        forces = self._world.contact_forces(links) * (not self._unit.is_fake)
         return Sample(
             controller.state,
             (controller.target.linear, 0.0, controller.target.angular),
@@ -177,21 +179,21 @@ class MbotStack(ControlStack):
             schedule.at_rate('diagnostic_rate', rate, self._driver.publish_diagnostics)
 
     def _control(self) -> None:
-        if self._driver.is_fake:
+        if self._unit.is_fake:
             self._drive_fake()
         else:
             left, right = self._world.data.qpos[self._places].tolist()
             # Other motors than the wheels' stay limp: their columns are zero.
-            command = self._driver.control(left, right, self.period)
+            command = self._unit.control(left, right, self.period)
             for row, part in zip(self._command, command, strict=True):
                 row[self._motors] = part
             self._world.apply(JointCommand(*self._command))
             ahead, _, turn = self._world.base().planar_velocity.tolist()
-            self._driver.unit.watch(ahead, turn, self.period)
+            self._unit.watch(ahead, turn, self.period)
 
     def _drive_fake(self) -> None:
         """Let the robot of arithmetic drive, and show it in the world."""
-        unit = self._driver.unit
+        unit = self._unit
         unit.step_fake(self.period)
         x, y, yaw, linear, angular, lateral = unit.fake.pose
         states = zip(*map(unit.flip, (unit.fake.angles, unit.fake.speeds)), strict=True)
@@ -200,13 +202,12 @@ class MbotStack(ControlStack):
 
 
 def _make_driver(
-    loaded: Description, world: World, options: RunOptions
+    unit: DiffDrive, loaded: Description, world: World, options: RunOptions
 ) -> DiffDriveControllerNode:
-    """Return the drive controller of a robot, with what the command line says of the drive."""
+    """Return the face of a robot's drive, with what the command line says of it."""
     given = {'controller': str(options.controller or ''), 'mode': options.drive_mode}
     return DiffDriveControllerNode(
-        loaded.robot,
-        lock_step=True,
+        unit,
         namespace=options.namespace,
         parameter_overrides=[
             *(Parameter(name, value=value) for name, value in given.items() if value),
