@@ -12,6 +12,7 @@ from quadruped_sim.leg_controller_node import LegControllerNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from wasd_bringup.drivers_node import DriversNode
 from wasd_core.command_line import Executable
 
 # What rclpy gives every node.
@@ -83,6 +84,7 @@ VARIANTS: dict[Callable[[], Node], str] = {
     make(SimulatorNode, description='go2'): 'mujoco_sim',
     make(SimulatorNode, description='mbot_kinect'): 'mujoco_sim',
     make(LegControllerNode, estimator='truth'): 'quadruped_sim',
+    DriversNode: 'wasd_bringup',
 }
 
 

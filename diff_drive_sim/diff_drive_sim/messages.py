@@ -3,7 +3,6 @@
 
 from collections.abc import Callable, Sequence
 import math
-import time
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -131,8 +130,6 @@ TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': Twi
 # How often publishers of the other type are looked for, and their messages taken [s, wall time].
 LOOK_PERIOD = 0.5
 TAKE_PERIOD = 0.005
-# Who is refused is heard again after being silent for so long [s of wall time].
-QUIET = 0.5
 
 
 class VelocityInput:
@@ -141,10 +138,8 @@ class VelocityInput:
 
     A DDS participant knows one type per topic. With `stamped` `auto` this one listens for Twist;
     once somebody publishes TwistStamped, a second participant listens for that. `put` hands over
-    a message of this process, and `is_stale` judges those of others, as a LoopbackSubscription's.
-
-    After `refuse` those of others are dropped, until none has come for QUIET or this process
-    moves the robot; `on_refusal` is told of the first.
+    a message of this process; `is_stale` and `admit` judge those of others, as a
+    LoopbackSubscription's do. `admit` is asked about the Twist.
     """
 
     def __init__(
@@ -156,18 +151,17 @@ class VelocityInput:
         is_stale: Callable[[int], bool] = lambda sent: False,
     ) -> None:
         self._node = node
-        self._may_be_stale = is_stale
-        self._refused_at = -math.inf  # the last of others, by wall time
-        self._is_told = True
-        self.on_refusal: Callable[[], None] = lambda: None
+        self._is_stale = is_stale
+        self.admit: Callable[[Twist], bool] = lambda twist: True
         self._handlers: dict[type, Callable[[Any], None]] = {
             Twist: on_twist,
             TwistStamped: on_stamped,
         }
         self._type = TwistStamped if stamped == 'true' else Twist
         self._subscription: LoopbackSubscription[Any] = LoopbackSubscription(
-            node, self._type, 'cmd_vel', self._handlers[self._type], RELIABLE, self._is_stale
+            node, self._type, 'cmd_vel', self._handlers[self._type], RELIABLE, is_stale
         )
+        self._subscription.admit = self._is_admitted
         self._topic = node.resolve_topic_name('cmd_vel')
         self._other: _OtherParticipant | None = None
         if stamped == 'auto':
@@ -176,27 +170,13 @@ class VelocityInput:
 
     def put(self, message: Any) -> None:
         """Hand over a message that this process publishes, too."""
-        twist = message if isinstance(message, Twist) else message.twist
-        if twist.linear.x or twist.angular.z:
-            self._refused_at = -math.inf
         if isinstance(message, self._type):
             self._subscription.put(message)
         else:
             self._handlers[type(message)](message)
 
-    def refuse(self) -> None:
-        """Take no more from others, who may go on sending: the robot was stopped for good."""
-        self._refused_at, self._is_told = time.monotonic(), False
-
-    def _is_stale(self, sent: int) -> bool:
-        now = time.monotonic()
-        if now - self._refused_at > QUIET:
-            return self._may_be_stale(sent)
-        self._refused_at = now
-        if not self._is_told:
-            self._is_told = True
-            self.on_refusal()
-        return True
+    def _is_admitted(self, message: Any) -> bool:
+        return self.admit(message if isinstance(message, Twist) else message.twist)
 
     def close(self) -> None:
         """Leave the second participant."""
@@ -216,7 +196,7 @@ class VelocityInput:
     def _take(self) -> None:
         assert self._other is not None
         for message, sent in self._other.take():
-            if not self._is_stale(sent):
+            if not self._is_stale(sent) and self._is_admitted(message):
                 self._subscription.notify(message)
                 self._handlers[type(message)](message)
 

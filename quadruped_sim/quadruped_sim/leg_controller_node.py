@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The leg controller on ROS: keys and cmd_vel in, odom and joint commands out."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import partial
 import sys
 from typing import Any, NamedTuple
@@ -103,6 +103,7 @@ class LegControllerNode(Node):
         self._state = self.create_publisher(String, 'state', LATCHED)
         self._published_state = ''
         self._tf = TfBroadcaster(self)
+        self.on_e_stop: Callable[[], object] = self.legs.e_stop
         self.create_service(Trigger, '~/e_stop', self._on_e_stop)
         self.readings = self._listen() if legs is None else None
 
@@ -161,7 +162,7 @@ class LegControllerNode(Node):
             self.get_logger().warning(f'stood still for {gap:.1f} s: waiting for a new cmd_vel')
 
     def _on_e_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self.legs.e_stop()
+        self.on_e_stop()
         response.success = True
         response.message = 'passive; press 2 to stand again'
         return response

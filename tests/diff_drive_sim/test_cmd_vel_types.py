@@ -90,34 +90,17 @@ def test_one_type_can_be_asked_for(make, publish, spawn, spin_until, wanted, dea
 
 
 @pytest.mark.parametrize('message', [plain, stamped])
-def test_after_a_stop_others_are_refused_until_they_were_silent_or_the_driver_drives(
-    make, publish, spawn, spin_until, message, monkeypatch
-):
-    node, refusals = make(), []
-    node.cmd_vel.on_refusal = lambda: refusals.append(1)
-
-    def reaches(linear):
-        spin_until(
-            spawn.pump,
-            lambda: node.controller.target.linear == linear,
-            step=lambda: publish(message(linear)),
-        )
-
-    reaches(0.2)
-    monkeypatch.setattr('diff_drive_sim.messages.QUIET', 1e6)  # however busy the machine is
-    node.cmd_vel.refuse()
-    node.cmd_vel.put(plain(0.0))
-    spin_until(spawn.pump, lambda: refusals, step=lambda: publish(message(0.2)))
-    for _ in range(20):
-        publish(message(0.2))
-        spawn.pump.handle(0.01)
-    assert (node.controller.target.linear, len(refusals)) == (0.0, 1)
-    node.cmd_vel.put(plain(0.1))  # the driver drives: others are heard again
-    assert node.controller.target.linear == 0.1
-    reaches(0.3)
-    node.cmd_vel.refuse()
-    monkeypatch.setattr('diff_drive_sim.messages.QUIET', 0.0)  # they have been silent
-    reaches(0.2)
+def test_what_is_not_admitted_is_not_heard(make, publish, spawn, spin_until, message):
+    node, asked = make(), []
+    node.cmd_vel.admit = lambda twist: asked.append(twist.linear.x)
+    spin_until(spawn.pump, lambda: asked, step=lambda: publish(message(0.2)))
+    assert node.controller.target.linear == 0.0
+    node.cmd_vel.admit = lambda twist: True
+    spin_until(
+        spawn.pump,
+        lambda: node.controller.target.linear == 0.2,
+        step=lambda: publish(message(0.2)),
+    )
 
 
 def test_an_old_command_is_dropped_and_one_without_a_stamp_is_of_now(make, capfd):

@@ -192,7 +192,7 @@ def test_halted_the_last_word_on_cmd_vel_is_zero_and_a_client_that_goes_on_moves
 ):
     commanded = velocities_of(run, monkeypatch)
     run.wait_until(lambda: run.target > 0.19, forward(run))
-    run.session.halt()
+    run.session.stop()
     assert commanded[-1] == (0.0, 0.0, 0.0)
     count = len(commanded)
     run.wait_until(lambda: run.client.complaints, forward(run))

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 from wasd_bringup.foxglove_inbox import AT_ONCE, Decode, Inbox, LARGEST, LONGEST_QUEUE, SILENCE
+from wasd_bringup.run.drivers import Drivers
 from wasd_core.errors import UserError
 
 STEP = 0.02
@@ -18,13 +19,28 @@ class Robot:
     def __init__(self, name):
         self.key_topic = f'/{name}/keys'
         self.keys, self.velocities = [], []
-        self.press, self.drive = self.keys.append, self.velocities.append
-        self.stack = SimpleNamespace(
-            command_topic=f'/{name}/cmd_vel',
-            stop_key='STOP',
-            stops=lambda key: key == 'STOP',
-            latches=lambda key: key in ('i', 'j'),
-        )
+        self.stack = SimpleNamespace(command_topic=f'/{name}/cmd_vel')
+        self.drivers = Drivers(lambda key: key == 'STOP', lambda key: key in ('i', 'j'))
+
+    def press(self, key, by):
+        self.drivers.take(by, key=key)
+        self.keys.append(key)
+
+    def drive(self, velocity, by):
+        if not self.drivers.take(by, velocity=velocity):
+            return False
+        self.velocities.append(velocity)
+        return True
+
+    def release(self, by):
+        self.end(self.drivers.release(by))
+
+    def disarm(self, by=''):
+        self.end(self.drivers.disarm(by))
+
+    def end(self, held):
+        self.velocities += [STOP] * held.velocity
+        self.keys += ['STOP'] * held.keys
 
 
 def read_velocity(sender, data):
@@ -152,9 +168,11 @@ def test_what_waited_while_the_process_stood_still_is_not_taken(inbox, client, r
     inbox.step(STEP)
     assert robots[0].velocities == []
     pass_time(inbox, 0.3)
+    client.drive(SLOW)  # it goes on, and nobody has seen it let go
+    client.drive(STOP)
     client.drive(SLOW)
     inbox.step(STEP)
-    assert robots[0].velocities == [SLOW]
+    assert robots[0].velocities == [STOP, SLOW]
 
 
 def test_other_topics_are_refused_by_name(inbox, client):
@@ -189,10 +207,17 @@ def test_a_channel_that_was_not_advertised_says_nothing(inbox, client, robots):
 
 def test_halted_what_has_come_until_then_does_nothing(inbox, client, robots):
     client.advertise('/go2/cmd_vel').drive(FAST)
-    inbox.halt()
+    inbox.disarm()
     inbox.step(STEP)
     pass_time(inbox, 1.0)
     assert robots[0].velocities == []
+
+
+def halt(inbox, robots):
+    """Stop as a session does."""
+    for robot in robots:
+        robot.disarm()
+    inbox.disarm()
 
 
 def go_on(inbox, client, velocity, times, channel=0):
@@ -210,7 +235,7 @@ def test_halted_the_last_word_is_zero_and_who_goes_on_drives_after_it_let_go(
 ):
     client.advertise('/go2/cmd_vel', '/mbot/cmd_vel')
     go_on(inbox, client, FAST, 3)
-    inbox.halt()
+    halt(inbox, robots)
     stopped = [FAST, FAST, FAST, STOP]
     assert robots[0].velocities == stopped
     inbox.step(suspended)
@@ -228,7 +253,7 @@ def test_halted_the_last_word_is_zero_and_who_goes_on_drives_after_it_let_go(
 def test_halted_a_client_that_was_silent_for_long_drives_again(inbox, client, robots):
     client.advertise('/go2/cmd_vel')
     go_on(inbox, client, FAST, 1)
-    inbox.halt()
+    halt(inbox, robots)
     for _ in range(5):  # as seldom as a client that lives may
         pass_time(inbox, SILENCE - 8 * STEP)
         client.drive(FAST)
@@ -242,7 +267,7 @@ def test_halted_a_client_that_was_silent_for_long_drives_again(inbox, client, ro
 def test_halted_what_a_key_has_set_going_is_stopped_and_keys_are_taken(inbox, client, robots):
     client.advertise('/mbot/keys').key('i')
     inbox.step(STEP)
-    inbox.halt()
+    halt(inbox, robots)
     assert robots[1].keys == ['i', 'STOP']
     pass_time(inbox, 0.3)
     client.key('k')

@@ -140,7 +140,7 @@ def test_pause_reset_and_suspension_end_the_goal(session_of):
     session.simulation.advance(200)
     assert navigation(session).navigator.goal is None
     navigation(session).go(GOAL)
-    session.halt()
+    session.stop()
     assert ended(session) == ('cancelled', 'stopped by hand')
     assert wanted(session) == 0.0
     navigation(session).go(GOAL)
@@ -193,7 +193,7 @@ def test_between_two_goals_a_driver_takes_over_as_on_the_way_to_one(session_of, 
     if end == 'key':
         session.press('k')
     elif end == 'velocity':
-        session.robot.drive((0.0, 0.0, 0.0))
+        session.robot.drive((0.0, 0.0, 0.0), 'page')
     elif end == 'pause':
         session.simulation.paused = True
         session._poll(0.0)
@@ -227,7 +227,7 @@ def test_a_robot_whose_lidar_falls_silent_stands_also_for_the_next_goal(driving)
     navigation(driving).node.take_scan = lambda *_: None
     driving.simulation.advance(1500)
     assert wanted(driving) == 0.0
-    navigation(driving).halt()
+    navigation(driving).disarm()
     navigation(driving).go(GOAL)
     driving.simulation.advance(500)
     assert wanted(driving) == 0.0

@@ -2,6 +2,7 @@
 """`--gamepad`: the pad drives the robot in turn, and what is let go, lost or halted stands."""
 
 import time
+from types import SimpleNamespace
 
 from pads import PipePad
 import pytest
@@ -70,7 +71,7 @@ def test_mbot_drives_while_the_button_is_held_and_stands_after(session_of, pipe,
     elif how == 'unplugged':
         pipe.unplug()
     elif how == 'halted':
-        session.halt()
+        session.stop()
     elif how == 'e-stop':
         bridge = CockpitBridge(session)
         bridge._link.order(Order('e-stop'))
@@ -129,7 +130,7 @@ def test_halted_the_stick_of_the_page_is_let_go_in_the_last_word_on_cmd_vel(
     bridge._link.hold(Stick(forward=1.0))
     bridge.step(0.0, 0.0)
     assert commanded[-1][0] > 0.0
-    session.halt()
+    session.stop()
     assert commanded[-1] == (0.0, 0.0, 0.0)
 
 
@@ -137,9 +138,13 @@ class Robot:
     """What a pad needs of a robot."""
 
     def __init__(self, preset):
-        self.pad_preset = preset
         self.velocities, self.words = [], []
-        self.drive, self.say = self.velocities.append, self.words.append
+        self.stack = SimpleNamespace(pad_preset=preset, say=self.words.append)
+
+    def drive(self, velocity, by):
+        """Take a velocity of the pad's."""
+        assert by == 'gamepad'
+        self.velocities.append(velocity)
 
 
 def test_the_robot_in_turn_is_driven_by_its_own_preset_and_the_other_is_stopped(ros, pipe):

@@ -3,15 +3,14 @@
 
 from collections.abc import Callable, Iterator, Sequence
 import queue
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from wasd_core.errors import UserError
 from wasd_core.timing import SHORTEST_ABSENCE, Watchdog
 
-from wasd_bringup.inputs import Drive, PageDrive
+from wasd_bringup.session_robot import SessionRobot
 
 Velocity = tuple[float, float, float]
-STANDSTILL = (0.0, 0.0, 0.0)
 # A client that moves a robot is to be heard so often [s of wall time].
 SILENCE = 0.5
 # When we have stood still, what comes in so long after it is of before [s].
@@ -20,36 +19,6 @@ AFTERMATH = 0.25
 AT_ONCE = 200
 LONGEST_QUEUE = 2000
 LARGEST = 65536
-
-
-class Stack(Drive, Protocol):
-    """What drives a robot."""
-
-    @property
-    def stop_key(self) -> str:
-        """The key that ends every motion that keys have set going."""
-
-    @property
-    def command_topic(self) -> str:
-        """Its cmd_vel, by its full name."""
-
-
-class Robot(Protocol):
-    """A robot that clients drive."""
-
-    @property
-    def stack(self) -> Stack:
-        """What drives it."""
-
-    @property
-    def key_topic(self) -> str:
-        """Its keys, by their full name."""
-
-    def press(self, key: str) -> None:
-        """Press a key, and tell whoever listens."""
-
-    def drive(self, velocity: Velocity) -> None:
-        """Command a velocity [m/s], [m/s], [rad/s]."""
 
 
 class Sender(NamedTuple):
@@ -68,14 +37,11 @@ class Decode(NamedTuple):
 
 
 class _Client:
-    """What one client has set moving."""
+    """One client: a source of its own to each robot."""
 
-    def __init__(self, robots: Sequence[Robot]) -> None:
+    def __init__(self, number: int, robots: Sequence[SessionRobot]) -> None:
+        self._name = f'foxglove {number}'
         self._robots = robots
-        self._keys = PageDrive([robot.stack for robot in robots])
-        self._driven: set[int] = set()
-        # The robots that it moves again after it has let them go.
-        self._held: set[int] = set()
         self._heard = Watchdog(SILENCE)
         self.senders: dict[int, Sender] = {}
 
@@ -83,47 +49,40 @@ class _Client:
         """Note that it lives."""
         self._heard.hear()
 
-    def drive(self, robot: int, velocity: Velocity) -> None:
+    def drive(self, robot: SessionRobot, velocity: Velocity, counts: bool) -> None:
         self.hear()
-        if not any(velocity):
-            self._held.discard(robot)
-        elif robot in self._held:
-            topic = self._robots[robot].stack.command_topic
+        if not counts:
+            robot.drivers.take(self._name, velocity=velocity)
+            robot.drivers.disarm(self._name)
+        elif not robot.drive(velocity, self._name):
             raise UserError(
-                f'{topic}: stopped; to drive again send a zero, or nothing for {SILENCE} s'
+                f'{robot.stack.command_topic}: stopped; '
+                f'to drive again send a zero, or nothing for {SILENCE} s'
             )
-        (self._driven.add if any(velocity) else self._driven.discard)(robot)
-        self._robots[robot].drive(velocity)
 
-    def press(self, robot: int, key: str) -> None:
+    def press(self, robot: SessionRobot, key: str, counts: bool) -> None:
         self.hear()
-        self._keys.press(robot, key, from_view=True)
-        self._robots[robot].press(key)
+        if counts:
+            robot.press(key, self._name)
+        else:
+            robot.drivers.take(self._name, key=key)
+            robot.drivers.disarm(self._name)
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass: who is silent drives no more, and has let go."""
         self._heard.step(dt)
         if dt > SHORTEST_ABSENCE:
             # It was we who heard nothing: its silence counts from now on.
-            self.stop()
+            for robot in self._robots:
+                robot.disarm(self._name)
             self.hear()
         elif not self._heard.is_alive:
             self.stop()
-            self._held.clear()
-
-    def hold(self) -> None:
-        """Stop what it has set moving; no robot moves again before it was let go."""
-        self.stop()
-        self._held.update(range(len(self._robots)))
 
     def stop(self) -> None:
         """Stop what it has set moving."""
-        for robot in sorted(self._driven):
-            self._robots[robot].drive(STANDSTILL)
-        for robot in self._keys.moved:
-            self._robots[robot].press(self._robots[robot].stack.stop_key)
-        self._driven.clear()
-        self._keys.reset()
+        for robot in self._robots:
+            robot.release(self._name)
 
 
 class Inbox:
@@ -137,7 +96,7 @@ class Inbox:
 
     def __init__(self, decode: Decode) -> None:
         self._decode = decode
-        self._robots: Sequence[Robot] = ()
+        self._robots: Sequence[SessionRobot] = ()
         self._clients: dict[int, _Client] = {}
         self._events: queue.SimpleQueue[tuple[int, int, Sender | bytes | None]] = (
             queue.SimpleQueue()
@@ -167,7 +126,7 @@ class Inbox:
         if len(data) <= LARGEST and self._events.qsize() < LONGEST_QUEUE:
             self._events.put((client.id, channel_id, data))
 
-    def receive_for(self, robots: Sequence[Robot]) -> None:
+    def receive_for(self, robots: Sequence[SessionRobot]) -> None:
         """Say who is driven; nothing is taken before."""
         self._robots = robots
 
@@ -189,11 +148,9 @@ class Inbox:
                 refused.append(str(error))
         return refused[-1:]
 
-    def halt(self) -> None:
-        """Stop what clients have set moving; what has come, and goes on, is not taken."""
+    def disarm(self) -> None:
+        """Take nothing of what has come."""
         self._deaf = AFTERMATH
-        for client in self._clients.values():
-            client.hold()
 
     def stop(self) -> None:
         """Stop what clients have set moving."""
@@ -201,7 +158,7 @@ class Inbox:
             client.stop()
 
     def _take(self, client_id: int, channel: int, what: Sender | bytes | None) -> None:
-        client = self._clients.setdefault(client_id, _Client(self._robots))
+        client = self._clients.setdefault(client_id, _Client(client_id, self._robots))
         if isinstance(what, Sender):
             client.senders[channel] = what
         elif what is None:
@@ -209,16 +166,16 @@ class Inbox:
             client.senders.pop(channel, None)
             if not client.senders:
                 del self._clients[client_id]
-        elif self._deaf:
-            client.hear()
         elif channel in client.senders:
             self._obey(client, client.senders[channel], what)
+        else:
+            client.hear()
 
     def _obey(self, client: _Client, sender: Sender, data: bytes) -> None:
-        for index, robot in enumerate(self._robots):
+        for robot in self._robots:
             if sender.topic == robot.stack.command_topic:
-                return client.drive(index, self._decode.velocity(sender, data))
+                return client.drive(robot, self._decode.velocity(sender, data), not self._deaf)
             if sender.topic == robot.key_topic:
-                return client.press(index, self._decode.key(sender, data))
+                return client.press(robot, self._decode.key(sender, data), not self._deaf)
         known = [t for r in self._robots for t in (r.stack.command_topic, r.key_topic)]
         raise UserError(f'{sender.topic}: nothing is taken there; wanted {" or ".join(known)}')

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A quadruped's nodes in one process: leg controller, and keys to velocity where a preset asks."""
 
+from collections.abc import Callable
+
 from mujoco_sim.simulation import Schedule
 from mujoco_sim.viewer.page import CameraView
 from mujoco_sim.world import World
@@ -19,6 +21,7 @@ from teleop_keyboard.keymap import on_layout, on_qwerty
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 from wasd_core.timing import is_press, STOP_KEY
+from wasd_core.topics import LoopbackSubscription
 
 from wasd_bringup.inputs import RESET_KEY
 from wasd_bringup.options import RunOptions
@@ -28,6 +31,8 @@ from wasd_bringup.stack import ControlStack
 
 # States in which the robot is being driven.
 DRIVEN = ('trotting', 'move base')
+# The key that lets go of the legs.
+PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)
 
 
 class Go2Stack(ControlStack):
@@ -112,10 +117,10 @@ class Go2Stack(ControlStack):
         keys = driving_keys(self._teleop.logic.keymap)
         return f'press 2 to stand, 5 to drive; then {keys} (forward, back, left, right)'
 
-    def press(self, key: str) -> None:
+    def press(self, key: str, is_pressed: bool = True) -> None:
         """Take a key; the leg controller knows those of qwerty."""
         legs_key = key if self.layout == 'qwerty' else on_qwerty(key, self.layout)
-        if key in ZERO_KEYS and not self.is_pressed:
+        if key in ZERO_KEYS and not is_pressed:
             legs_key = STOP_KEY  # which is not answered with keys to press
         # What is published, and comes back, is the key as it was pressed.
         self._node.keys.put(String(data=legs_key), published=String(data=key))
@@ -130,6 +135,19 @@ class Go2Stack(ControlStack):
     def stop_key(self) -> str:
         """The key that ends every motion that keys have set going."""
         return ZERO_KEYS[0] if self._teleop is None else STOP_KEY
+
+    @property
+    def stop_keys(self) -> tuple[str, ...]:
+        """The keys that stop it for good, and end every motion."""
+        return tuple(dict.fromkeys((on_layout(PASSIVE, self.layout), self.stop_key)))
+
+    def on_e_stop(self, stop: Callable[[], None]) -> None:
+        """Let the controller's own e-stop service stop the run."""
+        self._node.on_e_stop = stop
+
+    def e_stop(self) -> None:
+        """Let go of the legs in this instant."""
+        self._legs.controller.e_stop()
 
     def stops(self, key: str) -> bool:
         """Whether a press of this key ends every motion that keys have set going."""
@@ -185,10 +203,14 @@ class Go2Stack(ControlStack):
         rows = zip(names, command, measured, full, strict=True)
         return tuple(Axis(*name, wanted, now, most) for name, wanted, now, most in rows)
 
-    def halt(self) -> None:
+    def stop(self) -> None:
         """Command standstill, now and in the last word on cmd_vel, until the next key."""
         self._legs.controller.sticks.zero()
-        super().halt()
+        super().stop()
+
+    @property
+    def _key_inputs(self) -> list[LoopbackSubscription[String]]:
+        return [self._node.keys, *super()._key_inputs]
 
     def _keys_are_velocities(self, options: RunOptions) -> bool:
         return options.preset != UNITREE_PRESET

@@ -28,9 +28,6 @@ from wasd_bringup.stack import ControlStack, Velocity
 
 WASD_ADVICE = 'or start with --preset wasd'
 
-# Who sends it may not know that the robot was stopped.
-REFUSED = 'drive by keys, or end who sends cmd_vel (it is refused since E-STOP)'
-
 
 class MbotStack(ControlStack):
     """
@@ -70,7 +67,6 @@ class MbotStack(ControlStack):
         self._other_presets = WASD_ADVICE if is_usual and not options.namespace else ''
         self._hints = KeyHints(self.logic, HELP_KEY, advice=self._other_presets, axes=('x', 'yaw'))
         self.notice = Notice()
-        self._driver.cmd_vel.on_refusal = lambda: self.say(REFUSED)
 
     @property
     def driver(self) -> DiffDriveControllerNode:
@@ -114,11 +110,11 @@ class MbotStack(ControlStack):
         advice = f', {self._other_presets}' if self._other_presets else ''
         return f'drive with {keys} (forward, back, left, right){advice}'
 
-    def press(self, key: str) -> None:
+    def press(self, key: str, is_pressed: bool = True) -> None:
         """Take a key."""
         assert self._teleop is not None
         self._teleop.keys.put(String(data=key))
-        if is_press(key):
+        if is_press(key) and is_pressed:
             self.notice.say(self._hints.press(key))
 
     def reset(self) -> None:

@@ -48,7 +48,7 @@ AFTERGLOW = 2.0
 # Options that a run takes as they were given.
 AS_GIVEN = (
     *('robot', 'description', 'strict', 'world', 'preset', 'layout', 'viewer', 'port'),
-    *('seed', 'discovery', 'gamepad', 'foxglove'),
+    *('seed', 'discovery', 'gamepad', 'foxglove', 'latched'),
 )
 
 
@@ -93,6 +93,7 @@ class RunOptions:
     map: str | None = None
     save_map: str | None = None  # without .yaml
     goals: tuple[Goal, ...] = ()
+    latched: bool = False  # whether an e-stop holds until it is released
     interactive: bool = False
     words: tuple[str, ...] = ()  # of the command line, where there is one
     # Of a recording: the descriptions by namespace, and the commands in place of all others.

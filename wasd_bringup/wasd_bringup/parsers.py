@@ -240,7 +240,13 @@ def _add_world(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_guests(parser: argparse.ArgumentParser) -> None:
-    """Declare who else may drive."""
+    """Declare who else may drive, and how a stop ends."""
+    parser.add_argument(
+        '--latched',
+        action='store_true',
+        help='an E-STOP (ESC, the page, topic, service) holds until ENTER, the page or a service '
+        'releases it',
+    )
     parser.add_argument(
         '--gamepad',
         nargs='?',

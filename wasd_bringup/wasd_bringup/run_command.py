@@ -75,9 +75,9 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
 
 def _halt_with(stop: StopSignals, reader: KeyReader | None, session: Session) -> None:
     """Have the robots stand when the process is suspended, or ended in the midst of something."""
-    stop.last_words.insert(0, session.halt)
+    stop.last_words.insert(0, session.stop)
     if reader is not None and reader.terminal is not None:
-        reader.terminal.before_suspend.append(session.halt)
+        reader.terminal.before_suspend.append(session.stop)
         reader.terminal.after_resume.append(session.resume)
 
 

@@ -7,7 +7,7 @@ import sys
 import time
 from typing import Any, cast, TYPE_CHECKING
 
-from mujoco_sim.viewer.input import LOST
+from mujoco_sim.viewer.input import LOST as LOST_KEY
 from mujoco_sim.viewer.views import View
 from mujoco_sim.world import World
 from rclpy.clock import ClockType, ROSClock
@@ -24,10 +24,11 @@ from wasd_core.node import MessagePump
 from wasd_bringup.inputs import (
     BoxPlayer,
     Command,
+    E_STOP_KEY,
+    END_E_STOP_KEY,
     KEY_LINE,
     KeySwitch,
     MessageTimes,
-    PageDrive,
     Player,
     RESET_KEY,
     SWITCH_KEY,
@@ -36,7 +37,8 @@ from wasd_bringup.inputs import (
 )
 from wasd_bringup.options import AFTERGLOW, RunOptions
 from wasd_bringup.report import join_reports, write_report
-from wasd_bringup.session_guests import make_guests, make_navigations, Told
+from wasd_bringup.run.drivers import E_STOP, LOST
+from wasd_bringup.session_guests import Guest, make_guests, make_navigations, Told
 from wasd_bringup.session_robot import build_robots, SessionRobot
 from wasd_bringup.stack import ControlStack
 
@@ -86,7 +88,6 @@ class Session:
         self.robots = build_robots(options, visuals)
         self.simulation = self.robots[0].simulator.simulation
         self._switch = KeySwitch(len(self.robots))
-        self._page_drive = PageDrive([robot.stack for robot in self.robots])
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
         self._nodes: list[Node] = [node for robot in self.robots for node in robot.nodes]
         self.navigations = make_navigations(options, self.robots, self._switch)
@@ -94,12 +95,16 @@ class Session:
             options, self.robots, self._switch, self.press, foxglove, self.navigations
         )
         self._nodes += [node for guest in self._guests for node in guest.nodes]
+        for robot in self.robots:
+            robot.driver_topic.on_stop = self.e_stop
+            robot.driver_topic.on_release = self.end_e_stop
+            robot.stack.on_e_stop(lambda: self.e_stop('service e_stop'))
         self._pump = MessagePump()
         self._clocks = [cast(ROSClock, node.get_clock()) for node in self._nodes]
         self._attach_nodes()
         self._schedule()
-        resets = [robot.stack.reset for robot in self.robots]
-        self.simulation.on_reset += [*resets, self._page_drive.reset]
+        self.simulation.on_reset += [robot.stack.reset for robot in self.robots]
+        self.simulation.on_reset += [robot.drivers.reset for robot in self.robots]
         if recorder is not None:
             recorder.now = lambda: round(self.world.time * 1e9)
             self.simulation.on_reset.append(lambda: recorder.event('reset'))
@@ -165,18 +170,37 @@ class Session:
         finally:
             self._wall_time += time.monotonic() - started
 
-    def halt(self) -> None:
-        """Have every robot stand, and say so now: there may be no next instant."""
+    def stop(self) -> None:
+        """Stop every robot, and say so now: there may be no next instant."""
         self.disarm()
         for robot in self.robots:
-            robot.stack.halt()
+            robot.stack.stop()
 
     def disarm(self) -> None:
-        """Have what the page, a gamepad or Foxglove's clients hold now drive no more."""
+        """Let nothing that any source holds now count, until it is released and pressed again."""
+        for robot in self.robots:
+            robot.disarm()
         for let_go in self.told.to_let_go:
             let_go()
         for guest in self._guests:
-            guest.halt()
+            guest.disarm()
+
+    def e_stop(self, by: str) -> None:
+        """Stop every robot for good, for a source; with `--latched` until it is released."""
+        self.disarm()
+        for number, robot in enumerate(self.robots):
+            robot.e_stop(by)
+            self.press_for(number, robot.stack.stop_keys, E_STOP)
+
+    def end_e_stop(self) -> None:
+        """End a stop that holds."""
+        for robot in self.robots:
+            robot.end_e_stop()
+
+    def join(self, guest: Guest) -> None:
+        """Let one more drive: it is asked as those of the options are, and closed at the end."""
+        self._guests.append(guest)
+        self.simulation.schedule.every(1.0 / TWIST_RATE, guest.repeat)
 
     def resume(self) -> None:
         """Go on after a suspension: it was no time that anything took."""
@@ -233,6 +257,7 @@ class Session:
         self._commands = Player(options.commands or ())
         self._boxes = BoxPlayer(options.boxes, self.world.boxes.put)
         schedule.every(min(robot.stack.period for robot in self.robots), self._begin_instant)
+        schedule.every(1.0 / TWIST_RATE, self._look_who_drives)
         for guest in self._guests:
             schedule.every(1.0 / TWIST_RATE, guest.repeat)
         for robot in self.robots:
@@ -252,7 +277,15 @@ class Session:
         for command in self._commands.due(instant):
             self._repeat(command)
         for press in self._key_player.due(instant):
-            self.press(press.key)
+            self.press(press.key, 'script')
+
+    def _look_who_drives(self) -> None:
+        """Let who is silent let go, and tell who drives."""
+        # A hand is no faster because time is.
+        passed = 1.0 / (TWIST_RATE * max(self.options.speed, 1.0))
+        for robot in self.robots:
+            robot.drivers.step(passed)
+            robot.driver_topic.tell(robot.drivers.state)
 
     def _repeat(self, command: Command) -> None:
         """Do what a recording says was done."""
@@ -263,31 +296,36 @@ class Session:
                 continue
             # Keys that only became velocities are not to become some again.
             if command.key is not None and robot.stack.has_states:
-                robot.press(command.key)
+                robot.press(command.key, 'recording')
             elif command.velocity is not None:
-                robot.drive(command.velocity)
+                robot.drive(command.velocity, 'recording')
 
-    def press(self, key: str, from_view: bool = False) -> None:
-        """Give a key to the robot that it is for."""
+    def press(self, key: str, by: str = 'keys') -> None:
+        """Give a key of a source to the robot that it is for."""
         for note in self.told.of_keys:
             note(key)
         if self._writer is not None:
             # At the instant that it is in force from: the one that comes next.
             self._writer.write(self.world.time, key)
-        if self._is_for_the_run(key):
+        if self._is_for_the_run(key, by):
             return
         receiver = self._switch.receiver(key)
         if receiver is not None:
-            self._page_drive.press(receiver, key, from_view)
-            self.robots[receiver].press(key)
+            self.robots[receiver].press(key, by)
         elif self._view is not None:
             self._view.follow(self.world)
 
-    def _is_for_the_run(self, key: str) -> bool:
+    def _is_for_the_run(self, key: str, by: str) -> bool:
         """Do what a key of the run itself asks for; False when it is no such key."""
         stack = self.stack
         if key in stack.own_keys:
             return False
+        if key == E_STOP_KEY:
+            self.e_stop(by)
+            return True
+        if key == END_E_STOP_KEY and self.robot.drivers.stopped_by:
+            self.end_e_stop()
+            return True
         if key == RESET_KEY:
             # As by the simulator's service: once for the world, and a recording knows of it.
             self.simulation.reset()
@@ -333,31 +371,29 @@ class Session:
             self._next_frame = now + view.period
             view.sync(self.simulation.pacer.is_hurried and not self.simulation.paused)
             for key in view.pressed_keys():
-                if key == LOST:
+                if key == LOST_KEY:
                     self._stop_what_the_view_moved()
                 else:
-                    self.press(key, from_view=True)
+                    self.press(key, 'page')
         for look in self.told.of_looks:
             look(now, view.period)
 
     def _stop_what_the_view_moved(self) -> None:
         """Stop what moves by keys and goals of a viewer that is gone: keys as a driver would."""
-        for robot in self._page_drive.moved:
-            stack = self.robots[robot].stack
-            stack.is_pressed = False
-            self.press_for(robot, (stack.stop_key,))
-            stack.is_pressed = True
-            stack.notice.say('it was stopped (the viewer that drove it is gone)')
-            self._page_drive.forget(robot)
+        for number, robot in enumerate(self.robots):
+            if robot.drivers.moves('page'):
+                self.press_for(number, (robot.stack.stop_key,), LOST)
+                robot.release('page')
+                robot.stack.notice.say('it was stopped (the viewer that drove it is gone)')
         for each in self.navigations:
             each.lose_page()
 
-    def press_for(self, robot: int, keys: Iterable[str], from_view: bool = False) -> None:
+    def press_for(self, robot: int, keys: Iterable[str], by: str) -> None:
         """Give keys to a robot, by its number, whichever is in turn: as a driver would."""
         driven = self._switch.active
         self.switch_to(robot)
         for key in keys:
-            self.press(key, from_view)
+            self.press(key, by)
         self.switch_to(driven)
 
     def switch_to(self, robot: int) -> None:

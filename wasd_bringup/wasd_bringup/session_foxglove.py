@@ -17,10 +17,11 @@ from wasd_core.errors import one_line, UserError
 from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
 
-from wasd_bringup.foxglove_inbox import Decode, Inbox, Robot, Sender, Velocity
+from wasd_bringup.foxglove_inbox import Decode, Inbox, Sender, Velocity
 from wasd_bringup.graph import find_type
 from wasd_bringup.messages import fill, type_name
 from wasd_bringup.recording.recorder import full_definition, IGNORED, PublisherTap
+from wasd_bringup.session_robot import SessionRobot
 
 # CDR begins with its representation, of which ROS has these: big and little endian.
 REPRESENTATIONS = (b'\0\0', b'\0\1')
@@ -224,7 +225,7 @@ class SessionFoxglove:
     def __init__(
         self,
         server: FoxgloveServer,
-        robots: Sequence[Robot],
+        robots: Sequence[SessionRobot],
         publishing: Sequence[Node],
     ) -> None:
         self.nodes: list[Node] = []
@@ -254,9 +255,9 @@ class SessionFoxglove:
     def repeat(self) -> None:
         """Say nothing again: a client that is silent drives no more."""
 
-    def halt(self) -> None:
+    def disarm(self) -> None:
         """Stop what clients drive, and take nothing of what they hold."""
-        self._server.inbox.halt()
+        self._server.inbox.disarm()
 
     def close(self) -> None:
         """Stop what clients drive."""

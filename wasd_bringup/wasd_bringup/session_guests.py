@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+import functools
 from typing import Protocol, TYPE_CHECKING
 
 from rclpy.node import Node
@@ -13,7 +14,6 @@ from teleop_keyboard.parameters import PAD_HELP, PadParameters
 from wasd_bringup.inputs import KeySwitch
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session_robot import SessionRobot
-from wasd_bringup.stack import ControlStack
 
 if TYPE_CHECKING:
     from wasd_bringup.session_foxglove import FoxgloveServer
@@ -32,7 +32,7 @@ class SessionPad:
     def __init__(
         self,
         device: str,
-        robots: Sequence[ControlStack],
+        robots: Sequence[SessionRobot],
         active: Callable[[], int],
         press: Callable[[str], None],
     ) -> None:
@@ -48,10 +48,10 @@ class SessionPad:
         self._velocity = JoyTwist()
         self.node = GamepadNode(
             output=PadOutput(self._drive, press, self._say),
-            pad=PadParameters(device=device, preset=robots[self._driven].pad_preset),
+            pad=PadParameters(device=device, preset=robots[self._driven].stack.pad_preset),
         )
         self.nodes: list[Node] = [self.node]
-        self.halt = self.node.halt
+        self.disarm = self.node.halt
         self.close = self.node.close
         self.look()
 
@@ -60,13 +60,13 @@ class SessionPad:
         """What a driver must know to begin."""
         gamepad = self.node.gamepad
         awaits = '' if gamepad.is_there else f' ({gamepad.problem or "none is there yet"})'
-        return f'gamepad{awaits}: {PAD_HELP[self._robots[self._driven].pad_preset]}'
+        return f'gamepad{awaits}: {PAD_HELP[self._robots[self._driven].stack.pad_preset]}'
 
     def look(self) -> None:
         """Take what the pad has said."""
         active = self._active()
         if active != self._driven:
-            self.node.take_preset(self._robots[active].pad_preset)
+            self.node.take_preset(self._robots[active].stack.pad_preset)
             self._driven = active
         self.node.look()
 
@@ -80,10 +80,10 @@ class SessionPad:
         if velocity == self._velocity == JoyTwist():
             return
         self._velocity = velocity
-        self._robots[self._driven].drive((velocity.vx, velocity.vy, velocity.wz))
+        self._robots[self._driven].drive((velocity.vx, velocity.vy, velocity.wz), 'gamepad')
 
     def _say(self, words: str) -> None:
-        self._robots[self._driven].say(words)
+        self._robots[self._driven].stack.say(words)
 
 
 class Guest(Protocol):
@@ -103,8 +103,8 @@ class Guest(Protocol):
     def repeat(self) -> None:
         """Say again what is in force; called at TWIST_RATE of simulated time."""
 
-    def halt(self) -> None:
-        """Drive no more by what is held now."""
+    def disarm(self) -> None:
+        """Let nothing that is held now count."""
 
     def close(self) -> None:
         """End."""
@@ -147,7 +147,7 @@ def make_guests(
     options: RunOptions,
     robots: Sequence[SessionRobot],
     switch: KeySwitch,
-    press: Callable[[str], None],
+    press: Callable[..., None],
     foxglove: 'FoxgloveServer | None',
     navigations: Sequence[Guest],
 ) -> list[Guest]:
@@ -159,8 +159,8 @@ def make_guests(
     """
     guests = list(navigations)
     if options.gamepad is not None:
-        stacks = [robot.stack for robot in robots]
-        guests.append(SessionPad(options.gamepad, stacks, lambda: switch.active, press))
+        press_by_pad = functools.partial(press, by='gamepad')
+        guests.append(SessionPad(options.gamepad, robots, lambda: switch.active, press_by_pad))
     if foxglove is not None:
         # Here, because who does not ask for it does without.
         from wasd_bringup.session_foxglove import SessionFoxglove

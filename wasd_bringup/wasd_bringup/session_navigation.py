@@ -14,15 +14,17 @@ from rclpy.parameter import Parameter
 from robot_description.robot import Robot
 from wasd_cockpit.link import Navigation, PlanarPose
 from wasd_core.errors import UserError
-from wasd_core.topics import LoopbackSubscription
 from wasd_navigation.navigator import Outcome
 from wasd_navigation.navigator_node import NavigatorNode
 from wasd_navigation.records import Grid
 
 from wasd_bringup.inputs import TWIST_RATE
 from wasd_bringup.options import RunOptions
+from wasd_bringup.run.drivers import Take
 from wasd_bringup.session_robot import SessionRobot
 
+# By this name it takes the robot.
+SOURCE = 'navigator'
 # The topic of the lidar that is used where there are several.
 SCAN = 'scan'
 # A robot whose corners stand out no farther than this is called round.
@@ -70,11 +72,10 @@ class SessionNavigation:
         self.nodes: Sequence[Node] = [self.node]
         self.node.send = self._send
         self.node.say = self._stack.say
-        self.node.refusal = lambda: self._stack.refusal
+        self.node.refusal = lambda: self._robot.refusal
         self.navigator.on_end.append(self._on_end)
         self._simulation.on_reset += [self._forget_goals, self.node.reset]
-        robot.takeovers.append(self._give_way)
-        LoopbackSubscription.observers.append(self._on_message_of_others)
+        robot.drivers.on_take.append(self._give_way)
         prefix = robot.world.prefix
         for joint in robot.description.robot.joints.values():
             if joint.kind == 'fixed':
@@ -123,10 +124,10 @@ class SessionNavigation:
         if self._goals and is_free and self.navigator.is_placed:
             self._has_begun = True
             self.go(self._goals.popleft())
-        self._stack.release(self.navigator.goal is not None)
+        self._stack.mute(self.navigator.goal is not None)
         self.node.step()
 
-    def halt(self) -> None:
+    def disarm(self) -> None:
         """Drive no more."""
         self._goals.clear()  # also before the first
         self.node.stop('stopped by hand')
@@ -187,17 +188,17 @@ class SessionNavigation:
         Raises:
             UserError: it cannot be written.
         """
-        LoopbackSubscription.observers.remove(self._on_message_of_others)
         self.node.close()
         if self._options.save_map:
             self.save()
 
     def _send(self, velocity: np.ndarray) -> None:
         vx, vy, wz = velocity.tolist()
-        self._stack.drive((vx, vy, wz))
+        self._robot.drive((vx, vy, wz), SOURCE)
 
-    def _give_way(self, by: str) -> None:
-        self._stop(f'{by} takes over')
+    def _give_way(self, taken: Take) -> None:
+        if taken.source != SOURCE:
+            self._stop(f'{taken.what} takes over')
 
     def _stop(self, why: str) -> None:
         """End the goal and those that were to follow, also in the time between two of them."""
@@ -207,10 +208,6 @@ class SessionNavigation:
     def _forget_goals(self) -> None:
         if self._has_begun:
             self._goals.clear()
-
-    def _on_message_of_others(self, subscription: LoopbackSubscription[Any], _: Any) -> None:
-        if subscription.topic in (self._stack.command_topic, self._robot.key_topic):
-            self._give_way(f'somebody on {subscription.topic}')
 
     def _tell_odometry(self) -> None:
         message = self._stack.odometry()
@@ -225,7 +222,7 @@ class SessionNavigation:
         self._is_of_page = False
         if outcome.state == 'cancelled':
             self._goals.clear()
-        self._stack.release(False)
+        self._stack.mute(False)
         goal, pose = self.navigator.last_goal, self.navigator.pose
         truth = self._robot.world.base_since_start()
         x, y, _ = truth.position.tolist()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """One robot of a session: its part of the world, its nodes, its scripts, its report."""
 
-from collections.abc import Callable
 import dataclasses
+import functools
 import math
 from typing import Any
 
@@ -24,23 +24,29 @@ from teleop_keyboard.key_publisher_node import KeyPublisherNode
 from teleop_keyboard.screen import StatusLine
 from wasd_core.messages import to_transform
 from wasd_core.rotations import Pose
-from wasd_core.timing import RELEASE, split_event
 from wasd_core.topics import TfBroadcaster
 
+from wasd_bringup.drivers_node import DriversNode
 from wasd_bringup.inputs import Player, TWIST_RATE, TwistPlayer
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import build_report, Recorder, SAMPLE_PERIOD
 from wasd_bringup.robots import LEGGED, ROBOTS
+from wasd_bringup.run.drivers import Drivers, E_STOP, Held, LOST
 from wasd_bringup.stack import make_stack, Velocity
+
+STANDSTILL = (0.0, 0.0, 0.0)
+# Who sends it may not know that the robot was stopped.
+REFUSED = 'end who sends on {}, or send a zero (refused since E-STOP)'
+HOLDS = 'ENTER releases E-STOP (by the {})'
 
 
 class SessionRobot:
     """
     A robot with the nodes that simulate and drive it.
 
-    A driver, wherever their keys and velocities come from, has `press` and `drive`; `stack` does
-    what they ask for, `keys` tells of it, and what drives by itself ends by `takeovers`. The
-    session steps it: `begin_instant` first, then what was scheduled.
+    Who drives, wherever their keys and velocities come from, has `press` and `drive`; `drivers`
+    says whether they count, `stack` does what they ask for, and `keys` tells of it. The session
+    steps it: `begin_instant` first, then what was scheduled.
     """
 
     def __init__(
@@ -63,12 +69,16 @@ class SessionRobot:
         self.stack = make_stack(loaded, world, options)
         self._states = StatePublisherNode(loaded, lock_step=True, prefix=world.prefix)
         self.keys = KeyPublisherNode(namespace=options.namespace)
-        self.nodes: list[Node] = [self.simulator, *self.stack.nodes, self._states, self.keys]
+        self.driver_topic = DriversNode(options.namespace)
+        self.nodes: list[Node] = [
+            *(self.simulator, *self.stack.nodes, self._states, self.keys, self.driver_topic)
+        ]
         self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
         self._script: TwistPlayer | None = None
-        # Told of what a driver does, in words, before it is done.
-        self.takeovers: list[Callable[[str], None]] = []
+        stack = self.stack
+        self.drivers = Drivers(stack.stops, stack.latches, holds_stops=options.latched)
+        stack.admit_topics(self._take_topic)
         if world.prefix:
             self._say_where_it_begins()
 
@@ -83,32 +93,89 @@ class SessionRobot:
         topic: str = self.keys.resolve_topic_name('keys')
         return topic
 
-    def press(self, key: str) -> None:
-        """Press a key, in this instant, and tell whoever listens."""
-        if split_event(key)[0] != RELEASE:
-            self._take_over('a key')
-        self.stack.press(key)
-        self.keys.publish_key(key)
+    def status(self) -> Status:
+        """Return what a driver wants to see."""
+        status = self.stack.status()
+        if not self.drivers.stopped_by:
+            return status
+        words = status.message or HOLDS.format(self.drivers.stopped_by)
+        return status._replace(state='E-STOP', message=words)
 
-    def drive(self, velocity: Velocity) -> None:
-        """Command a driver's velocity [m/s], [m/s], [rad/s]."""
-        self._take_over('a velocity')
+    @property
+    def refusal(self) -> str:
+        """Why it follows no velocity now, with what is to be done; '' where it does."""
+        stopped_by = self.drivers.stopped_by
+        return HOLDS.format(stopped_by) if stopped_by else self.stack.refusal
+
+    def press(self, key: str, by: str) -> bool:
+        """Press a key for a source, in this instant, and tell listeners; False: it is refused."""
+        if not self.drivers.take(by, key=key):
+            self._say_that_it_holds()
+            return False
+        self._obey(key, is_pressed=by not in (E_STOP, LOST))
+        return True
+
+    def drive(self, velocity: Velocity, by: str) -> bool:
+        """Command a source's velocity [m/s], [m/s], [rad/s]; False: it is refused."""
+        if not self.drivers.take(by, velocity=velocity):
+            self._say_that_it_holds()
+            return False
         self.stack.drive(velocity)
+        return True
 
-    def end_script(self) -> None:
-        """Have a script of velocities drive no more."""
+    def release(self, by: str) -> bool:
+        """End what a source moves: it is gone, or has let go; return whether it moved anything."""
+        held = self.drivers.release(by)
+        self._end(held)
+        return held.keys or held.velocity
+
+    def disarm(self, by: str = '') -> None:
+        """Let nothing that a source, or any, holds now count, and end what it moves."""
+        self._end(self.drivers.disarm(by))
+
+    def e_stop(self, by: str) -> None:
+        """Stop for good: the controller lets go, and what is held now counts no more."""
+        self.disarm()
+        self.drivers.stop(by)
         if self._script is not None:
             self._script.end()
+        self.stack.e_stop()
 
-    def _take_over(self, by: str) -> None:
-        for tell in self.takeovers:
-            tell(by)
+    def end_e_stop(self) -> None:
+        """End a stop that holds: who wants to drive presses again."""
+        if self.drivers.stopped_by:
+            self.drivers.release(E_STOP)
+            self.stack.say('E-STOP released: drive again')
+
+    def _end(self, held: Held) -> None:
+        if held.velocity:
+            self.stack.drive(STANDSTILL)
+        if held.keys:
+            self._obey(self.stack.stop_key, is_pressed=False)
+
+    def _obey(self, key: str, is_pressed: bool) -> None:
+        self.stack.press(key, is_pressed)
+        self.keys.publish_key(key)
+
+    def _take_topic(self, topic: str, **taken: Any) -> bool:
+        """Return whether what has come on a topic counts; say why it does not."""
+        if self.drivers.take('topic', **taken, what=f'somebody on {topic}'):
+            return True
+        self.stack.say(REFUSED.format(topic))
+        self._say_that_it_holds()
+        return False
+
+    def _say_that_it_holds(self) -> None:
+        """Tell a driver why a source does not count, if a stop holds."""
+        if self.drivers.stopped_by:
+            self.stack.say(HOLDS.format(self.drivers.stopped_by))
 
     def schedule_control(self, schedule: Schedule) -> None:
         """Have scripts and controllers stepped."""
         options = self.options
         if options.twists is not None:
-            twists = self._script = TwistPlayer(options.twists, self.drive)
+            drive = functools.partial(self.drive, by='script')
+            twists = self._script = TwistPlayer(options.twists, drive)
             schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
         self.stack.schedule(schedule)
 
@@ -122,6 +189,7 @@ class SessionRobot:
 
     def begin_instant(self) -> None:
         """Put the pushes in force that are due."""
+        self.drivers.time = self.world.time
         for push in self._pushes.due(self.world.time):
             self.world.push(push.force, push.duration, push.point)
 
@@ -131,12 +199,12 @@ class SessionRobot:
 
         `is_told` is whether somebody reads what is written where nothing can be drawn.
         """
-        stack, simulation = self.stack, self.simulator.simulation
+        simulation = self.simulator.simulation
         line.show(
-            lambda width: say_status(stack.status(), name, simulation, width),
+            lambda width: say_status(self.status(), name, simulation, width),
             now,
-            lambda *size: draw_board(stack.status(), self.world, stack.first_keys, *size),
-            lambda: say_plainly(stack.status(), name) if is_told else '',
+            lambda *size: draw_board(self.status(), self.world, self.stack.first_keys, *size),
+            lambda: say_plainly(self.status(), name) if is_told else '',
         )
 
     def publish_diagnostics(self) -> None:

@@ -2,6 +2,7 @@
 """The nodes that drive one robot in lock-step: what all robots share of them."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 import time
 from typing import Any
 
@@ -14,10 +15,11 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.description import Description
+from std_msgs.msg import String
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.timing import Notice, STOP_KEY
-from wasd_core.topics import RELIABLE
+from wasd_core.topics import LoopbackSubscription, RELIABLE
 
 from wasd_bringup.options import RunOptions
 from wasd_bringup.report import Sample
@@ -57,9 +59,7 @@ class ControlStack(ABC):
             self._teleop.receivers.append(controller.cmd_vel.put)
             self.nodes.append(self._teleop)
             self.own_keys = frozenset(self._teleop.logic.keymap.keys)
-        # Whether somebody presses the keys that come: it is not so when their driver is lost.
-        self.is_pressed = True
-        self._is_released = False
+        self._is_mute = False
         self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
         self.ticks = TickStatistics(self.period)
 
@@ -105,9 +105,40 @@ class ControlStack(ABC):
         """The key that ends every motion that keys have set going."""
         return STOP_KEY
 
+    @property
+    def stop_keys(self) -> tuple[str, ...]:
+        """The keys that stop it for good, and end every motion."""
+        return (self.stop_key,)
+
+    def e_stop(self) -> None:  # noqa: B027  # keys are enough for most
+        """Do what keys cannot do as fast."""
+
+    def on_e_stop(self, stop: Callable[[], None]) -> None:  # noqa: B027  # not all have a service
+        """Let the controller's own e-stop service stop the run."""
+
+    def admit_topics(self, take: Callable[..., bool]) -> None:
+        """Ask `take(topic, ...)` whether a key or a velocity of another process counts."""
+        def admit_key(message: String) -> bool:
+            return take(key_topic, key=message.data)
+
+        def admit_velocity(twist: Twist) -> bool:
+            return take(
+                self.command_topic, velocity=(twist.linear.x, twist.linear.y, twist.angular.z)
+            )
+
+        key_topic = ''
+        for subscription in self._key_inputs:
+            key_topic = subscription.topic
+            subscription.admit = admit_key
+        self._controller.cmd_vel.admit = admit_velocity
+
+    @property
+    def _key_inputs(self) -> list[LoopbackSubscription[String]]:
+        return [] if self._teleop is None else [self._teleop.keys]
+
     @abstractmethod
-    def press(self, key: str) -> None:
-        """Take a key."""
+    def press(self, key: str, is_pressed: bool = True) -> None:
+        """Take a key; one that nobody has pressed, as of a page that is lost, is not answered."""
 
     def stops(self, key: str) -> bool:
         """Whether a press of this key ends every motion that keys have set going."""
@@ -152,13 +183,13 @@ class ControlStack(ABC):
         if self._teleop is not None:
             self._teleop.logic.reset()
 
-    def release(self, is_free: bool) -> None:
-        """Have keys say nothing, not even that it is to stand: something else drives; or again."""
-        if is_free and not self._is_released and self._teleop is not None:
+    def mute(self, is_mute: bool) -> None:
+        """Mute the keyboard while another source drives, or enable it again."""
+        if is_mute and not self._is_mute and self._teleop is not None:
             self._teleop.stop()
-        self._is_released = is_free
+        self._is_mute = is_mute
 
-    def halt(self) -> None:
+    def stop(self) -> None:
         """Command standstill, now and in the last word on cmd_vel, until the next key."""
         if self._teleop is not None:
             self._teleop.close()
@@ -170,7 +201,7 @@ class ControlStack(ABC):
         self._controller.close()
 
     def _step_keys(self, teleop: KeysToTwistNode, dt: float) -> None:
-        if not self._is_released:
+        if not self._is_mute:
             teleop.step(dt)
 
     def _keys_are_velocities(self, options: RunOptions) -> bool:

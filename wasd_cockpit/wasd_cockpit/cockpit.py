@@ -23,7 +23,7 @@ from wasd_cockpit.panels import PagePanel, PageState
 from wasd_cockpit.panels.drive import Drive, Keys, LEAST_SHARE
 from wasd_cockpit.panels.map import Map
 from wasd_cockpit.panels.plots import PAGES, Plots
-from wasd_cockpit.panels.robot import Robot, STOP_LABEL, World
+from wasd_cockpit.panels.robot import RELEASE_LABEL, Robot, STOP_LABEL, World
 from wasd_cockpit.panels.view import Eyes, View
 from wasd_cockpit.scene import CAMERAS, OVERLAYS, Scene
 from wasd_cockpit.sight import Sight
@@ -281,6 +281,12 @@ class Cockpit:
             'stop at once', STOP_LABEL, (110.0, 0.0), fill=style.ALARM, at_once=True
         ):
             page.link.order(Order('e-stop'))
+        if (
+            snapshot.stopped_by
+            and page.layout.place_of('robot') is None
+            and page.widgets.button('release', RELEASE_LABEL)
+        ):
+            page.link.order(Order('end e-stop'))
         for text in filter(None, (snapshot.message, self._slow_words)):
             page.widgets.words(text, style.ODOMETRY, width=max(scene.width - 40.0, 100.0))
             page.widgets.note('text message')

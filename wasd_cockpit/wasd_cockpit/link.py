@@ -259,6 +259,7 @@ class Snapshot:
     start: Start
     mocap: np.ndarray
     navigation: Navigation | None = None
+    stopped_by: str = ''  # the source of an e-stop that holds
 
 
 def words_of(snapshot: Snapshot) -> list[str]:

@@ -193,7 +193,7 @@ class LoopbackSubscription(Generic[Message]):
     are waiting, too.
 
     `is_stale` is asked about each message from another process, with the system time [ns] at
-    which it was sent; what it calls stale is dropped.
+    which it was sent; what it calls stale is dropped, and so is what `admit` refuses.
     """
 
     # Told of every message that came from another process, and of the subscription that took it.
@@ -210,6 +210,7 @@ class LoopbackSubscription(Generic[Message]):
     ) -> None:
         self._callback = callback
         self._is_stale = is_stale
+        self.admit: Callable[[Message], bool] = lambda message: True
         self._pending: deque[tuple[float, bytes]] = deque(maxlen=EVENTS_DEPTH)
         self._late: deque[tuple[float, bytes]] = deque(maxlen=MOST_LATE)
         # rclpy passes a message's origin to a callback of two parameters; its types do not say so.
@@ -244,7 +245,9 @@ class LoopbackSubscription(Generic[Message]):
             tell(self, message)
 
     def _on_message(self, message: Message, info: dict[str, int]) -> None:
-        if not self._is_echo(message) and not self._is_stale(info['source_timestamp']):
+        if self._is_echo(message) or self._is_stale(info['source_timestamp']):
+            return
+        if self.admit(message):
             self.notify(message)
             self._callback(message)
 

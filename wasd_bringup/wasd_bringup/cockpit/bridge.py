@@ -183,9 +183,11 @@ class CockpitBridge:
         session = self._session
         simulation = session.simulation
         if order.what == 'key':
-            session.press(order.name, from_view=True)
+            session.press(order.name, 'page')
         elif order.what == 'e-stop':
-            self._stop()
+            session.e_stop('page')
+        elif order.what == 'end e-stop':
+            session.end_e_stop()
         elif order.what == 'pause':
             simulation.paused = bool(order.value)
         elif order.what == 'step' and simulation.paused:
@@ -205,7 +207,7 @@ class CockpitBridge:
         elif order.what == 'choose':
             setting, _, option = order.name.partition('=')
             for key in self._active.described.keys_to_choose(setting, option):
-                session.press(key, from_view=True)
+                session.press(key, 'page')
 
     def _navigate(self, order: Order) -> None:
         """Do what is asked of the navigator, if there is one."""
@@ -215,7 +217,7 @@ class CockpitBridge:
         if order.what == 'goal':
             navigation.go([float(word) for word in order.name.split()], from_page=True)
         elif order.what == 'cancel goal':
-            navigation.halt()
+            navigation.disarm()
         else:
             try:
                 navigation.save()
@@ -225,17 +227,6 @@ class CockpitBridge:
     @property
     def _active(self) -> Watched:
         return self._watched[self._session.active]
-
-    def _stop(self) -> None:
-        """Stop every robot, at once, and by keys for those who listen to them."""
-        self.let_go()
-        session = self._session
-        session.disarm()
-        for watched in self._watched:
-            watched.robot.end_script()
-            watched.described.emergency_stop()
-        for number, watched in enumerate(self._watched):
-            session.press_for(number, watched.described.stop_keys, from_view=True)
 
     def _release(self) -> None:
         """End, without waiting for a snapshot, what a hand no longer does to the robot in turn."""
@@ -273,14 +264,14 @@ class CockpitBridge:
         if keys is None:
             full = watched.described.stick_use().full
             forward, left, turn = (share * most for share, most in zip(stick, full, strict=True))
-            watched.robot.drive((forward, left, turn))
+            watched.robot.drive((forward, left, turn), 'page')
         elif keys:
-            self._session.press_for(robot, keys, from_view=True)
+            self._session.press_for(robot, keys, 'page')
 
     def _snapshot(self, now: float) -> Snapshot:
         session, watched = self._session, self._active
         simulation, world = session.simulation, watched.robot.world
-        status, described = watched.robot.stack.status(), watched.described
+        status, described = watched.robot.status(), watched.described
         base = world.base()
         x, y, _ = base.position.tolist()
         self._pressed = {key: until for key, until in self._pressed.items() if until > now}
@@ -299,6 +290,7 @@ class CockpitBridge:
             state=status.state,
             facts=status.facts,
             message=status.message,
+            stopped_by=watched.robot.drivers.stopped_by,
             choices=watched.choices(),
             settings=described.settings(),
             stick=described.stick_use(),

@@ -25,8 +25,6 @@ class Described(ABC):
     """A robot's controller as the cockpit shows it; what it changes, it changes by keys."""
 
     feet: tuple[str, ...] = ()
-    # The keys that stop it for good, and end every motion.
-    stop_keys: tuple[str, ...] = ()
 
     @abstractmethod
     def choices(self) -> tuple[Choice, ...]:
@@ -51,9 +49,6 @@ class Described(ABC):
     def stick_keys(self, stick: Stick) -> tuple[str, ...] | None:
         """Return the keys that bring a stick of keys there; None where velocities drive."""
         return None
-
-    def emergency_stop(self) -> None:  # noqa: B027  # keys are enough for most
-        """Do what keys cannot do as fast."""
 
     @abstractmethod
     def motion(self) -> Motion:

@@ -21,8 +21,6 @@ from wasd_core.rotations import matrix_from_quaternion
 from wasd_bringup.cockpit.described import Described, keymap_caps, Motion, Numbers
 from wasd_bringup.go2_stack import Go2Stack
 
-_PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)
-
 
 class Legs(Described):
     """A quadruped's leg controller."""
@@ -32,7 +30,6 @@ class Legs(Described):
         self._controller = stack.legs.controller
         self._layout = stack.layout
         self.feet = LEGS
-        self.stop_keys = tuple(dict.fromkeys((_PASSIVE, stack.stop_key)))
 
     def choices(self) -> tuple[Choice, ...]:
         """Return the states as buttons."""
@@ -111,10 +108,6 @@ class Legs(Described):
                 steps = round(wanted[axis] / STEP) - round(getattr(now, axis) / STEP)
                 keys += max(0, direction * steps) * [self._named(key)]
         return tuple(keys)
-
-    def emergency_stop(self) -> None:
-        """Let go of the legs in this instant."""
-        self._controller.e_stop()
 
     def motion(self) -> Motion:
         """Return this instant for the plots."""

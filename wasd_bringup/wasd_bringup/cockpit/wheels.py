@@ -15,7 +15,6 @@ class Wheels(Described):
 
     def __init__(self, stack: MbotStack) -> None:
         self._stack = stack
-        self.stop_keys = (stack.stop_key,)
 
     def choices(self) -> tuple[Choice, ...]:
         """Return no states: wheels know none."""
@@ -37,10 +36,6 @@ class Wheels(Described):
         """Return what the stick does now."""
         logic = self._stack.logic
         return StickUse((logic.speed, 0.0, logic.turn), 'drives', sideways=False)
-
-    def emergency_stop(self) -> None:
-        """Take no velocity of another program, which may go on sending them."""
-        self._stack.driver.cmd_vel.refuse()
 
     def motion(self) -> Motion:
         """Return this instant for the plots."""

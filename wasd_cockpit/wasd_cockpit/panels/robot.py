@@ -11,6 +11,7 @@ from wasd_cockpit.widgets import columns
 _ENTER = int(imgui.InputTextFlags.EnterReturnsTrue.value)
 _HEIGHT = 24.0
 STOP_LABEL = '\uf05e  E-STOP'
+RELEASE_LABEL = 'release E-STOP'
 # Icons of the font that Studio has.
 _PAUSE, _RUN, _STEP, _RESET = '\uf04c', '\uf04b', '\uf051', '\uf0e2'
 
@@ -38,6 +39,8 @@ class Robot:
         width = imgui.GetContentRegionAvail().x
         if widgets.button('e-stop', STOP_LABEL, (width, 30.0), fill=style.ALARM, at_once=True):
             order(Order('e-stop'))
+        if snapshot.stopped_by and widgets.button('end e-stop', RELEASE_LABEL, (width, _HEIGHT)):
+            order(Order('end e-stop'))
         third = columns(3)
         is_paused = snapshot.is_paused
         label = f'{_RUN}  run' if is_paused else f'{_PAUSE}  pause'

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who drives is known; what a source held when it was stopped counts after a new press alone."""
+
+import pytest
+from wasd_bringup.run.drivers import Drivers, E_STOP, Held, REPEAT_GAP
+
+FAST, STILL = (0.5, 0.0, 0.1), (0.0, 0.0, 0.0)
+SOURCES = ('keys', 'page', 'gamepad', 'foxglove 1', 'topic', 'script', 'navigator', 'sine')
+
+
+def make(holds_stops: bool = False) -> Drivers:
+    """Return the drivers of a robot whose w and s stay, and whose blank ends them."""
+    return Drivers(lambda key: key == ' ', lambda key: key in 'ws', holds_stops)
+
+
+@pytest.fixture
+def drivers() -> Drivers:
+    """Return the drivers of a robot that nobody drives."""
+    return make()
+
+
+def wait(drivers, seconds=2.0 * REPEAT_GAP):
+    for _ in range(round(seconds / 0.05)):
+        drivers.step(0.05)
+
+
+def test_a_key_that_latches_moves_the_robot_after_it_is_let_go(drivers):
+    drivers.take('page', key='w')
+    drivers.take('page', key='RELEASE+w')
+    assert drivers.moves('page')
+    assert not drivers.moves('keys')
+
+
+def test_a_key_that_is_down_moves_it_until_it_is_up(drivers):
+    drivers.take('page', key='i')
+    drivers.take('page', key='HELD+i')
+    assert drivers.moves('page')
+    drivers.take('page', key='RELEASE+i')
+    assert not drivers.moves('page')
+
+
+@pytest.mark.parametrize('source', ['page', 'keys'])
+def test_who_ever_presses_the_stop_key_stops_what_keys_have_latched(drivers, source):
+    drivers.take('page', key='w')
+    drivers.take(source, key=' ')
+    assert not drivers.moves('page')
+
+
+def test_a_source_that_is_released_tells_what_it_moved(drivers):
+    drivers.take('page', key='w')
+    drivers.take('gamepad', velocity=FAST)
+    assert drivers.release('page') == Held(keys=True, velocity=False)
+    assert drivers.release('gamepad') == Held(keys=False, velocity=True)
+    assert drivers.release('gamepad') == Held(keys=False, velocity=False)
+
+
+def test_the_last_that_takes_it_drives_and_the_others_ask(drivers):
+    drivers.time = 3.0
+    drivers.take('navigator', velocity=FAST)
+    drivers.time = 5.0
+    drivers.take('keys', key='HELD+i')
+    state = drivers.state
+    assert (state.driver, state.since, state.right) == ('keys', 5.0, 'hand')
+    assert state.asks == ('navigator',)
+    wait(drivers)
+    drivers.take('keys', key='RELEASE+i')
+    assert drivers.state.driver == ''
+
+
+def test_what_drives_by_itself_is_told_who_takes_over(drivers):
+    told = []
+    drivers.on_take.append(told.append)
+    drivers.take('topic', velocity=FAST, what='somebody on /cmd_vel')
+    drivers.take('keys', key='RELEASE+i')
+    assert [tuple(take) for take in told] == [('topic', 'somebody on /cmd_vel')]
+
+
+@pytest.mark.parametrize('source', SOURCES)
+def test_a_velocity_that_was_disarmed_counts_after_a_zero(drivers, source):
+    assert drivers.take(source, velocity=FAST)
+    assert drivers.disarm().velocity
+    assert not drivers.take(source, velocity=FAST)
+    assert drivers.take(source, velocity=STILL)
+    assert drivers.take(source, velocity=FAST)
+
+
+@pytest.mark.parametrize('source', SOURCES)
+def test_a_velocity_that_was_disarmed_counts_after_a_silence(drivers, source):
+    drivers.take(source, velocity=FAST)
+    drivers.disarm()
+    for _ in range(100):  # it goes on
+        assert not drivers.take(source, velocity=FAST)
+        drivers.step(0.05)
+    wait(drivers)
+    assert drivers.take(source, velocity=FAST)
+
+
+def test_a_key_that_was_disarmed_counts_after_it_was_let_go(drivers):
+    drivers.take('keys', key='HELD+i')
+    drivers.disarm()
+    assert not drivers.take('keys', key='HELD+i')
+    assert not drivers.take('keys', key='i')
+    drivers.take('keys', key='RELEASE+i')
+    assert drivers.take('keys', key='i')
+
+
+def test_repeats_of_a_key_without_releases_count_after_they_have_ended(drivers):
+    drivers.take('keys', key='i')
+    drivers.disarm()
+    for _ in range(100):
+        assert not drivers.take('keys', key='i')
+        drivers.step(1.0 / 30.0)
+    wait(drivers)
+    assert drivers.take('keys', key='i')
+
+
+def test_a_stop_key_always_counts(drivers):
+    drivers.take('keys', key=' ')
+    drivers.disarm()
+    assert drivers.take('keys', key=' ')
+
+
+@pytest.mark.parametrize('source', SOURCES)
+def test_nothing_counts_while_a_stop_holds_and_nothing_held_counts_after_it(source):
+    drivers = make(holds_stops=True)
+    drivers.stop('page')
+    for _ in range(100):
+        assert not drivers.take(source, velocity=FAST)
+        assert not drivers.take(source, key='HELD+i')
+        assert not drivers.take(source, key='2')
+        drivers.step(0.05)
+    assert drivers.state[:1] + drivers.state[2:3] == (E_STOP, 'stop')
+    assert drivers.state.stopped_by == 'page'
+    drivers.release(E_STOP)
+    assert not drivers.take(source, velocity=FAST)
+    assert not drivers.take(source, key='HELD+i')
+    wait(drivers)
+    assert drivers.take(source, velocity=FAST)
+    assert drivers.take(source, key='HELD+i')
+
+
+def test_a_stop_that_does_not_hold_lets_a_new_press_count():
+    drivers = make()
+    drivers.take('keys', key='HELD+i')
+    drivers.stop('page')
+    assert not drivers.take('keys', key='HELD+i')
+    assert drivers.take('keys', key='2')
+
+
+def test_a_reset_of_the_robot_ends_no_stop():
+    drivers = make(holds_stops=True)
+    drivers.stop('keys')
+    drivers.reset()
+    assert not drivers.take('page', velocity=FAST)
+
+
+def test_the_first_source_of_a_stop_is_told():
+    drivers = make(holds_stops=True)
+    drivers.stop('page')
+    drivers.stop('topic e_stop')
+    assert drivers.state.stopped_by == 'page'

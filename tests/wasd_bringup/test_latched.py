@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--latched`: after an e-stop from anywhere nothing moves the robot before it is released."""
+
+import math
+from pathlib import Path
+import re
+
+from geometry_msgs.msg import Twist
+import numpy as np
+import pytest
+from std_msgs.msg import Bool, String
+from std_srvs.srv import Trigger
+from wasd_bringup.options import RunOptions
+from wasd_bringup.session import Session
+from wasd_core.topics import LoopbackSubscription
+
+pytestmark = pytest.mark.slow
+
+# How each robot is got to move: keys and when they are pressed [s].
+MOVES = {
+    'mbot': ('mbot', 'mbot', []),
+    'go2 trots': ('go2', 'unitree', [(0.0, '2'), (2.5, '4'), *[(3.0, 'w')] * 8]),
+    'go2 follows velocities': ('go2', 'wasd', [(0.0, '2'), (2.5, '5')]),
+}
+DOCS = Path(__file__).parents[2] / 'docs/drivers.md'
+ORIGINS = ('key', 'page', 'topic', 'service')
+VELOCITY = (0.3, 0.0, 0.3)
+
+
+def twist():
+    """Return a velocity of another process, which is no echo of ours."""
+    message = Twist()
+    message.linear.x, message.angular.z = 0.31, 0.32
+    return message
+
+
+def hear(subscription, message):
+    """Hand a message of another process over, as one that is no echo and not stale."""
+    if subscription.admit(message):
+        subscription._callback(message)
+
+
+class Held:
+    """A run in which every source holds what moves the robot, and goes on holding it."""
+
+    def __init__(self, move, latched=True):
+        robot, preset, self._keys = MOVES[move]
+        self.session = Session(
+            RunOptions(robot=robot, description=robot, preset=preset, speed=0.0, latched=latched)
+        )
+        self.robot = self.session.robot
+        self._motion_keys = {'mbot': 'i', 'unitree': 'w', 'wasd': 'w'}[preset], '2', '4', '5'
+        self._nodes = [node for node in self.robot.stack.nodes if hasattr(node, 'cmd_vel')]
+
+    def begin(self):
+        """Get it to drive, by its keys and then by all others."""
+        start = self.session.world.time
+        for when, key in self._keys:
+            self.run(when - (self.session.world.time - start), holds=False)
+            self.session.press(key)
+        self.run(1.5)
+
+    def hold(self):
+        """Send what each source sends while it holds."""
+        for source in ('page', 'gamepad', 'foxglove 1', 'script', 'recording', 'navigator'):
+            self.robot.drive(VELOCITY, source)
+        for key in self._motion_keys:
+            for source in ('keys', 'page', 'gamepad', 'foxglove 1', 'script'):
+                self.session.press(f'HELD+{key}' if source == 'page' else key, source)
+        (node,) = self._nodes
+        own = isinstance(node.cmd_vel, LoopbackSubscription)
+        hear(node.cmd_vel if own else node.cmd_vel._subscription, twist())
+        for subscription in self.robot.stack._key_inputs:
+            for key in self._motion_keys:
+                hear(subscription, String(data=key))
+
+    def run(self, seconds, holds=True):
+        for _ in range(round(seconds / 0.05)):
+            if holds:
+                self.hold()
+            self.session.simulation.advance(50)
+
+    def stop(self, origin):
+        """Stop it from somewhere."""
+        if origin == 'key':
+            self.session.press('ESC')
+        elif origin == 'page':
+            self.session.e_stop('page')
+        elif origin == 'topic':
+            self.robot.driver_topic._on_topic(Bool(data=True))
+        else:
+            self.robot.driver_topic._on_stop(Trigger.Request(), Trigger.Response())
+
+    @property
+    def place(self):
+        return self.session.world.base().position[:2].copy()
+
+
+@pytest.fixture
+def held_of(ros):
+    """A function that makes such a run."""
+    runs = []
+
+    def make(*words, **options):
+        runs.append(Held(*words, **options))
+        return runs[-1]
+
+    yield make
+    for run in runs:
+        run.session.close()
+
+
+@pytest.mark.parametrize('origin', ORIGINS)
+@pytest.mark.parametrize('move', MOVES)
+def test_until_the_reset_it_moves_as_if_nobody_held_anything_and_so_after_it(
+    held_of, move, origin
+):
+    held, quiet = held_of(move), held_of(move)
+    before = held.place
+    for run in (held, quiet):
+        run.begin()
+        run.stop(origin)
+    assert math.dist(held.place, before) > 0.2
+    for release in ('', 'ENTER'):
+        for run in (held, quiet):
+            run.session.press(release)
+            run.run(3.0, holds=run is held)
+        # A Go2 that has let go of its legs slides a little as it settles.
+        assert held.place.tolist() == quiet.place.tolist()
+        if not release:
+            assert held.robot.status().state == 'E-STOP'
+            assert 'ENTER' in held.robot.status().message
+    held.run(1.0, holds=False)  # all let go
+    rest = held.place
+    held.begin()
+    assert math.dist(held.place, rest) > 0.2
+
+
+@pytest.mark.parametrize('what', ['reset', 'topic false', 'key', 'goal'])
+def test_nothing_but_its_release_ends_a_stop_that_holds(held_of, what):
+    held = held_of('mbot')
+    held.stop('page')
+    if what == 'reset':
+        held.session.press('BACKSPACE')
+    elif what == 'topic false':
+        held.robot.driver_topic._on_topic(Bool(data=False))
+    elif what == 'key':
+        held.session.press(' ')
+    else:
+        assert held.robot.refusal.startswith('ENTER releases E-STOP')
+    place = held.place
+    held.run(1.0)
+    assert np.allclose(held.place, place, atol=1e-3)
+
+
+def test_the_service_releases_it(held_of):
+    held = held_of('mbot')
+    held.stop('service')
+    held.robot.driver_topic._on_release(Trigger.Request(), Trigger.Response())
+    place = held.place
+    held.run(1.0)
+    assert math.dist(held.place, place) > 0.1
+
+
+def test_without_the_option_a_stop_ends_what_is_held_and_a_new_press_drives(held_of):
+    held = held_of('mbot', latched=False)
+    held.begin()
+    held.stop('page')
+    held.run(1.0)
+    rest = held.place
+    held.run(1.0)
+    assert math.dist(held.place, rest) < 1e-3
+    held.run(1.0, holds=False)
+    held.begin()
+    assert math.dist(held.place, rest) > 0.2
+
+
+def test_a_driver_of_ones_own_is_one_file(held_of):
+    (text,) = re.findall(r'```python\n(.*?)```', DOCS.read_text(), re.DOTALL)
+    assert len(text.splitlines()) < 30
+    names = {}
+    exec(text, names)  # what the page tells a newcomer to write
+    session = held_of('mbot', latched=True).session
+    session.join(names['Sine'](session.robot))
+    session.simulation.advance(700)
+    assert session.robot.drivers.state.driver == 'sine'
+    assert session.world.base().rpy[2] > 0.2
+    session.press('ESC')
+    session.simulation.advance(500)
+    yaw = session.world.base().rpy[2]
+    session.simulation.advance(2000)
+    assert session.world.base().rpy[2] == pytest.approx(yaw, abs=1e-3)
+    assert session.robot.drivers.state.asks == ('sine',)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who drives a robot, on ROS: the topic `driver`, and an e-stop by topic or service."""
+
+from collections.abc import Callable
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+from wasd_core.topics import LATCHED, RELIABLE
+
+from wasd_bringup.run.drivers import DriverState
+
+
+class DriversNode(Node):
+    """
+    Tells on `driver` who drives one robot, and hands an e-stop on.
+
+    `on_stop(by)` is called for true on the topic `e_stop` and by the service `~/e_stop`,
+    `on_release` by the service `~/release_e_stop`: false on a topic releases nothing.
+    """
+
+    def __init__(self, namespace: str = '') -> None:
+        super().__init__('drivers', namespace=namespace)
+        self.on_stop: Callable[[str], None] = lambda by: None
+        self.on_release: Callable[[], None] = lambda: None
+        self._told: DriverState | None = None
+        self._publisher = self.create_publisher(DiagnosticStatus, 'driver', LATCHED)
+        self.create_subscription(Bool, 'e_stop', self._on_topic, RELIABLE)
+        self.create_service(Trigger, '~/e_stop', self._on_stop)
+        self.create_service(Trigger, '~/release_e_stop', self._on_release)
+
+    def tell(self, state: DriverState) -> None:
+        """Publish who drives, where it has changed."""
+        if state != self._told:
+            self._told = state
+            self._publisher.publish(to_status(state, self.get_namespace()))
+
+    def _on_topic(self, message: Bool) -> None:
+        if message.data:
+            self.on_stop('topic e_stop')
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.on_stop('service e_stop')
+        response.success, response.message = True, 'stopped'
+        return response
+
+    def _on_release(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self.on_release()
+        response.success, response.message = True, 'released: drive again'
+        return response
+
+
+def to_status(state: DriverState, name: str) -> DiagnosticStatus:
+    """Return the message: who drives, an error while an e-stop holds; the rest as values."""
+    message = DiagnosticStatus(name=f'{name}/driver'.replace('//', '/'), message=state.driver)
+    message.level = DiagnosticStatus.ERROR if state.stopped_by else DiagnosticStatus.OK
+    values = {
+        'since': f'{state.since:.3f}' if state.driver else '',
+        'right': state.right,
+        'asks': ' '.join(name.replace(' ', '_') for name in state.asks),
+        'stopped_by': state.stopped_by,
+    }
+    message.values = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return message

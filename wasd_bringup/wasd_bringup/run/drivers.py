@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who drives a robot, since when, and by which right."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+import math
+from typing import NamedTuple
+
+from wasd_core.timing import HELD, RELEASE, split_event
+
+# A key that is held is pressed again by its keyboard within this time [s].
+REPEAT_GAP = 0.65
+# The source that holds a latched stop; it drives nothing, and nobody takes over from it.
+E_STOP = 'e-stop'
+# Presses the stop key in the name of a source that is gone.
+LOST = 'lost'
+# What a source may do by its right: all that are not here command as a program does.
+RIGHTS = {
+    E_STOP: 'stop',
+    LOST: 'stop',
+    'keys': 'hand',
+    'page': 'hand',
+    'gamepad': 'hand',
+    'navigator': 'plan',
+}
+USUAL_RIGHT = 'program'
+
+Velocity = tuple[float, float, float]
+
+
+def right_of(source: str) -> str:
+    """Return by which right a source drives; `foxglove 3` is one of the kind `foxglove`."""
+    return RIGHTS.get(source.partition(' ')[0], USUAL_RIGHT)
+
+
+class Take(NamedTuple):
+    """Who takes the robot, and by what: `a key`, `a velocity`."""
+
+    source: str
+    what: str
+
+
+class Held(NamedTuple):
+    """What a source moved as it let go: by keys, by a velocity."""
+
+    keys: bool
+    velocity: bool
+
+
+class DriverState(NamedTuple):
+    """Who drives ('' for nobody), since when [s], by which right; who asks; who stopped it."""
+
+    driver: str = ''
+    since: float = 0.0
+    right: str = ''
+    asks: tuple[str, ...] = ()
+    stopped_by: str = ''
+
+
+@dataclass
+class _Hold:
+    """What one source holds, and what of it does not count until it was let go."""
+
+    down: set[str] = field(default_factory=set)
+    is_latched: bool = False
+    is_driving: bool = False
+    ages: dict[str, float] = field(default_factory=dict)  # since the last press of a key [s]
+    refused_keys: set[str] = field(default_factory=set)
+    is_refused: bool = False  # its velocity
+    asked: float = math.inf  # so long ago [s]
+
+    @property
+    def moves(self) -> bool:
+        """Whether it moves the robot now, or may still press the key that does."""
+        return bool(self.down or self.is_latched or self.is_driving or self.ages)
+
+
+class Drivers:
+    """
+    All who may drive one robot: keys, page, gamepad, script, topic, navigator, programs.
+
+    `take` asks whether a key or a velocity of a source counts, `release` says that a source holds
+    nothing any more, `stop` ends what all sources move, `disarm` lets none of them count until it
+    was released and pressed again. The last that took it drives. It reads no clock and moves
+    nothing: who calls it does what it answers.
+
+    `stops(key)` is whether a press ends every motion of keys, `latches(key)` whether what a press
+    sets moving goes on when the key is let go. With `holds_stops` a stop lasts until E_STOP is
+    released.
+    """
+
+    def __init__(
+        self,
+        stops: Callable[[str], bool],
+        latches: Callable[[str], bool],
+        holds_stops: bool = False,
+    ) -> None:
+        self._stops, self._latches = stops, latches
+        self._holds_stops = holds_stops
+        self._holds: dict[str, _Hold] = {}
+        self._driver, self._since = '', 0.0
+        self.stopped_by = ''  # the source of a stop that holds
+        self.time = 0.0  # simulated [s], told by who steps the run
+        # Told of each change of driver before it drives: what drives by itself gives way.
+        self.on_take: list[Callable[[Take], None]] = []
+
+    @property
+    def state(self) -> DriverState:
+        """Who drives now."""
+        if self.stopped_by:
+            stop = right_of(E_STOP)
+            return DriverState(E_STOP, self._since, stop, self._asking(), self.stopped_by)
+        hold = self._holds.get(self._driver)
+        if hold is None or not hold.moves:
+            return DriverState(asks=self._asking())
+        return DriverState(self._driver, self._since, right_of(self._driver), self._asking())
+
+    def moves(self, source: str) -> bool:
+        """Whether a source moves the robot by a key that is down or latched, or by a velocity."""
+        hold = self._holds.get(source, _Hold())
+        return bool(hold.down or hold.is_latched or hold.is_driving)
+
+    def take(
+        self, source: str, *, key: str = '', velocity: Iterable[float] = (), what: str = ''
+    ) -> bool:
+        """
+        Return whether a key or a velocity [m/s], [m/s], [rad/s] of a source counts now.
+
+        `what` is the name by which those that give way tell of it.
+        """
+        hold = self._holds.setdefault(source, _Hold())
+        hold.asked = 0.0
+        counts = self._take_key(hold, key) if key else self._take_velocity(hold, velocity)
+        if not counts or (self.stopped_by and source != E_STOP):
+            return False
+        if split_event(key)[0] == RELEASE:
+            return True  # it gives up, and takes nothing
+        taken = Take(source, what or ('a key' if key else 'a velocity'))
+        for tell in self.on_take:
+            tell(taken)
+        if self._driver != source:
+            self._driver, self._since = source, self.time
+        return True
+
+    def release(self, source: str) -> Held:
+        """Note that a source holds nothing any more; return what it moved until now."""
+        if source == E_STOP:
+            self.stopped_by = ''
+            self.disarm()  # what was pressed meanwhile does not count either
+        hold = self._holds.pop(source, _Hold())
+        return Held(bool(hold.down) or hold.is_latched, hold.is_driving)
+
+    def stop(self, by: str) -> None:
+        """Note that a source has stopped the robot for good; latched, it holds until released."""
+        self.disarm()
+        if self._holds_stops and not self.stopped_by:
+            self.stopped_by, self._since = by, self.time
+
+    def disarm(self, source: str = '') -> Held:
+        """
+        Let nothing that a source, or any, holds now count until it was released and pressed again.
+
+        Return what moved the robot until now.
+        """
+        holds = [hold for name, hold in self._holds.items() if source in ('', name)]
+        held = [Held(bool(hold.down) or hold.is_latched, hold.is_driving) for hold in holds]
+        for hold in holds:
+            hold.refused_keys |= hold.down | set(hold.ages)
+            hold.is_refused |= hold.is_driving
+            hold.is_latched = hold.is_driving = False
+            hold.down.clear()
+        return Held(any(each.keys for each in held), any(each.velocity for each in held))
+
+    def reset(self) -> None:
+        """Note that the robot stands; what does not count goes on not counting."""
+        for hold in self._holds.values():
+            hold.down.clear()
+            hold.is_latched = hold.is_driving = False
+
+    def step(self, dt: float) -> None:
+        """Let `dt` [s] pass: what is not repeated any more was let go."""
+        for hold in self._holds.values():
+            hold.asked += dt
+            if hold.asked > REPEAT_GAP:
+                hold.is_driving = hold.is_refused = False
+            for key in hold.ages:
+                hold.ages[key] += dt
+            for key in [key for key, age in hold.ages.items() if age > REPEAT_GAP]:
+                del hold.ages[key]
+                if key not in hold.down:
+                    hold.refused_keys.discard(key)
+
+    def _take_key(self, hold: _Hold, name: str) -> bool:
+        event, key = split_event(name)
+        if event == RELEASE:
+            hold.down.discard(key)
+            hold.ages.pop(key, None)
+            hold.refused_keys.discard(key)
+            return True
+        hold.ages[key] = 0.0
+        if key in hold.refused_keys and not self._stops(key):
+            return False
+        if event == HELD:
+            hold.down.add(key)
+        elif self._stops(key):
+            for each in self._holds.values():
+                each.is_latched = False
+        elif self._latches(key):
+            hold.is_latched = True
+        return True
+
+    def _take_velocity(self, hold: _Hold, velocity: Iterable[float]) -> bool:
+        is_moving = any(velocity)
+        if not is_moving:
+            hold.is_refused = False
+        if hold.is_refused:
+            return False
+        hold.is_driving = is_moving
+        return True
+
+    def _asking(self) -> tuple[str, ...]:
+        """Return the sources that have asked lately and do not drive."""
+        driver = '' if self.stopped_by else self._driver
+        return tuple(
+            name for name, hold in self._holds.items() if hold.asked < 1.0 and name != driver
+        )
