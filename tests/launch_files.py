@@ -155,6 +155,7 @@ class Started:
     package: str
     files: list[Path]
     arguments: list[str]
+    ends_all: bool = False  # its end is that of the launch
 
     def command_line(self, folder: Path) -> list[str]:
         """Return the arguments of the process; the parameters are in a file, as launch's."""
@@ -264,6 +265,7 @@ def _started(node: Node, values: Mapping[str, str]) -> Started:
         node.package,
         [Path(_text(entry, values)) for entry in node.parameters if entry not in given],
         [_text(argument, values) for argument in node.arguments],
+        isinstance(node.on_exit, Shutdown),
     )
 
 

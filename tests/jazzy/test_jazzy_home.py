@@ -10,11 +10,12 @@ import xml.etree.ElementTree as ElementTree
 from executables import SCRIPTS
 import pytest
 from rclpy.node import Node
-from sourced_jazzy import FROM_APT
+from sourced_jazzy import FROM_APT, ROOT
 
 pytestmark = [pytest.mark.slow, pytest.mark.takes_up_to(3600.0)]
 
 EXECUTABLES = {name: target.partition('.')[0] for name, target in SCRIPTS.items()}
+PACKAGES = sorted(path.parent.name for path in ROOT.glob('*/package.xml'))
 SOURCED = '. ~/ros2_ws/install/setup.bash; '
 MODULES = (
     'PIL collada daqp fast_simplification mcap mujoco numba numpy pinocchio rich trimesh xacro '
@@ -38,8 +39,6 @@ print(len(shapes), [s.url for s in shapes if opened_by_rviz(s.url) is None], rea
 """
 # How long a node may take to start on a busy machine [s].
 PATIENCE = 90.0
-# Quick ones, of a wheel and of keys: all of them take minutes.
-TESTED = ('diff_drive_sim', 'teleop_keyboard')
 PLAYED = {'go2': '0.1 2\n1 4\n1.5 w*4', 'mbot': '0.1 i*30'}
 
 
@@ -105,14 +104,14 @@ def test_a_command_that_is_no_node_runs_from_the_workspace(jazzy, workspace):
 
 
 def test_colcon_test_runs_the_quick_tests(jazzy, workspace):
-    words = '--packages-select ' + ' '.join(TESTED)
-    done = jazzy.run(SOURCED + f'cd ~/ros2_ws; colcon test --return-code-on-test-failure {words}')
+    # What the extra `test` brings is not there, but of Ubuntu's pytest.
+    done = jazzy.run(SOURCED + 'cd ~/ros2_ws; colcon test --return-code-on-test-failure')
     assert done.returncode == 0, done.stdout + done.stderr
-    for package in TESTED:
+    for package in PACKAGES:
         (suite,) = ElementTree.parse(workspace / 'build' / package / 'pytest.xml').iter(
             'testsuite'
         )
-        assert int(suite.get('tests', '0')) > 100
+        assert int(suite.get('tests', '0')) > 50
         assert (suite.get('failures'), suite.get('errors')) == ('0', '0')
 
 

@@ -4,6 +4,7 @@
 import importlib
 from pathlib import Path
 import re
+import subprocess
 
 from diff_drive_sim.parameters import DiffDriveParameters
 from executables import SCRIPTS
@@ -28,6 +29,8 @@ DEFINITIONS = {
     'state_publisher': StatePublisherParameters,
     'teleop': TeleopParameters,
 }
+# How long a node may take to end on a busy machine [s].
+PATIENCE = 90.0
 # Parameters that no definition has: rclpy's own, and the type of cmd_vel.
 OTHER_PARAMETERS = {'use_sim_time', 'stamped'}
 # Everything the files can be asked for that starts something else.
@@ -97,6 +100,37 @@ def test_every_file_exists_and_is_for_the_node_that_gets_it(started):
 def test_every_renamed_topic_is_one_of_ours(started):
     for node in started:
         assert is_foreign(node) or set(node.remappings) <= topics()
+
+
+def test_the_launch_ends_with_a_node_without_which_nothing_drives(started):
+    for node in started:
+        is_keyboard = node.executable in ('key_publisher', 'teleop')
+        is_needed = len(started) == 1 or not (is_foreign(node) or is_keyboard)
+        assert node.ends_all == is_needed, node.executable
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('name', 'asked', 'culprit', 'words'),
+    [
+        ('mbot.launch.py', {'world': 'nope'}, 'simulator', 'nope'),
+        ('go2.launch.py', {'world': 'stairs:9'}, 'simulator', 'stairs'),
+        ('mbot.launch.py', {'controller': 'nothing.yaml'}, 'diff_drive_controller', 'nothing'),
+        ('go2.launch.py', {'description': 'no_dog.urdf'}, 'leg_controller', 'no_dog'),
+        ('mbot_nav.launch.py', {'map': 'no_map.yaml'}, 'navigator', 'no_map'),
+    ],
+)
+def test_a_node_that_cannot_start_says_why_and_ends_the_launch(
+    launch_file, tmp_path, name, asked, culprit, words
+):
+    nodes = launch_file(FOLDER / name).start(**asked)
+    (node,) = (node for node in nodes if node.executable == culprit)
+    process = node.process(tmp_path, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    _, said = process.communicate(timeout=PATIENCE)
+    assert node.ends_all
+    assert process.returncode not in (0, None)
+    assert words in said
+    assert 'Traceback' not in said
 
 
 def test_each_robot_has_a_namespace_a_clock_and_frames_of_its_own(launch_file):

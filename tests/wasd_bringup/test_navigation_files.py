@@ -162,3 +162,10 @@ def test_with_a_map_nav2_localises_in_it_and_makes_none(launch_file):
     assert nodes['map_server'].parameters['yaml_filename'] == 'mine.yaml'
     assert 'amcl' in nodes
     assert 'online_async_launch.py' not in nodes
+
+
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_amcl_begins_where_a_simulated_robot_starts_in_a_map_that_it_made(robot):
+    found = parameters(*ROBOTS[robot])
+    assert found['amcl.set_initial_pose'] is True
+    assert {found[f'amcl.initial_pose.{name}'] for name in ('x', 'y', 'z', 'yaw')} == {0.0}

@@ -12,7 +12,7 @@ too, and come first: they and the navigation are sources of twist_mux.
 
 from typing import Any
 
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription, Shutdown
 from launch.conditions import IfCondition
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import (
@@ -90,7 +90,11 @@ def robot_arguments(robot: RobotRow) -> list[DeclareLaunchArgument]:
 def robot_node(
     package: str, executable: str, condition: IfCondition | None = None, **parameters: Any
 ) -> Node:
-    """Return a node with parameters, and those of the user's file on top."""
+    """
+    Return a node with parameters, and those of the user's file on top.
+
+    Without it nothing drives: its end is the end of the launch, which says whose it was.
+    """
     return Node(
         package=package,
         executable=executable,
@@ -99,6 +103,7 @@ def robot_node(
         parameters=[parameters, LaunchConfiguration('params_file')],
         remappings=list(NAMESPACED),
         condition=condition,
+        on_exit=Shutdown(),
     )
 
 
@@ -221,6 +226,7 @@ def navigation(robot: RobotRow, *others: str) -> list[Any]:
             output='screen',
             parameters=[{'use_sim_time': True}],
             remappings=[('cmd_vel_out', 'cmd_vel')],
+            on_exit=Shutdown(),
         ),
         *keyboard(cmd_vel='key_vel'),
         Node(
@@ -233,6 +239,7 @@ def navigation(robot: RobotRow, *others: str) -> list[Any]:
             ],
             remappings=[('cmd_vel', 'nav_vel')],
             condition=IfCondition(EqualsSubstitution(LaunchConfiguration('nav'), BUILTIN)),
+            on_exit=Shutdown(),
         ),
         *_managed('navigation', NAVIGATION, files, IfCondition(is_nav2)),
         *_managed(
