@@ -75,7 +75,9 @@ make_environment() {
     return
   fi
   find "$venv" -mindepth 1 -maxdepth 1 ! -name "$MARKER" -exec rm -rf {} +
-  say "making '$venv' with $("$python" -I --version), once: one to three minutes, 1.7 GB"
+  size='1.7 GB'
+  [ -n "$extras" ] || size='0.9 GB'  # a sourced ROS has what is large
+  say "making '$venv' with $("$python" -I --version), once: one to three minutes, $size"
   inherit=
   # ROS' own Python packages (and those of Debian that they use) stay visible.
   [ "$home" = wheels ] || inherit=--system-site-packages

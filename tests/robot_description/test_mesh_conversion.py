@@ -71,7 +71,18 @@ def test_every_geometry_of_a_file_is_there(tmp_path):
     np.testing.assert_allclose(np.sort(both[:, 0]), [0, 0, 1, 5, 5, 6], atol=1e-6)
 
 
-def test_a_material_that_is_not_there_takes_nothing_away(tmp_path):
+@pytest.mark.parametrize('ignores', [True, False], ids=['new', '0.7.2'])
+def test_a_material_that_is_not_there_takes_nothing_away(tmp_path, monkeypatch, ignores):
+    import collada as pycollada
+
+    class Old(pycollada.Collada):
+        """As Ubuntu 24.04 has it: what is broken is no less so for being ignored."""
+
+        def __init__(self, file, ignore):
+            super().__init__(file)
+
+    if not ignores:
+        monkeypatch.setattr(pycollada, 'Collada', Old)
     material = '<instance_material symbol="m" target="#nowhere"/>'
     bound = f'<bind_material><technique_common>{material}</technique_common></bind_material>'
     nodes = f'<node><instance_geometry url="#g">{bound}</instance_geometry></node>'

@@ -41,8 +41,8 @@ class Client:
         )
         self.wait(self._client.server_is_ready)
 
-    def wait(self, condition):
-        self._spin_until(self._pump, condition)
+    def wait(self, condition, step=None):
+        self._spin_until(self._pump, condition, step=step)
 
     def send(self, x, frame='map'):
         """Return the handle of a goal that was accepted."""
@@ -77,8 +77,7 @@ def client(spawn, spin_until):
 def test_a_goal_is_driven_to_with_feedback_and_succeeds(client):
     handle = client.send(2.0)
     assert client.logic.goal == pytest.approx([2.0, 0.0, 0.0])
-    client.navigator.step()
-    client.wait(lambda: client.feedback)
+    client.wait(lambda: client.feedback, client.navigator.step)
     feedback = client.feedback[0].feedback
     assert feedback.current_pose.header.frame_id == 'map'
     assert feedback.current_pose.pose.position.y == 1.0
@@ -89,6 +88,19 @@ def test_a_goal_is_driven_to_with_feedback_and_succeeds(client):
         client.navigator.step()
     status, result = client.result(handle)
     assert (status, result.error_code) == (GoalStatus.STATUS_SUCCEEDED, 0)
+
+
+def test_there_is_no_feedback_before_the_way_is_drawn(client):
+    client.send(2.0)
+    action, pilot = client.navigator._action, client.logic.pilot
+    sent, way = [], pilot.path
+    action._handle.publish_feedback = sent.append
+    pilot.path = way[:0]
+    action.step(0.0, 'map')
+    assert not sent
+    pilot.path = way
+    action.step(1.0, 'map')
+    assert len(sent) == 1
 
 
 def test_feedback_comes_ten_times_a_second_of_its_clock(client):

@@ -75,7 +75,8 @@ class GoalAction:
         """Tell how far it is, at a time [s]; poses are in a frame."""
         is_due = self._beat.is_due(now, FEEDBACK_RATE)
         pose, pilot = self._navigator.pose, self._navigator.pilot
-        if self._handle is None or pose is None or not is_due:
+        # Before the way is drawn nobody knows how long it is.
+        if self._handle is None or pose is None or not is_due or not len(pilot.path):
             return
         feedback = self._type.Feedback(
             navigation_time=Duration(seconds=self._navigator.elapsed).to_msg(),

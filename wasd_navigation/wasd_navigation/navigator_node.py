@@ -235,6 +235,14 @@ class NavigatorNode(Node):
         """Return the pose of the lidar's frame in the base, None where it is not known yet."""
         frame, pose = frame.lstrip('/'), Pose(np.zeros(3), np.eye(3))
         begin, base = frame, self._base_frame.lstrip('/')
+        if not base:
+            # Scans may come before odom: a word only where that lasts.
+            self.get_logger().warning(
+                'scan waits for odom, which names the base',
+                throttle_duration_sec=5.0,
+                skip_first=True,
+            )
+            return None
         for _ in range(len(self._fixed) + 1):  # no more: frames may go round in a circle
             if frame == base:
                 return pose

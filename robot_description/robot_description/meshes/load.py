@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator
 import contextlib
+import functools
 from functools import lru_cache
 import hashlib
 import io
@@ -281,11 +282,14 @@ def _read_collada(path: Path) -> tuple[np.ndarray, np.ndarray]:
     # and up axis to others.
     import collada
 
-    ignored = [collada.common.DaeError]
+    document = None
+    read = functools.partial(collada.Collada, ignore=[collada.common.DaeError])
     data = _without_remarks(path.read_bytes())
-    document = collada.Collada(io.BytesIO(data), ignore=ignored)
-    if document.errors:  # of materials mostly, with which pycollada drops what they are on
-        document = collada.Collada(io.BytesIO(_without_materials(data)), ignore=ignored)
+    # Of materials mostly, with which pycollada drops what they are on; 0.7.2 does not ignore it.
+    with contextlib.suppress(collada.common.DaeError):
+        document = read(io.BytesIO(data))
+    if document is None or document.errors:
+        document = read(io.BytesIO(_without_materials(data)))
     if document.scene is None:
         raise ValueError('no scene in it')
     vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
