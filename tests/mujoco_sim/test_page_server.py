@@ -18,7 +18,7 @@ from mujoco_sim.viewer import turns
 from mujoco_sim.viewer.drawing import Panel
 from mujoco_sim.viewer.page import CameraView, WebView
 from mujoco_sim.world import build_world
-from page_puppet import code, input_packet, PagePuppet
+from page_puppet import code, input_packet, PagePuppet, VERSION_PACKET
 import pytest
 from terminals import wait_until
 from websockets.exceptions import ConnectionClosed, ConnectionClosedOK, InvalidStatus
@@ -283,6 +283,23 @@ def test_who_waits_and_goes_away_waits_no_more(view, port):
         time.sleep(0.3)
         assert view.input.turns.waiting == 0
         assert page.frames > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('opening', [(), (VERSION_PACKET,)], ids=['mute', 'only_its_version'])
+def test_who_opened_the_page_first_and_says_nothing_keeps_nobody_out(
+    view, port, monkeypatch, opening
+):
+    monkeypatch.setattr(page_server, 'SILENT_CONTROLLER', 0.5)
+    with connect(f'ws://127.0.0.1:{port}/ui?sid=mute', max_size=None) as mute:
+        for packet in opening:
+            mute.send(packet)
+        time.sleep(1.0)
+        with PagePuppet(view.url) as page:
+            time.sleep(0.5)
+            page.tap('I')
+            assert page.frames > 0
+            assert 'i' in view.pressed_keys()
 
 
 @pytest.mark.slow

@@ -23,7 +23,8 @@ HEADER_TIMEOUT = 5.0
 ANSWER_TIMEOUT = 300.0
 # A browser that answers no ping for so long is let go [s].
 PING_PERIOD, PING_TIMEOUT, CLOSE_TIMEOUT = 5.0, 10.0, 1.0
-# Somebody who waits for control gets it from a page that is silent for so long [s].
+# Somebody who waits for control gets it from a page that is silent for so long [s]; whoever comes,
+# from one that has said nothing in the same time.
 SILENT_CONTROLLER = 5.0
 # What a page says that asks for control, and the code that ends its control.
 REQUEST, FORCE, LEAVE = 'request_control', 'force_control', 'leave_queue'
@@ -115,34 +116,37 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         super().__init__(*arguments, **options)
         self._input = page_input
         self._packets: InputPackets | None = InputPackets()
-        self._is_lost = False
+        self._is_lost = self._is_heard = False
+        self._made = 0.0
+        self.over = asyncio.Event()  # set when Studio has done with it
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Wait for a request, but not for ever."""
         super().connection_made(transport)
+        self._made = self.loop.time()
         self.loop.call_later(HEADER_TIMEOUT, self._give_up)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Tell that nothing more will come."""
         self._is_lost = True
         self._input.lose(self)
-        if self._path == '/state':
+        if self.path == '/state':
             self._input.turns.leave(self._session)
         super().connection_lost(exc)
 
     async def recv(self, decode: bool | None = None) -> Any:
         """Return the next message; hear what it says of the page."""
-        if self._path == '/state' and not self._is_lost:
+        if self.path == '/state' and not self._is_lost:
             self._input.watch(self)
         message = await super().recv(decode)
         turns = self._input.turns
-        if self._path == '/ui' and isinstance(message, bytes):
+        if self.path == '/ui' and isinstance(message, bytes):
             turns.leave(self._session)
             message = self._hear(message)
             if turns.take_end():
                 # Studio then grants control to the one who has waited longest.
                 await self.close(CONTROL_TAKEN, 'control was asked for')
-        elif self._path == '/state':
+        elif self.path == '/state':
             if message == FORCE and self._input.is_present:
                 # Nobody takes a robot from a driver who is there: they wait for their turn.
                 message = REQUEST
@@ -153,7 +157,13 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         return message
 
     @property
-    def _path(self) -> str:
+    def is_mute(self) -> bool:
+        """Whether it was opened a while ago, and no key or pointer was ever told by it."""
+        return not self._is_heard and self.loop.time() - self._made > SILENT_CONTROLLER
+
+    @property
+    def path(self) -> str:
+        """What of the server it has asked for."""
         return self.request.path.partition('?')[0] if self.request else ''
 
     @property
@@ -174,6 +184,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         try:
             for packet, pressed in self._packets.feed(data):
                 if pressed is not None:
+                    self._is_heard = True
                     packet = with_mouse(packet, self._input.hear(self, *pressed))
                 shown.append(packet)
         except UnknownPacket as error:
@@ -195,6 +206,25 @@ def _serve(
 ) -> Any:
     """Serve as Studio asks for, for this page only."""
     port: int = options['sock'].getsockname()[1]
+    drivers: set[PageConnection] = set()
+
+    async def serve_one(connection: PageConnection) -> None:
+        if connection.path == '/ui':
+            drivers.add(connection)
+        try:
+            await handler(connection)
+        finally:
+            drivers.discard(connection)
+            connection.over.set()
+
+    async def make_room(connection: ServerConnection, request: Request) -> Response | None:
+        """Let go a driver who has never said anything, for one who comes and may."""
+        response = check(connection, request)
+        if response is None and request.path.partition('?')[0] == '/ui':
+            for mute in [driver for driver in drivers if driver.is_mute]:
+                await mute.close(CONTROL_TAKEN, 'it says nothing')
+                await mute.over.wait()
+        return response
 
     def check(connection: ServerConnection, request: Request) -> Response | None:
         path = request.path.partition('?')[0]
@@ -220,8 +250,8 @@ def _serve(
         return None
 
     return serve(
-        handler,
-        process_request=check,
+        serve_one,
+        process_request=make_room,
         process_response=close_to_others,
         create_connection=cast(Any, functools.partial(PageConnection, page_input)),
         **options
