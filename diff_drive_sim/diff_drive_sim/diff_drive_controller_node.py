@@ -2,6 +2,7 @@
 """The diff-drive controller on ROS: cmd_vel in, odom and joint commands out."""
 
 import dataclasses
+import math
 import sys
 import time
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import did_you_mean
-from wasd_core.messages import to_joint_commands, to_seconds
+from wasd_core.messages import to_base_state, to_joint_commands, to_seconds
 from wasd_core.node import run_node
 from wasd_core.parameters import outward_name
 from wasd_core.ros_parameters import declare_parameters
@@ -101,6 +102,8 @@ def _say_unused(node: Node, names: set[str]) -> None:
         node.get_logger().info(f'parameters without a meaning here: {", ".join(sorted(names))}')
 
 
+# Truth that is farther apart than this says nothing of the speed in between [s].
+LONGEST_LOOK = 0.5
 ARBOTIX_JOINTS = ('base_l_wheel_joint', 'base_r_wheel_joint')
 
 
@@ -235,6 +238,8 @@ class DiffDriveControllerNode(Node):
             return
         self._joint_commands = self.create_publisher(JointTrajectory, 'joint_commands', RELIABLE)
         self.create_subscription(JointState, 'joint_states', self._on_joint_states, SENSOR_DATA)
+        self._looked_at = 0.0
+        self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, SENSOR_DATA)
 
     def _on_fake_timer(self) -> None:
         now = self.get_clock().now()
@@ -260,6 +265,16 @@ class DiffDriveControllerNode(Node):
         command = self.unit.control(wheels[0], wheels[1], *self._elapsed(now))
         self._joint_commands.publish(to_joint_commands(names, command, message.header.stamp))
         self._publish_when_due(now, message.header.stamp)
+
+    def _on_truth(self, message: Odometry) -> None:
+        """Look how fast the robot really is, which a simulator knows: whether its wheels slip."""
+        if not self._is_base(message.child_frame_id):
+            return  # somebody else's robot
+        before, self._looked_at = self._looked_at, to_seconds(message.header.stamp)
+        ahead, _, turn = to_base_state(message).planar_velocity.tolist()
+        dt = self._looked_at - before
+        if 0.0 < dt <= LONGEST_LOOK and math.isfinite(ahead) and math.isfinite(turn):
+            self.unit.watch(ahead, turn, dt)
 
     def _elapsed(self, now: float) -> tuple[float, float]:
         """
@@ -338,12 +353,14 @@ class DiffDriveControllerNode(Node):
 
     def _frame_notes(self) -> list[str]:
         robot, frame = self.unit.robot, self.settings.base_frame_id
-        # Of several robots each may have a prefix before its frames, or in its links' names.
-        is_root = f'/{frame}'.endswith(f'/{robot.root}')
-        if is_root or not self.settings.enable_odom_tf:
+        if self._is_base(frame) or not self.settings.enable_odom_tf:
             return []
         why = 'has a parent already' if frame in robot.links else 'is no link of the description'
         return [f'base_frame_id {frame!r} {why}, its root is {robot.root!r}: /tf is no tree']
+
+    def _is_base(self, frame: str) -> bool:
+        """Whether a frame is the root; a robot's prefix may be before it, or in its name."""
+        return f'/{frame}'.endswith(f'/{self.unit.robot.root}')
 
     def _own_joint_names(self, alone: bool) -> tuple[str, ...]:
         """Return the names under which this node publishes the wheels' states; none if others."""

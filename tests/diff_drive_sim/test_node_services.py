@@ -2,7 +2,9 @@
 """What else the node offers: odometry to be set, diagnostics, names, limits, its parameters."""
 
 import math
+import re
 
+from descriptions import robot_named
 from diagnostic_msgs.msg import DiagnosticArray
 from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
 from diff_drive_sim.drive import DiffDrive
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from robot_description.description import load_robot
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -217,6 +220,23 @@ def test_an_unknown_parameter_is_said_with_its_neighbour(make, capfd):
 def test_a_base_frame_that_breaks_the_tree_is_said(make, capfd, frame, note):
     make(base_frame_id=frame)
     assert note in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('prefix', 'frame'),
+    [
+        ('robot1/', ''),
+        ('robot1/', 'robot1/base_footprint'),
+        ('a/b/', 'a/b/base_footprint'),
+        ('', 'robot1/base_footprint'),
+    ],
+)
+def test_a_prefix_of_links_or_of_frames_breaks_no_tree(make, mbot, tmp_path, capfd, prefix, frame):
+    names = '|'.join(mbot.links)
+    path = tmp_path / 'prefixed.urdf'
+    path.write_text(re.sub(f'"({names})"', rf'"{prefix}\1"', robot_named('mbot').urdf))
+    make(load_robot(str(path)).robot, base_frame_id=frame)
+    assert '/tf is no tree' not in capfd.readouterr().err
 
 
 def test_gains_and_limits_can_be_set_while_it_drives_and_signs_are_checked(make):

@@ -14,6 +14,7 @@ import time
 from typing import NamedTuple
 
 from executables import SCRIPTS
+from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 import programs
 import pytest
@@ -182,3 +183,17 @@ def drive_wheels(bench):
     bench.until(
         lambda: abs(bench.watcher.place.x - start.x) > 0.3, lambda: bench.type('teleop', 'i')
     )
+
+
+def test_a_controller_of_its_own_says_once_that_wheels_slip(bench, spawn):
+    description = ROOT / 'tests/catalogue/wheels/dragging.xacro'
+    asked = f'--ros-args -p description:={description}'
+    bench.start(f'ros2 run mujoco_sim simulator {asked}')
+    bench.start(f'ros2 run diff_drive_sim diff_drive_controller {asked}')
+    driver = spawn(Node('driver', start_parameter_services=False))
+    velocity = driver.create_publisher(Twist, 'cmd_vel', 10)
+    ahead = Twist(linear=Vector3(x=0.3))
+    words = 'wheels slip or hang in the air: '
+    bench.until(lambda: words in bench.said(), lambda: velocity.publish(ahead))
+    share = int(bench.said().split(words)[1].split(' %')[0])
+    assert 0 <= share < 75
