@@ -34,6 +34,7 @@ import page
 import quadrupeds
 import slam
 import soak
+import stops
 from success import draw_success
 from table import describe_machine, format_table, Row
 import teleop
@@ -50,6 +51,7 @@ PARTS = {
     'quadrupeds': quadrupeds.measure,
     'slam': slam.measure,
     'soak': soak.measure,
+    'stops': stops.measure,
     'cycles': cycles.measure,
     'goals': goals.measure,
 }
