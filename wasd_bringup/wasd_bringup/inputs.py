@@ -256,11 +256,12 @@ class TwistPlayer:
 
 # MuJoCo's own viewer has it there; no preset on any layout uses it.
 RESET_KEY = 'BACKSPACE'
-KEY_LINE = f'{HELP_KEY} all keys   {RESET_KEY} back to the start   Ctrl-C quit'
-
-
 # Stops every robot for good; with --latched nothing drives before the other one.
 E_STOP_KEY, END_E_STOP_KEY = 'ESC', 'ENTER'
+KEY_LINE = (
+    f'{HELP_KEY} all keys   {RESET_KEY} back to the start   {E_STOP_KEY} E-STOP   Ctrl-C quit'
+)
+
 
 SWITCH_KEY = 'TAB'
 SWITCH_LINE = f'{SWITCH_KEY} goes to the next robot'
