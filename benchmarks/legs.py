@@ -14,10 +14,22 @@ from cores import simulate_all
 from experiment import Experiment, FIRST_SEED, seeds
 from gait_limits import between_all, full_sticks
 from go2_trouble import random_runs, terrain
-from legs_ground import climbing, differing, known, patch, pushed, running, slippery
+from legs_ground import (
+    climbing,
+    differing,
+    height,
+    jumping_and_thrown,
+    known,
+    patch,
+    pushed,
+    running,
+    slippery,
+    THROW_EVERY,
+    to_and_fro,
+)
 from legs_speed import curve, gait, gait_switches, loaded, speed, touchdown, transport
 from legs_states import get_up, jump, monkey
-from quadruped_sim.presets import GAITS
+from quadruped_sim.presets import GAITS, LIMITS
 import schedules
 from state_pairs import HOWS, pairs
 from table import Row
@@ -36,6 +48,8 @@ GAIT_SPEEDS = {
     'pronk': 1.0,
     'gallop': 2.5,
 }
+# Both ends of jump.height with both ends of jump.distance, and none [m].
+JUMPS = ((0.05, -0.075), (0.05, 0.0), (0.05, 0.15), (0.2, -0.25), (0.2, 0.0), (0.2, 0.5))
 
 
 class Sizes(NamedTuple):
@@ -55,6 +69,11 @@ FULL = Sizes(20, 10, 3, 100, 100, 5, way=600.0, minute=60.0)
 QUICK = Sizes(1, 1, 1, 3, 2, 1, way=60.0, minute=20.0)
 
 
+def fast(gait: str) -> bool:
+    """Whether the usual limits are stricter than those of a gait."""
+    return GAITS[gait].limits.forward > LIMITS['sport'].forward
+
+
 def on_the_flat(sizes: Sizes) -> list[Experiment]:
     """Return the rows about speed, curves, cost, gaits and published schedules."""
     many, few = seeds(sizes.many), seeds(sizes.gaits)
@@ -66,6 +85,7 @@ def on_the_flat(sizes: Sizes) -> list[Experiment]:
         touchdown(few),
         *(gait(name, GAIT_SPEEDS[name], few) for name in GAITS),
         *(full_sticks(name, many) for name in GAITS),
+        *(full_sticks(name, many, 'sport') for name in GAITS if fast(name)),
         *between_all(many),
         gait_switches(list(GAITS), seeds(sizes.switches), 2.0 * sizes.minute),
         schedules.gauge('max_velocity', *schedules.most(), seeds(sizes.switches)),
@@ -109,7 +129,7 @@ def of_states(sizes: Sizes) -> list[Experiment]:
         jump('ahead', 'v', 0.4, many, distance=0.45),
         *(
             jump(f'{up:g} m high, {on:g} m ahead', 'v', None, many, height=up, distance=on)
-            for up, on in ((0.05, 0.15), (0.2, 0.0), (0.2, 0.5), (0.2, -0.25))
+            for up, on in JUMPS
         ),
         monkey('begun at a trot', seeds(sizes.tumbled), sizes.minute),
         *(monkey(f'begun at a {name}', many, sizes.minute, gait=name) for name in list(GAITS)[1:]),
@@ -122,6 +142,10 @@ def of_odometry(sizes: Sizes) -> list[Experiment]:
     """Return the rows about where the robot believes it is."""
     many, few = seeds(sizes.many), seeds(sizes.switches)
     far = f'random commands, {sizes.way / 60.0:g} min'
+    long = max(sizes.way, THROW_EVERY)
+    falls = int(long / THROW_EVERY)
+    ways = (7.0, -6.0, 6.0, -6.0, 6.0, -6.0)
+    thrown = f'{2 * falls} jumps, {falls} throws in {long / 60.0:g} min'
     return [
         known(far, random_runs(few, sizes.way), 0.005, 0.05),
         *(
@@ -130,6 +154,12 @@ def of_odometry(sizes: Sizes) -> list[Experiment]:
         ),
         known('stairs of 10 cm', climbing('stairs:0.1', many), 0.02, None),
         known('20 degrees up', climbing('slope:20', many), 0.02, None),
+        height(thrown, jumping_and_thrown(few, long), 0.05, thrown=falls),
+        height('boxes of 10 cm, 10 m', to_and_fro('boxes:0.1', many, (7.5, -2.5)), 0.05),
+        *(
+            height(f'{angle} degrees, 37 m to and fro', to_and_fro(slope, many, ways), share=0.01)
+            for angle, slope in ((15, 'slope:15'), (-15, 'slope:-15'))
+        ),
     ]
 
 

@@ -3,14 +3,23 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+import itertools
+import math
 
 from experiment import Experiment, judged, Trial, worst
-from go2_trouble import push_runs, random_runs
+from go2_trouble import push_runs, random_runs, random_script
 from go2_walks import constant
 from legs_speed import RACE
 from mujoco_sim.scene import EDGE, ICE_AHEAD, ICE_LENGTH
 import numpy as np
-from trials import Run, START, Trace
+from trials import KEYS, Run, START, Trace
+
+# A robot is thrown once in so long, and jumps twice [s].
+THROW_EVERY = 120.0
+# How long a jump takes it from a walk, and a throw until it walks again, with a second try [s].
+JUMPING, RISING = 6.0, 20.0
+# What a throw acts on [kg], and for how long [s].
+THROWN_MASS, THROWN_FOR = 15.0, 0.1
 
 
 def pushed(
@@ -131,3 +140,77 @@ def climbing(world: str, seeds: Sequence[int], friction: float | None = None) ->
 def running(speed: float, seeds: Sequence[int]) -> list[Run]:
     """Return runs straight ahead on the flat: ways to and fro take back what feet slide in one."""
     return [replace(run, parameters=RACE) for run in constant((speed, 0.0, 0.0), seeds, 20.0)]
+
+
+def height(
+    what: str, runs: Sequence[Run], allowed: float = 0.0, share: float = 0.0, thrown: int = 0
+) -> Experiment:
+    """
+    Judge how far off the height is at the end: by a length [m] and a share of the way.
+
+    Runs with jumps must have jumped, and `thrown` ones have fallen so often, but drive at the end.
+    """
+
+    def trial(trace: Trace) -> Trial:
+        assert trace.felt is not None
+        rows = trace.after(START)
+        off = np.abs(np.diff((trace.felt.height[rows], trace.position[rows, 2]), axis=0)[0])
+        end, jumps = float(off[-1]), trace.run.keys.count('v')
+        jumped = sum(a != b == 'jump' for a, b in itertools.pairwise(trace.state))
+        did = jumped == jumps and trace.report['falls'] == thrown
+        passed = did and trace.state[-1] == 'move base' and end <= allowed + share * trace.path
+        values = {'off': end, 'most': float(off.max()), 'path': trace.path, 'jumps': jumped}
+        return {'passed': passed, **values}
+
+    def say(trials: list[Trial]) -> str:
+        off, most = (100 * worst(trials, name) for name in ('off', 'most'))
+        way = sum(found['path'] for found in trials)
+        return f'{off:.1f} cm at worst, {most:.1f} cm on the way, {way:.0f} m'
+
+    limit = f'{100 * share:g} % of the way' if share else f'{100 * allowed:g} cm'
+    return judged(f'height: {what}', f'<= {limit}', runs, trial, say)
+
+
+def jumping_and_thrown(seeds: Sequence[int], seconds: float) -> list[Run]:
+    """Return random walks on the flat with jumps, and throws that it must get up from."""
+    return [_jumping_and_thrown(seed, seconds) for seed in seeds]
+
+
+def _jumping_and_thrown(seed: int, seconds: float) -> Run:
+    """Return one: jumps and throws in a random order, at random times."""
+    random = np.random.default_rng((seed, 3))
+    throws = int(seconds / THROW_EVERY)
+    kinds = 2 * throws * ['v'] + throws * ['']
+    random.shuffle(kinds)
+    slot = seconds / (len(kinds) + 1)
+    keys, pushes = KEYS, []
+    for index, kind in enumerate(kinds):
+        time = START + index * slot + float(random.uniform(3.0, slot - RISING))
+        if kind:
+            keys += f'{time:.3f} 2\n{time + 2.0:.3f} v\n{time + JUMPING:.3f} 5\n'
+            continue
+        angle, speed, up = random.uniform((-math.pi, 4.0, 1.0), (math.pi, 7.0, 3.0))
+        force = (
+            THROWN_MASS
+            / THROWN_FOR
+            * np.array((speed * math.cos(angle), speed * math.sin(angle), up))
+        )
+        pushes.append(' '.join(f'{number:.3f}' for number in (time, *force, THROWN_FOR)))
+        keys += f'{time + 4.0:.3f} 2\n{time + 0.6 * RISING:.3f} 2\n{time + RISING - 1.0:.3f} 5\n'
+    return Run(
+        seed=seed,
+        twist=random_script(seed, seconds),
+        keys=keys,
+        push=';'.join(pushes),
+        duration=START + seconds,
+    )
+
+
+def to_and_fro(world: str, seeds: Sequence[int], ways: Sequence[float]) -> list[Run]:
+    """Return walks at 0.5 m/s so far ahead [m] and, of a negative way, backwards, in turn."""
+    time, lines = START, []
+    for way in ways:
+        lines.append(f'{time:g} {math.copysign(0.5, way)} 0 0')
+        time += abs(way) / 0.5
+    twist = '\n'.join(lines) + '\n'
+    return [Run(seed=seed, twist=twist, duration=time, world=world) for seed in seeds]
