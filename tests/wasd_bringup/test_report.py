@@ -12,7 +12,7 @@ from mujoco_sim.simulation import TickSummary
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from wasd_bringup.report import build_report, Recorder, Sample, UP_AGAIN, write_report
+from wasd_bringup.report import build_report, Recorder, Sample, TrunkWatch, UP_AGAIN, write_report
 
 pytestmark = pytest.mark.slow
 
@@ -100,6 +100,24 @@ def test_a_trunk_that_bounces_has_fallen_once(recorder):
     for sample in (DOWN, *[NOW] * (UP_AGAIN - 1), DOWN, NOW, DOWN):
         recorder.sample(sample)
     assert recorder.falls == 1
+
+
+def watched(*seen):
+    """Return whether each of some (touches, state, event) is a fall."""
+    watch = TrunkWatch()
+    return [watch.is_down(*now) for now in seen]
+
+
+def test_a_trunk_that_bounces_as_the_robot_rises_is_no_fall():
+    rises = [(touches, 'fixed stand', None) for touches in (True, False, True, False, True)]
+    assert not any(watched((True, 'passive', None), *rises))
+
+
+@pytest.mark.parametrize('last', [(True, 'fixed stand', None), (True, 'passive', 'tilt')])
+def test_a_trunk_that_comes_down_after_the_robot_was_up_is_a_fall(last):
+    up = [(False, 'fixed stand', None)] * UP_AGAIN
+    assert watched(*up, last, last)[-2:] == [True, True]
+    assert not watched(*up, (True, 'passive', None))[-1]  # let go of by key
 
 
 def test_falling_over_and_onto_the_trunk_is_one_fall(world, recorder):

@@ -125,19 +125,24 @@ LYING = ('passive', 'get up', 'lie down')
 
 
 class TrunkWatch:
-    """Tells when a legged robot has gone down, against the driver's will."""
+    """
+    Tells when a legged robot has gone down, against the driver's will.
+
+    State: for how many samples it has been off the ground. One that rises bounces on its trunk.
+    """
 
     def __init__(self) -> None:
-        self._was_up = False
+        self._off_for, self._was_up = 0, False
 
     def is_down(self, touches: bool, state: str, event: str | None) -> bool:
         """
         Whether it is down; `touches` tells that its trunk is on the ground, or that it knows of a
         fall itself, in a state, which an `event` has led to.
         """
-        if not touches:
-            self._was_up = state not in LYING
-        elif state in LYING and event is None:
+        self._off_for = 0 if touches or state in LYING else self._off_for + 1
+        if self._off_for >= UP_AGAIN:
+            self._was_up = True
+        elif state in LYING and (event is None or not touches):
             self._was_up = False
         return touches and self._was_up
 
