@@ -38,7 +38,7 @@ RUNS: dict[str, tuple[str, str, str]] = {
     'gallop': ('go2 --duration 6 --gait gallop', STAND, '3.2 1.5 0 0'),
     'gait by key': ('go2 --duration 7', f'{STAND}\n4 n\n5.5 N', FORWARD),
     'push': ('go2 --duration 6 --push "4 0 200 0 0.1"', STAND, FORWARD),
-    'knocked over': ('go2 --duration 9 --push "3 0 900 0 0.1"', '0.1 2\n5 6', ''),
+    'knocked over': ('go2 --duration 9 --push "3 0 400 0 0.2 0 0 0.3"', '0.1 2\n5 6', ''),
     'tests': ('go2 --duration 9', '0.1 2\n2.5 0\n3 w*5\n4 2\n4.5 9\n6 2\n6.5 8', ''),
     'jump and lie': ('go2 --duration 8', '0.1 2\n2.5 v\n5 7\n7 1', ''),
     'free stand': ('go2 --duration 5', '0.1 2\n2.5 3\n3 w*5 d*5 j*5', ''),

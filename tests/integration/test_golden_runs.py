@@ -30,6 +30,12 @@ def test_the_same_runs_are_written_down() -> None:
     assert list(WRITTEN['runs']) == list(golden_runs.RUNS)
 
 
+def test_what_is_knocked_over_has_fallen_and_gets_up() -> None:
+    knocked = WRITTEN['runs']['knocked over']
+    assert knocked['falls'] == [1]
+    assert 'get up' in knocked['states']['go2']
+
+
 @pytest.mark.parametrize('name', golden_runs.RUNS)
 def test_a_run_gives_what_is_written_down(name: str, outcome: Any) -> None:
     written, now = WRITTEN['runs'][name], outcome['runs'][name]
