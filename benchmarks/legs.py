@@ -28,7 +28,7 @@ from legs_ground import (
     to_and_fro,
 )
 from legs_speed import curve, gait, gait_switches, loaded, speed, touchdown, transport
-from legs_states import get_up, jump, monkey
+from legs_states import get_up, jump, monkey, swing
 from quadruped_sim.presets import GAITS, LIMITS
 import schedules
 from state_pairs import HOWS, pairs
@@ -119,7 +119,7 @@ def in_trouble(sizes: Sizes) -> list[Experiment]:
 
 
 def of_states(sizes: Sizes) -> list[Experiment]:
-    """Return the rows about getting up and jumping."""
+    """Return the rows about getting up, jumping, and any state after any other."""
     many = seeds(sizes.many)
     return [
         get_up('any pose, flat', 'flat', 0.0, seeds(sizes.tumbled)),
@@ -134,6 +134,7 @@ def of_states(sizes: Sizes) -> list[Experiment]:
         monkey('begun at a trot', seeds(sizes.tumbled), sizes.minute),
         *(monkey(f'begun at a {name}', many, sizes.minute, gait=name) for name in list(GAITS)[1:]),
         monkey('boxes of 5 cm', many, sizes.minute, world='boxes:0.05'),
+        *(swing(at, turn, many) for at in (0.3, 0.5, 0.8) for turn in (0.0, 0.6)),
         *(pairs(how, seeds(sizes.pushes)) for how in HOWS),
     ]
 

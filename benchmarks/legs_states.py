@@ -2,6 +2,7 @@
 """What the Go2 does on a key: it gets up from any pose, jumps, and falls by none."""
 
 from collections.abc import Sequence
+import random
 
 from experiment import Experiment, judged, Trial, worst
 import numpy as np
@@ -9,7 +10,7 @@ from quadruped_sim.states.jump import EXTENDED
 from quadruped_sim.tuning import JumpParameters
 from random_keys import monkey_keys
 from robot_description.morphology.quadruped import GO2, Scale
-from trials import Run, Trace
+from trials import KEYS, Run, START, Trace
 
 SETTLED = 2.0  # a robot let fall lies still after so long [s]
 PATIENCE = 6.0
@@ -124,3 +125,34 @@ def monkey(
         return {'passed': trace.report['falls'] == 0, 'ends': trace.state[-1]}
 
     return judged(f'random keys, {time:g} s: {what}', '0 falls', runs, trial)
+
+
+def swing(speed: float, turn: float, seeds: Sequence[int], *, time: float = 20.0) -> Experiment:
+    """
+    Walk at a speed [m/s] and turn [rad/s], halt anywhere in a step, and swing a foot for a time.
+
+    The stick goes from one of its ends to another every 1.5 s.
+    """
+
+    def run(seed: int) -> Run:
+        chance = random.Random(f'{speed} {turn} {seed}')
+        halt = START + chance.uniform(2.0, 4.0)
+        begin = halt + chance.choice((0.05, chance.uniform(0.1, 1.0), chance.uniform(1.0, 6.0)))
+        lines, now = [KEYS.strip(), f'{halt:.3f} 2', f'{begin:.3f} 9'], begin + 4.0
+        while now < begin + 4.0 + time:
+            lines.append(f'{now:.3f} {chance.choice("wsadik")}*40')
+            now += 1.5
+        return Run(
+            seed=seed,
+            keys='\n'.join(lines) + '\n',
+            twist=f'{START} {speed} 0 {turn}\n',
+            duration=now,
+        )
+
+    def trial(trace: Trace) -> Trial:
+        stays = trace.report['falls'] == 0 and trace.state[-1] == 'swing test'
+        return {'passed': stays, 'ends': trace.state[-1]}
+
+    after = f'after {speed:g} m/s' + (f', {turn:g} rad/s' if turn else '')
+    must = f'stands {time:g} s, stick at its ends'
+    return judged(f'swing test {after}', must, [run(seed) for seed in seeds], trial)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Random keys: for both robots by turns for ever, or for the Go2 as a monkey presses them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 import random
 
 # How a script says a press: how long after the one before [s], and the keys.
@@ -63,32 +63,23 @@ def _mbot_turn(chance: random.Random) -> Iterator[Press]:
 
 
 # A monkey's presses: how likely, and keys of which each comes up to so often in a row.
-MONKEY = (
+MONKEY: tuple[tuple[float, Sequence[str], int], ...] = (
     (0.25, '2', 1),
     (0.2, '45', 1),
     (0.15, '39087v6', 1),
+    (0.05, ('1', 'SPACE'), 1),
     (0.32, 'wasdjlik', 20),
     (0.06, 'nN', 3),
 )
 
 
 def monkey_keys(duration: float, seed: int) -> str:
-    """
-    Return a key script for `wasd go2`: any key at any time, sticks up to their ends.
-
-    Key 1 lets go of a robot at rest alone: who lets go of one that runs wants it to tumble.
-    """
+    """Return a key script for `wasd go2`: any key at any time, sticks up to their ends."""
     chance = random.Random(seed)
     lines, now = ['0.2 2'], 0.2 + chance.uniform(0.1, 3.0)
-    kinds, weights = range(len(MONKEY) + 1), [share for share, _, _ in MONKEY]
     while now < duration:
-        kind = chance.choices(kinds, [*weights, 1.0 - sum(weights)])[0]
-        if kind == len(MONKEY):
-            lines += [f'{now:.3f} SPACE 2', f'{now + 4.0:.3f} 1']
-            now += 4.0
-        else:
-            _, keys, most = MONKEY[kind]
-            lines.append(f'{now:.3f} {chance.choice(keys)}*{chance.randint(1, most)}')
+        _, keys, most = chance.choices(MONKEY, [share for share, _, _ in MONKEY])[0]
+        lines.append(f'{now:.3f} {chance.choice(keys)}*{chance.randint(1, most)}')
         now += chance.choice((0.02, chance.uniform(0.1, 1.0), chance.uniform(0.5, 2.5)))
     return '\n'.join(lines) + '\n'
 
