@@ -31,7 +31,7 @@ from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import LegOdometry, make_odometry, read_legs, RobotState, turn_base
 from quadruped_sim.safety import FallWatch, is_sound_state, Safety
 from quadruped_sim.states import ControllerParts, make_states
-from quadruped_sim.states.driving import damping_command
+from quadruped_sim.states.driving import damping_command, Passive
 from quadruped_sim.states.jump import highest
 from quadruped_sim.states.lying import obstacle
 
@@ -95,7 +95,8 @@ class LegController:
         self._parts = ControllerParts(
             self.model, self._params, self.locomotion, self.command_filter, self.sticks
         )
-        self._states = make_states(self._parts)
+        self._passive = Passive(self._parts)
+        self._states = make_states(self._parts, self._passive)
         self._robot, self._geometry = RobotState.blank(), plain(model.geometry)
         self._last_sound = self._robot.flat.copy()
         self._measured = np.empty((3, 3))  # from base axes to the world's, as the IMU says
@@ -344,17 +345,21 @@ class LegController:
             self._machine.force(SUCCESSORS[self._machine.state])
         elif self.hindrance and not self.rests:
             self._machine.force(StateName.FIXED_STAND)
-        self._machine.begin_tick()
+        is_let_go = self._machine.begin_tick() is StateName.PASSIVE
+        is_stepping = self.locomotion.gait.is_stepping
         if self._entered is not self._machine.state:
             if self._machine.state is not StateName.PASSIVE:
                 self.event = None
             self.sticks.zero()
             self._states[self._machine.state].enter(robot)
             self._entered = self._machine.state
+        if is_let_go:
+            self._passive.go_down(robot, is_stepping)
 
     def _let_go(self, reason: str) -> None:
         for solver in self._solvers:
             solver.restart_count()
+        self._passive.be_limp()
         if self._machine.force(StateName.PASSIVE):
             self.event = reason
 

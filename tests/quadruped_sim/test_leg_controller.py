@@ -383,3 +383,32 @@ def test_a_controller_that_breaks_damps_and_says_so(model, run, monkeypatch):
     assert controller.state == 'passive'
     assert 'division by zero' in controller.event
     np.testing.assert_array_equal(command.kp, 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('speed', 'squats'), [(0.0, False), (1.0, True)])
+def test_key_1_is_limp_at_once_at_rest_and_after_a_squat_in_motion(
+    controller, run, truth, speed, squats
+):
+    run(controller, 2)
+    controller.press('2')
+    moving = truth._replace(linear_velocity=np.array((0.0, speed, 0.0)))
+    run(controller, 5, truth=moving)
+    controller.press('1')
+    command = run(controller, 3, truth=moving)
+    assert (controller.state, bool(command.kp.any())) == ('passive', squats)
+    assert not run(controller, 350, truth=moving).kp.any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('keys', ['2', '21'])
+def test_an_emergency_stop_is_limp_at_once_in_motion_and_in_a_squat(controller, run, truth, keys):
+    moving = truth._replace(linear_velocity=np.array((0.0, 1.0, 0.0)))
+    run(controller, 2)
+    for key in keys:
+        controller.press(key)
+        run(controller, 5, truth=moving)
+    controller.e_stop()
+    for _ in range(20):
+        assert not run(controller, 1, truth=moving).kp.any()
+    assert controller.state == 'passive'

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from quadruped_sim.states.exercises import NARROW
 from quadruped_sim.states.support import (
     corners_of,
     distances_inside,
@@ -110,3 +111,51 @@ def test_a_test_that_is_asked_for_on_the_ground_begins_once_it_stands(test):
         dog.run(0.01)
     dog.run(6.0)
     assert dog.truth.position[2] > 0.25
+
+
+def narrowest(dog: Go2) -> float:
+    """Return the smallest radius of the incircles of three feet [m]."""
+    assert dog._controller.robot is not None
+    feet = dog._controller.robot.feet
+    return min(room_inside(corners_of(feet, np.arange(4) != lifted)) for lifted in range(4))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('test', '90')
+@pytest.mark.parametrize('ends', ['a*20', 's*20 a*20'])
+def test_feet_that_stand_close_together_are_put_below_the_hips_first(test, ends):
+    dog = Go2(seed=2003)
+    for keys, seconds in (('2', 2.5), ('9', 4.0), (ends, 2.5), ('2', 0.02)):
+        press(dog, keys)
+        dog.run(seconds)
+    assert narrowest(dog) < NARROW
+    dog.press(test)
+    dog.run(3.0)
+    assert narrowest(dog) > 0.075
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('state', ['', '3', '8'])
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_key_1_after_a_push_lowers_the_robot_and_does_not_tip_it(state, side):
+    dog = Go2(seed=2004)
+    for key in f'2{state}':
+        dog.press(key)
+        dog.run(3.2)
+    dog.push((0.0, side * 150.0, 0.0), 0.1)
+    dog.run(0.18)
+    dog.press('1')
+    assert steepest(dog, 2.5) < 30.0
+    assert dog.state == 'passive'
+    assert dog.truth.position[2] < 0.15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('keys', ['w*20', 's*20', 'a*20', 'w*15 l*15'])
+def test_key_1_at_speed_lowers_the_robot_and_does_not_tip_it(keys):
+    dog = Go2(seed=2005)
+    for words, seconds in (('2', 2.5), ('4', 0.5), (keys, 3.0), ('1', 0.0)):
+        press(dog, words)
+        dog.run(seconds)
+    assert steepest(dog, 2.5) < 30.0
+    assert dog.state == 'passive'

@@ -153,7 +153,13 @@ def damping_command(scale: Scale, joint_position: np.ndarray) -> JointCommand:
 
 
 class Passive(State):
-    """Damps; the start state, and where every guard leads."""
+    """
+    Damps; the start state, and where every guard leads.
+
+    A robot in motion that a driver lets go of squats first, so that it does not tip over its feet.
+    """
+
+    _squatting = 0.0  # for so long from now [s]
 
     @property
     def may_be_low(self) -> bool:
@@ -161,11 +167,29 @@ class Passive(State):
         return True
 
     def enter(self, robot: RobotState) -> None:
-        """End whatever gait there was."""
+        """End whatever gait there was, and be limp."""
         self._parts.locomotion.gait.reset()
+        self.trust = np.ones(4)
+        self.be_limp()
+
+    def be_limp(self) -> None:
+        """Damp from now on."""
+        self._squatting = 0.0
+
+    def go_down(self, robot: RobotState, is_stepping: bool) -> None:
+        """Squat before it is limp if it is up and moves, as a push or its steps make it."""
+        scale, base = self._parts.model.scale, robot.base
+        speed, spin = (math.hypot(*rate.tolist()) for rate in (base.velocity, base.omega))
+        moves = speed > _REST_SPEED * scale.of('m/s') or spin > _REST_SPIN * scale.of('rad/s')
+        if (moves or is_stepping) and is_up(self._parts.model, robot):
+            self._squatting = _SQUAT_TIME
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
-        """Damping, whatever the pose."""
+        """Damping, whatever the pose, or a squat."""
+        if self._squatting > 0.0 and robot.base.R[2, 2] > _UPRIGHT:
+            self._squatting -= dt / self._parts.model.scale.of('s')
+            return squat_command(self._parts.model)
+        self.be_limp()
         return damping_command(self._parts.model.scale, robot.joint_position)
 
 
@@ -180,12 +204,24 @@ _HALT_TIME_MAX = 3.0
 _SQUAT_HIP, _SQUAT_LEG = 0.3, (1.1, -2.2)
 _SQUAT_KP, _SQUAT_KD = 60.0, 6.0
 _SQUAT_TIME = 0.6
+# A robot that is slower [m/s], [rad/s] is at rest, and may be limp at once; one that is tilted
+# more than this cosine tells falls whatever its legs do.
+_REST_SPEED, _REST_SPIN, _UPRIGHT = 0.1, 0.3, 0.7
 
 
 def stiff_command(model: RobotModel, position: np.ndarray) -> JointCommand:
     """Hold leg angles `position` (12,) [rad] against the robot's weight."""
     kp, kd = model.scale.of('N m/rad'), model.scale.of('N m s/rad')
     return NO_TORQUE._replace(position=position, kp=_KP * kp, kd=_KD * kd)
+
+
+def squat_command(model: RobotModel) -> JointCommand:
+    """Lead the legs to a squat on feet that are wide apart."""
+    pose = similar_pose(model.quadruped, *_SQUAT_LEG)
+    pose[::3] += _SQUAT_HIP * np.sign(model.geometry.hip[:, 1])
+    gains = _SQUAT_KP * model.scale.of('N m/rad'), _SQUAT_KD * model.scale.of('N m s/rad')
+    kp, kd = (np.full(12, gain) for gain in gains)
+    return NO_TORQUE._replace(position=pose, kp=kp, kd=kd)
 
 
 class AfterTrot(State):
@@ -270,17 +306,12 @@ class AfterTrot(State):
 
     def _squat(self, robot: RobotState, dt: float) -> JointCommand:
         """Go down on feet that are wide apart, and rest there."""
-        model = self._parts.model
         if self._halting > 0.0:
             self._parts.locomotion.gait.reset()
             self._halting, self._squatting = 0.0, _SQUAT_TIME
         self._squatting -= dt
         self._rest(robot)
-        pose = similar_pose(model.quadruped, *_SQUAT_LEG)
-        pose[::3] += _SQUAT_HIP * np.sign(model.geometry.hip[:, 1])
-        gains = _SQUAT_KP * model.scale.of('N m/rad'), _SQUAT_KD * model.scale.of('N m s/rad')
-        kp, kd = (np.full(12, gain) for gain in gains)
-        return NO_TORQUE._replace(position=pose, kp=kp, kd=kd)
+        return squat_command(self._parts.model)
 
 
 class FixedStand(AfterTrot):

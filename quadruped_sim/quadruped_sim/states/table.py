@@ -16,10 +16,10 @@ from quadruped_sim.states.jump import Jump
 from quadruped_sim.states.lying import GetUp, LieDown
 
 
-def make_states(parts: ControllerParts) -> dict[StateName, State]:
-    """All states over the same parts."""
+def make_states(parts: ControllerParts, passive: Passive) -> dict[StateName, State]:
+    """All states over the same parts, `passive` among them."""
     return {
-        StateName.PASSIVE: Passive(parts),
+        StateName.PASSIVE: passive,
         StateName.FIXED_STAND: FixedStand(parts),
         StateName.FREE_STAND: FreeStand(parts),
         StateName.TROTTING: Trotting(parts),
