@@ -16,10 +16,15 @@ MESSAGE, TIME = 1, 2
 class FoxgloveClient:
     """One connection; `take` reads what has come, and nothing waits longer than it says."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, origin: Any = None) -> None:
         self._open = contextlib.ExitStack()
         self._socket = self._open.enter_context(
-            connect(f'ws://127.0.0.1:{port}', subprotocols=[SUBPROTOCOL], max_size=None)
+            connect(
+                f'ws://127.0.0.1:{port}',
+                origin=origin,
+                subprotocols=[SUBPROTOCOL],
+                max_size=None,
+            )
         )
         self.info: dict[str, Any] = {}
         self.channels: dict[str, dict[str, Any]] = {}

@@ -16,6 +16,7 @@ from wasd_bringup.options import RunOptions
 from wasd_bringup.recording.recorder import BagRecorder, full_definition
 from wasd_core.errors import UserError
 from wasd_core.topics import FOLLOWED
+from websockets.exceptions import InvalidStatus
 
 pytest.importorskip('foxglove.websocket', reason="the extra 'foxglove' is not installed")
 from foxglove_client import FoxgloveClient  # noqa: E402
@@ -286,6 +287,24 @@ def test_a_port_that_is_taken_is_said(ros):
             FoxgloveServer(server.port)
     finally:
         server.close()
+
+
+@pytest.mark.parametrize('origin', ['https://evil.example', 'null'])
+def test_a_page_of_somebody_else_does_not_connect_and_is_said(run, origin):
+    with pytest.raises(InvalidStatus, match='403'):
+        FoxgloveClient(run.server.port, origin)
+    said = []
+    run.session.robots[0].stack.say = said.append
+    run.wait_until(lambda: said)
+    assert said == [f'foxglove: a page of {origin} wants to drive: refused']
+
+
+def test_the_app_of_foxglove_connects_and_the_library_itself_is_not_to_be_found(run):
+    app = FoxgloveClient(run.server.port, 'https://app.foxglove.dev')
+    run.wait_until(lambda: '/odom' in app.channels, app.take)
+    app.close()
+    with pytest.raises(ConnectionRefusedError):
+        FoxgloveClient(run.server._server.port)
 
 
 def test_warnings_of_ours_are_as_before_once_the_library_is_loaded(tmp_path):

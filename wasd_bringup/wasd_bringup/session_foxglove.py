@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 import json
 import logging
+import os
+import queue
 import time
 from typing import Any
 
@@ -14,9 +16,11 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_core.errors import one_line, UserError
+from wasd_core.streams import visible
 from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
 
+from wasd_bringup.foxglove_gate import Gate, HOST, secret_host
 from wasd_bringup.foxglove_inbox import Decode, Inbox, Sender, Velocity
 from wasd_bringup.graph import find_type
 from wasd_bringup.messages import fill, type_name
@@ -28,11 +32,12 @@ REPRESENTATIONS = (b'\0\0', b'\0\1')
 HEADER = 4
 # The extra `foxglove` brings it; a name, so that nothing else asks for it.
 SDK = 'foxglove'
-HOST = '127.0.0.1'
 ENCODINGS = ('cdr', 'json')
 # New publishers are looked for, and the time is told, so often [Hz of wall time].
 LOOK_RATE = 2.0
 TIME_RATE = 20.0
+# How much of a refused page's address is said, and of how many.
+LONGEST_NAME, MOST_REFUSED = 60, 10
 # Of a latched topic so many messages are kept: /tf_static has several senders.
 KEPT = 20
 
@@ -131,28 +136,33 @@ class FoxgloveServer:
         self._kept: dict[str, list[bytes]] = {}
         self._latched: set[str] = set()
         self._followers: dict[str, int] = {}
-        capability = self._sdk.websocket.Capability
+        # Where pages are from that were refused.
+        self.strangers: queue.SimpleQueue[str] = queue.SimpleQueue()
+        capability, host = self._sdk.websocket.Capability, secret_host()
         try:
             self._server = self._sdk.start_server(
                 name='wasd',
-                host=HOST,
-                port=port,
+                host=host,
+                port=0,
                 capabilities=[capability.ClientPublish, capability.Time],
                 supported_encodings=list(ENCODINGS),
                 server_listener=self.inbox,
                 context=self._context,
             )
         except RuntimeError as error:
-            raise UserError(
-                f'--foxglove: port {port} of {HOST}: {_reason(error)}; give another'
-            ) from None
+            raise UserError(f'--foxglove: {one_line(error)}') from None
+        try:
+            self._gate = Gate(port, (host, self._server.port), self.strangers.put)
+        except OSError as error:
+            self._server.stop()
+            reason = os.strerror(error.errno or 0).lower()
+            raise UserError(f'--foxglove: port {port} of {HOST}: {reason}; give another') from None
         self._tap = PublisherTap(self._hear, self._wants)
 
     @property
     def port(self) -> int:
         """Where it serves."""
-        port: int = self._server.port
-        return port
+        return self._gate.port
 
     def offer(self, nodes: Iterable[Node]) -> None:
         """Tell clients of every topic that these nodes publish, with its definition."""
@@ -196,6 +206,7 @@ class FoxgloveServer:
         """Serve no more."""
         self._tap.remove()
         FOLLOWED.difference_update(self._followers)
+        self._gate.close()
         self._server.stop()
 
     def _wants(self, topic: str) -> bool:
@@ -213,12 +224,6 @@ class FoxgloveServer:
             self._channels[topic].log(data, log_time=self.now())
 
 
-def _reason(error: RuntimeError) -> str:
-    """Return why the library could not serve, without its names of things and numbers."""
-    words = str(error).removeprefix('FoxgloveError: ').partition(': ')
-    return (words[2] or words[0]).partition(' (os error')[0].lower()
-
-
 class SessionFoxglove:
     """Foxglove as a guest of a run: see session_guests.Guest."""
 
@@ -233,6 +238,7 @@ class SessionFoxglove:
         self._publishing = publishing
         self._looks, self._times = Beat(), Beat()
         self._looked_at = time.monotonic()
+        self._robots, self._refused = robots, set[str]()
         server.inbox.receive_for(robots)
 
     @property
@@ -251,6 +257,16 @@ class SessionFoxglove:
         self._looked_at = now
         if self._times.is_due(now, TIME_RATE):
             self._server.tell_time()
+        self._say_who_was_refused()
+
+    def _say_who_was_refused(self) -> None:
+        """Say once of each page that it may not drive."""
+        strangers = self._server.strangers
+        while not strangers.empty():
+            page = visible(strangers.get())[:LONGEST_NAME]
+            if page and page not in self._refused and len(self._refused) < MOST_REFUSED:
+                self._refused.add(page)
+                self._robots[0].stack.say(f'foxglove: a page of {page} wants to drive: refused')
 
     def repeat(self) -> None:
         """Say nothing again: a client that is silent drives no more."""

@@ -118,6 +118,7 @@ class ControlStack(ABC):
 
     def admit_topics(self, take: Callable[..., bool]) -> None:
         """Ask `take(topic, ...)` whether a key or a velocity of another process counts."""
+
         def admit_key(message: String) -> bool:
             return take(key_topic, key=message.data)
 

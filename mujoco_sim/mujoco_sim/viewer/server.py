@@ -195,6 +195,46 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
         return b''.join(shown)
 
 
+class _Place:
+    """The driver's place on the page: who has it without ever saying anything gives way."""
+
+    def __init__(self, handler: Handler) -> None:
+        self._handler = handler
+        self._drivers: set[PageConnection] = set()
+
+    async def serve(self, connection: PageConnection) -> None:
+        """Have Studio serve a connection."""
+        if connection.path == '/ui':
+            self._drivers.add(connection)
+        try:
+            await self._handler(connection)
+        finally:
+            self._drivers.discard(connection)
+            connection.over.set()
+
+    async def make_room(self) -> None:
+        """Let mute drivers go, for one who comes and may."""
+        for mute in [driver for driver in self._drivers if driver.is_mute]:
+            await mute.close(CONTROL_TAKEN, 'it says nothing')
+            await mute.over.wait()
+
+
+def _close_to_others(
+    process_response: ProcessResponse,
+    connection: ServerConnection,
+    request: Request,
+    response: Response,
+) -> Response | None:
+    """Have an answer be read by no page of somebody else."""
+    if response.status_code == 101:
+        process_response(connection, request, response)
+    for name in ('Access-Control-Allow-Origin', 'Cross-Origin-Resource-Policy'):
+        if name in response.headers:
+            del response.headers[name]
+    response.headers['Cross-Origin-Resource-Policy'] = 'same-origin'
+    return None
+
+
 def _serve(
     page_input: PageInput,
     text: Callable[[], str],
@@ -206,25 +246,7 @@ def _serve(
 ) -> Any:
     """Serve as Studio asks for, for this page only."""
     port: int = options['sock'].getsockname()[1]
-    drivers: set[PageConnection] = set()
-
-    async def serve_one(connection: PageConnection) -> None:
-        if connection.path == '/ui':
-            drivers.add(connection)
-        try:
-            await handler(connection)
-        finally:
-            drivers.discard(connection)
-            connection.over.set()
-
-    async def make_room(connection: ServerConnection, request: Request) -> Response | None:
-        """Let go a driver who has never said anything, for one who comes and may."""
-        response = check(connection, request)
-        if response is None and request.path.partition('?')[0] == '/ui':
-            for mute in [driver for driver in drivers if driver.is_mute]:
-                await mute.close(CONTROL_TAKEN, 'it says nothing')
-                await mute.over.wait()
-        return response
+    place = _Place(handler)
 
     def check(connection: ServerConnection, request: Request) -> Response | None:
         path = request.path.partition('?')[0]
@@ -238,21 +260,16 @@ def _serve(
             return _for_phones(response)
         return response
 
-    def close_to_others(
-        connection: ServerConnection, request: Request, response: Response
-    ) -> Response | None:
-        if response.status_code == 101:
-            process_response(connection, request, response)
-        for name in ('Access-Control-Allow-Origin', 'Cross-Origin-Resource-Policy'):
-            if name in response.headers:
-                del response.headers[name]
-        response.headers['Cross-Origin-Resource-Policy'] = 'same-origin'
-        return None
+    async def admit(connection: ServerConnection, request: Request) -> Response | None:
+        response = check(connection, request)
+        if response is None and request.path.partition('?')[0] == '/ui':
+            await place.make_room()
+        return response
 
     return serve(
-        serve_one,
-        process_request=make_room,
-        process_response=close_to_others,
+        place.serve,
+        process_request=admit,
+        process_response=functools.partial(_close_to_others, process_response),
         create_connection=cast(Any, functools.partial(PageConnection, page_input)),
         **options
         | {
