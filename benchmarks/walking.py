@@ -22,6 +22,7 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
 from robot_description.description import Description, load_robot
+from robot_description.morphology.quadruped import scale_of
 from teleop_keyboard.key_script import parse_key_script
 from wasd_bringup.inputs import parse_push, parse_twist_script, Player, TWIST_RATE, TwistPlayer
 from wasd_bringup.report import build_report, Recorder, Sample, SAMPLE_PERIOD, TrunkWatch
@@ -31,6 +32,8 @@ CONTROL = 0.002  # period of the leg controller [s]
 DRIVEN = ('trotting', 'move base')
 # A robot that begins anyhow is let fall from so far above the ground [m].
 DROP = 0.02
+# Poses in which a link is so far in another [m], of a Go2, are drawn again, at most so often.
+CUT, DRAWS = 0.01, 100
 # How far from its place the ground is looked at, and in how many steps each way [m].
 FOOTPRINT, LOOKS = 0.5, 5
 
@@ -179,11 +182,13 @@ def build(run: Any, loaded: Description) -> World:
     untold = Untold(friction=run.friction, payload=payload, randomise=run.randomise)
     setup = usual_setup(loaded, run.estimator == 'kalman', untold)
     setup = randomise(setup, run.seed, loaded)
-    if run.tumbled is not None:
-        setup = tumbled(run, loaded, setup)
-    world = build_world(loaded, run.world, run.seed, setup)
-    if run.tumbled is not None:
-        _tumble(world, run.seed)
+    if run.tumbled is None:
+        return build_world(loaded, run.world, run.seed, setup)
+    for turn in range(DRAWS):
+        world = build_world(loaded, run.world, run.seed, tumbled(run, loaded, setup, turn))
+        if not _cuts_itself(world, CUT * scale_of(loaded.quadruped).length):
+            break
+    _tumble(world, run.seed)
     return world
 
 
@@ -201,14 +206,23 @@ def parameters_of(run: Any) -> LegControllerParameters:
     return parameters
 
 
-def tumbled(run: Any, loaded: Description, setup: RobotSetup) -> RobotSetup:
+def tumbled(run: Any, loaded: Description, setup: RobotSetup, turn: int = 0) -> RobotSetup:
     """Return a setup with joints anyhow within their limits, at the place that the run says."""
-    random = np.random.default_rng((run.seed, 1))
+    random = np.random.default_rng((run.seed, 1, turn) if turn else (run.seed, 1))
     positions = {
         joint.name: float(random.uniform(joint.lower, joint.upper))
         for joint in loaded.quadruped.joints
     }
     return replace(setup, joint_positions=positions, place=(run.tumbled, 0.0))
+
+
+def _cuts_itself(world: World, depth: float) -> bool:
+    """Whether links are in each other by more than a depth [m], as none of a robot can be."""
+    model, data = world.model, world.data
+    return any(
+        contact.dist < -depth and model.geom_bodyid[contact.geom].min() > 0
+        for contact in data.contact
+    )
 
 
 def _tumble(world: World, seed: int) -> None:

@@ -25,7 +25,7 @@ from wasd_core.streams import visible
 
 from quadruped_sim.algebra import flatten
 from quadruped_sim.dynamics import blank_links, Bodies, Dynamics, find_dynamics
-from quadruped_sim.leg_kinematics import foot_positions, leg_motion, LegGeometry
+from quadruped_sim.leg_kinematics import foot_positions, LEFT, leg_motion, LegGeometry
 from quadruped_sim.robot_state import place_base, RobotState
 
 # The closed form may miss the feet by so much per leg length: descriptions round right angles.
@@ -39,6 +39,9 @@ FORWARD_KNEES = 0.75
 # Thigh and calf of the Go2 [rad]: unitree_guide's stand, and about what they are in trot.
 STANDING = (0.67, -1.3)
 WALKING = (0.8, -1.6)
+# Hip, thigh and calf of a left leg in the middle of all that is free [rad]: from anywhere a leg
+# comes home around the outside of the trunk.
+MIDDLE = (1.3, 1.0, -0.3)
 
 
 # A command of leg angles by which no motor pushes; others are made of it.
@@ -310,12 +313,21 @@ def _geometry(quadruped: Quadruped) -> LegGeometry:
     )
 
 
+def _middles(quadruped: Quadruped) -> tuple[np.ndarray, np.ndarray]:
+    """Return half a turn from where a turn ends, and which joints turn further; (12,) each."""
+    signs = [(left, leg.bend, leg.bend) for left, leg in zip(LEFT, quadruped.legs, strict=True)]
+    middle = (np.array(signs) * MIDDLE).ravel()
+    spans = [leg.upper - leg.lower for leg in quadruped.legs]
+    return middle, np.concatenate(spans) > math.tau
+
+
 class JointMap:
     """
     Between joints as a description has them and leg angles as the controller has them.
 
     `joint_names` are the joints of a reading and `motor_names` those of a command, in their
-    order; both hold the twelve leg joints. Other motors get no command.
+    order; both hold the twelve leg joints. Other motors get no command. An angle of a joint that
+    turns round and round is known but for whole turns: a command goes to the nearest.
     """
 
     def __init__(
@@ -331,7 +343,11 @@ class JointMap:
         own = np.arange(others)
         orders = self._joints, self._motors
         is_in_order = all(np.array_equal(own, each) for each in orders)
-        self._is_same = quadruped.is_plain and is_in_order and len(joint_names) == others
+        self._middle, self._endless = _middles(quadruped)
+        self._has_endless = bool(self._endless.any())
+        self._turns = np.zeros(others)
+        is_alike = quadruped.is_plain and not self._has_endless
+        self._is_same = is_alike and is_in_order and len(joint_names) == others
         self._sign, self._zero = quadruped.sign, quadruped.zero
         self._is_plain = quadruped.is_plain
 
@@ -343,6 +359,10 @@ class JointMap:
         if not self._is_plain:
             position = self._sign * position + self._zero
             velocity, effort = self._sign * velocity, self._sign * effort
+        if self._has_endless:
+            turns = np.round((position - self._middle) / math.tau)
+            self._turns = np.where(self._endless, math.tau * turns, 0.0)
+            position = position - self._turns
         return Reading(JointStates(position, velocity, effort), reading.imu)
 
     def command(self, command: JointCommand) -> JointCommand:
@@ -350,6 +370,8 @@ class JointMap:
         if self._is_same:
             return command
         position, velocity, effort, kp, kd = command
+        if self._has_endless:
+            position = position + self._turns
         if not self._is_plain:
             position = self._sign * (position - self._zero)
             velocity, effort = self._sign * velocity, self._sign * effort

@@ -169,6 +169,38 @@ def test_a_joint_without_stops_may_turn(urdf, model, angles):
     np.testing.assert_allclose(free.foot_positions(angles), model.foot_positions(angles))
 
 
+def test_whole_turns_of_a_joint_that_turns_on_are_none_of_the_controllers(urdf, model, angles):
+    """Wound up by falls, it goes on to the nearest angle that is the same."""
+    endless = urdf.replace(
+        '"FL_thigh_joint" type="revolute"', '"FL_thigh_joint" type="continuous"'
+    )
+    names = model.quadruped.joint_names
+    joints = JointMap(make_model(endless).quadruped, names, names)
+    rates = np.arange(12.0)
+    for turns in (-2, 0, 1):
+        wound = angles + 2.0 * np.pi * turns * (np.arange(12) == 1)
+        reading = joints.reading(Reading(JointStates(wound, rates, rates), None))
+        np.testing.assert_allclose(reading.joints.position, angles, atol=1e-12)
+        np.testing.assert_array_equal(reading.joints.velocity, rates)
+        command = joints.command(NO_TORQUE._replace(position=angles + 0.1))
+        np.testing.assert_allclose(command.position, wound + 0.1, atol=1e-12)
+
+
+@pytest.mark.parametrize('hip', [-1.5, 0.0, 2.9, 4.2])
+def test_a_leg_that_may_turn_round_comes_home_outside_of_the_trunk(urdf, hip):
+    endless = urdf
+    for name in ('FL', 'FR'):
+        kind = f'"{name}_hip_joint" type="revolute"'
+        endless = endless.replace(kind, kind.replace('revolute', 'continuous'))
+    quadruped = make_model(endless).quadruped
+    joints = JointMap(quadruped, quadruped.joint_names, quadruped.joint_names)
+    position = np.zeros(12)
+    position[[0, 3]] = hip, -hip
+    for turns in (-1, 0, 1):
+        reading = Reading(JointStates(position + 2.0 * np.pi * turns, *np.zeros((2, 12))), None)
+        np.testing.assert_allclose(joints.reading(reading).joints.position[[0, 3]], (hip, -hip))
+
+
 def test_a_joint_without_a_motor_is_named(urdf):
     with pytest.raises(RobotModelError, match='no motor on FL_calf_joint, FR_calf_joint'):
         make_model(urdf.replace('effort="35.55"', 'effort="0"'))
