@@ -211,6 +211,8 @@ def stand_ins() -> Iterator[None]:
         modules[name] = types.ModuleType(name)
         vars(modules[name]).update(classes)
     with mock.patch.dict(sys.modules, modules):
+        # Read by launch itself before, it has launch's own classes.
+        sys.modules.pop('wasd_bringup.launch_parts', None)
         yield
 
 

@@ -5,6 +5,8 @@ import importlib
 from pathlib import Path
 import re
 import subprocess
+import sys
+import types
 
 from diff_drive_sim.parameters import DiffDriveParameters
 from executables import SCRIPTS
@@ -218,6 +220,13 @@ def test_rviz_shows_topics_that_exist(path):
     shown = re.findall(r'^ +(?:Topic|Value): ([a-z_/]+)$', path.read_text(), re.M)
     assert {'robot_description', 'odom'} <= set(shown)
     assert {name for name in shown if name not in ('true', 'false')} <= topics()
+
+
+def test_what_launch_itself_has_read_is_read_anew_without_it(launch_file, monkeypatch):
+    of_launch = types.ModuleType('wasd_bringup.launch_parts')
+    monkeypatch.setitem(sys.modules, of_launch.__name__, of_launch)
+    assert launch_file(FOLDER / 'mbot_nav.launch.py').start()
+    assert sys.modules[of_launch.__name__] is of_launch
 
 
 @pytest.mark.parametrize('name', FILES)
