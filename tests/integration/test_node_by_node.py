@@ -14,7 +14,7 @@ import time
 from typing import NamedTuple
 
 from executables import SCRIPTS
-from geometry_msgs.msg import Twist, Vector3
+from geometry_msgs.msg import PoseStamped, Twist, Vector3
 from nav_msgs.msg import Odometry
 import programs
 import pytest
@@ -28,6 +28,7 @@ BLOCKS = [
     tuple(textwrap.dedent(block).splitlines())
     for block in re.findall(r'(?:^    .*\n)+', SECTION, re.MULTILINE)
 ]
+IDS = ['go2_keys', 'go2_twist', 'mbot', 'mbot_mux', 'mbot_goal', 'mbot_fake']
 # Who reads a terminal.
 KEYBOARDS = ('key_publisher', 'teleop')
 PATIENCE = 120.0
@@ -49,12 +50,17 @@ class Watcher(Node):
     def __init__(self) -> None:
         super().__init__('watcher', start_parameter_services=False)
         self.state, self.place, self.tilt, self.has_truth = '', None, 0.0, False
+        self.is_under_way = False
         self.create_subscription(String, 'state', self._on_state, LATCHED)
+        self.create_subscription(Twist, 'cmd_vel', self._on_velocity, 10)
         self.create_subscription(Odometry, 'odom', self._on_odometry, 10)
         self.create_subscription(Odometry, 'ground_truth/odom', self._on_truth, 10)
 
     def _on_state(self, message: String) -> None:
         self.state = message.data
+
+    def _on_velocity(self, message: Twist) -> None:
+        self.is_under_way = message.linear.x > 0.0
 
     def _on_odometry(self, message: Odometry) -> None:
         if not self.has_truth:
@@ -142,12 +148,14 @@ def bench(spawn, tmp_path) -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize('backward', [False, True], ids=['in_order', 'backward'])
-@pytest.mark.parametrize('block', BLOCKS, ids=['go2_keys', 'go2_twist', 'mbot', 'mbot_fake'])
-def test_the_robot_of_a_block_is_driven_by_its_keyboard(bench, block, backward):
+@pytest.mark.parametrize('block', BLOCKS, ids=IDS)
+def test_the_robot_of_a_block_is_driven_as_the_page_says(bench, spawn, block, backward):
     for line in reversed(block) if backward else block:
         bench.start(line)
     if 'leg_controller' in bench.started:
         drive_legs(bench)
+    elif 'navigator' in bench.started:
+        drive_to_goal(bench, spawn)
     else:
         drive_wheels(bench)
     assert bench.watcher.tilt < TILTED
@@ -180,9 +188,24 @@ def drive_wheels(bench):
     """Drive ahead by mbot's key i, which is held."""
     bench.until(lambda: bench.watcher.place is not None)
     start = bench.watcher.place
+    (keyboard,) = bench.started.keys() & set(KEYBOARDS)
     bench.until(
-        lambda: abs(bench.watcher.place.x - start.x) > 0.3, lambda: bench.type('teleop', 'i')
+        lambda: abs(bench.watcher.place.x - start.x) > 0.3, lambda: bench.type(keyboard, 'i')
     )
+
+
+def drive_to_goal(bench, spawn):
+    """Send a goal ahead until it is driven to: who takes it may still be starting."""
+    sender = spawn(Node('sender', start_parameter_services=False))
+    goals = sender.create_publisher(PoseStamped, 'goal_pose', 10)
+    goal = PoseStamped()
+    goal.header.frame_id, goal.pose.position.x, goal.pose.orientation.w = 'map', 0.6, 1.0
+
+    def send():
+        if not bench.watcher.is_under_way:
+            goals.publish(goal)
+
+    bench.until(lambda: bench.watcher.place is not None and bench.watcher.place.x > 0.4, send)
 
 
 def test_a_controller_of_its_own_says_once_that_wheels_slip(bench, spawn):
