@@ -3,6 +3,7 @@
 
 from collections.abc import Iterator
 import importlib
+import json
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,36 @@ def test_a_monkey_presses_every_kind_of_key(bench: Any) -> None:
 def test_random_keys_make_nothing_fall(bench: Any, gait: str, world: str) -> None:
     tried = bench('legs_states').monkey('', [3000], 30.0, world=world, gait=gait)
     assert bench('trials').simulate(tried.runs[0]).report['falls'] == 0
+
+
+def test_the_page_of_pairs_is_of_the_states_as_they_are(bench: Any) -> None:
+    pairs = bench('state_pairs')
+    result = json.loads(pairs.RESULT.read_text())
+    assert pairs.PAGE.read_text() == pairs.page(result)
+    wanted = {f'{a.value} to {b.value}' for a in StateName for b in StateName if a is not b}
+    assert result.keys() <= set(pairs.HOWS)
+    for how, found in result.items():
+        assert set(found['pairs']) == wanted, f'python benchmarks/state_pairs.py {how!r}'
+        assert all(held == tried for held, tried in found['pairs'].values())
+
+
+def test_what_follows_a_fall_is_not_counted_as_held(bench: Any) -> None:
+    source, first, second, *_ = (state.value for state in StateName)
+    trial = {'from': source, 'pair': f'{source} to {second}'}
+    assert bench('state_pairs').counts([trial]) == {
+        f'{source} to {first}': [1, 1],
+        f'{source} to {second}': [0, 1],
+    }
+
+
+def test_states_that_end_by_themselves_are_left_in_their_middle(bench: Any) -> None:
+    for source in (StateName.JUMP, StateName.GET_UP, StateName.LIE_DOWN):
+        tour = bench('state_pairs').tour(source, 'at rest', 1)
+        presses = parse_key_script(tour.run.keys, 'keys')
+        key = bench('state_pairs').KEY_OF[source]
+        let_go = tour.times[StateName.PASSIVE]
+        entered = max(press.time for press in presses if press.key == key and press.time < let_go)
+        assert let_go - entered < 1.3
 
 
 def test_a_tour_goes_from_a_state_into_each_other(bench: Any) -> None:
