@@ -3,12 +3,12 @@
 
 from collections.abc import Callable, Iterator, Sequence
 import queue
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from wasd_core.errors import UserError
 from wasd_core.timing import SHORTEST_ABSENCE, Watchdog
 
-from wasd_bringup.session_robot import SessionRobot
+from wasd_bringup.run.drivers import Drivers
 
 Velocity = tuple[float, float, float]
 # A client that moves a robot is to be heard so often [s of wall time].
@@ -36,10 +36,44 @@ class Decode(NamedTuple):
     key: Callable[[Sender, bytes], str]
 
 
+class Stack(Protocol):
+    """What drives a robot."""
+
+    @property
+    def command_topic(self) -> str:
+        """Its cmd_vel, by its full name."""
+
+
+class Robot(Protocol):
+    """A robot that clients drive."""
+
+    drivers: Drivers
+
+    @property
+    def stack(self) -> Stack:
+        """What drives it."""
+
+    @property
+    def key_topic(self) -> str:
+        """Its keys, by their full name."""
+
+    def press(self, key: str, by: str) -> bool:
+        """Press a key for a source; return whether it may."""
+
+    def drive(self, velocity: Velocity, by: str) -> bool:
+        """Command a source's velocity [m/s], [m/s], [rad/s]; return whether it may."""
+
+    def release(self, by: str) -> bool:
+        """End what a source moves."""
+
+    def disarm(self, by: str = '') -> None:
+        """Let nothing that a source holds now count."""
+
+
 class _Client:
     """One client: a source of its own to each robot."""
 
-    def __init__(self, number: int, robots: Sequence[SessionRobot]) -> None:
+    def __init__(self, number: int, robots: Sequence[Robot]) -> None:
         self._name = f'foxglove {number}'
         self._robots = robots
         self._heard = Watchdog(SILENCE)
@@ -49,7 +83,7 @@ class _Client:
         """Note that it lives."""
         self._heard.hear()
 
-    def drive(self, robot: SessionRobot, velocity: Velocity, counts: bool) -> None:
+    def drive(self, robot: Robot, velocity: Velocity, counts: bool) -> None:
         self.hear()
         if not counts:
             robot.drivers.take(self._name, velocity=velocity)
@@ -60,7 +94,7 @@ class _Client:
                 f'to drive again send a zero, or nothing for {SILENCE} s'
             )
 
-    def press(self, robot: SessionRobot, key: str, counts: bool) -> None:
+    def press(self, robot: Robot, key: str, counts: bool) -> None:
         self.hear()
         if counts:
             robot.press(key, self._name)
@@ -96,7 +130,7 @@ class Inbox:
 
     def __init__(self, decode: Decode) -> None:
         self._decode = decode
-        self._robots: Sequence[SessionRobot] = ()
+        self._robots: Sequence[Robot] = ()
         self._clients: dict[int, _Client] = {}
         self._events: queue.SimpleQueue[tuple[int, int, Sender | bytes | None]] = (
             queue.SimpleQueue()
@@ -126,7 +160,7 @@ class Inbox:
         if len(data) <= LARGEST and self._events.qsize() < LONGEST_QUEUE:
             self._events.put((client.id, channel_id, data))
 
-    def receive_for(self, robots: Sequence[SessionRobot]) -> None:
+    def receive_for(self, robots: Sequence[Robot]) -> None:
         """Say who is driven; nothing is taken before."""
         self._robots = robots
 

@@ -95,10 +95,7 @@ class Session:
             options, self.robots, self._switch, self.press, foxglove, self.navigations
         )
         self._nodes += [node for guest in self._guests for node in guest.nodes]
-        for robot in self.robots:
-            robot.driver_topic.on_stop = self.e_stop
-            robot.driver_topic.on_release = self.end_e_stop
-            robot.stack.on_e_stop(lambda: self.e_stop('service e_stop'))
+        self._obey_e_stops()
         self._pump = MessagePump()
         self._clocks = [cast(ROSClock, node.get_clock()) for node in self._nodes]
         self._attach_nodes()
@@ -108,6 +105,13 @@ class Session:
         if recorder is not None:
             recorder.now = lambda: round(self.world.time * 1e9)
             self.simulation.on_reset.append(lambda: recorder.event('reset'))
+
+    def _obey_e_stops(self) -> None:
+        """Have whoever stops one robot by a topic or a service stop all."""
+        for robot in self.robots:
+            robot.driver_topic.on_stop = self.e_stop
+            robot.driver_topic.on_release = self.end_e_stop
+            robot.stack.on_e_stop(lambda: self.e_stop('service e_stop'))
 
     def _attach_nodes(self) -> None:
         """Have messages for the nodes handled by us, and their clocks tell simulated time."""
