@@ -42,6 +42,8 @@ WALKING = (0.8, -1.6)
 # Hip, thigh and calf of a left leg in the middle of all that is free [rad]: from anywhere a leg
 # comes home around the outside of the trunk.
 MIDDLE = (1.3, 1.0, -0.3)
+# The least and the most that it does with them [rad].
+USED = ((-1.0, -1.5, -2.8), (1.0, 3.5, -0.3))
 
 
 # A command of leg angles by which no motor pushes; others are made of it.
@@ -313,12 +315,32 @@ def _geometry(quadruped: Quadruped) -> LegGeometry:
     )
 
 
-def _middles(quadruped: Quadruped) -> tuple[np.ndarray, np.ndarray]:
-    """Return half a turn from where a turn ends, and which joints turn further; (12,) each."""
-    signs = [(left, leg.bend, leg.bend) for left, leg in zip(LEFT, quadruped.legs, strict=True)]
-    middle = (np.array(signs) * MIDDLE).ravel()
-    spans = [leg.upper - leg.lower for leg in quadruped.legs]
-    return middle, np.concatenate(spans) > math.tau
+class _Turns:
+    """
+    Which whole turns of the leg angles (12,) of joints that turn on are left out.
+
+    Those whose stops are beyond a turn have the nearest from which all that legs do is in reach.
+    """
+
+    def __init__(self, quadruped: Quadruped) -> None:
+        legs = quadruped.legs
+        signs = np.array(
+            [(left, leg.bend, leg.bend) for left, leg in zip(LEFT, legs, strict=True)]
+        )
+        self._middle = (signs * MIDDLE).ravel()
+        used = np.sort([signs * end for end in USED], axis=0).reshape(2, 12)
+        lower = np.concatenate([leg.lower for leg in legs])
+        upper = np.concatenate([leg.upper for leg in legs])
+        is_endless = upper - lower > math.tau
+        least, most = (lower - used[0]) / math.tau, (upper - used[1]) / math.tau
+        self._least = np.where(is_endless, np.minimum(np.ceil(least), 0.0), 0.0)
+        self._most = np.where(is_endless, np.maximum(np.floor(most), 0.0), 0.0)
+        self.has_any = bool((self._most > self._least).any())
+
+    def of(self, angles: np.ndarray) -> np.ndarray:
+        """Return how much of angles (12,) [rad] is whole turns."""
+        turns = np.round((angles - self._middle) / math.tau)
+        return math.tau * np.clip(turns, self._least, self._most)
 
 
 class JointMap:
@@ -343,10 +365,8 @@ class JointMap:
         own = np.arange(others)
         orders = self._joints, self._motors
         is_in_order = all(np.array_equal(own, each) for each in orders)
-        self._middle, self._endless = _middles(quadruped)
-        self._has_endless = bool(self._endless.any())
-        self._turns = np.zeros(others)
-        is_alike = quadruped.is_plain and not self._has_endless
+        self._turns, self._left_out = _Turns(quadruped), np.zeros(others)
+        is_alike = quadruped.is_plain and not self._turns.has_any
         self._is_same = is_alike and is_in_order and len(joint_names) == others
         self._sign, self._zero = quadruped.sign, quadruped.zero
         self._is_plain = quadruped.is_plain
@@ -359,10 +379,9 @@ class JointMap:
         if not self._is_plain:
             position = self._sign * position + self._zero
             velocity, effort = self._sign * velocity, self._sign * effort
-        if self._has_endless:
-            turns = np.round((position - self._middle) / math.tau)
-            self._turns = np.where(self._endless, math.tau * turns, 0.0)
-            position = position - self._turns
+        if self._turns.has_any:
+            self._left_out = self._turns.of(position)
+            position = position - self._left_out
         return Reading(JointStates(position, velocity, effort), reading.imu)
 
     def command(self, command: JointCommand) -> JointCommand:
@@ -370,8 +389,8 @@ class JointMap:
         if self._is_same:
             return command
         position, velocity, effort, kp, kd = command
-        if self._has_endless:
-            position = position + self._turns
+        if self._turns.has_any:
+            position = position + self._left_out
         if not self._is_plain:
             position = self._sign * (position - self._zero)
             velocity, effort = self._sign * velocity, self._sign * effort

@@ -201,6 +201,21 @@ def test_a_leg_that_may_turn_round_comes_home_outside_of_the_trunk(urdf, hip):
         np.testing.assert_allclose(joints.reading(reading).joints.position[[0, 3]], (hip, -hip))
 
 
+@pytest.mark.parametrize('at', [9.9, -9.9])
+def test_a_joint_wound_up_to_its_stop_unwinds_as_far_as_its_legs_need(urdf, model, at):
+    free = urdf.replace('lower="-1.0472" upper="1.0472"', 'lower="-10" upper="10"')
+    assert free != urdf
+    quadruped = make_model(free).quadruped
+    joints = JointMap(quadruped, quadruped.joint_names, quadruped.joint_names)
+    position = np.where(np.arange(12) % 3 == 0, at, model.standing_pose)
+    joints.reading(Reading(JointStates(position, *np.zeros((2, 12))), None))
+    for hip in (-1.0, 1.0):
+        angles = np.where(np.arange(12) % 3 == 0, hip, model.standing_pose)
+        wanted = joints.command(NO_TORQUE._replace(position=angles)).position
+        assert (np.abs(wanted) <= 10.0).all()
+        np.testing.assert_allclose(wanted[::3] % (2.0 * np.pi), hip % (2.0 * np.pi))
+
+
 def test_a_joint_without_a_motor_is_named(urdf):
     with pytest.raises(RobotModelError, match='no motor on FL_calf_joint, FR_calf_joint'):
         make_model(urdf.replace('effort="35.55"', 'effort="0"'))
