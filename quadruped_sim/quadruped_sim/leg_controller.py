@@ -265,6 +265,8 @@ class LegController:
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Velocity command for move base [m/s, m/s, rad/s]; a text when not driven so."""
         if self._machine.state is not StateName.MOVE_BASE:
+            if vx == vy == yaw_rate == 0.0:
+                return None  # it moves as it is asked to
             if self._lies_fallen:
                 return self.words.to_fallen(self.obstacle)
             if self.hindrance:

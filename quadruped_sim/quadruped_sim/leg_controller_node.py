@@ -136,7 +136,7 @@ class LegControllerNode(Node):
 
     def close(self) -> None:
         """Leave the legs passive (the simulator's own watchdog brakes them, too)."""
-        self.legs.e_stop()
+        self.legs.controller.e_stop()
 
     def _on_change(self, settings: LegNodeParameters) -> None:
         self._gait = settings.gait.name

@@ -43,6 +43,7 @@ class Legs:
         # Before anything else calls a compiled function; loading is no part of the first tick.
         self.model = compile_once(lambda: _warm_model(description), inform, stop_requested)
         self.notice = Notice()
+        self.answers = True  # keys, in words: not where nobody pressed those that come
         self.on_said: Callable[[str], None] = lambda text: None
         self.configure(settings or LegNodeParameters())
 
@@ -73,7 +74,9 @@ class Legs:
     def press(self, key: str) -> None:
         """Take what came on `keys`: the sticks go by presses alone."""
         if not key.startswith(NO_PRESS):
-            self.say(self.controller.press(key))
+            answer = self.controller.press(key)
+            if self.answers:
+                self.say(answer)
             self._follow_gait()
 
     def command(self, vx: float, vy: float, wz: float) -> None:
@@ -99,12 +102,14 @@ class Legs:
         command = self.controller.step(self._joints.reading(reading), dt, truth)
         if self.controller.state != self._state:
             self._state = self.controller.state
-            self._say_event()
+            if self.controller.event is not None and self._state == StateName.PASSIVE:
+                self._say_event(self.controller.event)
         return self._joints.command(command)
 
     def e_stop(self) -> None:
-        """Go passive at once."""
+        """Go passive at once, and say so, also where they were."""
         self.controller.e_stop()
+        self._say_event('emergency stop')
 
     def reset(self) -> None:
         """Forget the past: passive, in the gait of the start, with nothing said."""
@@ -135,10 +140,9 @@ class Legs:
             gait = replace(self.settings.gait, name=self.controller.gait)
             self.settings = replace(self.settings, gait=gait)
 
-    def _say_event(self) -> None:
+    def _say_event(self, event: str) -> None:
         legs = self.controller
-        if legs.event is not None and self._state == StateName.PASSIVE:
-            self.say(legs.words.to_event(legs.event, legs.is_fallen, legs.obstacle))
+        self.say(legs.words.to_event(event, legs.is_fallen, legs.obstacle))
 
 
 def _warm_model(description: Description) -> RobotModel:

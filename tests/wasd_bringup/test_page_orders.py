@@ -11,7 +11,7 @@ from wasd_bringup.inputs import ScriptedTwist, SWITCH_KEY
 from wasd_bringup.options import RunOptions
 from wasd_bringup.session import Session
 from wasd_bringup.session_robot import REFUSED
-from wasd_cockpit.link import Order, Stick
+from wasd_cockpit.link import Order, Stick, words_of
 from wasd_core.output_file import OutputFile
 
 pytestmark = pytest.mark.slow
@@ -164,6 +164,33 @@ def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(
     assert 'SPACE' not in capfd.readouterr().err
     run.session._stop_what_the_view_moved()  # it drives no more
     assert len(run.heard[0]) == 2
+
+
+@pytest.mark.parametrize('preset', ['unitree', 'wasd'])
+@pytest.mark.parametrize('state', [StateName.PASSIVE, StateName.FIXED_STAND])
+def test_the_emergency_stop_is_answered_in_one_line(run_of, state, preset, capfd):
+    run = run_of('go2', preset)
+    stack = run.session.stack
+    stack.legs.controller._machine.force(state)
+    run.session.simulation.advance(20)
+    capfd.readouterr()
+    run.order('e-stop')
+    run.session.simulation.advance(300)
+    assert run.heard == [['1', stack.stop_key]]
+    assert stack.notice.text == 'press 2 to stand (passive: emergency stop)'
+    said = capfd.readouterr().err.splitlines()
+    assert len(said) == 1, said
+    run.session.press('1')  # somebody's key is answered
+    assert stack.notice.text == 'passive already'
+
+
+def test_the_status_of_legs_tells_their_command_once(run_of):
+    run = run_of('go2', 'unitree')
+    run.session.stack.legs.controller._machine.force(StateName.MOVE_BASE)
+    run.session.simulation.advance(20)
+    run.look()
+    lines = words_of(run.bridge._link.snapshot)
+    assert [line.split()[0] for line in lines].count('command') == 1
 
 
 def test_the_emergency_stop_ends_a_script(run_of):

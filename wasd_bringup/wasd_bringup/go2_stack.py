@@ -120,15 +120,14 @@ class Go2Stack(ControlStack):
     def press(self, key: str, is_pressed: bool = True) -> None:
         """Take a key; the leg controller knows those of qwerty."""
         legs_key = key if self.layout == 'qwerty' else on_qwerty(key, self.layout)
-        if key in ZERO_KEYS and not is_pressed:
-            legs_key = STOP_KEY  # which is not answered with keys to press
+        self._legs.answers = is_pressed
         # What is published, and comes back, is the key as it was pressed.
         self._node.keys.put(String(data=legs_key), published=String(data=key))
         if self._teleop is None or self._hints is None:
             return
         self._teleop.keys.put(String(data=key))
         is_ours = legs_key not in STATE_KEYS and is_press(key)
-        if self.state == StateName.MOVE_BASE and is_ours:
+        if self.state == StateName.MOVE_BASE and is_ours and is_pressed:
             self.notice.say(self._hints.press(key))
 
     @property
@@ -147,7 +146,7 @@ class Go2Stack(ControlStack):
 
     def e_stop(self) -> None:
         """Let go of the legs in this instant."""
-        self._legs.controller.e_stop()
+        self._legs.e_stop()
 
     def stops(self, key: str) -> bool:
         """Whether a press of this key ends every motion that keys have set going."""

@@ -288,7 +288,8 @@ class CockpitBridge:
             robots=tuple(robot.name for robot in session.robots),
             robot=session.active,
             state=status.state,
-            facts=status.facts,
+            # Legs have but the command, which the marks tell, too.
+            facts=() if watched.robot.stack.has_states else status.facts,
             message=status.message,
             stopped_by=watched.robot.drivers.stopped_by,
             choices=watched.choices(),
