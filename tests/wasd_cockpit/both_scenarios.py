@@ -17,6 +17,8 @@ from websockets.sync.client import connect
 
 # A desk whose plots have hardly more room than their names.
 SMALL = (1040, 560)
+# The lowest that shows plots, and how high each is at least [pixels].
+LOW, PLOT_HEIGHT = (1002, 490), 60.0
 
 
 def enter(page: Page, state: str) -> None:
@@ -160,6 +162,23 @@ def scenario_a_legend_is_whole_on_a_small_desk(page: Page) -> None:
         page.puppet.draw(4)
         ends = [at.right for label, at in page.rects.items() if label.startswith('text legend ')]
         assert 0.0 < max(ends) <= layout.place_of('plots').rect.right
+    page.click('plot velocity')
+    page.open()
+    page.wait_until(lambda: layout._size == DESK, 'the usual page')
+
+
+def scenario_plots_of_a_low_desk_are_as_high_as_they_must_be_and_apart(page: Page) -> None:
+    layout = page.cockpit.page.layout
+    page.open('low', LOW)
+    page.wait_until(lambda: layout._size == LOW, 'a low page')
+    for name in ('velocity', 'torque', 'feet', 'pace'):
+        page.click(f'plot {name}')
+        page.puppet.draw(4)
+        plots = [rect for label, rect in page.rects.items() if label.startswith('plot of ')]
+        assert len(plots) > 1
+        for plot, following in zip(plots, plots[1:], strict=False):
+            assert plot.right < following.left or plot.bottom < following.top
+        assert min(plot.height for plot in plots) >= PLOT_HEIGHT
     page.click('plot velocity')
     page.open()
     page.wait_until(lambda: layout._size == DESK, 'the usual page')

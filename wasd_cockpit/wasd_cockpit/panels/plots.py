@@ -31,8 +31,11 @@ _PADDING = int(implot.StyleVar.PlotPadding.value)
 # How far up a plot goes at least, for each part of the velocity [m/s], [m/s], [rad/s].
 _LEAST_RANGE = (0.5, 0.5, 1.0)
 _BAR_HEIGHT = 16.0
-# Plots side by side are at least so wide, and so far apart [pixels].
-_LEAST_PLOT, _GAP = 140.0, 4.0
+# Plots side by side are at least so wide, unless below each other they were lower than this; and
+# so far apart [pixels].
+_LEAST_PLOT, _LEAST_HEIGHT, _GAP = 140.0, 60.0, 4.0
+# What a label beside a plot needs more than its words [pixels].
+_LABEL_MARGIN = 16.0
 
 
 def thin(history: np.ndarray) -> np.ndarray:
@@ -136,7 +139,7 @@ class Plots:
             motors = range(group, count, groups)
             lines = {columns.motors[motor]: rows[:, columns.torques + motor] for motor in motors}
             joint = columns.motors[group].removesuffix('_joint').rpartition('_')[2]
-            words = f'{joint} torque / limit' if columns.feet else 'torque / limit'
+            words = f'{joint} / limit' if columns.feet else 'torque / limit'
             _plot(words, size, rows[:, 0], lines, (-1.05, 1.05))
             page.widgets.note(f'plot of torque {group}')
 
@@ -150,7 +153,7 @@ class Plots:
         most = max(60.0, 1.1 * max(float(line.max()) for line in lines.values()))
         cells = _cells(2, width, height)
         size = next(cells)
-        _plot('force on the feet N', size, rows[:, 0], lines, (0.0, most))
+        _plot('force N', size, rows[:, 0], lines, (0.0, most))
         page.widgets.note('plot of forces')
         imgui.InvisibleButton('gait', imgui.Vec2(*next(cells)))
         page.widgets.note('plot of gait')
@@ -197,7 +200,7 @@ class Plots:
 
 def _cells(count: int, width: float, height: float) -> Iterator[tuple[float, float]]:
     """Yield the size of each of some plots, put beside the one before where there is room."""
-    is_row = width >= count * _LEAST_PLOT
+    is_row = width >= count * _LEAST_PLOT or height < count * _LEAST_HEIGHT
     rest = 1.0 - _GAP * (count - 1) / (width if is_row else height)
     for index in range(count):
         if index and is_row:
@@ -212,15 +215,20 @@ def _plot(
     lines: dict[str, np.ndarray],
     limits: Sequence[float],
 ) -> None:
-    """Draw lines over the last SPAN seconds."""
+    """Draw lines over the last SPAN seconds; a name longer than the plot is high is in it."""
+    has_label = size[1] >= imgui.CalcTextSize(name).x + _LABEL_MARGIN
     if not implot.BeginPlot(f'##{name}', imgui.Vec2(*size), _FLAGS):
         return
     implot.SetupAxis(_X, None, _NO_LABELS)
-    implot.SetupAxis(_Y, name, 0)
+    implot.SetupAxis(_Y, name if has_label else None, 0)
     end = float(times[-1])
     implot.SetupAxisLimits(_X, -SPAN, 0.0, _ALWAYS)
     implot.SetupAxisLimits(_Y, limits[0], limits[1], _ALWAYS)
     ago = (times - end).tolist()
     for label, line in lines.items():
         implot.PlotLine(f'##{label}', ago, line.tolist())
+    if not has_label:
+        corner = implot.GetPlotPos()
+        place = imgui.Vec2(corner.x + 4.0, corner.y + 1.0)
+        imgui.GetWindowDrawList().AddText(place, style.colour(style.DIM), name)
     implot.EndPlot()
