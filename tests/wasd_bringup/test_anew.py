@@ -42,6 +42,15 @@ def test_a_run_starts_anew_with_its_options_in_another_world_on_the_same_page(be
     assert (options.world, options.port, options.opens_page) == ('flat', 8083, False)
 
 
+def test_the_page_shows_the_options_with_which_the_same_robot_starts_anew(monkeypatch):
+    monkeypatch.delenv('WASD_CALLED', raising=False)
+    words = ('go2', '--map', '--port', '8090', '--package-path', 'my robots', '--no-open')
+    start = anew(words=words, map='').start
+    assert start.refusal == ''
+    assert start.words('go2', 'room') == "wasd go2 --map --package-path 'my robots' --world room"
+    assert start.words('mbot', 'room') == 'wasd mbot --world room'
+
+
 def test_a_port_that_was_taken_in_between_is_not_insisted_on(monkeypatch, capsys):
     with socket.create_server(('127.0.0.1', 0)) as taken:
         port = taken.getsockname()[1]

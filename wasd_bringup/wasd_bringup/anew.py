@@ -9,6 +9,7 @@ another program takes the port in between, the new run has a page on another.
 
 from collections.abc import Mapping, Sequence
 import os
+import shlex
 import socket
 import sys
 from typing import NoReturn
@@ -42,7 +43,13 @@ class Anew:
         # A file of the user's is a world, too.
         worlds = WORLDS if options.world in WORLDS else (*WORLDS, options.world)
         self.start = Start(
-            called(), (*ROBOTS, BOTH), options.robot, worlds, options.world, refusal(options)
+            called(),
+            (*ROBOTS, BOTH),
+            options.robot,
+            worlds,
+            options.world,
+            shlex.join(kept_words(self._words)),
+            refusal(options),
         )
 
     def is_at(self, page: str) -> None:
@@ -70,19 +77,29 @@ def refusal(options: RunOptions) -> str:
 
 def words_anew(words: Sequence[str], robot: str, world: str, port: str) -> tuple[str, ...]:
     """Return words with another robot, whose options are its own, or world, and the same page."""
-    end = words.index('--ros-args') if '--ros-args' in words else len(words)
-    kept, rest = [robot], iter(words[1:end] if words[0] == robot else ())
+    kept = kept_words(words) if words[0] == robot else ()
+    return (robot, *kept, '--world', world, '--port', port, '--no-open', *words[_end(words) :])
+
+
+def kept_words(words: Sequence[str]) -> tuple[str, ...]:
+    """Return the options of a run's words with which its robot starts anew."""
+    kept, rest = [], iter(words[1 : _end(words)])
     for word in rest:
         if word in _WITH_VALUE:
             next(rest, None)
         elif word not in _ALONE and word.partition('=')[0] not in _WITH_VALUE:
             kept.append(word)
-    return (*kept, '--world', world, '--port', port, '--no-open', *words[end:])
+    return tuple(kept)
+
+
+def _end(words: Sequence[str]) -> int:
+    """Return how many words come before those for ROS."""
+    return words.index('--ros-args') if '--ros-args' in words else len(words)
 
 
 def become(words: Sequence[str], environment: Mapping[str, str]) -> NoReturn:
     """Become the process of a new run."""
-    print(f'starting anew: {called()} {" ".join(words)}')
+    print(f'starting anew: {called()} {shlex.join(words)}')
     sys.stdout.flush()
     sys.stderr.flush()
     program = (sys.executable, '-P', '-m', 'wasd_bringup.cli', *words)

@@ -150,7 +150,8 @@ class Start(NamedTuple):
     """
     What runs, and which robots and worlds a run may start anew with.
 
-    `called` is what the user types before their names; `refusal` says why it may not.
+    `called` is what the user types before their names, `kept` are the options with which the same
+    robot starts again; `refusal` says why it may not.
     """
 
     called: str
@@ -158,7 +159,13 @@ class Start(NamedTuple):
     robot: str
     worlds: tuple[str, ...]
     world: str
+    kept: str = ''
     refusal: str = ''
+
+    def words(self, robot: str, world: str) -> str:
+        """Return what the user would type for a run with a robot in a world."""
+        kept = self.kept if robot == self.robot else ''
+        return ' '.join(filter(None, (self.called, robot, kept, '--world', world)))
 
 
 class PlanarPose(NamedTuple):

@@ -30,8 +30,7 @@ class Robot:
         for setting in snapshot.settings:
             self._draw_setting(page, setting)
         self._draw_speed(page, snapshot)
-        # Legs have their command in the plots, and no room here.
-        for fact in () if snapshot.choices else snapshot.facts:
+        for fact in snapshot.facts:
             page.widgets.words(fact, style.DIM)
 
     def _draw_stop(self, page: PageState, snapshot: Snapshot) -> None:
@@ -135,8 +134,7 @@ class World:
             refusal=start.refusal or same,
         ):
             page.link.order(Order('start', f'{chosen["robot"]} {chosen["world"]}'))
-        words = f'{start.called} {chosen["robot"]} --world {chosen["world"]}'
-        page.widgets.words(words, wrapped=True)
+        page.widgets.words(start.words(chosen['robot'], chosen['world']), wrapped=True)
         why = start.refusal or 'What runs ends; the page comes back by itself.'
         page.widgets.words(why, style.DIM, wrapped=True)
 
