@@ -2,6 +2,7 @@
 """`wasd replay`: a recording is shown as it was, and driven again to the same bits."""
 
 from collections.abc import Iterator
+import os
 from pathlib import Path
 from typing import Any
 
@@ -140,14 +141,25 @@ def test_it_is_shown_where_it_was(run: Any, shown: Film) -> None:
         ('play.txt', 'play.txt: no MCAP recording'),
         ('.', '.: Is a directory'),
         ('foreign.mcap', 'foreign.mcap: recorded by another version'),
-        ('cut.mcap', 'cut.mcap: no MCAP recording'),
+        ('cut.mcap', 'cut.mcap: only the beginning of a recording: copy it again'),
+        ('almost.mcap', 'almost.mcap: only the beginning of a recording: copy it again'),
+        ('begun.mcap', 'begun.mcap: only the beginning of a recording: copy it again'),
+        ('empty.mcap', 'empty.mcap: is empty'),
+        ('torn.mcap', 'torn.mcap: no MCAP recording ('),
+        ('pipe.mcap', 'pipe.mcap: is a device or pipe'),
+        ('/dev/zero', '/dev/zero: is a device or pipe'),
     ],
 )
 def test_what_is_no_recording_is_said_in_one_line(run: Any, name: str, said: str) -> None:
     runner, _ = run
     BagWriter(Path(runner.folder) / 'foreign.mcap', {'robot': 'mbot'}).close()
     whole = (runner.folder / 'run.mcap').read_bytes()
-    (runner.folder / 'cut.mcap').write_bytes(whole[: len(whole) // 2])
+    parts = {'cut': len(whole) // 2, 'almost': len(whole) - 1, 'begun': 3, 'empty': 0}
+    for part, size in parts.items():
+        (runner.folder / f'{part}.mcap').write_bytes(whole[:size])
+    (runner.folder / 'torn.mcap').write_bytes(whole[:200] + whole[-200:])
+    if name == 'pipe.mcap':
+        os.mkfifo(runner.folder / name)
     done = runner('replay', name, '--drive')
     assert done.returncode == 2
     assert done.stderr.startswith(f'error: {said}'), done.stderr

@@ -6,6 +6,7 @@ from dataclasses import asdict
 import json
 import os
 from pathlib import Path
+import stat
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
@@ -17,7 +18,7 @@ from wasd_core.errors import one_line
 
 from wasd_bringup.inputs import box_text, Command, parse_box, parse_push, push_text
 from wasd_bringup.options import RunOptions
-from wasd_bringup.recording.bag_writer import RECORD_NAME, RecordingError
+from wasd_bringup.recording.bag_writer import MAGIC, RECORD_NAME, RecordingError
 from wasd_bringup.recording.recorder import EVENTS
 from wasd_bringup.robots import BOTH, ROBOTS
 
@@ -54,6 +55,7 @@ class BagReader:
             RecordingError: it cannot be read, or is not of `wasd`.
         """
         self.path = path
+        _expect_whole(path)
         try:
             self._reader: Any = make_reader(path.open('rb'))
             summary: Any = self._reader.get_summary()
@@ -85,6 +87,31 @@ class BagReader:
                 yield RecordedMessage(channel.topic, message.log_time, message.data)
         except Exception as error:
             raise RecordingError(f'{self.path}: damaged ({one_line(error)})') from None
+
+
+def _expect_whole(path: Path) -> None:
+    """
+    Look at a recording's first and last bytes, which the library's words for a part say nothing of.
+
+    Raises:
+        RecordingError: there is no such file, or only a part of one.
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
+            raise RecordingError(f'{path}: is a device or pipe, wanted a file')
+        with path.open('rb') as file:
+            begin = file.read(len(MAGIC))
+            file.seek(-min(len(MAGIC), file.seek(0, os.SEEK_END)), os.SEEK_END)
+            end = file.read()
+    except OSError as error:
+        raise RecordingError(f'{path}: {one_line(error)}') from None
+    if not begin:
+        raise RecordingError(f'{path}: is empty')
+    if begin != MAGIC[: len(begin)]:
+        raise RecordingError(f'{path}: no MCAP recording')
+    if end != MAGIC:
+        cure = f'copy it again, or `mcap recover {path}` for what is there'
+        raise RecordingError(f'{path}: only the beginning of a recording: {cure}')
 
 
 # Topics that a replay has to find under their own names.
