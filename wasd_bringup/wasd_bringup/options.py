@@ -4,6 +4,7 @@
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+import errno
 import functools
 import math
 import os
@@ -324,6 +325,8 @@ def read_folders(paths: Sequence[str]) -> tuple[Path, ...]:
     for path in paths:
         if not stat.S_ISDIR(_mode(path, '--package-path', 'folder')):
             raise UserError(f'--package-path {path}: no such folder')
+        if not os.access(path, os.R_OK | os.X_OK):
+            raise UserError(f'--package-path {path}: {os.strerror(errno.EACCES)}')
     return tuple(Path(path).resolve() for path in paths)
 
 

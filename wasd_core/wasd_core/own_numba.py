@@ -96,7 +96,7 @@ class _Guarded:
     def _refuse(self) -> None:
         reason = self._why_foreign()
         if reason:
-            _say(f'what numba compiles is not kept in {self._cache_path}: {reason}')
+            _say(f'what numba compiles is not kept: {reason}')
             raise PermissionError(reason)
 
     def _why_foreign(self) -> str:

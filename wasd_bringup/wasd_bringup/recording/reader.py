@@ -91,7 +91,7 @@ class BagReader:
 
 def _expect_whole(path: Path) -> None:
     """
-    Look at a recording's first and last bytes, which the library's words for a part say nothing of.
+    Look at the first and last bytes of a recording: the library does not tell a part from rubbish.
 
     Raises:
         RecordingError: there is no such file, or only a part of one.
