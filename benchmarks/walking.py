@@ -89,7 +89,6 @@ class Walk:
         ticks = TickStatistics(CONTROL).summary()
         report = build_report(self._recorder, asked, world.time, 0.0, ticks)
         report['samples'] = dict(report['samples'])
-        self._recorder.close()
         columns = np.array(self._felt).reshape(-1, 4).T
         return report, Felt(*columns, self._feet.touchdowns(), self._mass)
 

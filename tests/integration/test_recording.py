@@ -4,7 +4,6 @@
 from collections import defaultdict
 from pathlib import Path
 import resource
-import shutil
 import signal
 import time
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import pytest
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import get_typestore, Stores
+from wasd_bringup.recording.reader import BagReader
 
 pytestmark = pytest.mark.slow
 
@@ -98,14 +98,15 @@ def test_transforms_are_recorded_where_they_are_published(run: Any) -> None:
     assert (bag.counts['/tf'], bag.counts['/tf_static']) == (100 * DURATION, 1)
 
 
-def test_the_same_run_gives_the_same_bytes(run: Any) -> None:
+def test_the_same_run_gives_the_same_messages(run: Any) -> None:
     bag, _, runner = run
     runner.report('mbot', '--record', 'again.mcap', '--duration', '4', play=KEYS)
     again = Bag(runner.folder / 'again.mcap')
     # How fast the machine is, once a second of wall time, is not part of the run.
     for topic in bag.raw.keys() - {'/diagnostics'}:
-        found = [(at, data) for at, data in again.raw[topic] if at < 4 * 10**9]
-        assert found == bag.raw[topic][: len(found)]
+        found = [(at, said) for at, said in again.messages(topic) if at < 4 * 10**9]
+        # By what is written of them: a NaN is none other.
+        assert repr(found) == repr(bag.messages(topic)[: len(found)])
     assert len(again.raw['/joint_states']) == 200
 
 
@@ -119,14 +120,14 @@ def test_killed_it_opens_with_all_that_was_saved(new_runner: Any) -> None:
         assert time.monotonic() < deadline
         time.sleep(0.2)
         if path.exists() and path.stat().st_size:
-            # A copy: the reader would see the end of one save and the index of the next.
-            end = 1e-9 * Bag(Path(shutil.copy(path, runner.folder / 'grown.mcap'))).end
+            end = 1e-9 * BagReader(path).end
             seen += [end] if end > seen[-1] else []
     process.send_signal(signal.SIGKILL)
     process.wait(5.0)
-    bag = Bag(path)
+    bag = BagReader(path)
     assert 1e-9 * bag.end >= seen[-1]
-    assert {'/clock', '/joint_states', '/odom', '/robot_description'} <= bag.raw.keys()
+    topics = {topic.name for topic in bag.topics if topic.messages}
+    assert {'/clock', '/joint_states', '/odom', '/robot_description'} <= topics
 
 
 def test_a_full_disk_stops_the_run_in_one_line_and_keeps_what_was_written(
@@ -139,5 +140,5 @@ def test_a_full_disk_stops_the_run_in_one_line_and_keeps_what_was_written(
     )
     assert done.returncode == 2
     assert done.stderr == 'error: --record big.mcap: File too large\n'
-    bag = Bag(runner.folder / 'big.mcap')
-    assert bag.counts['/clock'] > 100
+    counts = {topic.name: topic.messages for topic in BagReader(runner.folder / 'big.mcap').topics}
+    assert counts['/clock'] > 100

@@ -141,9 +141,8 @@ def test_it_is_shown_where_it_was(run: Any, shown: Film) -> None:
         ('play.txt', 'play.txt: no MCAP recording'),
         ('.', '.: Is a directory'),
         ('foreign.mcap', 'foreign.mcap: recorded by another version'),
-        ('cut.mcap', 'cut.mcap: only the beginning of a recording: copy it again'),
-        ('almost.mcap', 'almost.mcap: only the beginning of a recording: copy it again'),
-        ('begun.mcap', 'begun.mcap: only the beginning of a recording: copy it again'),
+        ('bare.mcap', 'bare.mcap: not recorded by'),
+        ('begun.mcap', 'begun.mcap: no MCAP recording'),
         ('empty.mcap', 'empty.mcap: is empty'),
         ('torn.mcap', 'torn.mcap: no MCAP recording ('),
         ('pipe.mcap', 'pipe.mcap: is a device or pipe'),
@@ -154,7 +153,7 @@ def test_what_is_no_recording_is_said_in_one_line(run: Any, name: str, said: str
     runner, _ = run
     BagWriter(Path(runner.folder) / 'foreign.mcap', {'robot': 'mbot'}).close()
     whole = (runner.folder / 'run.mcap').read_bytes()
-    parts = {'cut': len(whole) // 2, 'almost': len(whole) - 1, 'begun': 3, 'empty': 0}
+    parts = {'bare': 20, 'begun': 3, 'empty': 0}
     for part, size in parts.items():
         (runner.folder / f'{part}.mcap').write_bytes(whole[:size])
     (runner.folder / 'torn.mcap').write_bytes(whole[:200] + whole[-200:])
@@ -164,3 +163,14 @@ def test_what_is_no_recording_is_said_in_one_line(run: Any, name: str, said: str
     assert done.returncode == 2
     assert done.stderr.startswith(f'error: {said}'), done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_recording_that_breaks_off_is_driven_as_far_as_it_goes(run: Any) -> None:
+    runner, _ = run
+    whole = (runner.folder / 'run.mcap').read_bytes()
+    (runner.folder / 'cut.mcap').write_bytes(whole[: len(whole) * 4 // 5])
+    done = runner('replay', 'cut.mcap', '--drive')
+    assert done.returncode == 0, done.stderr
+    same, _, count, *_ = done.stdout.split()
+    assert same == count
+    assert 20 <= int(count) < 250

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages by what they say of their fields: as YAML and back, and as CDR without chance."""
+"""Messages by what they say of their fields: as YAML and back."""
 
 from array import array
 from collections.abc import Callable, Mapping
@@ -181,7 +181,6 @@ def _primitive(value: Any, kind: str, where: str) -> Any:
     raise UserError(f'{where}: wanted {kind}, got {value!r}')
 
 
-HEADER = 4
 _SIZES = {
     **dict.fromkeys(('boolean', 'octet', 'char', 'int8', 'uint8'), 1),
     **dict.fromkeys(('int16', 'uint16'), 2),
@@ -190,67 +189,21 @@ _SIZES = {
 }
 
 
-class _Step(NamedTuple):
-    """Numbers of a `size`, strings (0) or messages, so many; a sequence says itself how many."""
-
-    size: int
-    number: int | None
-    fields: 'tuple[_Step, ...]' = ()
-
-
-def clear_padding(data: bytes, kind: Any, find_type: FindType) -> bytes:
-    """
-    Return a serialised message with zeros between its fields.
-
-    `kind` is its class, `find_type` returns that of `package/Name`. A message with wide strings
-    is returned as it is.
-    """
-    try:
-        steps = _steps(kind, find_type)
-    except KeyError:
-        return data
-    cleared = bytearray(data[HEADER:])
-    end = _clear(cleared, 0, steps)
-    # The middleware also reserves more than it needs behind empty sequences.
-    return data[:HEADER] + bytes(cleared[:end])
-
-
-@cache
-def _steps(kind: Any, find_type: FindType) -> tuple[_Step, ...]:
-    types = kind.get_fields_and_field_types().values()
-    return tuple(_step(parse_field_type(text), find_type) for text in types)
-
-
-def _step(kind: FieldType, find_type: FindType) -> _Step:
-    count = None if kind.is_sequence else kind.length or 1
-    if kind.is_message:
-        return _Step(0, count, _steps(find_type(kind.item), find_type))
-    if kind.item.startswith('string'):
-        return _Step(0, count)
-    return _Step(_SIZES[kind.item], count)
-
-
-def _clear(data: bytearray, at: int, steps: tuple[_Step, ...]) -> int:
-    """Clear the gaps before and between fields that begin at a place; return where they end."""
-    for size, count, fields in steps:
-        if count is None:
-            at = _align(data, at, 4)
-            count = int.from_bytes(data[at : at + 4], 'little')
-            at += 4
-        if size and count:
-            at = _align(data, at, size) + size * count
-        elif fields:
-            for _ in range(count):
-                at = _clear(data, at, fields)
-        elif not size:
-            for _ in range(count):
-                at = _align(data, at, 4)
-                at += 4 + int.from_bytes(data[at : at + 4], 'little')
+def cdr_end(message: Any, start: int = 0) -> int:
+    """Return where a message without wide strings ends as CDR, that begins at a place [B]."""
+    at = start
+    for name, text in message.get_fields_and_field_types().items():
+        field, value = parse_field_type(text), getattr(message, name)
+        items = [value] if field.is_single else value
+        if field.is_sequence:
+            at += -at % 4 + 4
+        if field.item in _SIZES and len(items):
+            size = _SIZES[field.item]
+            at += -at % size + size * len(items)
+        elif field.is_message:
+            for item in items:
+                at = cdr_end(item, at)
+        elif field.is_string:
+            for item in items:
+                at += -at % 4 + 4 + len(item.encode()) + 1
     return at
-
-
-def _align(data: bytearray, at: int, size: int) -> int:
-    gap = -at % size
-    if gap:
-        data[at : at + gap] = bytes(gap)
-    return at + gap

@@ -1,102 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """What happened in a run: 50 samples a second of command, truth and odometry, written as JSON."""
 
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
-import contextlib
 import json
 import math
 from pathlib import Path
-import tempfile
 from typing import Any, NamedTuple
 
 from mujoco_sim.simulation import TickSummary
 from mujoco_sim.world import FALL_TILT, World
-from wasd_core.errors import one_line, UserError
 from wasd_core.output_file import OutputFile
 
 from wasd_bringup.robots import BOTH
 
-# Bytes that are copied at a time.
-PIECE = 1 << 20
-# Samples that are written at a time: two seconds of them.
-AT_ONCE = 100
-
-
-class Samples(Mapping[str, list[Any]]):
-    """
-    Columns of values that JSON knows; reads like a dictionary of lists, made anew at each look.
-
-    The files have no names, so that nothing is left behind, however the process ends.
-    """
-
-    def __init__(self, columns: tuple[str, ...]) -> None:
-        self._files = {name: tempfile.TemporaryFile() for name in columns}  # noqa: SIM115
-        self._waiting: list[Mapping[str, Any]] = []
-        self._is_empty = True
-
-    def add(self, row: Mapping[str, Any]) -> None:
-        """
-        Add a value to each column; they are written some at a time, then and before a look.
-
-        Raises:
-            UserError: the folder for temporary files is full, or the like; so does a look.
-        """
-        self._waiting.append(row)
-        if len(self._waiting) >= AT_ONCE:
-            self._write()
-
-    def _write(self) -> None:
-        """Write what waits: many values at once cost a tenth of what they cost one by one."""
-        if not self._waiting:
-            return
-        rows, self._waiting = self._waiting, []
-        separator = '' if self._is_empty else ', '
-        self._is_empty = False
-        try:
-            for name, file in self._files.items():
-                values = json.dumps([row[name] for row in rows])[1:-1]
-                file.write(f'{separator}{values}'.encode())
-        except OSError as error:
-            folder = tempfile.gettempdir()
-            raise UserError(f'{folder}: no room for a report: {one_line(error)}') from None
-
-    def json_pieces(self) -> Iterator[bytes]:
-        """Yield the bytes that json.dumps would make of the columns."""
-        self._write()
-        for index, (name, file) in enumerate(self._files.items()):
-            yield f'{", " if index else "{"}{json.dumps(name)}: ['.encode()
-            file.seek(0)
-            while piece := file.read(PIECE):
-                yield piece
-            yield b']'
-        yield b'}'
-
-    def __getitem__(self, name: str) -> list[Any]:
-        """Return a column."""
-        self._write()
-        file = self._files[name]
-        file.seek(0)
-        values: list[Any] = json.loads(b'[' + file.read() + b']')
-        return values
-
-    def __iter__(self) -> Iterator[str]:
-        """Return an iterator over the columns' names."""
-        return iter(self._files)
-
-    def __len__(self) -> int:
-        """Return how many columns there are."""
-        return len(self._files)
-
-    def close(self) -> None:
-        """Forget everything."""
-        for file in self._files.values():
-            with contextlib.suppress(OSError):  # what was kept back does not fit
-                file.close()
-
-
-SCHEMA = 1
-SAMPLE_PERIOD = 0.02
-UP_AGAIN = 25
 COLUMNS = (
     't',
     'state',
@@ -108,6 +25,47 @@ COLUMNS = (
     'contacts',
     'torque_max',
 )
+SCALARS = ('t', 'state', 'torque_max')
+
+
+class Samples(Mapping[str, list[Any]]):
+    """
+    Columns of a run; each access reads one column, a list of numbers, texts or rows of numbers.
+
+    A number takes eight bytes, so that an hour of samples takes about 30 MB.
+    """
+
+    def __init__(self) -> None:
+        self._columns: dict[str, Any] = {name: array('d') for name in COLUMNS}
+        self._columns |= {'state': [], 'contacts': array('b')}
+        self._count = 0
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Add a value to each column; rows of one column have one length."""
+        for name, column in self._columns.items():
+            column.extend([row[name]] if name in SCALARS else row[name])
+        self._count += 1
+
+    def __getitem__(self, name: str) -> list[Any]:
+        """Return a column."""
+        values = list(self._columns[name])
+        if name in SCALARS or not self._count:
+            return values
+        width = len(values) // self._count
+        return [values[width * index : width * (index + 1)] for index in range(self._count)]
+
+    def __iter__(self) -> Iterator[str]:
+        """Return an iterator over the columns' names."""
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        """Return how many columns there are."""
+        return len(self._columns)
+
+
+SCHEMA = 1
+SAMPLE_PERIOD = 0.02
+UP_AGAIN = 25
 
 
 class Sample(NamedTuple):
@@ -161,15 +119,10 @@ class Recorder:
         self.falls = 0
         self.fell_at: float | None = None
         self._up_for = UP_AGAIN
-        self.samples = Samples(COLUMNS) if keep else None
+        self.samples = Samples() if keep else None
 
     def sample(self, now: Sample) -> None:
-        """
-        Add the sample of this instant.
-
-        Raises:
-            UserError: there is no room for it.
-        """
+        """Add the sample of this instant."""
         base = self._world.base()
         self._watch_for_falls(base.tilt > FALL_TILT or now.is_down)
         if self.samples is None:
@@ -188,11 +141,6 @@ class Recorder:
         }
         self.samples.add(row)
 
-    def close(self) -> None:
-        """Forget the samples."""
-        if self.samples is not None:
-            self.samples.close()
-
     def _watch_for_falls(self, is_down: bool) -> None:
         if is_down and self._up_for >= UP_AGAIN:
             self.falls += 1
@@ -207,7 +155,7 @@ def build_report(
     """
     Return the report of a run; `run` is what was asked for: robot, world, seed, estimator.
 
-    Its samples are empty if none were kept; else they can be read until the recorder is closed.
+    Its samples are empty if none were kept.
     """
     return {
         'schema': SCHEMA,
@@ -244,7 +192,7 @@ def write_report(report: dict[str, Any], file: OutputFile | Path) -> None:
 
 
 def report_pieces(report: dict[str, Any]) -> Iterator[bytes]:
-    """Yield the bytes of a report as json.dumps makes them, a piece of its samples at a time."""
+    """Yield the bytes of a report as json.dumps makes them, a column of its samples at a time."""
     found: list[Samples] = []
     mark = '\0samples'  # as a name of anything else it could not be given
 
@@ -257,5 +205,8 @@ def report_pieces(report: dict[str, Any]) -> Iterator[bytes]:
     first, *rest = json.dumps(report, default=stand_in).split(json.dumps(mark))
     yield first.encode()
     for samples, text in zip(found, rest, strict=True):
-        yield from samples.json_pieces()
-        yield text.encode()
+        before = '{'
+        for name, column in samples.items():
+            yield f'{before}{json.dumps(name)}: {json.dumps(column)}'.encode()
+            before = ', '
+        yield f'}}{text}'.encode()

@@ -228,9 +228,8 @@ class SessionRobot:
         return build_report(self._recorder, asked, self.world.time, wall_time, ticks)
 
     def close(self) -> None:
-        """End the physics and forget the samples."""
+        """End the physics."""
         self.simulator.close()
-        self._recorder.close()
 
     def _publish_transforms(self) -> None:
         joints = self.world.joints()

@@ -2,15 +2,22 @@
 """Reads a recording: what run it is of, its topics and messages, the commands in it."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+import contextlib
 from dataclasses import asdict
 import json
 import os
 from pathlib import Path
 import stat
-from typing import Any, NamedTuple
+import struct
+import tempfile
+from typing import Any, BinaryIO, NamedTuple
 
 from geometry_msgs.msg import Twist, TwistStamped
+from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
+from mcap.records import Channel, DataEnd, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.writer import MCAP0_MAGIC, Writer
 from mujoco_sim.parameters import Payload, Untold
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
@@ -18,7 +25,7 @@ from wasd_core.errors import one_line
 
 from wasd_bringup.inputs import box_text, Command, parse_box, parse_push, push_text
 from wasd_bringup.options import RunOptions
-from wasd_bringup.recording.bag_writer import MAGIC, RECORD_NAME, RecordingError
+from wasd_bringup.recording.bag_writer import new_writer, RECORD_NAME, RecordingError
 from wasd_bringup.recording.recorder import EVENTS
 from wasd_bringup.robots import BOTH, ROBOTS
 
@@ -41,7 +48,7 @@ class RecordedMessage(NamedTuple):
 
 class BagReader:
     """
-    An MCAP file that `--record` wrote.
+    An MCAP file that `--record` wrote, whole or as far as it goes.
 
     `run` is what `describe_run` said of it; `start` and `end` are the times of the first and the
     last message [ns].
@@ -55,9 +62,8 @@ class BagReader:
             RecordingError: it cannot be read, or is not of `wasd`.
         """
         self.path = path
-        _expect_whole(path)
         try:
-            self._reader: Any = make_reader(path.open('rb'))
+            self._reader: Any = make_reader(_open(path))
             summary: Any = self._reader.get_summary()
             metadata = {one.name: one.metadata for one in self._reader.iter_metadata()}
             counts = summary.statistics.channel_message_counts
@@ -89,29 +95,59 @@ class BagReader:
             raise RecordingError(f'{self.path}: damaged ({one_line(error)})') from None
 
 
-def _expect_whole(path: Path) -> None:
+def _open(path: Path) -> BinaryIO:
     """
-    Look at the first and last bytes of a recording: the library does not tell a part from rubbish.
+    Open a file that may be a recording, with an index.
 
     Raises:
-        RecordingError: there is no such file, or only a part of one.
+        RecordingError: there is none, or it is empty or no file.
     """
     try:
         if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
             raise RecordingError(f'{path}: is a device or pipe, wanted a file')
-        with path.open('rb') as file:
-            begin = file.read(len(MAGIC))
-            file.seek(-min(len(MAGIC), file.seek(0, os.SEEK_END)), os.SEEK_END)
-            end = file.read()
+        file = path.open('rb')
     except OSError as error:
         raise RecordingError(f'{path}: {one_line(error)}') from None
-    if not begin:
+    if not file.read(1):
         raise RecordingError(f'{path}: is empty')
-    if begin != MAGIC[: len(begin)]:
-        raise RecordingError(f'{path}: no MCAP recording')
-    if end != MAGIC:
-        cure = f'copy it again, or `mcap recover {path}` for what is there'
-        raise RecordingError(f'{path}: only the beginning of a recording: {cure}')
+    return _with_index(file)
+
+
+# What a record that is not whole leads to.
+BROKEN_OFF = EndOfFile, struct.error, CRCValidationError
+
+
+def _with_index(file: BinaryIO) -> BinaryIO:
+    """Return a recording, or where it breaks off, a copy of its whole chunks with an index."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(max(0, size - len(MCAP0_MAGIC)))
+    is_whole = file.read() == MCAP0_MAGIC
+    file.seek(0)
+    if is_whole:
+        return file
+    copy: BinaryIO = tempfile.TemporaryFile()  # noqa: SIM115
+    writer = new_writer(copy)
+    with contextlib.suppress(*BROKEN_OFF):
+        for record in StreamReader(file, validate_crcs=True).records:
+            if isinstance(record, DataEnd):
+                break
+            _write_again(writer, record)
+    writer.finish()
+    copy.seek(0)
+    return copy
+
+
+def _write_again(writer: Writer, record: McapRecord) -> None:
+    """Copy a record; channels and schemas have the same numbers as they come in the same order."""
+    if isinstance(record, Metadata):
+        writer.add_metadata(record.name, record.metadata)
+    elif isinstance(record, Schema):
+        writer.register_schema(record.name, record.encoding, record.data)
+    elif isinstance(record, Channel):
+        encoding, schema = record.message_encoding, record.schema_id
+        writer.register_channel(record.topic, encoding, schema, record.metadata)
+    elif isinstance(record, Message):
+        writer.add_message(record.channel_id, record.log_time, record.data, record.publish_time)
 
 
 # Topics that a replay has to find under their own names.

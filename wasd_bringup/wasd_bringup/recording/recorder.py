@@ -3,7 +3,6 @@
 
 from collections.abc import Callable, Mapping
 from functools import cache
-import importlib
 import math
 from pathlib import Path
 import re
@@ -21,7 +20,7 @@ from wasd_core.output_file import OutputFile
 from wasd_core.topics import LoopbackSubscription
 import yaml
 
-from wasd_bringup.messages import clear_padding, type_name
+from wasd_bringup.messages import cdr_end, type_name
 from wasd_bringup.recording.bag_writer import BagWriter, RecordingError
 
 SEPARATOR = '=' * 80
@@ -153,14 +152,13 @@ class PublisherTap:
             tap._hear(topic, kind, profile(), data)
 
 
+# In front of a message's fields.
+CDR_HEADER = 4
+
+
 def to_bytes(message: Any) -> bytes:
-    """Return a message as CDR; equal messages are equal bytes."""
-    return clear_padding(serialize_message(message), type(message), _find_message)
-
-
-def _find_message(name: str) -> Any:
-    package, _, last = name.partition('/')
-    return getattr(importlib.import_module(f'{package}.msg'), last)
+    """Return a message as CDR; the middleware reserves more than that behind empty sequences."""
+    return serialize_message(message)[: CDR_HEADER + cdr_end(message)]
 
 
 # The file on disk is at most so much older than the run [s of wall time].

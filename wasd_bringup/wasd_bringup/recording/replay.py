@@ -46,7 +46,7 @@ class PathComparison:
     """
     Compares each true pose that this process publishes with the recorded one.
 
-    They are the same when their bytes are: place, orientation, velocities and stamp.
+    They are the same when their numbers are: place, orientation, velocities and stamp.
     """
 
     def __init__(self, bag: BagReader, topics: Mapping[str, str]) -> None:
@@ -99,16 +99,17 @@ class PathComparison:
         if index >= len(recorded):
             return
         self._next[topic] += 1
-        if data == recorded[index].data:
+        now, then = (deserialize_message(one, Odometry) for one in (data, recorded[index].data))
+        if now == then:
             self._same += 1
             return
         if self._differs_from is None:
             self._differs_from = 1e-9 * recorded[index].time
-        self._farthest = max(self._farthest, math.dist(_place(data), _place(recorded[index].data)))
+        self._farthest = max(self._farthest, math.dist(_place(now), _place(then)))
 
 
-def _place(data: bytes) -> tuple[float, float, float]:
-    place = deserialize_message(data, Odometry).pose.pose.position
+def _place(pose: Odometry) -> tuple[float, float, float]:
+    place = pose.pose.pose.position
     return place.x, place.y, place.z
 
 
