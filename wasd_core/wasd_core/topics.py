@@ -170,9 +170,6 @@ Message = TypeVar('Message')
 # How long the middleware may take to bring back what this process published itself [s]. Under
 # load, at --speed 0, a second of messages waits in its queues.
 ECHO_LIFETIME = 10.0
-# Of those that a later one has overtaken so many are looked for: a stream that loses many must not
-# search long.
-MOST_LATE = 32
 
 
 class LoopbackSubscription(Generic[Message]):
@@ -184,13 +181,11 @@ class LoopbackSubscription(Generic[Message]):
     brings it back to our own subscription. `put` is the hand-over and remembers the message;
     its echo is then dropped.
 
-    Echo and message are matched by their bytes, which are equal also where NaN is in them, and in
-    the order in which they were put. An equal message from outside that overtakes an echo is
-    dropped in its place, and the echo delivered: the receiver sees the same. An echo that gets
-    lost is waited for up to ECHO_LIFETIME; once a later one came, which may have been from
-    outside, up to half as long, and of such only the last MOST_LATE. So long, one equal message
-    from outside may be taken for it. While nobody spins the node that time stands still: echoes
-    are waiting, too.
+    Echo and message are matched by their bytes, which are equal also where NaN is in them. An
+    equal message from outside that overtakes an echo is dropped in its place, and the echo
+    delivered: the receiver sees the same. An echo that gets lost is waited for up to
+    ECHO_LIFETIME; so long, one equal message from outside may be taken for it. While nobody spins
+    the node that time stands still: echoes are waiting, too.
 
     `is_stale` is asked about each message from another process, with the system time [ns] at
     which it was sent; what it calls stale is dropped, and so is what `admit` refuses.
@@ -211,8 +206,8 @@ class LoopbackSubscription(Generic[Message]):
         self._callback = callback
         self._is_stale = is_stale
         self.admit: Callable[[Message], bool] = lambda message: True
-        self._pending: deque[tuple[float, bytes]] = deque(maxlen=EVENTS_DEPTH)
-        self._late: deque[tuple[float, bytes]] = deque(maxlen=MOST_LATE)
+        # Of each message whose echo has not come when it was put, once for each time [s].
+        self._pending: dict[bytes, deque[float]] = {}
         # rclpy passes a message's origin to a callback of two parameters; its types do not say so.
         on_message: Any = self._on_message
         self._subscription: Any = node.create_subscription(message_type, topic, on_message, qos)
@@ -236,7 +231,8 @@ class LoopbackSubscription(Generic[Message]):
     def put(self, message: Message, published: Message | None = None) -> None:
         """Hand over a message that this process is publishing, too, or as `published`."""
         sent = message if published is None else published
-        self._pending.append((time.monotonic(), serialize_message(sent)))
+        times = self._pending.setdefault(serialize_message(sent), deque(maxlen=EVENTS_DEPTH))
+        times.append(time.monotonic())
         self._callback(message)
 
     def notify(self, message: Any) -> None:
@@ -252,29 +248,23 @@ class LoopbackSubscription(Generic[Message]):
             self._callback(message)
 
     def _is_echo(self, message: Message) -> bool:
-        if not self._pending and not self._late:
+        if not self._pending:
             return False
         received = serialize_message(message)
-        for index, (_, sent) in enumerate(self._late):
-            if sent == received:
-                del self._late[index]
-                return True
-        for index, (_, sent) in enumerate(self._pending):
-            if sent == received:
-                # Echoes keep their order: what was sent before this one will not come back, unless
-                # this one is from outside.
-                now = time.monotonic()
-                self._late += [(now, self._pending.popleft()[1]) for _ in range(index)]
-                self._pending.popleft()
-                return True
-        return False
+        if received not in self._pending:
+            return False
+        self._pending[received].popleft()
+        if not self._pending[received]:
+            del self._pending[received]
+        return True
 
     def _forget(self) -> None:
         """Give up echoes that were overdue at the last look already, and have not come since."""
         # Timers come before messages: an echo that is overdue now may be the next to be handled.
         oldest = self._looked_at - 0.5 * ECHO_LIFETIME
-        while self._pending and self._pending[0][0] < oldest:
-            self._pending.popleft()
-        while self._late and self._late[0][0] < self._looked_at:
-            self._late.popleft()
+        for sent, times in list(self._pending.items()):
+            while times and times[0] < oldest:
+                times.popleft()
+            if not times:
+                del self._pending[sent]
         self._looked_at = time.monotonic()
