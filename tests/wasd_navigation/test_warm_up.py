@@ -12,7 +12,7 @@ import pytest
 from wasd_navigation.mapping import save_map
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.navigator import Locator, Pilot
+from wasd_navigation.navigator import Locator
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_parts
 from wasd_navigation.planning.driver import Driver
@@ -33,7 +33,7 @@ def compiled_functions() -> Iterator[CPUDispatcher]:
                     yield value
 
 
-def make_anew(settings: NavigatorParameters) -> tuple[Locator, Pilot, Callable[[], list[str]]]:
+def make_anew(settings: NavigatorParameters) -> tuple[Locator, Driver, Callable[[], list[str]]]:
     """Return the parts, and a function that tells what has been compiled since."""
     for function in compiled_functions():  # by other tests
         function._reset_overloads()
@@ -82,7 +82,7 @@ def test_what_a_robot_with_a_map_calls_is_compiled_before(tmp_path: Path) -> Non
     assert compiled_since() == []
 
 
-def is_blocked_on_its_way(driver: Pilot, grid: Grid) -> bool:
+def is_blocked_on_its_way(driver: Driver, grid: Grid) -> bool:
     """Whether another way is drawn when something stands on that to a goal."""
     start, random = np.array((-1.5, -1.0, 0.0)), np.random.default_rng(2)
     driver.set_goal(np.array((2.0, -1.0, 0.0)))

@@ -72,7 +72,7 @@ class OutputFile:
 
     def begin(self, pieces: bytes | Iterable[bytes] = b'') -> None:
         """
-        Make these bytes the beginning of the file, which `append` and `put` continue.
+        Make these bytes the beginning of the file, which `append` continues.
 
         Raises:
             OutputError: as `write`.
@@ -93,29 +93,6 @@ class OutputFile:
         """
         with self._one_line():
             self._send(data)
-
-    def put(self, data: bytes, position: int) -> None:
-        """
-        Write at a position of a regular file that has begun.
-
-        Raises:
-            OutputError: the disk is full, or the like.
-        """
-        view = memoryview(data)
-        with self._one_line():
-            while view:
-                count = os.pwrite(self._descriptor, view, position)
-                view, position = view[count:], position + count
-
-    def truncate(self, size: int) -> None:
-        """
-        Cut a regular file that has begun.
-
-        Raises:
-            OutputError: the system's reason.
-        """
-        with self._one_line():
-            os.ftruncate(self._descriptor, size)
 
     def close(self) -> None:
         """

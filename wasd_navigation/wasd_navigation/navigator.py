@@ -3,12 +3,15 @@
 
 from collections.abc import Callable
 import math
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from wasd_core.timing import Watchdog
 
+from wasd_navigation.mapping.localizer import Localizer
+from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.odometry import Odometry
+from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import Grid, Scan
 from wasd_navigation.se2 import compose, inverse, transform
 
@@ -25,84 +28,7 @@ NOWHERE = np.full(3, math.nan)
 ENDS = ('arrived', 'refused', 'failed')
 
 
-class Locator(Protocol):
-    """What maps, or localises in a map: `Mapper` or `Localizer`."""
-
-    @property
-    def correction(self) -> np.ndarray:
-        """T_map_odom, shape (3,)."""
-
-    @property
-    def covariance(self) -> np.ndarray:
-        """Covariance of the pose in the map, shape (3, 3) [m, m, rad]."""
-
-    @property
-    def grid(self) -> Grid:
-        """The map, drawn when its revision has changed."""
-
-    @property
-    def revision(self) -> int:
-        """Another number for each other map."""
-
-    def step(self, scan: Scan, odometry: np.ndarray, covariance: np.ndarray) -> None:
-        """Take a scan, T_odom_base of its instant and odometry's covariance then."""
-
-    def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
-        """Stay in place while T_odom_base, shape (3,), is another from one moment to the next."""
-
-    def reset(self) -> None:
-        """Begin anew."""
-
-
-class Pilot(Protocol):
-    """What drives to a goal: `Driver`."""
-
-    state: str
-    reason: str
-    recoveries: int
-
-    @property
-    def path(self) -> np.ndarray:
-        """The way to the goal, shape (n, 2) [m]."""
-
-    @property
-    def local_path(self) -> np.ndarray:
-        """The motion that was chosen, shape (n, 2) [m]."""
-
-    @property
-    def costmap(self) -> Grid | None:
-        """What is around, as costmaps have it."""
-
-    @property
-    def distance_left(self) -> float:
-        """Length of the way to the goal [m]."""
-
-    @property
-    def time_left(self) -> float:
-        """How long that will take, about [s]."""
-
-    def set_goal(self, goal: np.ndarray) -> None:
-        """Take T_map_goal, shape (3,)."""
-
-    def cancel(self) -> None:
-        """Drive no more."""
-
-    def pause(self) -> None:
-        """Stand, for a time without steps; the goal stays."""
-
-    def reset(self) -> None:
-        """Know of nothing."""
-
-    def step(
-        self,
-        grid: Grid,
-        revision: int,
-        pose: np.ndarray,
-        velocity: np.ndarray,
-        scan: Scan | None,
-        dt: float,
-    ) -> np.ndarray:
-        """Return the velocity (vx, vy, wz) to command, shape (3,) [m/s], [m/s], [rad/s]."""
+Locator = Mapper | Localizer
 
 
 class Outcome(NamedTuple):
@@ -122,7 +48,7 @@ class Navigator:
     to wait for long ends.
     """
 
-    def __init__(self, locator: Locator, pilot: Pilot, silence: float = SILENCE) -> None:
+    def __init__(self, locator: Locator, pilot: Driver, silence: float = SILENCE) -> None:
         self.locator = locator
         self.pilot = pilot
         self.goal: np.ndarray | None = None
@@ -213,7 +139,7 @@ class Navigator:
         self._seen = scan, odometry.pose
         self._sighted.hear(age)
 
-    def configure(self, pilot: Pilot, silence: float) -> None:
+    def configure(self, pilot: Driver, silence: float) -> None:
         """Take another pilot, and how long the lidar may be silent [s]; ends no goal."""
         self.pilot, self._sighted.timeout = pilot, silence
 

@@ -14,12 +14,12 @@ from wasd_core.signals import stop_requested
 from wasd_navigation.mapping import load_map
 from wasd_navigation.mapping.localizer import Localizer
 from wasd_navigation.mapping.mapper import Mapper
-from wasd_navigation.navigator import Locator, Pilot
+from wasd_navigation.navigator import Locator
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import FREE, Grid, OCCUPIED, read_scan, Scan
 
-Parts = tuple[Locator, Pilot]
+Parts = tuple[Locator, Driver]
 NOTICE = 'compiling, once: the navigator, which takes up to a minute of a core'
 # The parts are warmed up with so many scans, on a tour so far along x [m] to both sides, in a room
 # that ends so far ahead and behind, to the left and to the right [m].
@@ -50,11 +50,10 @@ def make_pilot(settings: NavigatorParameters) -> Driver:
     return Driver(settings.limits, settings.footprint, settings.planning)
 
 
-def warm_up(locator: Locator, pilot: Pilot) -> None:
+def warm_up(locator: Locator, pilot: Driver) -> None:
     """Have both do a little of all they can, in a room: what they compile is there then."""
-    start = getattr(locator, 'start', None)
-    if start is not None:
-        start(np.array([-TOUR, 0.0, 0.0]), 1e-4 * np.eye(3))
+    if isinstance(locator, Localizer):
+        locator.start(np.array([-TOUR, 0.0, 0.0]), 1e-4 * np.eye(3))
     for step in range(WARM_UP_STEPS):
         # To and fro, so that loops are closed; in the end it finds itself in another room.
         x = TOUR * (1.0 - abs(step // 2 % 8 - 4) / 2.0)

@@ -2,7 +2,6 @@
 """Whether a goal can be reached, and the way there from wherever the robot is."""
 
 import math
-from typing import Protocol
 
 import numpy as np
 
@@ -29,21 +28,8 @@ _LONG, _FAR, _CLEAR, _SHORTER = 1.1, 15.0, 0.1, 0.98
 _REDRAW, _REDRAW_BLOCKED = 1.0, 0.25
 
 
-class Drawing(Protocol):
-    """What is left to a goal from everywhere, on its way to be drawn."""
-
-    values: Field
-    beyond: float  # what is not reached has at least this value [m]
-
-    @property
-    def is_done(self) -> bool:
-        """Whether all is drawn."""
-
-    def work(self, pose: np.ndarray, budget: int) -> bool:
-        """Draw some more; return whether `values` are good around a pose."""
-
-    def way_from(self, pose: np.ndarray) -> np.ndarray:
-        """Return (x, y, yaw) on the way from a pose, shape (n, 3)."""
+# What is left to a goal from everywhere, on its way to be drawn.
+Drawing = DiscField | HeadingField
 
 
 class Route:
