@@ -1,32 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""colcon build of mujoco_sim; name, version and licence come from package.xml."""
+"""colcon build: setup.cfg says what is installed, package.xml how it is called."""
 
-import glob
-import os
 import xml.etree.ElementTree as ElementTree
 
-from setuptools import find_packages, setup
+from setuptools import setup
 
+FACTS = ('name', 'version', 'description', 'license')
 MANIFEST = ElementTree.parse('package.xml').getroot()
-NAME = MANIFEST.findtext('name')
 
-setup(
-    name=NAME,
-    version=MANIFEST.findtext('version'),
-    description=MANIFEST.findtext('description'),
-    license=MANIFEST.findtext('license'),
-    packages=find_packages(include=[NAME, NAME + '.*']),
-    package_data={NAME: ['**/*.xacro', '**/*.yaml', '**/*.keys', 'py.typed']},
-    data_files=[
-        ('share/ament_index/resource_index/packages', ['resource/' + NAME]),
-        ('share/' + NAME, ['package.xml']),
-        *(
-            (os.path.join('share', NAME, os.path.dirname(path)), [path])
-            for folder in ('config', 'launch', 'rviz')
-            for path in glob.glob(folder + '/*.*')
-        ),
-    ],
-    install_requires=['setuptools'],
-    extras_require={'test': ['pytest']},
-    zip_safe=False,
-)
+setup(**{fact: MANIFEST.findtext(fact) for fact in FACTS})

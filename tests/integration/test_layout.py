@@ -2,6 +2,7 @@
 """The rules that hold the packages together: layers, names, versions, manifests."""
 
 import ast
+import configparser
 from fnmatch import fnmatch
 import functools
 import importlib.metadata
@@ -259,20 +260,6 @@ def test_the_manifest_names_its_folder_and_licence(package):
     assert (ROOT / package / 'resource' / package).is_file()
 
 
-def colcon_setup(package: str) -> dict[str, object]:
-    """Return the literal arguments of the `setup` call in a package's setup.py."""
-    (call,) = (
-        node
-        for node in ast.walk(ast.parse((ROOT / package / 'setup.py').read_text()))
-        if isinstance(node, ast.Call) and ast.unparse(node.func) == 'setup'
-    )
-    found = {}
-    for keyword in call.keywords:
-        if keyword.arg == 'package_data':
-            found[keyword.arg] = ast.literal_eval(keyword.value.values[0])
-    return found
-
-
 @pytest.mark.parametrize('package', EXECUTABLES)
 def test_a_package_has_the_executables_that_users_rely_on(package):
     targets = {name for name, target in SCRIPTS.items() if target.startswith(package + '.')}
@@ -292,7 +279,9 @@ def test_every_executable_leads_to_what_runs(target):
 
 @pytest.mark.parametrize('package', PACKAGES)
 def test_colcon_installs_every_data_file(package):
-    patterns = colcon_setup(package)['package_data']
+    setup = configparser.ConfigParser()
+    setup.read(ROOT / package / 'setup.cfg')
+    patterns = setup['options.package_data']['*'].split(', ')
     folder = ROOT / package / package
     covered = {p.relative_to(folder).as_posix() for g in patterns for p in folder.glob(g)}
     assert data_files(package) - covered == set()
@@ -308,7 +297,6 @@ def test_every_python_file_says_its_licence():
     spdx = '# SPDX-License-Identifier: Apache-2.0'
     texts = {path.relative_to(ROOT): path.read_text().splitlines() for path in python_files()}
     assert [str(path) for path, lines in texts.items() if spdx not in lines[:2]] == []
-    assert len((ROOT / 'wasd').read_text().splitlines()) <= 200
 
 
 def test_what_a_controller_of_another_kind_may_import_follows_from_what_it_is():
