@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules of the code: a fact has one home, functions are short, kernels are compiled in one way."""
+"""Rules of the code: a fact has one home, kernels are compiled in one way."""
 
 import ast
-from collections.abc import Iterator
 import functools
 import gc
 from pathlib import Path
@@ -11,9 +10,6 @@ import re
 import pytest
 from source_trees import imports, modules, nodes, PACKAGES, ROOT
 
-LONGEST_FUNCTION = 50  # lines
-MOST_KERNEL_ARGUMENTS = 6
-KERNEL_DECORATORS = {'jit', 'fast'}
 # Facts of which some code has to know all values: the module in whose literals they stand.
 ONE_HOME = {
     'worlds': ({'flat', 'room'}, 'mujoco_sim.scene'),
@@ -89,34 +85,6 @@ def test_the_words_for_keys_that_are_down_have_one_home():
     assert known == {'wasd_core.timing'}
 
 
-def library_functions() -> Iterator[tuple[str, ast.FunctionDef | ast.AsyncFunctionDef]]:
-    """Yield each function of the packages with the module that it stands in."""
-    for package in PACKAGES:
-        for module, path in modules(package).items():
-            for node in nodes(path):
-                if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                    yield module, node
-
-
-def test_no_function_is_longer_than_a_page():
-    long = {
-        f'{module}.{node.name}': length
-        for module, node in library_functions()
-        if (length := (node.end_lineno or 0) - node.lineno + 1) > LONGEST_FUNCTION
-    }
-    assert not long
-
-
-def test_no_compiled_kernel_takes_more_than_six_arguments():
-    wide = {
-        f'{module}.{node.name}': len(node.args.args)
-        for module, node in library_functions()
-        if any(ast.unparse(decorator) in KERNEL_DECORATORS for decorator in node.decorator_list)
-        and len(node.args.args) > MOST_KERNEL_ARGUMENTS
-    }
-    assert not wide
-
-
 def test_kernels_are_compiled_in_one_way():
     compiling = {
         module
@@ -132,26 +100,6 @@ def test_kernels_are_compiled_in_one_way():
         if any(name.partition('.')[0] == 'numba' for name in imports(path))
     }
     assert importing == {'wasd_core.jit', 'wasd_core.own_numba'}
-
-
-def test_what_compiles_has_the_names_by_which_kernels_are_counted():
-    names = {
-        (target, ast.unparse(node.value).partition(',')[0])
-        for package in PACKAGES
-        for path in modules(package).values()
-        for node in nodes(path)
-        if isinstance(node, ast.Assign) and re.search(r'\bjit\b', ast.unparse(node.value))
-        for target in map(ast.unparse, node.targets)
-    }
-    assert names == {('fast', 'functools.partial(jit')}
-    renamed = [
-        path
-        for package in PACKAGES
-        for path in modules(package).values()
-        for node in nodes(path)
-        if isinstance(node, ast.alias) and node.asname and node.name in KERNEL_DECORATORS
-    ]
-    assert renamed == []
 
 
 def test_the_benchmark_needs_nothing_that_only_tests_install():
