@@ -62,8 +62,9 @@ class BagReader:
             RecordingError: it cannot be read, or is not of `wasd`.
         """
         self.path = path
+        file = _open(path)
         try:
-            self._reader: Any = make_reader(_open(path))
+            self._reader: Any = make_reader(_with_index(file))
             summary: Any = self._reader.get_summary()
             metadata = {one.name: one.metadata for one in self._reader.iter_metadata()}
             counts = summary.statistics.channel_message_counts
@@ -97,7 +98,7 @@ class BagReader:
 
 def _open(path: Path) -> BinaryIO:
     """
-    Open a file that may be a recording, with an index.
+    Open a file that may be a recording.
 
     Raises:
         RecordingError: there is none, or it is empty or no file.
@@ -110,7 +111,7 @@ def _open(path: Path) -> BinaryIO:
         raise RecordingError(f'{path}: {one_line(error)}') from None
     if not file.read(1):
         raise RecordingError(f'{path}: is empty')
-    return _with_index(file)
+    return file
 
 
 # What a record that is not whole leads to.
