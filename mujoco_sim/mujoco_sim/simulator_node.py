@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulator's face on ROS: clock, joint states, truth, joint commands, services."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 import math
 import sys
-from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -29,7 +28,8 @@ from wasd_core.topics import has_listener, RELIABLE, SENSOR_DATA
 
 from mujoco_sim.parameters import SHOWN_RATE, simulator, SimulatorParameters, STATE_RATE, Untold
 from mujoco_sim.robot_setup import foot_links, randomise, usual_setup
-from mujoco_sim.sensors.publisher import SensorPublisher
+from mujoco_sim.sensors.measuring import Sensors
+from mujoco_sim.sensors.publisher import publish_sensors
 from mujoco_sim.sensors.table import has_camera
 from mujoco_sim.simulation import AnswerHold, Simulation, TickStatistics
 from mujoco_sim.truth_publisher import TruthPublisher
@@ -45,9 +45,10 @@ class SimulatorNode(Node):
     """
     Publishes a World, takes joint commands for it, offers reset, pause and step.
 
-    With `lock_step` a controller lives in the same process and is handed the state directly;
-    `joint_commands` is then not subscribed to. Several robots in one model have a node each, with
-    the world's prefix as namespace and before frames; the first has the clock.
+    With a `simulation` that it is given, a controller lives in the same process and is handed the
+    state directly; `joint_commands` is then not subscribed to. Several robots in one model have a
+    node each, with the world's prefix as namespace and before frames; that of the simulation's
+    own world has the clock.
     """
 
     def __init__(
@@ -55,7 +56,6 @@ class SimulatorNode(Node):
         robot: Description | None = None,
         world: World | None = None,
         *,
-        lock_step: bool = False,
         simulation: Simulation | None = None,
         parameter_overrides: list[Parameter] | None = None,
     ) -> None:
@@ -74,7 +74,7 @@ class SimulatorNode(Node):
         robot = robot or load_robot(self.settings.description)
         world = world or self._build_world(robot)
         self.simulation = simulation or Simulation(world, self.settings.speed)
-        self._has_clock = simulation is None
+        self._has_clock = self.simulation.world is world
         self._world = world
         self._root = world.prefix + robot.robot.root
         self._commanded_at = self._commanded_since = 0.0
@@ -86,18 +86,19 @@ class SimulatorNode(Node):
         self._joint_states = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self.truth = TruthPublisher(self, world, robot.robot)
         self._feet = foot_links(robot)
-        self.state_rate = self._usual_rate(lock_step)
+        self.state_rate = self._usual_rate(is_alone=simulation is None)
         if self._feet:
             self._contacts = self.create_publisher(JointState, 'foot_contacts', RELIABLE)
         if world.has_imu:
             self._imu = self.create_publisher(Imu, 'imu/data', RELIABLE)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
-        self._sensors = SensorPublisher(self, robot, world, self.settings)
-        self.simulation.on_reset.append(self._sensors.reset)
+        self.sensors = Sensors(robot, world, self.settings, self.get_logger().error)
+        publish_sensors(self, self.sensors)
+        self.simulation.on_reset.append(self.sensors.reset)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
-        if not lock_step:
+        if simulation is None:
             self._take_commands()
 
     def _take_commands(self) -> None:
@@ -105,11 +106,11 @@ class SimulatorNode(Node):
         self.simulation.schedule.every(self._world.time_step, self._watch_commands)
         self.simulation.schedule.every(self._world.time_step, self.truth.remember)
 
-    def _usual_rate(self, lock_step: bool) -> float:
+    def _usual_rate(self, is_alone: bool) -> float:
         """Return how often the state is published [Hz]; what nobody has said, the robot says."""
         if not math.isnan(self.settings.state_rate):
             return self.settings.state_rate
-        if lock_step:
+        if not is_alone:
             return SHOWN_RATE
         return LEG_RATE if self._feet else STATE_RATE
 
@@ -124,7 +125,7 @@ class SimulatorNode(Node):
         schedule.at_rate('clock_rate', self.settings.clock_rate, self._publish_clock)
         schedule.at_rate('state_rate', self.state_rate, self._publish_states)
         # As often as possible without making physics stop more often.
-        schedule.every(schedule.stride * self._world.time_step, self._sensors.step)
+        schedule.every(schedule.stride * self._world.time_step, self.sensors.step)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long the controller's ticks take, and its state."""
@@ -141,10 +142,6 @@ class SimulatorNode(Node):
         stamp, name = self.stamp, self.get_fully_qualified_name().strip('/')
         self._diagnostics.publish(to_diagnostics(name, text, values, slow, stamp))
 
-    def hand_over(self, topic: str, receive: Callable[[Any], None]) -> None:
-        """Give each message of a sensor's topic to `receive`, too, in the instant of its stamp."""
-        self._sensors.hand_over(topic, receive)
-
     @property
     def stamp(self) -> Time:
         """Simulated time as a stamp."""
@@ -153,7 +150,7 @@ class SimulatorNode(Node):
     def close(self) -> None:
         """Leave the motors braking."""
         self._world.brake()
-        self._sensors.close()
+        self.sensors.close()
 
     def destroy_node(self) -> None:
         """
@@ -162,7 +159,7 @@ class SimulatorNode(Node):
         `close` comes before.
         """
         super().destroy_node()
-        for name in ('_world', 'simulation', 'truth', '_sensors'):
+        for name in ('_world', 'simulation', 'truth', 'sensors'):
             self.__dict__.pop(name, None)
 
     def _build_world(self, robot: Description) -> World:
@@ -262,7 +259,7 @@ class SimulatorNode(Node):
         self.simulation.advance(1)
         self._publish_clock()
         self._publish_states()
-        self._sensors.step()
+        self.sensors.step()
         response.success = True
         response.message = f'time is {self._world.time:.3f} s'
         return response
@@ -270,7 +267,7 @@ class SimulatorNode(Node):
     def _on_change(self, changed: Parameters) -> None:
         assert isinstance(changed, SimulatorParameters)
         self.settings = changed
-        self._sensors.resize(changed.camera_scale)
+        self.sensors.tune(changed)
         self.simulation.pacer.speed = changed.speed
         self.simulation.pacer.restart()
 

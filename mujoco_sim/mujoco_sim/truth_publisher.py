@@ -30,8 +30,8 @@ class TruthPublisher:
     """
     Publishes `ground_truth/odom` and `wheel_slip`, and answers each `odom` with its `odom_error`.
 
-    In lock-step, odometry is handed to `compare`. Over topics, the truth of an instant is kept
-    until the odometry of that instant arrives, so the error is as exact, however late it is;
+    Odometry of its own process is handed to `compare`. Over topics, the truth of an instant is
+    kept until the odometry of that instant arrives, so the error is as exact, however late it is;
     `odom` is subscribed to only while somebody has subscribed to `odom_error`.
     """
 

@@ -29,13 +29,11 @@ class StatePublisherNode(Node):
     """
     Latches `robot_description` and sends `/tf_static` once, `/tf` from `joint_states`.
 
-    In lock-step the simulation loop calls `publish` with the joints of that instant. Of several
-    robots each has a `prefix` such as `go2/`: before its frames, and its namespace.
+    Who gives it a robot calls `publish`, with the joints of an instant. Of several robots each has
+    a `prefix` such as `go2/`: before its frames, and its namespace.
     """
 
-    def __init__(
-        self, robot: Description | None = None, *, lock_step: bool = False, prefix: str = ''
-    ) -> None:
+    def __init__(self, robot: Description | None = None, *, prefix: str = '') -> None:
         """
         Take a robot, or read the description that the parameter names.
 
@@ -45,17 +43,17 @@ class StatePublisherNode(Node):
         super().__init__('state_publisher', namespace=prefix.rstrip('/'))
         self.settings = declare_parameters(self, StatePublisherParameters, self._on_change)
         self._beat = Beat()
-        robot = robot or read_description(description_path(self.settings.description))
-        self._robot = robot.robot
+        loaded = robot or read_description(description_path(self.settings.description))
+        self._robot = loaded.robot
         self._prefix = prefix
         self._unknown: set[str] = set()
         self._description = self.create_publisher(String, 'robot_description', LATCHED)
-        self._description.publish(String(data=published_urdf(robot.urdf, robot.meshes.files)))
+        self._description.publish(String(data=published_urdf(loaded.urdf, loaded.meshes.files)))
         self._static = TfBroadcaster(self, static=True)
         self._moving = TfBroadcaster(self)
         # Stamp 0: true at any time, whichever clock a listener goes by.
         self._static.send(self._fixed_transforms(Time()))
-        if not lock_step:
+        if robot is None:
             joints = self._on_joint_states
             self.create_subscription(JointState, 'joint_states', joints, SENSOR_DATA)
 

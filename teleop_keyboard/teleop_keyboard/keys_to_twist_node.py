@@ -26,10 +26,10 @@ class KeysToTwistNode(Node):
     """
     Listens to `keys` and publishes `cmd_vel`, by a preset and its ramps.
 
-    Alone it steps itself with a timer on its own clock (simulated time, if so set). With
-    `lock_step` somebody else calls `step` and hands keys over by `keys.put`. `receivers` are
-    called with each message first: controllers of the same process. `other_presets` are names that
-    whoever makes it knows beside those of keymaps, for the error.
+    Alone it makes its logic by the parameters, and steps itself with a timer on its own clock
+    (simulated time, if so set). Who gives it a `logic`, to which all parameters but preset and
+    layout are applied, calls `step` and hands keys over by `keys.put`. `receivers` are called with
+    each message first: controllers of the same process.
 
     Raises:
         InvalidParameter: when a parameter or the preset is not valid.
@@ -37,30 +37,28 @@ class KeysToTwistNode(Node):
 
     def __init__(
         self,
+        logic: KeysToTwist | None = None,
         *,
-        lock_step: bool = False,
         namespace: str = '',
         parameter_overrides: list[Parameter] | None = None,
-        other_presets: Sequence[str] = (),
     ) -> None:
         super().__init__(
             'keys_to_twist', namespace=namespace, parameter_overrides=parameter_overrides or []
         )
         self._settings = declare_parameters(self, TeleopParameters, self._on_parameters)
-        self.logic = KeysToTwist(
-            load_preset(self._settings.preset, self._settings.layout, other_presets),
-            self._settings,
+        self.logic = logic or KeysToTwist(
+            load_preset(self._settings.preset, self._settings.layout)
         )
+        self.logic.set_parameters(self._settings)
         stamped = declare_stamped(self)
         self._output = TwistOutput(
-            self, 'cmd_vel', stamped, lambda: self._settings.frame_id, follow=not lock_step
+            self, 'cmd_vel', stamped, lambda: self._settings.frame_id, follow=logic is None
         )
         self.receivers: list[Callable[[Any], None]] = self._output.receivers
-        self._lock_step = lock_step
         self._last_time = self.get_clock().now()
-        self._timer = None if lock_step else self._make_timer()
+        self._timer = self._make_timer() if logic is None else None
         self.keys = LoopbackSubscription(self, String, 'keys', self._on_key, EVENTS)
-        if not lock_step:
+        if logic is None:
             self._keyboard = PublisherWatch(self, 'keys', self._on_lost_keyboard)
 
     @property
@@ -97,7 +95,7 @@ class KeysToTwistNode(Node):
         self.step(0.0)
 
     def _on_key(self, message: String) -> None:
-        if self._lock_step:
+        if self._timer is None:
             self.logic.press(message.data)
             return
         # Alone, time passes up to the very moment of the press: gaps between keys are measured.

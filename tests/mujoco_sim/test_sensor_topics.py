@@ -2,7 +2,9 @@
 from dataclasses import dataclass
 import math
 
+from mujoco_sim.parameters import SimulatorParameters
 from mujoco_sim.sensors import camera, SensorTag
+from mujoco_sim.sensors.measuring import Sensors
 from mujoco_sim.sensors.table import SensorKind, SENSORS
 from mujoco_sim.simulator_node import SimulatorNode
 from mujoco_sim.world import build_world
@@ -242,7 +244,21 @@ def test_a_robot_with_a_camera_is_there_to_be_looked_at(spawn, robot, drawn):
 
 def test_a_scan_is_handed_over_in_its_instant_without_a_listener(start):
     node, got = start(), []
-    node.hand_over('scan', lambda scan: got.append((seconds(scan), node.simulation.world.time)))
+    node.sensors.listen('scan', lambda now, _: got.append((now, node.simulation.world.time)))
     node.simulation.advance(1000)
     assert len(got) == 6
-    assert [stamp for stamp, _ in got] == pytest.approx([now for _, now in got])
+    assert [stamp for stamp, _ in got] == [now for _, now in got]
+
+
+def test_without_a_node_the_same_scans_are_measured(start, listen, run, spawn, spin_until, loaded):
+    node = start(seed=5)
+    scans = listen(LaserScan, 'scan')
+    run(node, 1000, ['scan'])
+    spin_until(spawn.pump, lambda: len(scans) == 6)
+    world = build_world(loaded, 'room', 5)
+    measured, sensors = [], Sensors(loaded, world, SimulatorParameters())
+    sensors.listen('scan', lambda now, fields: measured.append(fields['ranges']))
+    for _ in range(1000):
+        sensors.step()
+        world.step(1)
+    assert measured == [scan.ranges for scan in scans]

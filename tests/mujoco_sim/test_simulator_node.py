@@ -4,7 +4,7 @@ import weakref
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from mujoco_sim.simulation import TickStatistics
+from mujoco_sim.simulation import Simulation, TickStatistics
 from mujoco_sim.simulator_node import SimulatorNode
 from nav_msgs.msg import Odometry
 import numpy as np
@@ -247,8 +247,8 @@ def test_each_step_by_hand_is_published_once(peer, simulator, call, run, spawn, 
         np.testing.assert_allclose(stamps, wanted, atol=1e-12)
 
 
-def test_in_lock_step_nobody_else_may_command_the_motors(spawn, loaded, world):
-    node = spawn(SimulatorNode(loaded, world, lock_step=True))
+def test_in_a_simulation_that_it_is_given_nobody_else_may_command_the_motors(spawn, loaded, world):
+    node = spawn(SimulatorNode(loaded, world, simulation=Simulation(world, 1.0)))
     assert node.count_subscribers('joint_commands') == 0
 
 

@@ -7,6 +7,7 @@ import threading
 
 from mujoco_sim.parameters import Payload, Untold
 from mujoco_sim.robot_setup import randomise, usual_setup
+from mujoco_sim.simulation import Simulation
 from mujoco_sim.simulator_node import main, SimulatorNode
 from mujoco_sim.world import build_world
 import pytest
@@ -95,19 +96,27 @@ def test_as_a_process_it_says_what_is_wrong_in_one_line(isolated_ros, capsys):
 
 
 @pytest.mark.parametrize(
-    ('overrides', 'lock_step', 'rate'),
+    ('overrides', 'rate'),
     [
-        ({'description': 'go2'}, False, LegNodeParameters().update_rate),
-        ({'description': 'mbot'}, False, 100.0),
-        ({'description': 'go2'}, True, 50.0),
-        ({'description': 'go2', 'state_rate': 200.0}, False, 200.0),
+        ({'description': 'go2'}, LegNodeParameters().update_rate),
+        ({'description': 'mbot'}, 100.0),
+        ({'description': 'go2', 'state_rate': 200.0}, 200.0),
     ],
 )
-def test_the_state_comes_as_often_as_the_robots_controller_needs(
-    spawn, overrides, lock_step, rate
-):
+def test_the_state_comes_as_often_as_the_robots_controller_needs(spawn, overrides, rate):
     given = [Parameter(name, value=value) for name, value in overrides.items()]
-    node = spawn(SimulatorNode(parameter_overrides=given, lock_step=lock_step))
+    count_states(spawn(SimulatorNode(parameter_overrides=given)), rate)
+
+
+def test_in_a_simulation_that_it_is_given_the_state_comes_as_often_as_it_is_shown(
+    spawn, loaded, world
+):
+    simulation = Simulation(world, 1.0)
+    count_states(spawn(SimulatorNode(loaded, world, simulation=simulation)), 50.0)
+
+
+def count_states(node, rate):
+    """Check how often the state comes [Hz]."""
     node.schedule_publishing()
     seen = []
     node.truth.publish = lambda: seen.append(node.simulation.world.time)

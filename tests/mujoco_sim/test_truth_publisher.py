@@ -124,7 +124,7 @@ def test_the_slip_of_the_wheels_is_told_by_joint(rig, world, spin_until):
     assert len(slip.position) == len(slip.velocity) == 2
 
 
-def test_in_lock_step_the_error_is_of_the_odometry_of_now(rig, world):
+def test_handed_over_the_error_is_of_the_odometry_of_now(rig, world):
     rig.peer.create_subscription(Odometry, 'odom_error', rig.errors.append, 10)
     world.data.qpos[0] = 1.0
     stamp = Time(sec=3)
@@ -134,5 +134,5 @@ def test_in_lock_step_the_error_is_of_the_odometry_of_now(rig, world):
     assert rig.errors[0].header.stamp == stamp
 
 
-def test_in_lock_step_odometry_is_not_even_made_while_nobody_listens(rig):
+def test_odometry_to_hand_over_is_not_even_made_while_nobody_listens(rig):
     rig.node.truth.compare(lambda: pytest.fail('nobody listens'))

@@ -22,6 +22,11 @@ WHEEL = 'left_wheel_joint'
 
 
 @pytest.fixture
+def mbot():
+    return read_description(description_path('mbot'))
+
+
+@pytest.fixture
 def sent(monkeypatch):
     """Collect what would go on /tf and /tf_static, whether or not the message type exists."""
     transforms = []
@@ -52,8 +57,8 @@ def test_rviz_finds_every_mesh_of_what_is_published(name, spawn, spin_until):
     assert [url for url in meshes if opened_by_rviz(url) is None] == []
 
 
-def test_fixed_joints_are_sent_once_at_start(sent, spawn):
-    spawn(StatePublisherNode(lock_step=True))
+def test_fixed_joints_are_sent_once_at_start(sent, spawn, mbot):
+    spawn(StatePublisherNode(mbot))
     (fixed,) = sent
     places = {message.child_frame_id: message for message in fixed}
     assert set(places) == {'base_link', 'laser_link', 'camera_link', 'camera_optical_frame'}
@@ -61,8 +66,8 @@ def test_fixed_joints_are_sent_once_at_start(sent, spawn):
     assert places['base_link'].transform.translation.z == pytest.approx(0.11)
 
 
-def test_a_joint_turns_its_child_about_its_axis(sent, spawn):
-    node = spawn(StatePublisherNode(lock_step=True))
+def test_a_joint_turns_its_child_about_its_axis(sent, spawn, mbot):
+    node = spawn(StatePublisherNode(mbot))
     stamp = Time(sec=7)
     node.publish((WHEEL,), np.array([np.pi / 2]), stamp)
     (wheel,) = sent[-1]
@@ -70,6 +75,10 @@ def test_a_joint_turns_its_child_about_its_axis(sent, spawn):
     assert (wheel.header.frame_id, wheel.child_frame_id) == ('base_link', 'left_wheel_link')
     assert wheel.transform.translation.y == 0.19
     assert wheel.transform.rotation.y == pytest.approx(np.sqrt(0.5))
+
+
+def test_with_a_robot_that_it_is_given_it_listens_to_no_joints(spawn, mbot):
+    assert spawn(StatePublisherNode(mbot)).count_subscribers('joint_states') == 0
 
 
 def test_joint_states_move_the_links(sent, spawn, spin_until):
@@ -107,8 +116,8 @@ def test_joint_states_without_positions_do_no_harm(sent, spawn, spin_until):
     spin_until(spawn.pump, lambda: len(sent) == 2)
 
 
-def test_an_unknown_joint_is_reported_once_and_the_others_move(sent, spawn, capfd):
-    node = spawn(StatePublisherNode(lock_step=True))
+def test_an_unknown_joint_is_reported_once_and_the_others_move(sent, spawn, mbot, capfd):
+    node = spawn(StatePublisherNode(mbot))
     for _ in range(3):
         node.publish(('base_l_wheel_joint', WHEEL), np.zeros(2), Time())
         assert [transform.child_frame_id for transform in sent[-1]] == ['left_wheel_link']
@@ -117,19 +126,19 @@ def test_an_unknown_joint_is_reported_once_and_the_others_move(sent, spawn, capf
     assert "rename it to 'left_wheel_joint'" in said
 
 
-def test_without_tf2_msgs_it_says_so_once_and_goes_on(spawn, capfd, monkeypatch):
+def test_without_tf2_msgs_it_says_so_once_and_goes_on(spawn, mbot, capfd, monkeypatch):
     monkeypatch.setattr(TfBroadcaster, '_reported', False)
     monkeypatch.setattr('wasd_core.topics.tf_message_type', lambda: None)
-    node = spawn(StatePublisherNode(lock_step=True))
+    node = spawn(StatePublisherNode(mbot))
     node.publish((WHEEL,), np.zeros(1), Time())
     assert capfd.readouterr().err.count('tf2_msgs is not installed: /tf is not published') == 1
 
 
-def test_in_a_sourced_ros_the_hint_is_the_package_of_apt(spawn, capfd, monkeypatch):
+def test_in_a_sourced_ros_the_hint_is_the_package_of_apt(spawn, mbot, capfd, monkeypatch):
     monkeypatch.setattr(TfBroadcaster, '_reported', False)
     monkeypatch.setattr('wasd_core.topics.tf_message_type', lambda: None)
     monkeypatch.setenv('ROS_DISTRO', 'jazzy')
-    spawn(StatePublisherNode(lock_step=True))
+    spawn(StatePublisherNode(mbot))
     said = capfd.readouterr().err
     assert 'sudo apt install ros-jazzy-tf2-msgs' in said
     assert 'build_interfaces' not in said

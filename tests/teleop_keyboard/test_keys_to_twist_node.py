@@ -10,7 +10,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import KeyPublisherNode
-from teleop_keyboard.keys_to_twist import STANDSTILL
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.twist_messages import from_twist
 from wasd_core.parameters import InvalidParameter
@@ -31,7 +32,8 @@ def make_node(ros):
 
     def make(**parameters):
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        nodes.append(KeysToTwistNode(lock_step=True, parameter_overrides=overrides))
+        logic = KeysToTwist(load_preset(parameters.get('preset', 'mbot')))
+        nodes.append(KeysToTwistNode(logic, parameter_overrides=overrides))
         nodes[-1].received = []
         nodes[-1].receivers.append(nodes[-1].received.append)
         return nodes[-1]
@@ -41,7 +43,7 @@ def make_node(ros):
         node.destroy_node()
 
 
-def test_in_lock_step_keys_put_in_come_out_as_twists_in_the_same_instant(make_node):
+def test_keys_put_in_come_out_as_twists_in_the_same_instant(make_node):
     node = make_node()
     node.keys.put(String(data='i'))
     for _ in range(100):
@@ -114,7 +116,7 @@ def test_stamped_messages_carry_the_frame_and_the_time_of_the_node(make_node):
 
 
 def test_a_key_that_was_handed_over_is_not_handled_again_when_it_comes_back(ros):
-    twist, keys = KeysToTwistNode(lock_step=True), KeyPublisherNode()
+    twist, keys = KeysToTwistNode(KeysToTwist(load_preset('mbot'))), KeyPublisherNode()
     keys.receivers.append(twist.keys.put)
     executor = SingleThreadedExecutor()
     executor.add_node(twist)

@@ -4,12 +4,13 @@
 import random
 
 import pytest
-from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 from teleop_keyboard.key_publisher_node import read_options
 from teleop_keyboard.key_script import KeyScriptWriter, parse_key_script
 from teleop_keyboard.keymap import NAMED_KEYS
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.parameters import teleop
 from wasd_core.errors import UserError
@@ -31,11 +32,7 @@ def test_every_key_is_read_back_as_it_was(tmp_path, key):
 
 def test_a_replay_gives_identical_messages(ros_domain, spawn, tmp_path):
     def drive(presses, save=None):
-        node = spawn(
-            KeysToTwistNode(
-                lock_step=True, parameter_overrides=[Parameter('preset', value='wasd')]
-            )
-        )
+        node = spawn(KeysToTwistNode(KeysToTwist(load_preset('wasd'))))
         sent = []
         node.receivers.append(sent.append)
         waiting = list(presses)

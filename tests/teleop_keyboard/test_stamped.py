@@ -10,7 +10,8 @@ import rclpy
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
-from teleop_keyboard.keys_to_twist import STANDSTILL
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keys_to_twist import KeysToTwist, STANDSTILL
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from teleop_keyboard.twist_messages import from_twist
 from wasd_core.parameters import InvalidParameter
@@ -100,9 +101,8 @@ def test_anything_else_is_rejected(teleop_of):
     ('idle', 'before', 'after'), [('silent', 0, 1), ('zeros', 0, 100), ('repeat', 100, 100)]
 )
 def test_the_idle_policy_says_what_a_standing_robot_hears(ros_domain, spawn, idle, before, after):
-    node = spawn(
-        KeysToTwistNode(lock_step=True, parameter_overrides=[Parameter('idle', value=idle)])
-    )
+    given = [Parameter('idle', value=idle)]
+    node = spawn(KeysToTwistNode(KeysToTwist(load_preset('mbot')), parameter_overrides=given))
     sent = []
     node.receivers.append(sent.append)
 

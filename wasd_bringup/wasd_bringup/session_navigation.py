@@ -12,8 +12,11 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.robot import Robot
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
 from wasd_cockpit.link import Navigation, PlanarPose
 from wasd_core.errors import UserError
+from wasd_core.messages import to_stamp
 from wasd_navigation.navigator import Outcome
 from wasd_navigation.navigator_node import NavigatorNode
 from wasd_navigation.records import Grid
@@ -82,7 +85,7 @@ class SessionNavigation:
                 self.node.place_frame(prefix + joint.child, prefix + joint.parent, joint.pose)
         self._frame = f'{prefix}{tag.link} of the lidar'
         self.node.place_frame(self._frame, prefix + tag.link, tag.pose)
-        robot.simulator.hand_over(tag.topic, self._take_scan)
+        robot.simulator.sensors.listen(tag.topic, self._take_scan)
 
     @property
     def first_line(self) -> str:
@@ -214,8 +217,9 @@ class SessionNavigation:
         if message is not None:
             self.node.take_odometry(message)
 
-    def _take_scan(self, message: Any) -> None:
+    def _take_scan(self, now: float, fields: dict[str, Any]) -> None:
         self._tell_odometry()
+        message = LaserScan(header=Header(stamp=to_stamp(now)), **fields)
         self.node.take_scan(message, self._frame)
 
     def _on_end(self, outcome: Outcome) -> None:

@@ -62,12 +62,11 @@ class SessionRobot:
         self.simulator = SimulatorNode(
             loaded,
             world,
-            lock_step=True,
-            simulation=simulation,
+            simulation=simulation or Simulation(world, options.speed),
             parameter_overrides=_overrides(options),
         )
         self.stack = make_stack(loaded, world, options)
-        self._states = StatePublisherNode(loaded, lock_step=True, prefix=world.prefix)
+        self._states = StatePublisherNode(loaded, prefix=world.prefix)
         self.keys = KeyPublisherNode(namespace=options.namespace)
         self.driver_topic = DriversNode(options.namespace)
         self.nodes: list[Node] = [

@@ -17,6 +17,8 @@ from rclpy.parameter import Parameter
 from robot_description.description import Description
 from std_msgs.msg import String
 from teleop_keyboard.dashboard import Status
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.timing import Notice, STOP_KEY
 from wasd_core.topics import LoopbackSubscription, RELIABLE
@@ -228,13 +230,12 @@ class ControlStack(ABC):
 
 def _make_teleop(options: RunOptions, other_presets: tuple[str, ...]) -> KeysToTwistNode:
     return KeysToTwistNode(
-        lock_step=True,
+        KeysToTwist(load_preset(options.preset, options.layout, other_presets)),
         namespace=options.namespace,
         parameter_overrides=[
             Parameter('preset', value=options.preset),
             Parameter('layout', value=options.layout),
         ],
-        other_presets=other_presets,
     )
 
 

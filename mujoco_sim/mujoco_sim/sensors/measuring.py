@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measures what the sensors of a robot see, each at its rate, for who listens."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from robot_description.description import Description
+from wasd_core.timing import Beat
+
+from mujoco_sim.parameters import SimulatorParameters
+from mujoco_sim.sensors.mount import Fields, Site
+from mujoco_sim.sensors.table import read_sensor_tags, Sensor, SENSORS
+from mujoco_sim.sensors.tags import SensorTag
+from mujoco_sim.world import World
+
+# Takes the time of a measurement [s] and what the message of it says.
+Receive = Callable[[float, Fields], None]
+
+
+@dataclass
+class SensorTopic:
+    """A topic of a sensor, relative; the type of sensor_msgs that it has, and its frame."""
+
+    name: str
+    kind: str
+    frame: str
+    listeners: list[tuple[Receive, Callable[[], bool]]] = field(default_factory=list)
+
+    def listen(self, receive: Receive, wants: Callable[[], bool] = lambda: True) -> None:
+        """Give `receive` what is measured while it `wants` that."""
+        self.listeners.append((receive, wants))
+
+
+class Sensors:
+    """
+    Measures on simulated time, only what somebody wants.
+
+    While a picture is rendered, simulated time waits: what is seen does not depend on the
+    machine. The noise of a measurement is drawn by seed, sensor and number of the measurement,
+    so it does not depend on who listened before. `notes` are what is not simulated, in words.
+    """
+
+    def __init__(
+        self,
+        loaded: Description,
+        world: World,
+        settings: SimulatorParameters,
+        say: Callable[[str], Any] = lambda text: None,
+    ) -> None:
+        """
+        Find the sensors in the robot's description; nothing is rendered yet.
+
+        `say` hears what does not work.
+        """
+        self._world = world
+        found = read_sensor_tags(loaded.robot)
+        self.notes = found.notes
+        self._site = Site(world, loaded.robot, settings.camera_scale, say)
+        self.tune(settings)
+        self._sensors = []
+        for tags, kind in zip(found.kinds, SENSORS, strict=True):
+            for tag in tags:
+                own = replace(tag, frame=world.prefix + tag.frame)
+                self._sensors.append(_SensorTopics(own, kind.build(own, self._site), kind.topics))
+        self.reset()
+
+    @property
+    def topics(self) -> list[SensorTopic]:
+        """All topics, those of one sensor after those of another."""
+        return [topic for sensor in self._sensors for topic in sensor.topics.values()]
+
+    def listen(self, topic: str, receive: Receive) -> None:
+        """Give what is measured for a topic, by its relative name, to `receive`."""
+        for one in self.topics:
+            if one.name == topic:
+                one.listen(receive)
+
+    def step(self) -> None:
+        """Measure what is due now."""
+        now = self._world.time
+        for index, (beat, one) in enumerate(zip(self._beats, self._sensors, strict=True)):
+            if beat.is_due(now - self._start, one.rate) and (wanted := one.wanted()):
+                seed = [self._world.seed, index, beat.number]
+                random = np.random.default_rng(seed) if self._has_noise else None
+                for topic, fields in one.sensor.measure(wanted, random):
+                    for receive in wanted[topic]:
+                        receive(now, fields)
+
+    def reset(self) -> None:
+        """Draw the noise again from its beginning, as the robot is back at its own."""
+        self._start = self._world.time
+        self._beats = [Beat() for _ in self._sensors]
+
+    def tune(self, settings: SimulatorParameters) -> None:
+        """Have noise or none, and pictures of so much of the described size, from now on."""
+        self._has_noise = settings.sensor_noise
+        self._site.scale = settings.camera_scale
+
+    def close(self) -> None:
+        """Release the renderer, if there is one."""
+        self._site.close()
+
+
+class _SensorTopics:
+    """A sensor and its topics; two of one name, as of a lens that two pictures share, are one."""
+
+    def __init__(self, tag: SensorTag, sensor: Sensor, topics: dict[str, str]) -> None:
+        self.rate = tag.rate
+        self.sensor = sensor
+        self.topics: dict[str, SensorTopic] = {}  # by the fields of the tag
+        names: set[str] = set()
+        for place, kind in topics.items():
+            name = getattr(tag, place)
+            if name and name not in names:
+                names.add(name)
+                self.topics[place] = SensorTopic(name, kind, tag.frame)
+
+    def wanted(self) -> dict[str, list[Receive]]:
+        """Return who wants something now, by the fields of the tag; nothing that nobody wants."""
+        found = {
+            place: [receive for receive, wants in topic.listeners if wants()]
+            for place, topic in self.topics.items()
+        }
+        return {place: receivers for place, receivers in found.items() if receivers}
