@@ -17,7 +17,13 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.errors import did_you_mean
-from wasd_core.messages import to_base_state, to_joint_commands, to_seconds
+from wasd_core.messages import (
+    to_base_state,
+    to_base_transform,
+    to_joint_commands,
+    to_odometry,
+    to_seconds,
+)
 from wasd_core.node import run_node
 from wasd_core.parameters import outward_name
 from wasd_core.ros_parameters import declare_parameters
@@ -37,8 +43,6 @@ from diff_drive_sim.drive import Controller, DiffDrive
 from diff_drive_sim.messages import (
     from_pose,
     to_diagnostics,
-    to_odometry,
-    to_transform,
     to_twist_stamped,
     to_wheel_states,
     VelocityInput,
@@ -167,6 +171,10 @@ class DiffDriveControllerNode(Node):
         return self.unit.parameters
 
     @property
+    def _frames(self) -> tuple[str, str]:
+        return self.settings.odom_frame_id, self.settings.base_frame_id
+
+    @property
     def controller(self) -> Controller:
         """What commands become wheel speeds by."""
         return self.unit.controller
@@ -175,11 +183,10 @@ class DiffDriveControllerNode(Node):
         """Publish odom and /tf, and what else is asked for, with one stamp: the node's time."""
         self._absence.beat()
         stamp = stamp or self.get_clock().now().to_msg()
-        state = self.controller.odometry_state
         if has_listener(self._odometry):
             self._odometry.publish(self.odometry(stamp))
         if self.settings.enable_odom_tf and self._tf.available:
-            self._tf.send([to_transform(state, stamp, self.settings)])
+            self._tf.send([to_base_transform(self.unit.odometry, *self._frames, stamp)])
         if self._limited is not None:
             frame = self.settings.base_frame_id
             self._limited.publish(to_twist_stamped(self.controller.velocity, stamp, frame))
@@ -194,8 +201,7 @@ class DiffDriveControllerNode(Node):
     def odometry(self, stamp: Any = None) -> Odometry:
         """Return odom as `publish` would publish it."""
         stamp = stamp or self.get_clock().now().to_msg()
-        controller = self.controller
-        return to_odometry(controller.odometry_state, controller.covariance, stamp, self.settings)
+        return to_odometry(self.unit.odometry, *self._frames, stamp)
 
     def publish_diagnostics(self) -> None:
         """Publish the state, and what arbotix says of a controller."""

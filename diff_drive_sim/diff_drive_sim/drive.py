@@ -8,7 +8,7 @@ import math
 import numpy as np
 from robot_description.morphology.equip_wheels import strength
 from robot_description.robot import Robot
-from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.timing import Watchdog
 
 from diff_drive_sim.arbotix import ArbotixDrive, LegacyController, setpoints_of
@@ -206,6 +206,31 @@ class DiffDrive:
         """What the encoders show, counting forward."""
         left, right = self.angles
         return count_ticks(left, self._scale), count_ticks(right, self._scale)
+
+    @property
+    def odometry(self) -> BaseOdometry:
+        """Where the wheels say it is, and how sure that is."""
+        controller, parameters = self.controller, self.parameters
+        state, sure = controller.odometry_state, controller.covariance
+        pose = np.diag(parameters.pose_covariance_diagonal)
+        pose[0, 0] += sure.xx
+        pose[1, 1] += sure.yy
+        pose[5, 5] += sure.yaw_yaw
+        pose[0, 1] = pose[1, 0] = sure.xy
+        pose[0, 5] = pose[5, 0] = sure.x_yaw
+        pose[1, 5] = pose[5, 1] = sure.y_yaw
+        twist, error = np.diag(parameters.twist_covariance_diagonal), parameters.twist_error
+        twist[0, 0] += (error * state.linear) ** 2
+        twist[1, 1] += (error * state.lateral) ** 2
+        twist[5, 5] += (error * state.angular) ** 2
+        return BaseOdometry(
+            np.array((state.x, state.y, 0.0)),
+            np.array((math.cos(0.5 * state.yaw), 0.0, 0.0, math.sin(0.5 * state.yaw))),
+            np.array((state.linear, state.lateral, 0.0)),
+            np.array((0.0, 0.0, state.angular)),
+            pose,
+            twist,
+        )
 
     def reset(self) -> None:
         """Stand still at the origin, with no past."""

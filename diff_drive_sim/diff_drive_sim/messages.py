@@ -7,8 +7,7 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseWithCovarianceStamped, TransformStamped, Twist, TwistStamped
-from nav_msgs.msg import Odometry
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist, TwistStamped
 import rclpy
 from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
@@ -18,55 +17,6 @@ from wasd_core.topics import LoopbackSubscription, RELIABLE
 
 from diff_drive_sim.controller import Velocity
 from diff_drive_sim.odometry import DiffDriveError, OdometryState, PlanarCovariance
-from diff_drive_sim.parameters import OdometryParameters
-
-# x, y, z, roll, pitch, yaw on the diagonal of a 6 x 6 covariance, row-major.
-_DIAGONAL = slice(0, 36, 7)
-
-
-def to_odometry(
-    state: OdometryState, covariance: PlanarCovariance, stamp: Time, parameters: OdometryParameters
-) -> Odometry:
-    """Return nav_msgs/Odometry: pose in the odom frame, twist in the base frame."""
-    message = Odometry()
-    message.header.stamp = stamp
-    message.header.frame_id = parameters.odom_frame_id
-    message.child_frame_id = parameters.base_frame_id
-    message.pose.pose.position.x = state.x
-    message.pose.pose.position.y = state.y
-    message.pose.pose.orientation.z = math.sin(0.5 * state.yaw)
-    message.pose.pose.orientation.w = math.cos(0.5 * state.yaw)
-    twist = message.twist.twist
-    twist.linear.x, twist.linear.y, twist.angular.z = state.linear, state.lateral, state.angular
-    pose = message.pose.covariance
-    pose[_DIAGONAL] = parameters.pose_covariance_diagonal
-    pose[0] += covariance.xx
-    pose[7] += covariance.yy
-    pose[35] += covariance.yaw_yaw
-    pose[1] = pose[6] = covariance.xy
-    pose[5] = pose[30] = covariance.x_yaw
-    pose[11] = pose[31] = covariance.y_yaw
-    error = parameters.twist_error
-    message.twist.covariance[_DIAGONAL] = parameters.twist_covariance_diagonal
-    message.twist.covariance[0] += (error * state.linear) ** 2
-    message.twist.covariance[7] += (error * state.lateral) ** 2
-    message.twist.covariance[35] += (error * state.angular) ** 2
-    return message
-
-
-def to_transform(
-    state: OdometryState, stamp: Time, parameters: OdometryParameters
-) -> TransformStamped:
-    """Return the transform odom -> base of the same instant."""
-    message = TransformStamped()
-    message.header.stamp = stamp
-    message.header.frame_id = parameters.odom_frame_id
-    message.child_frame_id = parameters.base_frame_id
-    message.transform.translation.x = state.x
-    message.transform.translation.y = state.y
-    message.transform.rotation.z = math.sin(0.5 * state.yaw)
-    message.transform.rotation.w = math.cos(0.5 * state.yaw)
-    return message
 
 
 def from_pose(

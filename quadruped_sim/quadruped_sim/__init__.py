@@ -17,7 +17,6 @@ _HOMES = {
     'LegControllerParameters': 'parameters',
     'LegNodeParameters': 'parameters',
     'Legs': 'legs',
-    'LegOdometry': 'robot_model',
     'RobotModel': 'robot_model',
     'RobotModelError': 'robot_model',
     'WholeBody': 'locomotion.whole_body',

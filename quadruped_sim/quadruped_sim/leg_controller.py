@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from wasd_core.errors import UserError
-from wasd_core.robot_io import BaseState, ImuReading, JointCommand, Reading
+from wasd_core.robot_io import BaseOdometry, BaseState, ImuReading, JointCommand, Reading
 
 from quadruped_sim.algebra import flatten, plain
 from quadruped_sim.command_filter import CommandFilter, velocity_limits
@@ -28,7 +28,7 @@ from quadruped_sim.locomotion import Locomotion
 from quadruped_sim.parameters import LegControllerParameters, scale_parameters
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_model import RobotModel
-from quadruped_sim.robot_state import LegOdometry, make_odometry, read_legs, RobotState, turn_base
+from quadruped_sim.robot_state import make_odometry, read_legs, RobotState, turn_base
 from quadruped_sim.safety import FallWatch, is_sound_state, Safety
 from quadruped_sim.states import ControllerParts, make_states
 from quadruped_sim.states.driving import damping_command, Passive
@@ -172,7 +172,7 @@ class LegController:
         self.hindrance = ''  # why it must not move now, '' if it may
         self.is_fallen = False  # whether it lies on its side or back, or has since it stood
         self.event: str | None = None
-        self._odometry: LegOdometry | None = None
+        self._odometry: BaseOdometry | None = None
 
     @property
     def state(self) -> str:
@@ -190,7 +190,7 @@ class LegController:
         return self._machine.coming.value
 
     @property
-    def odometry(self) -> LegOdometry | None:
+    def odometry(self) -> BaseOdometry | None:
         """Estimated pose and velocity of the base; None before the first reading."""
         if self._odometry is None and self.robot is not None:
             variances = (1e-9, 1e-9, 0.0)

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The leg controller on ROS: keys and cmd_vel in, odom and joint commands out."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 import sys
-from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import TransformStamped, Twist
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -18,9 +17,11 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from wasd_core.messages import (
     to_base_state,
+    to_base_transform,
     to_imu_reading,
     to_joint_commands,
     to_joint_states,
+    to_odometry,
     to_seconds,
 )
 from wasd_core.node import run_node
@@ -45,16 +46,8 @@ from quadruped_sim.leg_controller import LegController
 from quadruped_sim.legs import Legs
 from quadruped_sim.parameters import leg_controller, LegNodeParameters
 from quadruped_sim.readings import Readings
-from quadruped_sim.robot_state import LegOdometry
 
 KIND = NodeKind(leg_controller.name, 'leg controller')
-
-
-class Frames(NamedTuple):
-    """Names of the frame in which odometry is given, and of the robot's that it follows."""
-
-    odom: str
-    base: str
 
 
 class LegControllerNode(Node):
@@ -93,7 +86,7 @@ class LegControllerNode(Node):
             self.get_logger().warning(note)
         self.legs.on_said = lambda text: self.get_logger().warning(visible(text))
         self._gait = settings.gait.name
-        self._frames = Frames(settings.odom_frame, settings.base_frame or self.legs.base_frame)
+        self._frames = settings.odom_frame, settings.base_frame or self.legs.base_frame
         self.keys = LoopbackSubscription(self, String, 'keys', self._on_key, EVENTS)
         self._absence = AbsenceWatch(self, self._on_return)
         self.cmd_vel = LoopbackSubscription(
@@ -122,7 +115,7 @@ class LegControllerNode(Node):
             self._odometry.publish(message)
         state = self.legs.odometry if self._tf.available else None
         if state is not None:
-            self._tf.send([to_transform(state, stamp, self._frames)])
+            self._tf.send([to_base_transform(state, *self._frames, stamp)])
         if self.legs.state != self._published_state:
             self._published_state = self.legs.state
             self._state.publish(String(data=self._published_state))
@@ -132,7 +125,7 @@ class LegControllerNode(Node):
         state = self.legs.odometry
         if state is None:
             return None
-        return to_odometry(state, stamp or self.get_clock().now().to_msg(), self._frames)
+        return to_odometry(state, *self._frames, stamp or self.get_clock().now().to_msg())
 
     def close(self) -> None:
         """Leave the legs passive (the simulator's own watchdog brakes them, too)."""
@@ -205,40 +198,6 @@ class LegControllerNode(Node):
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=5.0)
-
-
-def to_odometry(state: LegOdometry, stamp: Time, frames: Frames) -> Odometry:
-    """Return nav_msgs/Odometry: pose in the odom frame, twist in the base frame."""
-    message = Odometry()
-    message.header.stamp = stamp
-    message.header.frame_id = frames.odom
-    message.child_frame_id = frames.base
-    _set_xyz(message.pose.pose.position, state.position)
-    _set_wxyz(message.pose.pose.orientation, state.orientation)
-    _set_xyz(message.twist.twist.linear, state.linear_velocity)
-    _set_xyz(message.twist.twist.angular, state.angular_velocity)
-    message.pose.covariance[:] = state.pose_covariance.flatten()
-    message.twist.covariance[:] = state.twist_covariance.flatten()
-    return message
-
-
-def to_transform(state: LegOdometry, stamp: Time, frames: Frames) -> TransformStamped:
-    """Return the transform odom -> base of the same instant."""
-    message = TransformStamped()
-    message.header.stamp = stamp
-    message.header.frame_id = frames.odom
-    message.child_frame_id = frames.base
-    _set_xyz(message.transform.translation, state.position)
-    _set_wxyz(message.transform.rotation, state.orientation)
-    return message
-
-
-def _set_xyz(target: Any, values: Iterable[float]) -> None:
-    target.x, target.y, target.z = map(float, values)
-
-
-def _set_wxyz(target: Any, values: Iterable[float]) -> None:
-    target.w, target.x, target.y, target.z = map(float, values)
 
 
 def _parameters_of_file(node: Node) -> LegNodeParameters:

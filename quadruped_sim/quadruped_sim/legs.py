@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from robot_description.description import Description
-from wasd_core.robot_io import BaseState, JointCommand, Reading
+from wasd_core.robot_io import BaseOdometry, BaseState, JointCommand, Reading
 from wasd_core.signals import stop_requested
 from wasd_core.timing import NO_PRESS, Notice
 
@@ -14,7 +14,6 @@ from quadruped_sim.keys import StateName, StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
-from quadruped_sim.robot_state import LegOdometry
 
 
 class Legs:
@@ -67,7 +66,7 @@ class Legs:
         return self.controller.state
 
     @property
-    def odometry(self) -> LegOdometry | None:
+    def odometry(self) -> BaseOdometry | None:
         """Estimated pose and velocity of the base; None before the first reading."""
         return self.controller.odometry
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 from wasd_core.jit import jit
+from wasd_core.robot_io import BaseOdometry
 
 from quadruped_sim.algebra import flatten, rotate, view_of, write_rotation
 from quadruped_sim.dynamics import blank_dynamics, Dynamics
@@ -152,23 +153,6 @@ def place_base(robot: np.ndarray) -> None:
             state.feet[i, k] = base.position[k] + arm[k]
 
 
-@dataclass(frozen=True)
-class LegOdometry:
-    """
-    Pose and velocity of the base for navigation.
-
-    `position` [m] in odom, `orientation` (w, x, y, z) base to odom; `linear_velocity` [m/s] and
-    `angular_velocity` [rad/s] in base axes. Covariances are (6, 6): xyz then rotation about xyz.
-    """
-
-    position: np.ndarray
-    orientation: np.ndarray
-    linear_velocity: np.ndarray
-    angular_velocity: np.ndarray
-    pose_covariance: np.ndarray
-    twist_covariance: np.ndarray
-
-
 # The IMU's tilt is taken as true up to this variance [rad^2]; its rate likewise.
 _ROTATION_VARIANCE = 1e-5
 _RATE_VARIANCE = 1e-4
@@ -176,10 +160,10 @@ _RATE_VARIANCE = 1e-4
 
 def make_odometry(
     robot: RobotState, position_variance: float, velocity_variance: float, heading_variance: float
-) -> LegOdometry:
-    """LegOdometry from the estimated state; variances per axis [m^2], [m^2/s^2], [rad^2]."""
+) -> BaseOdometry:
+    """Odometry of the estimated state; variances per axis [m^2], [m^2/s^2], [rad^2]."""
     rotation = [_ROTATION_VARIANCE] * 2 + [_ROTATION_VARIANCE + heading_variance]
-    return LegOdometry(
+    return BaseOdometry(
         position=robot.base.position.copy(),
         orientation=robot.orientation.copy(),
         linear_velocity=robot.base.R.T @ robot.base.velocity,

@@ -7,12 +7,25 @@ from builtin_interfaces.msg import Time
 from mujoco_sim.truth_publisher import to_ground_truth
 import numpy as np
 import pytest
-from quadruped_sim.leg_controller_node import Frames, to_odometry, to_transform
 from quadruped_sim.robot_model import JointMap
-from quadruped_sim.robot_state import LegOdometry
 from sensor_msgs.msg import JointState
-from wasd_core.messages import to_base_state, to_imu, to_imu_reading, to_joint_states
-from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates, Reading
+from wasd_core.messages import (
+    from_odometry,
+    to_base_state,
+    to_base_transform,
+    to_imu,
+    to_imu_reading,
+    to_joint_states,
+    to_odometry,
+)
+from wasd_core.robot_io import (
+    BaseOdometry,
+    BaseState,
+    ImuReading,
+    JointCommand,
+    JointStates,
+    Reading,
+)
 
 
 @pytest.fixture
@@ -78,13 +91,13 @@ def test_a_command_is_put_into_the_motors_order_by_name(rng, model):
 def test_odometry_and_transform_carry_one_pose_and_one_stamp(rng):
     quaternion = rng.normal(size=4)
     quaternion /= np.linalg.norm(quaternion)
-    state = LegOdometry(
+    state = BaseOdometry(
         rng.normal(size=3), quaternion, rng.normal(size=3), rng.normal(size=3),
         np.diag(np.arange(6.0)), 2.0 * np.eye(6),
     )  # fmt: skip
     stamp = Time(sec=3, nanosec=5)
-    odometry = to_odometry(state, stamp, Frames('odom', 'trunk'))
-    transform = to_transform(state, stamp, Frames('odom', 'trunk'))
+    odometry = to_odometry(state, 'odom', 'trunk', stamp)
+    transform = to_base_transform(state, 'odom', 'trunk', stamp)
     assert odometry.header == transform.header
     assert odometry.child_frame_id == transform.child_frame_id == 'trunk'
     assert odometry.pose.pose.orientation == transform.transform.rotation
@@ -92,3 +105,5 @@ def test_odometry_and_transform_carry_one_pose_and_one_stamp(rng):
     assert odometry.twist.twist.linear.x == state.linear_velocity[0]
     assert odometry.twist.twist.angular.z == state.angular_velocity[2]
     assert list(odometry.pose.covariance[:8]) == [0, 0, 0, 0, 0, 0, 0, 1]
+    for one, other in zip(from_odometry(odometry), state, strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -24,14 +24,13 @@ from quadruped_sim.keys import STATE_KEYS
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegControllerParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
-from quadruped_sim.robot_state import LegOdometry
 from quadruped_sim.tuning import CommandParameters, GaitParameters
 from robot_description.description import load_robot
 from robot_description.morphology.wheels import ANY_WHEELS, WheelChoice
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
-from wasd_core.robot_io import BaseState, JointCommand, LEG_RATE
+from wasd_core.robot_io import BaseOdometry, BaseState, JointCommand, LEG_RATE
 
 # Without a handler Python writes warnings to standard error, a line each.
 LOGGER = logging.getLogger(__name__)
@@ -233,7 +232,7 @@ class Go2(Robot):
         return self._controller.state
 
     @property
-    def odometry(self) -> LegOdometry:
+    def odometry(self) -> BaseOdometry:
         """Where the robot believes it is: pose, velocities and their covariances."""
         odometry = self._controller.odometry
         if odometry is None:

@@ -2,6 +2,7 @@
 """Times, poses and the records of robot_io as messages, and back."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import TransformStamped
@@ -11,7 +12,7 @@ from sensor_msgs.msg import Imu, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from wasd_core.errors import InvalidMessage
-from wasd_core.robot_io import BaseState, ImuReading, JointCommand, JointStates
+from wasd_core.robot_io import BaseOdometry, BaseState, ImuReading, JointCommand, JointStates
 from wasd_core.rotations import Pose, rotate_inverse, to_quaternion
 
 
@@ -74,6 +75,54 @@ def to_imu_reading(message: Imu) -> ImuReading:
     return ImuReading(
         np.array((q.w, q.x, q.y, q.z)), np.array((w.x, w.y, w.z)), np.array((a.x, a.y, a.z))
     )
+
+
+def to_odometry(odometry: BaseOdometry, frame: str, base: str, stamp: Time) -> Odometry:
+    """Return nav_msgs/Odometry: pose in the odom `frame`, twist in that of the `base`."""
+    message = Odometry()
+    message.header.stamp, message.header.frame_id = stamp, frame
+    message.child_frame_id = base
+    _set_xyz(message.pose.pose.position, odometry.position)
+    _set_wxyz(message.pose.pose.orientation, odometry.orientation)
+    _set_xyz(message.twist.twist.linear, odometry.linear_velocity)
+    _set_xyz(message.twist.twist.angular, odometry.angular_velocity)
+    message.pose.covariance[:] = odometry.pose_covariance.flatten()
+    message.twist.covariance[:] = odometry.twist_covariance.flatten()
+    return message
+
+
+def to_base_transform(
+    odometry: BaseOdometry, frame: str, base: str, stamp: Time
+) -> TransformStamped:
+    """Return the transform odom -> base of the same instant."""
+    message = TransformStamped()
+    message.header.stamp, message.header.frame_id = stamp, frame
+    message.child_frame_id = base
+    _set_xyz(message.transform.translation, odometry.position)
+    _set_wxyz(message.transform.rotation, odometry.orientation)
+    return message
+
+
+def from_odometry(message: Odometry) -> BaseOdometry:
+    """Return the odometry of a message."""
+    pose, twist = message.pose, message.twist
+    p, q, v, w = pose.pose.position, pose.pose.orientation, twist.twist.linear, twist.twist.angular
+    return BaseOdometry(
+        np.array((p.x, p.y, p.z)),
+        np.array((q.w, q.x, q.y, q.z)),
+        np.array((v.x, v.y, v.z)),
+        np.array((w.x, w.y, w.z)),
+        np.array(pose.covariance).reshape(6, 6),
+        np.array(twist.covariance).reshape(6, 6),
+    )
+
+
+def _set_xyz(target: Any, values: np.ndarray) -> None:
+    target.x, target.y, target.z = values.tolist()
+
+
+def _set_wxyz(target: Any, values: np.ndarray) -> None:
+    target.w, target.x, target.y, target.z = values.tolist()
 
 
 def to_base_state(message: Odometry) -> BaseState:

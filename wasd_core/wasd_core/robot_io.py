@@ -52,6 +52,22 @@ class BaseState(NamedTuple):
         return np.array([cos * vx + sin * vy, cos * vy - sin * vx, turn])
 
 
+class BaseOdometry(NamedTuple):
+    """
+    Where a robot believes its base to be.
+
+    `position` [m] in odom, `orientation` (w, x, y, z) base to odom; `linear_velocity` [m/s] and
+    `angular_velocity` [rad/s] in base axes. Covariances are (6, 6): xyz then rotation about xyz.
+    """
+
+    position: np.ndarray
+    orientation: np.ndarray
+    linear_velocity: np.ndarray
+    angular_velocity: np.ndarray
+    pose_covariance: np.ndarray
+    twist_covariance: np.ndarray
+
+
 class JointStates(NamedTuple):
     """Joints in a known order, each array of shape (n,)."""
 
