@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A navigator of stand-ins in lock-step, and the messages that it is given."""
+"""A robot's navigator of stand-ins with its node, and what both are given."""
 
 import math
 
@@ -31,19 +31,24 @@ def scan_at(stamp):
 
 
 class Rig:
-    """A navigator in lock-step that has seen a scan, and what it commands and says."""
+    """A navigator that has seen a scan, its node, and what it commands and says."""
 
     def __init__(self, node):
         self.node, self.sent, self.said = node, [], []
-        node.send = lambda velocity: self.sent.append(velocity.tolist())
-        node.say = self.said.append
-        node.place_frame('laser', 'base', LEVEL)
+        self.navigation, self.navigator = node.navigation, node.navigator
+        self.navigation.send = lambda velocity: self.sent.append(velocity.tolist())
+        self.navigation.say = self.said.append
+        self.navigation.place_frame('laser', 'base', LEVEL)
         self.look()
 
-    def look(self):
-        stamp = self.node.get_clock().now().to_msg()
-        self.node.take_odometry(odometry_at(stamp))
-        self.node.take_scan(scan_at(stamp))
+    def look(self, x=0.0, **scan):
+        """Take odometry and a scan of now, in which some fields are other ones."""
+        now = self.node.get_clock().now().to_msg()
+        self.node._on_odometry(odometry_at(now, x))
+        message = scan_at(now)
+        for name, value in scan.items():
+            setattr(message, name, value)
+        self.node._on_scan(message)
 
 
 def goal_at(x, y, yaw, frame='map'):

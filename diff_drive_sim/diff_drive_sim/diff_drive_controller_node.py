@@ -171,7 +171,8 @@ class DiffDriveControllerNode(Node):
         return self.unit.parameters
 
     @property
-    def _frames(self) -> tuple[str, str]:
+    def frames(self) -> tuple[str, str]:
+        """The frames of odometry and of the base."""
         return self.settings.odom_frame_id, self.settings.base_frame_id
 
     @property
@@ -186,7 +187,7 @@ class DiffDriveControllerNode(Node):
         if has_listener(self._odometry):
             self._odometry.publish(self.odometry(stamp))
         if self.settings.enable_odom_tf and self._tf.available:
-            self._tf.send([to_base_transform(self.unit.odometry, *self._frames, stamp)])
+            self._tf.send([to_base_transform(self.unit.odometry, *self.frames, stamp)])
         if self._limited is not None:
             frame = self.settings.base_frame_id
             self._limited.publish(to_twist_stamped(self.controller.velocity, stamp, frame))
@@ -201,7 +202,7 @@ class DiffDriveControllerNode(Node):
     def odometry(self, stamp: Any = None) -> Odometry:
         """Return odom as `publish` would publish it."""
         stamp = stamp or self.get_clock().now().to_msg()
-        return to_odometry(self.unit.odometry, *self._frames, stamp)
+        return to_odometry(self.unit.odometry, *self.frames, stamp)
 
     def publish_diagnostics(self) -> None:
         """Publish the state, and what arbotix says of a controller."""

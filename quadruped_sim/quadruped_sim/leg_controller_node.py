@@ -86,7 +86,7 @@ class LegControllerNode(Node):
             self.get_logger().warning(note)
         self.legs.on_said = lambda text: self.get_logger().warning(visible(text))
         self._gait = settings.gait.name
-        self._frames = settings.odom_frame, settings.base_frame or self.legs.base_frame
+        self.frames = settings.odom_frame, settings.base_frame or self.legs.base_frame
         self.keys = LoopbackSubscription(self, String, 'keys', self._on_key, EVENTS)
         self._absence = AbsenceWatch(self, self._on_return)
         self.cmd_vel = LoopbackSubscription(
@@ -115,7 +115,7 @@ class LegControllerNode(Node):
             self._odometry.publish(message)
         state = self.legs.odometry if self._tf.available else None
         if state is not None:
-            self._tf.send([to_base_transform(state, *self._frames, stamp)])
+            self._tf.send([to_base_transform(state, *self.frames, stamp)])
         if self.legs.state != self._published_state:
             self._published_state = self.legs.state
             self._state.publish(String(data=self._published_state))
@@ -125,7 +125,7 @@ class LegControllerNode(Node):
         state = self.legs.odometry
         if state is None:
             return None
-        return to_odometry(state, *self._frames, stamp or self.get_clock().now().to_msg())
+        return to_odometry(state, *self.frames, stamp or self.get_clock().now().to_msg())
 
     def close(self) -> None:
         """Leave the legs passive (the simulator's own watchdog brakes them, too)."""

@@ -8,19 +8,31 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from wasd_core.topics import LATCHED
 from wasd_navigation.navigator_node import NavigatorNode
+from wasd_navigation.parameters import NavigatorParameters
+from wasd_navigation.robot_navigator import RobotNavigator
+
+from wasd_navigation import robot_navigator
 
 
 @pytest.fixture
 def make(spawn):
-    """Return a function that makes a navigator of stand-ins with parameters."""
+    """Return a function that makes the face of a navigator of stand-ins with parameters."""
 
-    def make(lock_step=True, **values):
+    def make(**values):
         overrides = [Parameter(name, value=value) for name, value in values.items()]
-        parts = StandInLocator(), StandInPilot()
-        node = NavigatorNode(lock_step=lock_step, parameter_overrides=overrides, parts=parts)
-        return spawn(node)
+        settings = NavigatorParameters().changed(values)
+        navigation = RobotNavigator(settings, (StandInLocator(), StandInPilot()))
+        return spawn(NavigatorNode(navigation, parameter_overrides=overrides))
 
     return make
+
+
+@pytest.fixture
+def lone(spawn, monkeypatch):
+    """Return a navigator of stand-ins that is a node of its own."""
+    parts = StandInLocator(), StandInPilot()
+    monkeypatch.setattr(robot_navigator, 'make_parts', lambda *_: parts)
+    return spawn(NavigatorNode())
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from rclpy.qos import QoSProfile
 from wasd_navigation.goal_action import action_type
 from wasd_navigation.messages import to_pose_stamped
 from wasd_navigation.navigator_node import NavigatorNode
+from wasd_navigation.robot_navigator import RobotNavigator
 
 NavigateToPose = action_type()
 pytestmark = [
@@ -24,10 +25,10 @@ class Client:
 
     def __init__(self, spawn, spin_until):
         parts = StandInLocator(), StandInPilot()
-        self.navigator = spawn(NavigatorNode(lock_step=True, parts=parts))
-        self.navigator.say = lambda words: None
+        self.navigation = RobotNavigator(parts=parts)
+        self.navigator = spawn(NavigatorNode(self.navigation))
         self.sent, self.feedback = [], []
-        self.navigator.send = lambda velocity: self.sent.append(velocity.tolist())
+        self.navigation.send = lambda velocity: self.sent.append(velocity.tolist())
         self.logic = self.navigator.navigator
         self.logic.pilot.end = ('driving', '')
         self.logic.move(odometry())
@@ -154,7 +155,7 @@ def test_the_next_goal_takes_the_place_of_the_first(client):
     ],
 )
 def test_what_cannot_be_driven_to_is_aborted_with_the_reason(client, frame, refusal, words):
-    client.navigator.refusal = lambda: refusal
+    client.navigation.refusal = lambda: refusal
     status, result = client.result(client.send(2.0, frame))
     assert status == GoalStatus.STATUS_ABORTED
     assert (result.error_msg, result.error_code) == (words, 1)
@@ -165,7 +166,7 @@ def test_a_goal_that_is_none_leaves_the_robot_standing(client, frame, refusal):
     client.send(2.0)
     client.navigator.step()
     assert client.sent[-1] != [0.0, 0.0, 0.0]
-    client.navigator.refusal = lambda: refusal
+    client.navigation.refusal = lambda: refusal
     client.send(2.0, frame)
     assert client.sent[-1] == [0.0, 0.0, 0.0]
 
@@ -179,7 +180,7 @@ def test_the_next_goal_does_not_make_it_stand(client):
 
 def test_a_driver_who_takes_over_ends_the_goal(client):
     handle = client.send(2.0)
-    client.navigator.stop('a key takes over')
+    client.navigation.stop('a key takes over')
     status, result = client.result(handle)
     assert status == GoalStatus.STATUS_ABORTED
     assert result.error_msg == 'cancelled: a key takes over'

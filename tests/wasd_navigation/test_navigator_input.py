@@ -9,8 +9,10 @@ from geometry_msgs.msg import TransformStamped
 from navigator_rig import goal_at, LEVEL, odometry_at, scan_at
 import numpy as np
 import pytest
+from wasd_core.messages import from_odometry
 from wasd_core.rotations import Pose
 from wasd_core.topics import tf_message_type
+from wasd_navigation.records import Ranges
 
 pytestmark = pytest.mark.slow
 
@@ -19,41 +21,41 @@ FAR = np.array([2.0, 1.0, 0.0])
 
 def test_time_that_jumps_back_begins_anew_and_standing(rig):
     rig.node.step()
-    rig.node.go(FAR)
-    rig.node._stepped_at += 1e6
+    rig.navigation.go(FAR)
+    rig.navigation._stepped_at += 1e6
     rig.node.step()
-    assert rig.node.navigator.scans == 0
+    assert rig.navigator.scans == 0
     assert rig.said[-1] == 'goal cancelled: time has jumped back by 1e+06 s'
     assert rig.sent[-1] == [0.0, 0.0, 0.0]
 
 
 def test_a_scan_that_waits_keeps_the_frame_that_was_said(make):
-    node = make()
-    stamp = node.get_clock().now().to_msg()
-    node.place_frame('tag', 'base', Pose(np.array([0.3, 0.0, 0.2]), np.eye(3)))
-    node.take_scan(scan_at(stamp), 'tag')
-    node.take_odometry(odometry_at(stamp))
-    scan, _, _ = node.navigator.locator.steps[0]
+    navigation = make().navigation
+    navigation.place_frame('tag', 'base', Pose(np.array([0.3, 0.0, 0.2]), np.eye(3)))
+    navigation.take_scan(2.0, Ranges([1.0, 2.0, 3.0], -1.0, 1.0, 0.1, 6.0), 'tag')
+    odometry = from_odometry(odometry_at(Time(sec=2)))
+    navigation.take_odometry(2.0, odometry, ('odom', 'base'))
+    scan, _, _ = navigation.navigator.locator.steps[0]
     assert scan.origin == pytest.approx([0.3, 0.0])
 
 
 def test_a_scan_from_before_all_odometry_is_ignored(rig):
-    rig.node.take_scan(scan_at(Time(sec=1)))
-    assert rig.node.navigator.scans == 1
-    assert rig.node._waiting is None
+    rig.node._on_scan(scan_at(Time(sec=1)))
+    assert rig.navigator.scans == 1
+    assert rig.navigation._waiting is None
 
 
 def test_odometry_that_is_said_again_is_no_sign_of_life(rig):
     moved = []
-    rig.node.navigator.move = moved.append
+    rig.navigator.move = moved.append
     stamp = rig.node.get_clock().now().to_msg()
     for _ in range(3):
-        rig.node.take_odometry(odometry_at(stamp))
+        rig.node._on_odometry(odometry_at(stamp))
     assert len(moved) == 1
 
 
-def test_odometry_without_stamps_is_told_of(make, publish, spawn, spin_until):
-    node, said = make(lock_step=False), []
+def test_odometry_without_stamps_is_told_of(lone, publish, spawn, spin_until):
+    node, said = lone, []
     node._warn = said.append
     publish('odom', odometry_at(Time()))
     spin_until(spawn.pump, lambda: node.navigator.pose is not None)
@@ -65,12 +67,12 @@ def test_odometry_without_stamps_is_told_of(make, publish, spawn, spin_until):
 
 
 def test_odometry_that_is_set_anew_ends_the_goal(rig):
-    rig.node.go(FAR)
+    rig.navigation.go(FAR)
     for x in (5.0, 5.1):
-        rig.node.navigator.step(0.4)
-        rig.node.take_odometry(odometry_at(rig.node.get_clock().now().to_msg(), x))
-    assert rig.node.navigator.goal is not None
-    rig.node.take_odometry(odometry_at(rig.node.get_clock().now().to_msg(), 0.0))
+        rig.navigator.step(0.4)
+        rig.look(x)
+    assert rig.navigator.goal is not None
+    rig.look(0.0)
     assert rig.said[-1] == 'goal cancelled: odometry has leapt'
     assert rig.sent[-1] == [0.0, 0.0, 0.0]
 
@@ -80,7 +82,7 @@ def test_no_frame_of_the_robot_is_taken_for_the_map(rig, base):
     stamp = rig.node.get_clock().now().to_msg()
     message = odometry_at(stamp, x=0.5)
     message.child_frame_id = base
-    rig.node.take_odometry(message)
+    rig.node._on_odometry(message)
     for frame in ('', 'map', '/map'):
         assert rig.node.in_map(goal_at(1.0, 2.0, 0.0, frame)) == pytest.approx([1.0, 2.0, 0.0])
     if base != 'map':
@@ -89,8 +91,8 @@ def test_no_frame_of_the_robot_is_taken_for_the_map(rig, base):
 
 def test_frames_that_go_round_in_a_circle_lead_nowhere(rig):
     for child, parent in (('a', 'b'), ('b', 'a'), ('c', 'c')):
-        rig.node.place_frame(child, parent, LEVEL)
-        assert rig.node._mount_of(child) is None
+        rig.navigation.place_frame(child, parent, LEVEL)
+        assert rig.navigation.mount_of(child) is None
 
 
 def test_a_frame_that_is_no_number_is_ignored(rig):
@@ -98,7 +100,7 @@ def test_a_frame_that_is_no_number_is_ignored(rig):
     place.header.frame_id = 'base'
     place.transform.translation.x = math.nan
     rig.node._on_fixed_frames(tf_message_type()(transforms=[place]))
-    assert rig.node._mount_of('laser').position == pytest.approx(LEVEL.position)
+    assert rig.navigation.mount_of('laser').position == pytest.approx(LEVEL.position)
 
 
 @pytest.mark.parametrize(
@@ -115,30 +117,23 @@ def test_a_frame_that_is_no_number_is_ignored(rig):
     ids=lambda broken: str(*broken),
 )
 def test_a_scan_that_is_none_is_ignored(rig, broken):
-    message = scan_at(rig.node.get_clock().now().to_msg())
-    for name, value in broken.items():
-        setattr(message, name, value)
-    rig.node.take_odometry(odometry_at(message.header.stamp))
-    rig.node.take_scan(message)
-    assert rig.node.navigator.scans == 1
+    rig.look(**broken)
+    assert rig.navigator.scans == 1
 
 
 def test_a_scan_reaches_no_farther_than_a_lidar_can_see(rig):
-    message = scan_at(rig.node.get_clock().now().to_msg())
-    message.range_max, message.ranges = 1e38, [1e37, math.inf, 99.0]
-    rig.node.take_odometry(odometry_at(message.header.stamp))
-    rig.node.take_scan(message)
-    scan, _, _ = rig.node.navigator.locator.steps[-1]
+    rig.look(range_max=1e38, ranges=[1e37, math.inf, 99.0])
+    scan, _, _ = rig.navigator.locator.steps[-1]
     assert scan.hits.tolist() == [False, False, True]
     lengths = np.hypot(*(scan.ends - scan.origin).T)
     assert lengths == pytest.approx([30.0, 30.0, 99.0])
 
 
 def test_what_a_localiser_has_to_say_is_said_once(rig):
-    rig.node.navigator.locator.notice = 'was moved by hand'
+    rig.navigator.locator.notice = 'was moved by hand'
     for _ in range(3):
         rig.node.step()
     assert rig.said == ['was moved by hand']
-    rig.node.navigator.locator.notice = None
+    rig.navigator.locator.notice = None
     rig.node.step()
     assert rig.said == ['was moved by hand']

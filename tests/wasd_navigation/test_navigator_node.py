@@ -13,13 +13,14 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from wasd_core.topics import LATCHED, tf_message_type, TF_STATIC
-from wasd_navigation.messages import from_pose, to_occupancy, to_path, to_planar
+from wasd_navigation.messages import from_pose, to_occupancy, to_path
+from wasd_navigation.odometry import to_planar
 
 pytestmark = pytest.mark.slow
 
 
-def test_alone_it_maps_from_topics_and_drives_by_cmd_vel(make, publish, peer, spawn, spin_until):
-    node = make(lock_step=False)
+def test_alone_it_maps_from_topics_and_drives_by_cmd_vel(lone, publish, peer, spawn, spin_until):
+    node = lone
     maps, transforms, twists = [], [], []
     peer.create_subscription(OccupancyGrid, 'map', maps.append, LATCHED)
     peer.create_subscription(tf_message_type(), '/tf', transforms.append, 10)
@@ -29,7 +30,7 @@ def test_alone_it_maps_from_topics_and_drives_by_cmd_vel(make, publish, peer, sp
     place.transform.translation.x = 0.1
     static = peer.create_publisher(tf_message_type(), '/tf_static', TF_STATIC)
     static.publish(tf_message_type()(transforms=[place]))
-    spin_until(spawn.pump, lambda: node._fixed)
+    spin_until(spawn.pump, lambda: node.navigation._fixed)
 
     def look():
         stamp = peer.get_clock().now().to_msg()
@@ -54,10 +55,10 @@ def test_alone_it_maps_from_topics_and_drives_by_cmd_vel(make, publish, peer, sp
 def test_a_scan_waits_for_its_odometry_and_for_the_place_of_the_lidar(make):
     node = make()
     stamp = node.get_clock().now().to_msg()
-    node.take_scan(scan_at(stamp))
-    node.place_frame('laser', 'base', LEVEL)
+    node._on_scan(scan_at(stamp))
+    node.navigation.place_frame('laser', 'base', LEVEL)
     assert node.navigator.scans == 0
-    node.take_odometry(odometry_at(stamp, x=0.7))
+    node._on_odometry(odometry_at(stamp, x=0.7))
     assert node.navigator.scans == 1
     _, pose, _ = node.navigator.locator.steps[0]
     assert pose == pytest.approx([0.7, 0.0, 0.0])
@@ -69,12 +70,12 @@ def test_a_scan_waits_for_its_odometry_and_for_the_place_of_the_lidar(make):
 )
 def test_a_goal_may_be_given_in_any_frame_that_is_known(rig, frame, expected):
     rig.node._go_to(goal_at(1.0, 2.0, 0.0, frame))
-    assert rig.node.navigator.goal[:2] == pytest.approx(expected)
+    assert rig.navigator.goal[:2] == pytest.approx(expected)
 
 
 def test_a_goal_in_another_frame_is_ignored_and_said(rig):
     rig.node._on_goal(goal_at(1.0, 2.0, 0.0, 'moon'))
-    assert rig.node.navigator.goal is None
+    assert rig.navigator.goal is None
     assert rig.said == ["goal_pose: wanted a pose in 'map', got 'moon': ignored"]
 
 
@@ -82,7 +83,7 @@ def test_a_goal_that_is_no_pose_is_ignored_and_said(rig):
     for broken in (PoseStamped(), goal_at(math.nan, 0.0, 0.0)):
         broken.pose.orientation.w = 0.0
         rig.node._on_goal(broken)
-    assert rig.node.navigator.goal is None
+    assert rig.navigator.goal is None
     assert len(rig.said) == 2
 
 
@@ -90,33 +91,33 @@ def test_a_goal_that_is_no_pose_is_ignored_and_said(rig):
 def test_a_lock_of_the_mux_stops_it_and_refuses_goals_until_it_is_open(
     rig, publish, lock, spawn, spin_until
 ):
-    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    rig.navigation.go(np.array([2.0, 1.0, 0.0]))
     publish(lock, Bool(data=True))
-    spin_until(spawn.pump, lambda: rig.node.navigator.goal is None)
+    spin_until(spawn.pump, lambda: rig.navigator.goal is None)
     assert rig.sent[-1] == [0.0, 0.0, 0.0]
     assert rig.said[-1] == f'goal cancelled: {lock} is on'
-    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    rig.navigation.go(np.array([2.0, 1.0, 0.0]))
     assert rig.said[-1] == f'goal refused: {lock} is on'
     publish(lock, Bool(data=False))
-    spin_until(spawn.pump, lambda: not rig.node._locked)
-    rig.node.go(np.array([2.0, 1.0, 0.0]))
-    assert rig.node.navigator.goal is not None
+    spin_until(spawn.pump, lambda: not rig.navigation.locks)
+    rig.navigation.go(np.array([2.0, 1.0, 0.0]))
+    assert rig.navigator.goal is not None
 
 
 @pytest.fixture
-def alone(make):
+def alone(lone):
     """Return a navigator that is a node of its own, on its way, and the words of a mux."""
-    rig = Rig(make(lock_step=False))
-    rig.node.navigator.pilot.end = ('driving', '')
+    rig = Rig(lone)
+    rig.navigator.pilot.end = ('driving', '')
 
     def drive(*selected, seconds=0.0):
         for name in selected:
             rig.node._on_selected(String(data=name))
         for _ in range(round(seconds / 0.05)):
             rig.look()
-            rig.node._stepped_at = rig.node.get_clock().now().nanoseconds * 1e-9 - 0.05
+            rig.navigation._stepped_at = rig.node.get_clock().now().nanoseconds * 1e-9 - 0.05
             rig.node.step()
-        return rig.node.navigator.state
+        return rig.navigator.state
 
     rig.drive = drive
     return rig
@@ -127,19 +128,19 @@ FAR = np.array([2.0, 1.0, 0.0])
 
 def test_it_gives_way_to_whom_the_mux_lets_drive(alone, publish, spawn, spin_until):
     publish('selected', String(data=''))
-    alone.node.go(FAR)
+    alone.navigation.go(FAR)
     publish('selected', String(data='navigation'))
     spin_until(spawn.pump, lambda: alone.node._selected == 'navigation', step=alone.look)
-    assert alone.node.navigator.goal is not None
+    assert alone.navigator.goal is not None
     publish('selected', String(data='keyboard'))
-    spin_until(spawn.pump, lambda: alone.node.navigator.goal is None)
+    spin_until(spawn.pump, lambda: alone.navigator.goal is None)
     assert alone.said[-1] == 'goal cancelled: keyboard takes over'
 
 
 def test_a_lock_of_the_mux_that_has_no_topic_here_stops_the_second_goal_too(alone):
-    alone.node.go(FAR)
+    alone.navigation.go(FAR)
     assert alone.drive('', 'navigation', seconds=0.1) == 'driving'
-    alone.node.go(FAR)  # takes the place of the first, still selected
+    alone.navigation.go(FAR)  # takes the place of the first, still selected
     alone.drive('')
     assert alone.said[-1] == 'goal cancelled: a lock takes over'
     assert alone.sent[-1] == [0.0, 0.0, 0.0]
@@ -153,7 +154,7 @@ def test_who_is_not_relayed_stops_and_does_not_drive_off_when_the_lock_opens(
     alone, selected, words
 ):
     alone.drive(selected)  # closed before the goal came
-    alone.node.go(FAR)
+    alone.navigation.go(FAR)
     assert alone.drive(seconds=0.4) == 'driving'
     assert alone.drive(seconds=0.3) == 'cancelled'
     assert alone.said[-1] == f'goal cancelled: {words}'
@@ -162,13 +163,13 @@ def test_who_is_not_relayed_stops_and_does_not_drive_off_when_the_lock_opens(
 
 def test_a_mux_that_starts_to_relay_it_in_time_lets_it_drive(alone):
     alone.drive('')
-    alone.node.go(FAR)
+    alone.navigation.go(FAR)
     alone.drive(seconds=0.3)
     assert alone.drive('navigation', seconds=2.0) == 'driving'
 
 
 def test_without_a_mux_it_drives(alone):
-    alone.node.go(FAR)
+    alone.navigation.go(FAR)
     assert alone.drive(seconds=2.0) == 'driving'
 
 
@@ -176,21 +177,21 @@ def test_the_loss_of_the_mux_ends_the_goal(alone, peer, publish, spawn, spin_unt
     publish('selected', String(data='navigation'))
     spin_until(spawn.pump, lambda: alone.node._selected == 'navigation', step=alone.look)
     spin_until(spawn.pump, lambda: alone.node._mux_watch._had_any, step=alone.look)
-    alone.node.go(FAR)
+    alone.navigation.go(FAR)
     (mux,) = (one for one in peer.publishers if one.topic_name == '/selected')
     peer.destroy_publisher(mux)
-    spin_until(spawn.pump, lambda: alone.node.navigator.goal is None, step=alone.look)
+    spin_until(spawn.pump, lambda: alone.navigator.goal is None, step=alone.look)
     assert alone.said[-1] == 'goal cancelled: the mux is gone'
     assert alone.node._selected is None
 
 
 def test_why_nothing_can_be_driven_to_is_asked_before_and_on_the_way(rig):
-    rig.node.refusal = lambda: 'press 2, then 5'
-    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    rig.navigation.refusal = lambda: 'press 2, then 5'
+    rig.navigation.go(np.array([2.0, 1.0, 0.0]))
     assert rig.said == ['goal refused: press 2, then 5']
-    rig.node.refusal = lambda: ''
-    rig.node.go(np.array([2.0, 1.0, 0.0]))
-    rig.node.refusal = lambda: 'it has fallen'
+    rig.navigation.refusal = lambda: ''
+    rig.navigation.go(np.array([2.0, 1.0, 0.0]))
+    rig.navigation.refusal = lambda: 'it has fallen'
     rig.node.step()
     assert rig.said[-1] == 'goal cancelled: it has fallen'
     assert rig.sent[-1] == [0.0, 0.0, 0.0]
@@ -203,29 +204,29 @@ def call(node, name):
 
 
 def test_how_to_drive_can_be_changed_while_it_runs(rig):
-    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    rig.navigation.go(np.array([2.0, 1.0, 0.0]))
     answer = rig.node.set_parameters([Parameter('limits.forward', value=0.2)])[0]
     assert answer.successful
     assert rig.said == ['goal cancelled: how to drive has changed']
-    assert rig.node.navigator.pilot._limits.forward == 0.2
+    assert rig.navigator.pilot._limits.forward == 0.2
     assert not rig.node.set_parameters([Parameter('limits.forward', value=-0.2)])[0].successful
 
 
 def test_its_services_cancel_and_begin_anew(rig):
     assert not call(rig.node, 'cancel').success
-    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    rig.navigation.go(np.array([2.0, 1.0, 0.0]))
     assert call(rig.node, 'cancel').success
-    rig.node.go(np.array([2.0, 1.0, 0.0]))
+    rig.navigation.go(np.array([2.0, 1.0, 0.0]))
     assert call(rig.node, 'reset').success
-    assert rig.node.navigator.goal is None
-    assert rig.node.navigator.scans == 0
+    assert rig.navigator.goal is None
+    assert rig.navigator.scans == 0
 
 
 def test_initialpose_is_for_who_has_a_map(rig):
     rig.node._on_initial_pose(located(1.0, 0.5))
     assert 'ignored' in rig.said[-1]
     started = []
-    rig.node.navigator.locator.start = lambda *given: started.append(given)
+    rig.navigator.locator.start = lambda *given: started.append(given)
     rig.node._on_initial_pose(located(1.0, 0.5))
     ((pose, covariance),) = started
     assert pose == pytest.approx([1.0, 0.5, 0.0])

@@ -19,6 +19,7 @@ from std_msgs.msg import String
 from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
 from teleop_keyboard.keymap import on_layout, on_qwerty
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 from wasd_core.timing import is_press, STOP_KEY
 from wasd_core.topics import LoopbackSubscription
@@ -162,6 +163,11 @@ class Go2Stack(ControlStack):
         self._trunk = TrunkWatch()
         self._legs.reset()
         super().reset()
+
+    @property
+    def base_odometry(self) -> BaseOdometry | None:
+        """Where its legs say it is; None before the first reading."""
+        return self._legs.odometry
 
     def sample(self) -> Sample:
         """Return this instant for the report."""

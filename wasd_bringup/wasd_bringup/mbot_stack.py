@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from wasd_core.errors import UserError
-from wasd_core.robot_io import JointCommand
+from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.timing import is_press, Notice
 
 from diff_drive_sim import MODES as DRIVE_MODES
@@ -122,6 +122,11 @@ class MbotStack(ControlStack):
         super().reset()
         self._unit.reset()
         self.notice.say(None)
+
+    @property
+    def base_odometry(self) -> BaseOdometry:
+        """Where its wheels say it is."""
+        return self._unit.odometry
 
     def sample(self) -> Sample:
         """Return this instant for the report."""

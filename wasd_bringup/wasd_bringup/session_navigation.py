@@ -9,17 +9,17 @@ from mujoco_sim.robot_parts import outline_of
 from mujoco_sim.sensors.lidar import LidarTag
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from robot_description.robot import Robot
-from sensor_msgs.msg import LaserScan
-from std_msgs.msg import Header
 from wasd_cockpit.link import Navigation, PlanarPose
 from wasd_core.errors import UserError
-from wasd_core.messages import to_stamp
 from wasd_navigation.navigator import Outcome
 from wasd_navigation.navigator_node import NavigatorNode
-from wasd_navigation.records import Grid
+from wasd_navigation.parameters import NavigatorParameters
+from wasd_navigation.records import Grid, Ranges
+from wasd_navigation.robot_navigator import RobotNavigator
 
 from wasd_bringup.inputs import TWIST_RATE
 from wasd_bringup.options import RunOptions
@@ -66,25 +66,31 @@ class SessionNavigation:
         self._ended: list[dict[str, Any]] = []
         self._pictured: tuple[int, float, Grid] | None = None  # revision, time, map
         tag = lidar_of(robot.description.robot)
+        values = _settings(options, robot)
+        self._navigation = RobotNavigator(
+            NavigatorParameters().changed(values), inform=get_logger('navigator').info
+        )
         self.node = NavigatorNode(
-            lock_step=True,
+            self._navigation,
             namespace=options.namespace,
-            parameter_overrides=_overrides(options, robot),
+            parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
         )
         self.navigator = self.node.navigator
         self.nodes: Sequence[Node] = [self.node]
-        self.node.send = self._send
-        self.node.say = self._stack.say
-        self.node.refusal = lambda: self._robot.refusal
+        self._navigation.send = self._send
+        self._navigation.say = self._stack.say
+        self._navigation.refusal = lambda: self._robot.refusal
         self.navigator.on_end.append(self._on_end)
-        self._simulation.on_reset += [self._forget_goals, self.node.reset]
+        self._simulation.on_reset += [self._forget_goals, self._navigation.reset]
         robot.drivers.on_take.append(self._give_way)
         prefix = robot.world.prefix
         for joint in robot.description.robot.joints.values():
             if joint.kind == 'fixed':
-                self.node.place_frame(prefix + joint.child, prefix + joint.parent, joint.pose)
+                self._navigation.place_frame(
+                    prefix + joint.child, prefix + joint.parent, joint.pose
+                )
         self._frame = f'{prefix}{tag.link} of the lidar'
-        self.node.place_frame(self._frame, prefix + tag.link, tag.pose)
+        self._navigation.place_frame(self._frame, prefix + tag.link, tag.pose)
         robot.simulator.sensors.listen(tag.topic, self._take_scan)
 
     @property
@@ -103,7 +109,7 @@ class SessionNavigation:
 
         A goal `from_page` counts while the page does: see `lose_page`.
         """
-        self.node.go(np.array(goal))
+        self._navigation.go(np.array(goal))
         self._is_of_page = from_page and self.navigator.goal is not None
 
     def lose_page(self) -> None:
@@ -133,7 +139,7 @@ class SessionNavigation:
     def disarm(self) -> None:
         """Drive no more."""
         self._goals.clear()  # also before the first
-        self.node.stop('stopped by hand')
+        self._navigation.stop('stopped by hand')
 
     def save(self) -> None:
         """
@@ -142,7 +148,7 @@ class SessionNavigation:
         Raises:
             UserError: there is none yet, or it cannot be written.
         """
-        self._stack.say(self.node.save_map(self.node.settings.save_map))
+        self._stack.say(self._navigation.save_map(self._navigation.settings.save_map))
 
     def view(self) -> Navigation | None:
         """Return what the page shows; None before there is a map."""
@@ -206,21 +212,22 @@ class SessionNavigation:
     def _stop(self, why: str) -> None:
         """End the goal and those that were to follow, also in the time between two of them."""
         self._forget_goals()
-        self.node.stop(why)
+        self._navigation.stop(why)
 
     def _forget_goals(self) -> None:
         if self._has_begun:
             self._goals.clear()
 
     def _tell_odometry(self) -> None:
-        message = self._stack.odometry()
-        if message is not None:
-            self.node.take_odometry(message)
+        odometry = self._stack.base_odometry
+        if odometry is not None:
+            now = self._robot.world.time
+            self._navigation.take_odometry(now, odometry, self._stack.frames)
 
     def _take_scan(self, now: float, fields: dict[str, Any]) -> None:
         self._tell_odometry()
-        message = LaserScan(header=Header(stamp=to_stamp(now)), **fields)
-        self.node.take_scan(message, self._frame)
+        said = Ranges(*(fields[name] for name in Ranges._fields))
+        self._navigation.take_scan(now, said, self._frame)
 
     def _on_end(self, outcome: Outcome) -> None:
         self._is_of_page = False
@@ -270,7 +277,8 @@ def _footprint(robot: SessionRobot) -> dict[str, float]:
     return {'footprint_length': 2.0 * half_length, 'footprint_width': 2.0 * half_width}
 
 
-def _overrides(options: RunOptions, robot: SessionRobot) -> list[Parameter]:
+def _settings(options: RunOptions, robot: SessionRobot) -> dict[str, Any]:
+    """Return the navigator's parameters, by their names."""
     values: dict[str, Any] = {
         'map': options.map or '',
         'control_frequency': TWIST_RATE,
@@ -283,4 +291,4 @@ def _overrides(options: RunOptions, robot: SessionRobot) -> list[Parameter]:
         values['save_map'] = f'{robot.name}_map'
     if options.save_map:
         values['save_map'] = options.save_map
-    return [Parameter(name, value=value) for name, value in values.items()]
+    return values

@@ -20,6 +20,7 @@ from teleop_keyboard.dashboard import Status
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
 from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from wasd_core.robot_io import BaseOdometry
 from wasd_core.timing import Notice, STOP_KEY
 from wasd_core.topics import LoopbackSubscription, RELIABLE
 
@@ -172,6 +173,17 @@ class ControlStack(ABC):
     def odometry(self) -> Odometry | None:
         """Return odom as it is published in this instant; None before there is any."""
         return self._controller.odometry()
+
+    @property
+    @abstractmethod
+    def base_odometry(self) -> BaseOdometry | None:
+        """Where the robot believes to be in this instant; None before it knows."""
+
+    @property
+    def frames(self) -> tuple[str, str]:
+        """The frames of odometry and of the base."""
+        frames: tuple[str, str] = self._controller.frames
+        return frames
 
     @abstractmethod
     def sample(self) -> Sample:

@@ -8,26 +8,17 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, TransformStamped
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Path
-from nav_msgs.msg import Odometry as OdometryMessage
 import numpy as np
 from rclpy.node import Node
-from sensor_msgs.msg import LaserScan
-from wasd_core.errors import InvalidMessage
 from wasd_core.messages import to_stamp
-from wasd_core.rotations import matrix_from_quaternion, Pose, rpy_from_matrix, yaw_matrix
+from wasd_core.rotations import Pose
 from wasd_core.topics import has_listener, has_subscriber, LATCHED, RELIABLE, TfBroadcaster
 
 from wasd_navigation.navigator import Navigator
-from wasd_navigation.odometry import Odometry
-from wasd_navigation.records import Grid, read_tilted_scan, Scan
+from wasd_navigation.odometry import Odometry, PLANAR, read_pose
+from wasd_navigation.records import Grid
 from wasd_navigation.se2 import compose
 
-# Nothing drives so far [m] or so fast [m/s, rad/s], and no lidar has so many rays.
-FARTHEST, FASTEST, MOST_RAYS = 1e6, 1e3, 100_000
-# What a longer quaternion says, or one shorter than its inverse, is noise.
-LONGEST_QUATERNION = 1e3
-# x, y and yaw in a covariance of x, y, z, roll, pitch, yaw, shape (6, 6).
-_PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
 # Maps are published so often at most [s].
 MAP_PERIOD = 1.0
 # The way to the goal, which becomes shorter with every step, too [s].
@@ -43,72 +34,7 @@ def from_pose(pose: Any) -> Pose:
     """
     p = getattr(pose, 'position', None) or pose.translation
     q = getattr(pose, 'orientation', None) or pose.rotation
-    numbers = (p.x, p.y, p.z, q.w, q.x, q.y, q.z)
-    length = math.hypot(*numbers[3:])
-    if not all(map(math.isfinite, numbers)) or not length > 1.0 / LONGEST_QUATERNION:
-        raise InvalidMessage('wanted a pose of finite numbers and an orientation that is not 0')
-    if max(map(abs, numbers[:3])) > FARTHEST or length > LONGEST_QUATERNION:
-        raise InvalidMessage(f'wanted a pose within {1e-3 * FARTHEST:.0f} km, of unit orientation')
-    return Pose(np.array(numbers[:3]), matrix_from_quaternion(np.array(numbers[3:])))
-
-
-def to_planar(pose: Pose) -> np.ndarray:
-    """Return x, y [m] and yaw [rad] of a pose, shape (3,)."""
-    return np.array([*pose.position[:2], rpy_from_matrix(pose.rotation)[2]])
-
-
-def from_odometry(message: OdometryMessage) -> Odometry:
-    """
-    Return odometry as seen from above.
-
-    Raises:
-        InvalidMessage: a number is not finite, or is out of the world.
-    """
-    pose = from_pose(message.pose.pose)
-    planar = to_planar(pose)
-    level = Pose(
-        np.array([0.0, 0.0, pose.position[2]]), yaw_matrix(-float(planar[2])) @ pose.rotation
-    )
-    twist = message.twist.twist
-    velocity = np.array([twist.linear.x, twist.linear.y, twist.angular.z])
-    if not (np.abs(velocity) <= FASTEST).all():
-        raise InvalidMessage(f'wanted a velocity of at most {FASTEST:.0f} m/s, got {velocity}')
-    covariance = from_covariance(message.pose.covariance)
-    return Odometry(planar, velocity, covariance, level)
-
-
-def from_covariance(numbers: Any) -> np.ndarray:
-    """
-    Return the covariance of x, y and yaw, shape (3, 3), out of that of a pose, 36 numbers.
-
-    Raises:
-        InvalidMessage: a number of it is not finite.
-    """
-    covariance: np.ndarray = np.array(numbers, dtype=float).reshape(6, 6)[_PLANAR]
-    if not np.isfinite(covariance).all():
-        raise InvalidMessage('wanted a covariance of finite numbers')
-    bounded: np.ndarray = covariance.clip(-(FARTHEST**2), FARTHEST**2)
-    return bounded
-
-
-def from_scan(message: LaserScan, mount: Pose) -> Scan:
-    """
-    Return the rays of a scan; `mount` is the lidar's pose in the level frame below the base.
-
-    Raises:
-        InvalidMessage: its angles or limits are not finite, or it has more rays than any lidar.
-    """
-    said = (message.angle_min, message.angle_increment, message.range_min, message.range_max)
-    if not all(map(math.isfinite, said)) or not message.range_max > 0.0:
-        raise InvalidMessage(
-            'wanted finite angles and limits, the greatest range above 0 m; angle_min, '
-            f'angle_increment, range_min and range_max are {", ".join(map(str, said))}'
-        )
-    if len(message.ranges) > MOST_RAYS:
-        raise InvalidMessage(f'wanted at most {MOST_RAYS} rays, got {len(message.ranges)}')
-    ranges = np.array(message.ranges, dtype=float)
-    angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
-    return read_tilted_scan(ranges, angles, (message.range_min, message.range_max), mount)
+    return read_pose(np.array((p.x, p.y, p.z)), np.array((q.w, q.x, q.y, q.z)))
 
 
 def to_pose(planar: np.ndarray, message: Any) -> Any:
@@ -135,7 +61,7 @@ def to_located(
     message.header.stamp, message.header.frame_id = stamp, frame
     to_pose(planar, message.pose.pose)
     whole = np.zeros((6, 6))
-    whole[_PLANAR] = covariance
+    whole[PLANAR] = covariance
     message.pose.covariance = whole.flatten()
     return message
 
@@ -225,12 +151,12 @@ class NavigationPublisher:
             local = navigator.pilot.local_path
             self._local_plan.publish(to_path(local, stamp, self._frame))
 
-    def publish_pose(self, odometry: Odometry, stamp: Time) -> None:
-        """Publish where a scan was taken."""
+    def publish_pose(self, now: float, odometry: Odometry) -> None:
+        """Publish where a scan of a time [s] was taken."""
         if has_listener(self._pose):
             locator = self._navigator.locator
             pose = compose(locator.correction, odometry.pose)
-            self._pose.publish(to_located(pose, locator.covariance, stamp, self._frame))
+            self._pose.publish(to_located(pose, locator.covariance, to_stamp(now), self._frame))
 
     def _publish_maps(self, stamp: Time) -> None:
         locator = self._navigator.locator

@@ -6,7 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from wasd_core.rotations import Pose
+from wasd_core.errors import InvalidMessage
+from wasd_core.robot_io import BaseOdometry
+from wasd_core.rotations import matrix_from_quaternion, Pose, rpy_from_matrix, yaw_matrix
 
 from wasd_navigation.se2 import compose, inverse, is_definite, sandwich, turn_axes, wrap
 
@@ -16,6 +18,12 @@ REMEMBERED = 100
 LEAST_WAY, LEAST_TURN, STANDING = 1e-6, 1e-6, 1e-8
 # What is not known of the move in which odometry was set anew [m^2], [rad^2].
 LEAP = np.diag((0.05**2, 0.05**2, 0.05**2))
+# Nothing drives so far [m] or so fast [m/s, rad/s].
+FARTHEST, FASTEST = 1e6, 1e3
+# What a longer quaternion says, or one shorter than its inverse, is noise.
+LONGEST_QUATERNION = 1e3
+# x, y and yaw in a covariance of x, y, z, roll, pitch, yaw, shape (6, 6).
+PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
 
 
 class Odometry(NamedTuple):
@@ -31,6 +39,59 @@ class Odometry(NamedTuple):
     velocity: np.ndarray
     covariance: np.ndarray
     level: Pose
+
+
+def read_odometry(base: BaseOdometry) -> Odometry:
+    """
+    Return odometry as seen from above.
+
+    Raises:
+        InvalidMessage: a number is not finite, or is out of the world.
+    """
+    pose = read_pose(base.position, base.orientation)
+    planar = to_planar(pose)
+    level = Pose(
+        np.array([0.0, 0.0, pose.position[2]]), yaw_matrix(-float(planar[2])) @ pose.rotation
+    )
+    velocity = np.array([*base.linear_velocity[:2], base.angular_velocity[2]])
+    if not (np.abs(velocity) <= FASTEST).all():
+        raise InvalidMessage(f'wanted a velocity of at most {FASTEST:.0f} m/s, got {velocity}')
+    return Odometry(planar, velocity, read_covariance(base.pose_covariance), level)
+
+
+def read_pose(position: np.ndarray, quaternion: np.ndarray) -> Pose:
+    """
+    Return a pose of a place (3,) [m] and an orientation w, x, y, z.
+
+    Raises:
+        InvalidMessage: a number is not finite, a place out of the world, the orientation 0.
+    """
+    length = math.hypot(*quaternion)
+    is_finite = all(map(math.isfinite, (*position, *quaternion)))
+    if not is_finite or not length > 1.0 / LONGEST_QUATERNION:
+        raise InvalidMessage('wanted a pose of finite numbers and an orientation that is not 0')
+    if max(map(abs, position)) > FARTHEST or length > LONGEST_QUATERNION:
+        raise InvalidMessage(f'wanted a pose within {1e-3 * FARTHEST:.0f} km, of unit orientation')
+    return Pose(position, matrix_from_quaternion(quaternion))
+
+
+def to_planar(pose: Pose) -> np.ndarray:
+    """Return x, y [m] and yaw [rad] of a pose, shape (3,)."""
+    return np.array([*pose.position[:2], rpy_from_matrix(pose.rotation)[2]])
+
+
+def read_covariance(covariance: np.ndarray) -> np.ndarray:
+    """
+    Return the covariance of x, y and yaw, shape (3, 3), out of that of a pose, shape (6, 6).
+
+    Raises:
+        InvalidMessage: a number of it is not finite.
+    """
+    planar: np.ndarray = covariance[PLANAR]
+    if not np.isfinite(planar).all():
+        raise InvalidMessage('wanted a covariance of finite numbers')
+    bounded: np.ndarray = planar.clip(-(FARTHEST**2), FARTHEST**2)
+    return bounded
 
 
 class OdometryMemory:

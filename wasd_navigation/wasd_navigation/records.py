@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is seen of the surroundings, a lidar's scan, and what is known, an occupancy grid."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+import math
+from typing import NamedTuple
 
 import numpy as np
+from wasd_core.errors import InvalidMessage
 from wasd_core.rotations import Pose, yaw_matrix
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
@@ -17,6 +21,8 @@ FLOOR, LEAST_DESCENT = 0.05, 0.02
 # What is farther is not seen, whatever a lidar says of itself; and so far a ray is free at most
 # that hits nothing [m].
 HORIZON, FREE_SIGHT = 100.0, 30.0
+# No lidar has so many rays.
+MOST_RAYS = 100_000
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,35 @@ class Scan:
         """What was hit, shape (m, 2) [m]."""
         points: np.ndarray = self.ends[self.hits]
         return points
+
+
+class Ranges(NamedTuple):
+    """What a lidar says of its rays, by the names of sensor_msgs/LaserScan [m], [rad]."""
+
+    ranges: Sequence[float]
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+
+
+def read_ranges(said: Ranges, mount: Pose) -> Scan:
+    """
+    Return the rays of a lidar; `mount` is its pose in the level frame below the base.
+
+    Raises:
+        InvalidMessage: its angles or limits are not finite, or it has more rays than any lidar.
+    """
+    if not all(map(math.isfinite, said[1:])) or not said.range_max > 0.0:
+        raise InvalidMessage(
+            'wanted finite angles and limits, the greatest range above 0 m; angle_min, '
+            f'angle_increment, range_min and range_max are {", ".join(map(str, said[1:]))}'
+        )
+    if len(said.ranges) > MOST_RAYS:
+        raise InvalidMessage(f'wanted at most {MOST_RAYS} rays, got {len(said.ranges)}')
+    ranges = np.array(said.ranges, dtype=float)
+    angles = said.angle_min + said.angle_increment * np.arange(len(ranges))
+    return read_tilted_scan(ranges, angles, (said.range_min, said.range_max), mount)
 
 
 def read_scan(
