@@ -163,9 +163,9 @@ def test_goals_that_were_to_follow_go_with_the_one_that_is_cancelled(session_of)
         session.simulation.paused = False
 
     def fall():
-        navigates.node.refusal = lambda: 'it has fallen'
+        navigates._navigation.refusal = lambda: 'it has fallen'
         session.simulation.advance(100)
-        navigates.node.refusal = lambda: ''
+        navigates._navigation.refusal = lambda: ''
 
     def lose_page():
         navigates._is_of_page = True
@@ -224,7 +224,7 @@ def test_goals_that_were_to_follow_are_driven_to_after_one_that_has_failed(sessi
 
 @pytest.mark.slow
 def test_a_robot_whose_lidar_falls_silent_stands_also_for_the_next_goal(driving):
-    navigation(driving).node.take_scan = lambda *_: None
+    navigation(driving)._navigation.take_scan = lambda *_: None
     driving.simulation.advance(1500)
     assert wanted(driving) == 0.0
     navigation(driving).disarm()
