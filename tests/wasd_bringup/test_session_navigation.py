@@ -18,7 +18,7 @@ from wasd_bringup.session import Session
 from wasd_cockpit.link import Order, Stick
 from wasd_core.errors import UserError
 
-from wasd_navigation import navigator_node
+from wasd_navigation import robot_navigator
 
 # A goal that the stand-in never reaches.
 GOAL = (3.0, 0.0, 0.0)
@@ -32,7 +32,7 @@ def session_of(ros, monkeypatch):
     def make(robot='mbot', **more):
         pilot = StandInPilot()
         pilot.end = ('driving', '')
-        monkeypatch.setattr(navigator_node, 'make_parts', lambda *_: (StandInLocator(), pilot))
+        monkeypatch.setattr(robot_navigator, 'make_parts', lambda *_: (StandInLocator(), pilot))
         more = {'description': robot, 'preset': 'mbot', 'map': '', **more}
         sessions.append(Session(RunOptions(robot=robot, speed=0.0, **more)))
         return sessions[-1]
