@@ -2,12 +2,12 @@
 """
 What a gait can do ahead, sideways and turning at once: the ellipsoids of `GAITS`, and their proof.
 
-`python benchmarks/gait_limits.py [GAIT ...]` finds them with seeds 1 and 2, in some minutes: of a
-gait's limits all three at once it drives smaller and smaller shares, in ten directions, until
-nothing falls. It prints that share, with the half axes of the ellipsoid through it, and its exit
-status is 1 when a row of `GAITS` is not one tenth below that: where nothing falls with all three
-in full, the row need not be below. Experiments of `wasd bench legs` then drive with other seeds
-what the rows allow.
+`python benchmarks/gait_limits.py [GAIT ...]` tries them with seeds 1 and 2: of a gait's limits all
+three at once it drives smaller and smaller shares, in ten directions, until nothing falls. It
+prints that share, with the half axes of the ellipsoid through it, and its exit status is 1 when a
+row of `GAITS` is not one tenth below that: where nothing falls with all three in full, the row
+need not be below. Experiments of `wasd bench legs` then drive with other seeds what the rows
+allow.
 """
 
 import argparse

@@ -34,8 +34,8 @@ class GaitRow(NamedTuple):
     a foot stands beyond what the parameters say, `footprint` the length and width between the
     feet as shares of those between the hips. The command is kept within `limits`, each by itself,
     and within the ellipsoid `able`, all at once: half axes ahead, sideways [m/s], turning [rad/s],
-    by benchmarks/gait_limits.py. It ramps at the share `agility` of a trot's accelerations; steps
-    grow on rough ground by the share `rough`.
+    tried by benchmarks/gait_limits.py. It ramps at the share `agility` of a trot's accelerations;
+    steps grow on rough ground by the share `rough`.
     """
 
     offsets: tuple[float, float, float, float]
