@@ -259,7 +259,7 @@ def claim_domain(
             f'(to talk to it: {DOMAIN}={domain} {talk})'
         )
     set_range(environment, 'off')
-    return None, f'every domain has a run: over ROS this one talks to nobody ({DOMAIN}=N: in N)'
+    return None, f'every domain has a run: this one talks to nobody ({DOMAIN}=N shares one)'
 
 
 def _other_run(domain: int) -> str:
