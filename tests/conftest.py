@@ -115,6 +115,8 @@ def isolated_ros(monkeypatch: pytest.MonkeyPatch, log_directory: Path) -> int:
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     monkeypatch.setenv('ROS_LOG_DIR', str(log_directory))
+    # Whatever starts the tests: a terminal of theirs knows escape sequences.
+    monkeypatch.setenv('TERM', 'xterm')
     return domain
 
 

@@ -142,7 +142,7 @@ def test_it_is_shown_where_it_was(run: Any, shown: Film) -> None:
         ('.', '.: Is a directory'),
         ('foreign.mcap', 'foreign.mcap: recorded by another version'),
         ('bare.mcap', 'bare.mcap: not recorded by'),
-        ('begun.mcap', 'begun.mcap: no MCAP recording'),
+        ('begun.mcap', 'begun.mcap: not recorded by'),
         ('empty.mcap', 'empty.mcap: is empty'),
         ('torn.mcap', 'torn.mcap: no MCAP recording ('),
         ('pipe.mcap', 'pipe.mcap: is a device or pipe'),

@@ -45,6 +45,7 @@ class SpinStack(ControlStack):
     help_lines = ('j l turn',)
     first_keys = 'j'
     drive_limits = {}
+    base_odometry = None
 
     def __init__(self, loaded, world, options):
         super().__init__(world, options, SpinNode(options))

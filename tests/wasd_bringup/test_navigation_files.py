@@ -10,7 +10,7 @@ import pytest
 from wasd_bringup.options import RunOptions
 from wasd_bringup.robots import ROBOTS as ROWS
 from wasd_bringup.session import Session
-from wasd_bringup.session_navigation import _overrides
+from wasd_bringup.session_navigation import _settings
 from wasd_navigation.parameters import NavigatorParameters
 import yaml
 
@@ -148,7 +148,7 @@ def test_our_navigator_knows_a_robot_as_wasd_does(robot):
     row = ROWS[robot]
     options = RunOptions(robot=robot, description=row.description, preset=row.preset, speed=0.0)
     session = Session(options)
-    asked = {one.name: one.value for one in _overrides(options, session.robot)}
+    asked = _settings(options, session.robot)
     session.close()
     ((_, given),) = yaml.safe_load((CONFIG / f'navigator_{robot}.yaml').read_text()).items()
     settings = NavigatorParameters.from_mapping(given['ros__parameters'])
