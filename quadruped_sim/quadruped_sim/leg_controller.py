@@ -98,7 +98,9 @@ class LegController:
         self._passive = Passive(self._parts)
         self._states = make_states(self._parts, self._passive)
         self._robot, self._geometry = RobotState.blank(), plain(model.geometry)
-        self._last_sound = self._robot.flat.copy()
+        # As bytes: NumPy copies a record field by field, which takes 7 us.
+        self._robot_bytes = self._robot.flat.view(np.uint8)
+        self._last_sound = self._robot_bytes.copy()
         self._measured = np.empty((3, 3))  # from base axes to the world's, as the IMU says
         self._touch_rules = self._rules_of_touch()
         self.obstacle = obstacle(model)  # what keeps it from getting up, '' if nothing does
@@ -298,7 +300,7 @@ class LegController:
         robot = self._estimate(good, dt, truth)
         if not is_sound_state(robot.flat):
             return self._recover(good, 'the estimate is not finite')
-        self._last_sound[:] = robot.flat
+        self._last_sound[:] = self._robot_bytes
         self.robot = robot
         still_lies = self.is_fallen and self._machine.state is StateName.PASSIVE
         height = robot.height(self.model.geometry.foot_radius) / self.model.standing_height
@@ -319,7 +321,7 @@ class LegController:
         self._load.reset()
         self._heading.reset()
         self.command_filter.reset()
-        self._robot.flat[:] = self._last_sound
+        self._robot_bytes[:] = self._last_sound
         robot = self._robot
         robot.base.velocity[:] = 0.0
         self.locomotion.reset(robot)
