@@ -13,7 +13,7 @@ SET_PARENT_DEATH_SIGNAL = 1  # of prctl(2)
 
 
 def end_with_parent() -> None:
-    """Have this process end with its parent, even one that is killed, and what it starts, too."""
+    """End this process and its children when its parent ends, even by a kill."""
     signal.signal(signal.SIGTERM, _end_all)
     ctypes.CDLL(None).prctl(SET_PARENT_DEATH_SIGNAL, signal.SIGTERM, 0, 0, 0)
     parent = multiprocessing.parent_process()

@@ -140,7 +140,7 @@ class LegControllerNode(Node):
         self._tell_gait()
 
     def _tell_gait(self) -> None:
-        """Have the parameter say which gait a key, or a reset, has chosen."""
+        """Set the parameter `gait` to the one that a key, or a reset, has chosen."""
         chosen = self.legs.settings.gait.name
         if chosen != self._gait:
             self.set_parameters([Parameter('gait', value=chosen)])

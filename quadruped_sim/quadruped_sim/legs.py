@@ -124,7 +124,7 @@ class Legs:
         return was_driven
 
     def centre_sticks(self) -> bool:
-        """Have the sticks where nobody holds them; return whether they were elsewhere."""
+        """Centre the sticks; return whether they were off the centre."""
         were_held = self.controller.sticks.values != StickValues()
         self.controller.sticks.zero()
         return were_held

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who drives is known; what a source held when it was stopped counts after a new press alone."""
 
+from pathlib import Path
+
 import pytest
-from wasd_bringup.run.drivers import Drivers, E_STOP, Held, REPEAT_GAP
+from wasd_bringup.run.drivers import Drivers, E_STOP, Held, right_of, SILENCE
 
 FAST, STILL = (0.5, 0.0, 0.1), (0.0, 0.0, 0.0)
+DOCS = Path(__file__).parents[2] / 'docs/drivers.md'
 SOURCES = ('keys', 'page', 'gamepad', 'foxglove 1', 'topic', 'script', 'navigator', 'sine')
 
 
@@ -19,7 +22,7 @@ def drivers() -> Drivers:
     return make()
 
 
-def wait(drivers, seconds=2.0 * REPEAT_GAP):
+def wait(drivers, seconds=2.0 * SILENCE):
     for _ in range(round(seconds / 0.05)):
         drivers.step(0.05)
 
@@ -112,6 +115,25 @@ def test_repeats_of_a_key_without_releases_count_after_they_have_ended(drivers):
         drivers.step(1.0 / 30.0)
     wait(drivers)
     assert drivers.take('keys', key='i')
+
+
+def test_the_late_first_repeat_of_a_slow_keyboard_is_no_new_press(drivers):
+    drivers.take('keys', key='i')
+    drivers.disarm()
+    wait(drivers, 1.0)  # some wait so long before the first repeat
+    assert not drivers.take('keys', key='i')
+
+
+def test_the_page_says_who_drives_by_which_right_and_how_long_a_silence_is():
+    page = DOCS.read_text()
+    assert f'{SILENCE:g} s of silence' in page
+    rows = dict(line.strip('| ').split(' | ') for line in page.splitlines() if ' | ' in line)
+    assert rows['keys, page, gamepad'] == right_of('keys') == right_of('page') == 'hand'
+    assert right_of('gamepad') == 'hand'
+    assert rows["scripts, topics, Foxglove's clients, programs of your own"] == right_of('script')
+    assert right_of('foxglove 3') == right_of('topic') == right_of('sine') == 'program'
+    assert rows['navigator'].startswith(f'{right_of("navigator")}:')
+    assert rows['a stop that holds'].startswith(f'{right_of(E_STOP)}:')
 
 
 def test_a_stop_key_always_counts(drivers):

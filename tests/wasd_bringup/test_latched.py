@@ -11,6 +11,7 @@ import pytest
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 from wasd_bringup.options import RunOptions
+from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.session import Session
 from wasd_core.topics import LoopbackSubscription
 
@@ -130,7 +131,7 @@ def test_until_the_reset_it_moves_as_if_nobody_held_anything_and_so_after_it(
         if not release:
             assert held.robot.status().state == 'E-STOP'
             assert 'ENTER' in held.robot.status().message
-    held.run(1.0, holds=False)  # all let go
+    held.run(SILENCE + 0.1, holds=False)  # all let go
     rest = held.place
     held.begin()
     assert math.dist(held.place, rest) > 0.2
@@ -170,7 +171,7 @@ def test_without_the_option_a_stop_ends_what_is_held_and_a_new_press_drives(held
     rest = held.place
     held.run(1.0)
     assert math.dist(held.place, rest) < 1e-3
-    held.run(1.0, holds=False)
+    held.run(SILENCE + 0.1, holds=False)
     held.begin()
     assert math.dist(held.place, rest) > 0.2
 

@@ -9,6 +9,7 @@ from quadruped_sim.keys import STATE_KEYS, StateName, ZERO_KEYS
 from wasd_bringup.cockpit.bridge import CockpitBridge, SNAPSHOT_EVERY
 from wasd_bringup.inputs import ScriptedTwist, SWITCH_KEY
 from wasd_bringup.options import RunOptions
+from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.session import Session
 from wasd_bringup.session_robot import REFUSED
 from wasd_cockpit.link import Order, Stick, words_of
@@ -213,7 +214,8 @@ def test_after_an_emergency_stop_others_are_refused_until_they_were_silent_or_se
     run = run_of('mbot', 'mbot')
     robot, simulation = run.session.robot, run.session.simulation
     admit, words = robot.stack.driver.cmd_vel.admit, REFUSED.format('/cmd_vel')
-    for lets_go in (lambda: admit(twist(0.0)), lambda: simulation.advance(1000)):
+    silent = round((SILENCE + 0.1) / run.session.world.time_step)
+    for lets_go in (lambda: admit(twist(0.0)), lambda: simulation.advance(silent)):
         assert admit(twist(0.2))
         run.order('e-stop')
         for _ in range(40):

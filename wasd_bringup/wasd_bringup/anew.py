@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A run that starts anew with another robot or in another world, by its page.
+A run that the page starts again with another robot or in another world.
 
 A world is compiled into the model that everything holds. So the run ends as it always does, and
 its process becomes that of a new one on the same terminal and port, and the page comes back. If
@@ -28,7 +28,7 @@ WORLDS = (
     *('ice:0.2', 'gap:0.15'),
 )
 _WITH_VALUE, _ALONE = ('--world', '--port'), ('--no-open',)
-# Set for a run that starts anew: its port is the one that it had, not one that a user asks for.
+# Set for a run that starts again: its port is the one that it had, not one that a user asks for.
 _MARK = 'WASD_ANEW'
 
 
@@ -82,7 +82,7 @@ def words_anew(words: Sequence[str], robot: str, world: str, port: str) -> tuple
 
 
 def kept_words(words: Sequence[str]) -> tuple[str, ...]:
-    """Return the options of a run's words with which its robot starts anew."""
+    """Return the options that a robot keeps as its run starts again."""
     kept, rest = [], iter(words[1 : _end(words)])
     for word in rest:
         if word in _WITH_VALUE:

@@ -2,8 +2,8 @@
 """
 The door of `--foxglove`: Foxglove and the programs of this machine pass, pages of others do not.
 
-Foxglove's library serves whoever connects and tells nobody where a page is from. So it serves at
-an address of this machine that nobody can guess, and what may pass is led there.
+Foxglove's library serves everybody and tells nobody where a page is from. So it serves at an
+address of this machine that nobody can guess, and what may pass is led there.
 """
 
 from collections.abc import Callable
@@ -32,7 +32,7 @@ def secret_host() -> str:
 
 
 class Gate:
-    """Listens on a port of this machine, 0 for any, and leads to `inner` whoever may pass."""
+    """Listens on a port of this machine, 0 for any, and leads those that may pass to `inner`."""
 
     def __init__(self, port: int, inner: tuple[str, int], say: Callable[[str], None]) -> None:
         """
@@ -127,7 +127,7 @@ def _pass_on(source: socket.socket, sink: socket.socket) -> None:
 
 
 def _end(one: socket.socket) -> None:
-    """End what is said at a socket, and whoever waits for it."""
+    """Shut a socket down, so that the thread that waits for it ends."""
     with contextlib.suppress(OSError):
         one.shutdown(socket.SHUT_RDWR)
 

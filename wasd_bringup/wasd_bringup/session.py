@@ -107,7 +107,7 @@ class Session:
             self.simulation.on_reset.append(lambda: recorder.event('reset'))
 
     def _obey_e_stops(self) -> None:
-        """Have whoever stops one robot by a topic or a service stop all."""
+        """Let an e-stop of one robot, by topic or service, stop all robots."""
         for robot in self.robots:
             robot.driver_topic.on_stop = self.e_stop
             robot.driver_topic.on_release = self.end_e_stop

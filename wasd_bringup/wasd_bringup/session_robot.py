@@ -133,8 +133,7 @@ class SessionRobot:
         self._end(self.drivers.disarm(by))
 
     def e_stop(self, by: str) -> None:
-        """Stop for good: the controller lets go, and what is held now counts no more."""
-        self.disarm()
+        """Stop for good, after `disarm`: the controller lets go, and a script ends."""
         self.drivers.stop(by)
         if self._script is not None:
             self._script.end()
@@ -170,7 +169,7 @@ class SessionRobot:
             self.stack.say(HOLDS.format(self.drivers.stopped_by))
 
     def schedule_control(self, schedule: Schedule) -> None:
-        """Have scripts and controllers stepped."""
+        """Step scripts and controllers on a schedule."""
         options = self.options
         if options.twists is not None:
             drive = functools.partial(self.drive, by='script')
@@ -179,7 +178,7 @@ class SessionRobot:
         self.stack.schedule(schedule)
 
     def schedule_publishing(self, schedule: Schedule) -> None:
-        """Have the state published and sampled."""
+        """Publish and sample the state on a schedule."""
         self.simulator.schedule_publishing()
         state_period = 1.0 / self.simulator.state_rate
         schedule.every(state_period, self._publish_transforms)

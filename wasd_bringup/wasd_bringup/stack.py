@@ -3,6 +3,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+import functools
 import time
 from typing import Any
 
@@ -122,18 +123,16 @@ class ControlStack(ABC):
     def admit_topics(self, take: Callable[..., bool]) -> None:
         """Ask `take(topic, ...)` whether a key or a velocity of another process counts."""
 
-        def admit_key(message: String) -> bool:
-            return take(key_topic, key=message.data)
+        def admit_key(topic: str, message: String) -> bool:
+            return take(topic, key=message.data)
 
         def admit_velocity(twist: Twist) -> bool:
             return take(
                 self.command_topic, velocity=(twist.linear.x, twist.linear.y, twist.angular.z)
             )
 
-        key_topic = ''
         for subscription in self._key_inputs:
-            key_topic = subscription.topic
-            subscription.admit = admit_key
+            subscription.admit = functools.partial(admit_key, subscription.topic)
         self._controller.cmd_vel.admit = admit_velocity
 
     @property

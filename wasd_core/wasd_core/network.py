@@ -87,7 +87,7 @@ def keep_to_this_machine(environment: MutableMapping[str, str], middleware: str)
 
 
 def set_range(environment: MutableMapping[str, str], name: str) -> None:
-    """Have ROS look for others in a range, e.g. off: a run with which nobody talks."""
+    """Set in which range ROS looks for others; `off` is a run with which nobody talks."""
     environment[RANGE] = name.upper()
     # The variable of old takes precedence where it is set, and knows no "off".
     environment.pop(LOCALHOST_ONLY, None)

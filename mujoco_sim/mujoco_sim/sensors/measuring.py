@@ -94,7 +94,7 @@ class Sensors:
         self._beats = [Beat() for _ in self._sensors]
 
     def tune(self, settings: SimulatorParameters) -> None:
-        """Have noise or none, and pictures of so much of the described size, from now on."""
+        """Set whether there is noise, and the share of the described size that pictures have."""
         self._has_noise = settings.sensor_noise
         self._site.scale = settings.camera_scale
 

@@ -23,8 +23,8 @@ HEADER_TIMEOUT = 5.0
 ANSWER_TIMEOUT = 300.0
 # A browser that answers no ping for so long is let go [s].
 PING_PERIOD, PING_TIMEOUT, CLOSE_TIMEOUT = 5.0, 10.0, 1.0
-# Somebody who waits for control gets it from a page that is silent for so long [s]; whoever comes,
-# from one that has said nothing in the same time.
+# Somebody who waits for control gets it from a page that is silent for so long [s]; who just
+# comes, from one that has said nothing in the same time.
 SILENT_CONTROLLER = 5.0
 # What a page says that asks for control, and the code that ends its control.
 REQUEST, FORCE, LEAVE = 'request_control', 'force_control', 'leave_queue'
@@ -203,7 +203,7 @@ class _Place:
         self._drivers: set[PageConnection] = set()
 
     async def serve(self, connection: PageConnection) -> None:
-        """Have Studio serve a connection."""
+        """Hand a connection to Studio."""
         if connection.path == '/ui':
             self._drivers.add(connection)
         try:
@@ -225,7 +225,7 @@ def _close_to_others(
     request: Request,
     response: Response,
 ) -> Response | None:
-    """Have an answer be read by no page of somebody else."""
+    """Forbid pages of other origins to read an answer."""
     if response.status_code == 101:
         process_response(connection, request, response)
     for name in ('Access-Control-Allow-Origin', 'Cross-Origin-Resource-Policy'):

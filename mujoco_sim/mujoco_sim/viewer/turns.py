@@ -35,7 +35,7 @@ class Turns:
         """Take that a browser waits no more: it has gone, or has got control."""
         with self._lock:
             self._asked.pop(browser, None)
-            # What was given to nobody else is taken back: not for whoever asks next.
+            # Nobody has taken what was given: take it back, so that the next who asks waits, too.
             self._is_given &= bool(self._asked)
 
     def touch(self) -> None:

@@ -16,7 +16,7 @@ _OFF = ('disable', 'disabled', 'off', 'false', '0')
 
 def _use_own_window_library() -> None:
     """
-    Have mujoco, when it is imported, take the glfw that came with it, unless the user has chosen.
+    Let mujoco import the glfw that came with it, unless the user has chosen another.
 
     It would start a Python to ask each that this machine has for its version.
     """

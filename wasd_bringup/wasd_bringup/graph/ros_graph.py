@@ -78,7 +78,7 @@ class RosGraph:
         """
         Return what `look` finds as soon as it does; None when patience [s] is over.
 
-        Patience begins anew with whatever is discovered: on a busy machine one run appears piece
+        Each discovery starts the wait again: on a busy machine one run appears piece
         by piece. While a run is known to be here and nothing of it is seen, it does not end.
         """
         started = changed_at = time.monotonic()

@@ -6,10 +6,13 @@ from dataclasses import dataclass, field
 import math
 from typing import NamedTuple
 
+from teleop_keyboard.hold import LONGEST_FIRST_TIMEOUT
 from wasd_core.timing import HELD, RELEASE, split_event
 
-# A key that is held is pressed again by its keyboard within this time [s].
-REPEAT_GAP = 0.65
+# What is silent for longer than the slowest keyboard before its first repeat was let go [s].
+SILENCE = LONGEST_FIRST_TIMEOUT
+# Who has asked for the robot within this time, and does not drive, is told [s].
+ASKED_LATELY = 1.0
 # The source that holds a latched stop; it drives nothing, and nobody takes over from it.
 E_STOP = 'e-stop'
 # Presses the stop key in the name of a source that is gone.
@@ -70,9 +73,14 @@ class _Hold:
     asked: float = math.inf  # so long ago [s]
 
     @property
-    def moves(self) -> bool:
-        """Whether it moves the robot now, or may still press the key that does."""
-        return bool(self.down or self.is_latched or self.is_driving or self.ages)
+    def held(self) -> Held:
+        """What moves the robot now: a key that is down or latched, a velocity."""
+        return Held(bool(self.down) or self.is_latched, self.is_driving)
+
+    def let_go(self) -> None:
+        """Hold nothing."""
+        self.down.clear()
+        self.is_latched = self.is_driving = False
 
 
 class Drivers:
@@ -111,14 +119,14 @@ class Drivers:
             stop = right_of(E_STOP)
             return DriverState(E_STOP, self._since, stop, self._asking(), self.stopped_by)
         hold = self._holds.get(self._driver)
-        if hold is None or not hold.moves:
+        # A key without releases may be pressed again until it was silent for long enough.
+        if hold is None or not (any(hold.held) or hold.ages):
             return DriverState(asks=self._asking())
         return DriverState(self._driver, self._since, right_of(self._driver), self._asking())
 
     def moves(self, source: str) -> bool:
         """Whether a source moves the robot by a key that is down or latched, or by a velocity."""
-        hold = self._holds.get(source, _Hold())
-        return bool(hold.down or hold.is_latched or hold.is_driving)
+        return any(self._holds.get(source, _Hold()).held)
 
     def take(
         self, source: str, *, key: str = '', velocity: Iterable[float] = (), what: str = ''
@@ -147,8 +155,7 @@ class Drivers:
         if source == E_STOP:
             self.stopped_by = ''
             self.disarm()  # what was pressed meanwhile does not count either
-        hold = self._holds.pop(source, _Hold())
-        return Held(bool(hold.down) or hold.is_latched, hold.is_driving)
+        return self._holds.pop(source, _Hold()).held
 
     def stop(self, by: str) -> None:
         """Note that a source has stopped the robot for good; latched, it holds until released."""
@@ -163,29 +170,27 @@ class Drivers:
         Return what moved the robot until now.
         """
         holds = [hold for name, hold in self._holds.items() if source in ('', name)]
-        held = [Held(bool(hold.down) or hold.is_latched, hold.is_driving) for hold in holds]
+        held = [hold.held for hold in holds]
         for hold in holds:
             hold.refused_keys |= hold.down | set(hold.ages)
             hold.is_refused |= hold.is_driving
-            hold.is_latched = hold.is_driving = False
-            hold.down.clear()
+            hold.let_go()
         return Held(any(each.keys for each in held), any(each.velocity for each in held))
 
     def reset(self) -> None:
         """Note that the robot stands; what does not count goes on not counting."""
         for hold in self._holds.values():
-            hold.down.clear()
-            hold.is_latched = hold.is_driving = False
+            hold.let_go()
 
     def step(self, dt: float) -> None:
         """Let `dt` [s] pass: what is not repeated any more was let go."""
         for hold in self._holds.values():
             hold.asked += dt
-            if hold.asked > REPEAT_GAP:
+            if hold.asked > SILENCE:
                 hold.is_driving = hold.is_refused = False
             for key in hold.ages:
                 hold.ages[key] += dt
-            for key in [key for key, age in hold.ages.items() if age > REPEAT_GAP]:
+            for key in [key for key, age in hold.ages.items() if age > SILENCE]:
                 del hold.ages[key]
                 if key not in hold.down:
                     hold.refused_keys.discard(key)
@@ -222,5 +227,7 @@ class Drivers:
         """Return the sources that have asked lately and do not drive."""
         driver = '' if self.stopped_by else self._driver
         return tuple(
-            name for name, hold in self._holds.items() if hold.asked < 1.0 and name != driver
+            name
+            for name, hold in self._holds.items()
+            if hold.asked < ASKED_LATELY and name != driver
         )
