@@ -38,7 +38,7 @@ class Rig:
         self.navigation, self.navigator = node.navigation, node.navigator
         self.navigation.send = lambda velocity: self.sent.append(velocity.tolist())
         self.navigation.say = self.said.append
-        self.navigation.place_frame('laser', 'base', LEVEL)
+        self.navigation.senses.place_frame('laser', 'base', LEVEL)
         self.look()
 
     def look(self, x=0.0, **scan):

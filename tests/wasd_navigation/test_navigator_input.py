@@ -31,7 +31,7 @@ def test_time_that_jumps_back_begins_anew_and_standing(rig):
 
 def test_a_scan_that_waits_keeps_the_frame_that_was_said(make):
     navigation = make().navigation
-    navigation.place_frame('tag', 'base', Pose(np.array([0.3, 0.0, 0.2]), np.eye(3)))
+    navigation.senses.place_frame('tag', 'base', Pose(np.array([0.3, 0.0, 0.2]), np.eye(3)))
     navigation.take_scan(2.0, Ranges([1.0, 2.0, 3.0], -1.0, 1.0, 0.1, 6.0), 'tag')
     odometry = from_odometry(odometry_at(Time(sec=2)))
     navigation.take_odometry(2.0, odometry, ('odom', 'base'))
@@ -42,7 +42,7 @@ def test_a_scan_that_waits_keeps_the_frame_that_was_said(make):
 def test_a_scan_from_before_all_odometry_is_ignored(rig):
     rig.node._on_scan(scan_at(Time(sec=1)))
     assert rig.navigator.scans == 1
-    assert rig.navigation._waiting is None
+    assert rig.navigation.senses._waiting is None
 
 
 def test_odometry_that_is_said_again_is_no_sign_of_life(rig):
@@ -91,8 +91,8 @@ def test_no_frame_of_the_robot_is_taken_for_the_map(rig, base):
 
 def test_frames_that_go_round_in_a_circle_lead_nowhere(rig):
     for child, parent in (('a', 'b'), ('b', 'a'), ('c', 'c')):
-        rig.navigation.place_frame(child, parent, LEVEL)
-        assert rig.navigation.mount_of(child) is None
+        rig.navigation.senses.place_frame(child, parent, LEVEL)
+        assert rig.navigation.senses.mount_of(child) is None
 
 
 def test_a_frame_that_is_no_number_is_ignored(rig):
@@ -100,7 +100,7 @@ def test_a_frame_that_is_no_number_is_ignored(rig):
     place.header.frame_id = 'base'
     place.transform.translation.x = math.nan
     rig.node._on_fixed_frames(tf_message_type()(transforms=[place]))
-    assert rig.navigation.mount_of('laser').position == pytest.approx(LEVEL.position)
+    assert rig.navigation.senses.mount_of('laser').position == pytest.approx(LEVEL.position)
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_a_scan_waits_for_its_odometry_and_for_the_place_of_the_lidar(make):
     node = make()
     stamp = node.get_clock().now().to_msg()
     node._on_scan(scan_at(stamp))
-    node.navigation.place_frame('laser', 'base', LEVEL)
+    node.navigation.senses.place_frame('laser', 'base', LEVEL)
     assert node.navigator.scans == 0
     node._on_odometry(odometry_at(stamp, x=0.7))
     assert node.navigator.scans == 1

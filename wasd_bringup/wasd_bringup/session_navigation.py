@@ -86,11 +86,11 @@ class SessionNavigation:
         prefix = robot.world.prefix
         for joint in robot.description.robot.joints.values():
             if joint.kind == 'fixed':
-                self._navigation.place_frame(
+                self._navigation.senses.place_frame(
                     prefix + joint.child, prefix + joint.parent, joint.pose
                 )
         self._frame = f'{prefix}{tag.link} of the lidar'
-        self._navigation.place_frame(self._frame, prefix + tag.link, tag.pose)
+        self._navigation.senses.place_frame(self._frame, prefix + tag.link, tag.pose)
         robot.simulator.sensors.listen(tag.topic, self._take_scan)
 
     @property

@@ -154,7 +154,7 @@ class NavigatorNode(Node):
     def _on_odometry(self, message: OdometryMessage) -> None:
         """Take odometry of somebody who may not know what stamps are for."""
         now = to_seconds(message.header.stamp)
-        if self.navigation.age(now) == 0.0:
+        if self.navigation.senses.age(now) == 0.0:
             self._warn('odom: the same stamp again: ignored')
         frames = message.header.frame_id, message.child_frame_id
         self.navigation.take_odometry(now, from_odometry(message), frames)
@@ -171,7 +171,7 @@ class NavigatorNode(Node):
             except InvalidMessage as error:
                 self._warn(f'/tf_static: {one.child_frame_id!r}: {error}: ignored')
                 continue
-            self.navigation.place_frame(one.child_frame_id, one.header.frame_id, pose)
+            self.navigation.senses.place_frame(one.child_frame_id, one.header.frame_id, pose)
 
     def _go_to(self, message: PoseStamped) -> None:
         self.navigation.go(self.in_map(message))

@@ -2,24 +2,20 @@
 """A navigator with a robot's senses, without ROS: odometry and scans by their times, goals."""
 
 from collections.abc import Callable
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from wasd_core.errors import InvalidMessage, UserError
+from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
-from wasd_core.rotations import Pose
 
 from wasd_navigation.mapping import save_map
 from wasd_navigation.navigator import Navigator, Outcome
-from wasd_navigation.odometry import Odometry, OdometryMemory, read_odometry
+from wasd_navigation.odometry import Odometry
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_parts, make_pilot, Parts
-from wasd_navigation.records import Ranges, read_ranges
-
-# Scans may come without odometry for so long, before that is said [s].
-PATIENCE = 5.0
+from wasd_navigation.records import Ranges, Scan
+from wasd_navigation.senses import Senses
 
 
 class RobotNavigator:
@@ -55,13 +51,11 @@ class RobotNavigator:
         self.on_scan: list[Callable[[float, Odometry], None]] = []
         self.on_reset: list[Callable[[], None]] = []
         self.locks: set[str] = set()  # what stops every goal while it is on
-        self.odom_frame, self.base_frame = 'odom', ''
-        self._memory = OdometryMemory()
-        self._waiting: tuple[float, Ranges, str] | None = None  # for odometry, and its frame
+        self.senses = Senses()
+        self.senses.on_scan = self._see
+        self.senses.warn = lambda words: self.warn(words)
         self._notice = ''
-        self._fixed: dict[str, tuple[str, Pose]] = {}  # child: parent and the pose in it
         self._stepped_at: float | None = None
-        self._baseless_since = math.inf  # scans have come without odometry
         self._inform = inform
         self._begin(settings or NavigatorParameters(), parts)
 
@@ -83,74 +77,37 @@ class RobotNavigator:
             self.stop('how to drive has changed')
             self.navigator.configure(make_pilot(settings), settings.planning.silence)
 
-    def place_frame(self, child: str, parent: str, pose: Pose) -> None:
-        """Take where a frame is that never moves in its parent: the lidar's is such a one."""
-        self._fixed[child.lstrip('/')] = parent.lstrip('/'), pose
+    @property
+    def odom_frame(self) -> str:
+        """The frame of odometry."""
+        return self.senses.odom_frame
 
-    def mount_of(self, frame: str) -> Pose | None:
-        """Return the pose of the lidar's frame in the base, None where it is not known yet."""
-        frame, pose = frame.lstrip('/'), Pose(np.zeros(3), np.eye(3))
-        begin, base = frame, self.base_frame.lstrip('/')
-        for _ in range(len(self._fixed) + 1):  # no more: frames may go round in a circle
-            if frame == base:
-                return pose
-            if frame not in self._fixed:
-                break
-            frame, step = self._fixed[frame]
-            pose = step @ pose
-        self.warn(f'scan waits: no way from {begin!r} to the base {base!r} on /tf_static')
-        return None
-
-    def age(self, now: float) -> float:
-        """Return how long before the newest odometry a time was [s]; NaN: there is none."""
-        return self._memory.age(now)
+    @property
+    def base_frame(self) -> str:
+        """The frame of the base; '' before there is odometry."""
+        return self.senses.base_frame
 
     def take_odometry(
         self, now: float, base: BaseOdometry, frames: tuple[str, str] = ('', '')
     ) -> None:
         """Take where the base is at a time; `frames` are odom's and the base's, '' as before."""
-        try:
-            odometry = read_odometry(base)
-        except InvalidMessage as error:
-            self.warn(f'odom: {error}: ignored')
+        odometry = self.senses.read_odometry(now, base, frames)
+        if odometry is None:
             return
-        self.odom_frame = frames[0] or self.odom_frame
-        self.base_frame = frames[1] or self.base_frame
-        if self._memory.age(now) == 0.0:
-            return  # said before: no sign of life
         if self.navigator.move(odometry):
-            self._memory.clear()
+            self.senses.forget_odometry()
             self.warn('odom: has leapt, as if it was set anew')
             self.stop('odometry has leapt')
-        self._memory.add(now, odometry)
-        if self._waiting is not None:
-            late, self._waiting = self._waiting, None
-            self.take_scan(*late)
+        self.senses.add_odometry(now, odometry)
 
     def take_scan(self, now: float, ranges: Ranges, frame: str) -> None:
         """Take a scan of a time in the lidar's frame; it waits for odometry of that time."""
-        if not self.base_frame:
-            # Scans may come before odom: a word only where that lasts.
-            self._baseless_since = min(self._baseless_since, now)
-            if now - self._baseless_since > PATIENCE:
-                self.warn('scan waits for odom, which names the base')
-        mount = self.mount_of(frame) if self.base_frame else None
-        odometry, age = self._memory.at(now), self._memory.age(now)
-        if odometry is None and age > 0.0:
-            self.warn(f'scan is {age:.1f} s old, before all odometry that is kept: ignored')
-        elif odometry is None:
-            self._waiting = now, ranges, frame
-            if age < -1.0:
-                self.warn(f'scan is {-age:.1f} s ahead of odometry: it waits')
-        elif mount is not None:
-            try:
-                scan = read_ranges(ranges, odometry.level @ mount)
-            except InvalidMessage as error:
-                self.warn(f'scan: {error}: ignored')
-                return
-            self.navigator.see(scan, odometry, age)
-            for tell in self.on_scan:
-                tell(now, odometry)
+        self.senses.take_scan(now, ranges, frame)
+
+    def _see(self, scan: Scan, odometry: Odometry, age: float, now: float) -> None:
+        self.navigator.see(scan, odometry, age)
+        for tell in self.on_scan:
+            tell(now, odometry)
 
     def step(self, now: float) -> float | None:
         """
@@ -203,8 +160,8 @@ class RobotNavigator:
     def reset(self, why: str = 'the robot was put back to its start') -> None:
         """Stand and know of nothing, because of something."""
         self.begin_map(why)
-        self._memory.clear()
-        self._waiting = self._stepped_at = None
+        self.senses.reset()
+        self._stepped_at = None
 
     def begin_map(self, why: str = 'the map begins anew') -> None:
         """Stand and map from here, as if nothing had been seen."""

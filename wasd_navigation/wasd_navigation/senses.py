@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a robot senses by the times at which it does: odometry, and scans with that of theirs."""
+
+from collections.abc import Callable
+import math
+from typing import Any
+
+import numpy as np
+from wasd_core.errors import InvalidMessage
+from wasd_core.robot_io import BaseOdometry
+from wasd_core.rotations import Pose
+
+from wasd_navigation.odometry import Odometry, OdometryMemory, read_odometry
+from wasd_navigation.records import Ranges, read_ranges, Scan
+
+# Scans may come without odometry for so long, before that is said [s].
+PATIENCE = 5.0
+
+
+class Senses:
+    """
+    Reads odometry and scans as they come; a scan waits for the odometry of its time.
+
+    Times are told [s]. `on_scan` gets each scan, the odometry of its time, its age [s] and that
+    time; `warn` what is wrong with what came. `odom_frame` and `base_frame` are named by odometry.
+    """
+
+    def __init__(self) -> None:
+        self.warn: Callable[[str], Any] = lambda words: None
+        self.on_scan: Callable[[Scan, Odometry, float, float], Any] = lambda *_: None
+        self.odom_frame, self.base_frame = 'odom', ''
+        self._memory = OdometryMemory()
+        self._waiting: tuple[float, Ranges, str] | None = None  # for odometry, and its frame
+        self._fixed: dict[str, tuple[str, Pose]] = {}  # child: parent and the pose in it
+        self._baseless_since = math.inf  # scans have come without odometry
+
+    def place_frame(self, child: str, parent: str, pose: Pose) -> None:
+        """Take where a frame is that never moves in its parent: the lidar's is such a one."""
+        self._fixed[child.lstrip('/')] = parent.lstrip('/'), pose
+
+    def mount_of(self, frame: str) -> Pose | None:
+        """Return the pose of the lidar's frame in the base, None where it is not known yet."""
+        frame, pose = frame.lstrip('/'), Pose(np.zeros(3), np.eye(3))
+        begin, base = frame, self.base_frame.lstrip('/')
+        for _ in range(len(self._fixed) + 1):  # no more: frames may go round in a circle
+            if frame == base:
+                return pose
+            if frame not in self._fixed:
+                break
+            frame, step = self._fixed[frame]
+            pose = step @ pose
+        self.warn(f'scan waits: no way from {begin!r} to the base {base!r} on /tf_static')
+        return None
+
+    def age(self, now: float) -> float:
+        """Return how long before the newest odometry a time was [s]; NaN: there is none."""
+        return self._memory.age(now)
+
+    def read_odometry(
+        self, now: float, base: BaseOdometry, frames: tuple[str, str] = ('', '')
+    ) -> Odometry | None:
+        """
+        Return odometry of a time; None where it is none, or was said before.
+
+        `frames` are odom's and the base's, '' as before.
+        """
+        try:
+            odometry = read_odometry(base)
+        except InvalidMessage as error:
+            self.warn(f'odom: {error}: ignored')
+            return None
+        self.odom_frame = frames[0] or self.odom_frame
+        self.base_frame = frames[1] or self.base_frame
+        # Said before: no sign of life.
+        return None if self._memory.age(now) == 0.0 else odometry
+
+    def add_odometry(self, now: float, odometry: Odometry) -> None:
+        """Remember odometry of a time, and take the scan that has waited for it."""
+        self._memory.add(now, odometry)
+        if self._waiting is not None:
+            late, self._waiting = self._waiting, None
+            self.take_scan(*late)
+
+    def take_scan(self, now: float, ranges: Ranges, frame: str) -> None:
+        """Take a scan of a time in the lidar's frame; it waits for odometry of that time."""
+        if not self.base_frame:
+            # Scans may come before odom: a word only where that lasts.
+            self._baseless_since = min(self._baseless_since, now)
+            if now - self._baseless_since > PATIENCE:
+                self.warn('scan waits for odom, which names the base')
+        mount = self.mount_of(frame) if self.base_frame else None
+        odometry, age = self._memory.at(now), self._memory.age(now)
+        if odometry is None and age > 0.0:
+            self.warn(f'scan is {age:.1f} s old, before all odometry that is kept: ignored')
+        elif odometry is None:
+            self._waiting = now, ranges, frame
+            if age < -1.0:
+                self.warn(f'scan is {-age:.1f} s ahead of odometry: it waits')
+        elif mount is not None:
+            try:
+                scan = read_ranges(ranges, odometry.level @ mount)
+            except InvalidMessage as error:
+                self.warn(f'scan: {error}: ignored')
+                return
+            self.on_scan(scan, odometry, age, now)
+
+    def forget_odometry(self) -> None:
+        """Forget where the robot was: odometry has leapt."""
+        self._memory.clear()
+
+    def reset(self) -> None:
+        """Forget what was sensed; frames stay where they are."""
+        self._memory.clear()
+        self._waiting = None
