@@ -30,7 +30,7 @@ def test_alone_it_maps_from_topics_and_drives_by_cmd_vel(lone, publish, peer, sp
     place.transform.translation.x = 0.1
     static = peer.create_publisher(tf_message_type(), '/tf_static', TF_STATIC)
     static.publish(tf_message_type()(transforms=[place]))
-    spin_until(spawn.pump, lambda: node.navigation._fixed)
+    spin_until(spawn.pump, lambda: node.navigation.senses._fixed)
 
     def look():
         stamp = peer.get_clock().now().to_msg()
