@@ -48,10 +48,10 @@ def _to_karto(log: Log, row: int) -> Any:
 
     lidar, scan = MBOT_LIDAR, log.scans[row]
     angles = np.arctan2(scan.ends[:, 1], scan.ends[:, 0])
-    step = 2.0 * lidar.half_angle / (lidar.samples - 1)
-    rays = np.round((angles + lidar.half_angle) / step).astype(int)
-    ranges = np.full(lidar.samples, 2.0 * lidar.most)
+    rays = np.round((angles - lidar.min_angle) / lidar.angle_increment).astype(int)
+    rays = np.clip(rays, 0, lidar.samples - 1)
+    ranges = np.full(lidar.samples, 2.0 * lidar.max_range)
     ranges[rays[scan.hits]] = np.hypot(*scan.points.T)
-    limits = (lidar.least, lidar.most, lidar.most)
-    pose = log.odometry[row].tolist()
-    return LocalizedRangeScan(ranges, -lidar.half_angle, lidar.half_angle, step, *limits, *pose)
+    limits = (lidar.min_range, lidar.max_range, lidar.max_range)
+    angles = (lidar.min_angle, lidar.max_angle, lidar.angle_increment)
+    return LocalizedRangeScan(ranges, *angles, *limits, *log.odometry[row].tolist())

@@ -13,8 +13,13 @@ from typing import NamedTuple
 
 from diff_drive_sim.odometry import grow_covariance, Growth, PlanarCovariance
 from mujoco_sim.flats import Flat
+from mujoco_sim.parameters import AS_DESCRIBED, IDEAL
+from mujoco_sim.sensors.lidar import LidarTag, with_model
+from mujoco_sim.sensors.table import read_sensor_tags
 from numba import njit
 import numpy as np
+from robot_description.description import load_robot
+from wasd_navigation.odometry import moves_between
 from wasd_navigation.records import read_scan, Scan
 from wasd_navigation.se2 import compose, inverse
 
@@ -24,25 +29,15 @@ CLEARANCE = 0.30  # of the way from the walls [m]
 LOOK_AHEAD = 0.35  # [m]
 
 
-class Lidar(NamedTuple):
-    """A planar lidar as its tag has it, in the middle of the robot [m], [rad], [Hz]."""
-
-    samples: int = 360
-    half_angle: float = 3.0
-    least: float = 0.1
-    most: float = 6.0
-    noise: float = 0.01
-    resolution: float = 0.01
-    rate: float = 5.5
-
-    @property
-    def angles(self) -> np.ndarray:
-        """Angles of its rays [rad], shape (samples,)."""
-        return np.linspace(-self.half_angle, self.half_angle, self.samples)
+def lidar_of(name: str, model: str = AS_DESCRIBED) -> LidarTag:
+    """Return a robot's lidar as its description has it, or as another model would measure."""
+    tags = read_sensor_tags(load_robot(name).robot).kinds[0]
+    (tag,) = (tag for tag in tags if isinstance(tag, LidarTag))
+    return tag if model == AS_DESCRIBED else with_model(tag, model)
 
 
-MBOT_LIDAR = Lidar()
-GO2_LIDAR = Lidar(half_angle=math.pi, most=12.0, resolution=0.0, rate=10.0)
+A1, MBOT_LIDAR = lidar_of('mbot'), lidar_of('mbot', IDEAL)
+S2, GO2_LIDAR = lidar_of('go2'), lidar_of('go2', IDEAL)
 
 
 class Wheels(NamedTuple):
@@ -65,6 +60,8 @@ class Wheels(NamedTuple):
 ODOMETRIES = {
     'mbot': Wheels(5e-4, 5e-4, 1.4e-3, 5e-4, Growth(2.5e-5, 1e-4, 1e-5)),
     'go2': Wheels(0.01, 0.01, 3e-3, 3e-3, Growth(1e-4, 1e-4, 2e-5)),
+    # What lasts is 3 %: tyres that have lost pressure, a load.
+    '3 %': Wheels(0.03, 0.03, 3e-3, 3e-3, Growth(9e-4, 9e-4, 5e-5)),
     'poor': Wheels(0.05, 0.04, 6e-3, 6e-3, Growth(2.5e-3, 1.6e-3, 1e-4)),
 }
 
@@ -271,31 +268,74 @@ def as_matrix(known: PlanarCovariance) -> np.ndarray:
     return np.array(((xx, xy, xt), (xy, yy, yt), (xt, yt, tt)))
 
 
-def look(pose: np.ndarray, boxes: np.ndarray, lidar: Lidar, random: np.random.Generator) -> Scan:
-    """Return the scan of a lidar at a pose."""
-    ranges = cast(pose, lidar.angles, boxes, lidar.most + 6.0 * lidar.noise)
-    ranges = ranges + lidar.noise * random.normal(size=lidar.samples)
-    if lidar.resolution > 0.0:
-        ranges = np.round(ranges / lidar.resolution) * lidar.resolution
-    ranges = np.where(ranges > lidar.most, np.inf, ranges)
-    ranges = np.where(ranges < lidar.least, -np.inf, ranges)
-    return read_scan(ranges, lidar.angles, (lidar.least, lidar.most), np.zeros(3))
+@njit(cache=True)
+def cast_each(poses: np.ndarray, angles: np.ndarray, boxes: np.ndarray, most: float) -> np.ndarray:
+    """Return how far each ray goes from the pose that is its own, shape (n, 3)."""
+    ranges = np.empty(angles.shape[0])
+    for ray in range(angles.shape[0]):
+        ranges[ray] = cast(poses[ray], angles[ray : ray + 1], boxes, most)[0]
+    return ranges
+
+
+class Way(NamedTuple):
+    """Poses of a robot at each tick: times (n,) [s], the true ones and odometry's, (n, 3)."""
+
+    times: np.ndarray
+    truth: np.ndarray
+    said: np.ndarray
+
+    def at(self, poses: np.ndarray, times: np.ndarray) -> np.ndarray:
+        """Return poses, of `truth` or `said`, at some times, shape (m, 3)."""
+        columns = (poses[:, 0], poses[:, 1], np.unwrap(poses[:, 2]))
+        return np.stack([np.interp(times, self.times, column) for column in columns], axis=1)
+
+
+def look(truth: np.ndarray, boxes: np.ndarray, lidar: LidarTag, seed: Sequence[int]) -> np.ndarray:
+    """Return the ranges that a lidar measures from true poses of its rays, shape (samples, 3)."""
+    farthest = lidar.max_range + 6.0 * float(lidar.deviations(np.array(lidar.max_range)))
+    ranges = cast_each(truth, lidar.angles, boxes, farthest)
+    return lidar.err(ranges, np.random.default_rng(seed))
 
 
 def make_logs(
-    flat: Flat, odometries: Sequence[str], seed: int, length: float, lidar: Lidar = MBOT_LIDAR
+    flat: Flat, odometries: Sequence[str], seed: int, length: float, lidar: LidarTag = MBOT_LIDAR
 ) -> dict[str, Log]:
-    """Return logs of a drive of a length [m] at least through a flat, by their odometries."""
-    poses = drive(flat, length, seed)
-    times = np.arange(len(poses)) * TICK
-    count = int(times[-1] * lidar.rate)
-    rows = np.round(np.arange(count) / lidar.rate / TICK).astype(int)
-    random = np.random.default_rng((seed, 3))
-    scans = [look(pose, flat.boxes, lidar, random) for pose in poses[rows]]
+    """
+    Return logs of a drive of a length [m] at least through a flat, by their odometries.
+
+    Of a lidar that turns a scan is told of the middle of its revolution; where the robot was at
+    each ray, odometry says.
+    """
+    return log_way(drive(flat, length, seed), flat.boxes, odometries, seed, lidar)
+
+
+def log_way(
+    poses: np.ndarray,
+    boxes: np.ndarray,
+    odometries: Sequence[str],
+    seed: int,
+    lidar: LidarTag,
+) -> dict[str, Log]:
+    """Return logs of true poses at each tick, shape (n, 3), among boxes; see `make_logs`."""
+    ticks = np.arange(len(poses)) * TICK
+    rays = lidar.time_increment * np.arange(lidar.samples)
+    begins = np.arange(int((ticks[-1] - rays[-1]) * lidar.rate)) / lidar.rate
+    rows = np.round((begins + 0.5 * rays[-1]) / TICK).astype(int)
+    true = Way(ticks, poses, poses)
+    ranges = [
+        look(true.at(poses, begin + rays), boxes, lidar, (seed, 3, index))
+        for index, begin in enumerate(begins.tolist())
+    ]
     logs = {}
     for name in odometries:
         said, covariances = err(poses, ODOMETRIES[name], seed)
-        logs[name] = Log(times[rows], poses[rows], said[rows], covariances[rows], scans)
+        way = Way(ticks, poses, said)
+        scans = []
+        for begin, row, seen in zip(begins.tolist(), rows, ranges, strict=True):
+            moved = moves_between(said[row], way.at(said, begin + rays)) if lidar.turns else None
+            limits = (lidar.min_range, lidar.max_range)
+            scans.append(read_scan(seen, lidar.angles, limits, np.zeros(3), moved))
+        logs[name] = Log(ticks[rows], poses[rows], said[rows], covariances[rows], scans)
     return logs
 
 

@@ -9,10 +9,14 @@ from mujoco_sim.sensors.lidar import Lidar
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
 from robot_description.description import load_robot
-from slam_logs import as_matrix, drive, Log, LOOK_AHEAD, TICK
+from slam_logs import as_matrix, drive, Log, LOOK_AHEAD, TICK, Way
 import wasd
+from wasd_navigation.odometry import moves_between
 from wasd_navigation.records import read_scan
 from wasd_navigation.se2 import wrap
+
+# Of a tick: physics stops so often for the lidar to look.
+SLICES = 4
 
 
 def drive_mbot(seed: int, length: float) -> Log:
@@ -22,27 +26,36 @@ def drive_mbot(seed: int, length: float) -> Log:
     loaded = load_robot('mbot')
     ((tag,), _), _ = read_sensor_tags(loaded.robot)
     lidar, random = Lidar(tag, Site(robot._world, loaded.robot)), np.random.default_rng(seed)
-    angles = np.linspace(tag.min_angle, tag.max_angle, tag.samples)
-    rows, at, looked = [], 0, -math.inf
+    ticks: list[tuple[float, np.ndarray, np.ndarray, np.ndarray]] = []
+    turns: list[tuple[float, np.ndarray]] = []
+    at, begin = 0, -math.inf
     while at < len(way) - 1:
-        pose = where(robot)
-        if robot.time - looked >= 1.0 / tag.rate - 1e-9:
-            looked = robot.time
-            scan = read_scan(
-                lidar.scan(random), angles, (tag.min_range, tag.max_range), np.zeros(3)
-            )
-            state = robot.odometry
-            known = as_matrix(robot._unit.controller.covariance)
-            rows.append((looked, pose, np.array((state.x, state.y, state.yaw)), known, scan))
+        pose, state = where(robot), robot.odometry
+        known = as_matrix(robot._unit.controller.covariance)
+        ticks.append((robot.time, pose, np.array((state.x, state.y, state.yaw)), known))
+        if robot.time - begin >= 1.0 / tag.rate - 1e-9:
+            begin = robot.time
+            lidar.begin()
         while at < len(way) - 1 and math.dist(way[at], pose[:2]) < LOOK_AHEAD:
             at += 1
         ahead = wrap(math.atan2(way[at, 1] - pose[1], way[at, 0] - pose[0]) - pose[2])
         robot.drive(0.5 * max(0.0, 1.0 - abs(ahead) / 0.8), min(1.0, max(-1.0, 2.5 * ahead)))
-        robot.run(TICK)
-    stamps, truth, odometry, covariances, scans = zip(*rows, strict=True)
-    return Log(
-        np.array(stamps), np.array(truth), np.array(odometry), np.array(covariances), list(scans)
-    )
+        for _ in range(SLICES):
+            robot.run(TICK / SLICES)
+            ranges = lidar.step(TICK / SLICES)
+            if ranges is not None:
+                turns.append((begin, tag.err(ranges, random)))
+    times, truth, odometry, covariances = (np.array(part) for part in zip(*ticks, strict=True))
+    way_said = Way(times, truth, odometry)
+    rays = tag.time_increment * np.arange(tag.samples)
+    scans, rows = [], []
+    for begin, ranges in turns:
+        row = int(np.argmin(np.abs(times - (begin + 0.5 * rays[-1]))))
+        moved = moves_between(odometry[row], way_said.at(odometry, begin + rays))
+        limits = (tag.min_range, tag.max_range)
+        scans.append(read_scan(ranges, tag.angles, limits, np.zeros(3), moved))
+        rows.append(row)
+    return Log(times[rows], truth[rows], odometry[rows], covariances[rows], scans)
 
 
 def where(robot: wasd.Mbot) -> np.ndarray:

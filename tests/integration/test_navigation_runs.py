@@ -90,7 +90,7 @@ def test_the_same_seed_makes_the_same_map_and_path_to_the_last_byte_whoever_list
 
 def test_a_robot_finds_its_place_in_a_saved_map_and_drives_there(house):
     path, _ = house
-    report = run(9.0, map=str(path.with_suffix('.yaml')), goals=(NEAR,))['navigation']
+    report = run(11.0, map=str(path.with_suffix('.yaml')), goals=(NEAR,))['navigation']
     (goal,) = report['goals']
     assert goal['state'] == 'arrived'
     assert error_of(goal, goal['truth'])[0] <= 0.05

@@ -46,6 +46,8 @@ def test_mbots_lidar_is_the_courses(mbot):
     assert (lidar.min_angle, lidar.max_angle) == (-3.0, 3.0)
     assert (lidar.min_range, lidar.max_range) == (0.1, 6.0)
     assert (lidar.resolution, lidar.noise) == (0.01, 0.01)
+    # It is an A1, as those numbers are.
+    assert (lidar.turns, lidar.noise_share, lidar.dropouts) == (True, 0.01, 0.01)
 
 
 def test_the_go2_has_a_lidar_that_looks_all_around():

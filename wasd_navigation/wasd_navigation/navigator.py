@@ -229,7 +229,7 @@ class Navigator:
         (scan, at), self._seen = self._seen, None
         moved = compose(inverse(self._odometry.pose), at)
         origin = transform(moved, scan.origin[None])[0]
-        return Scan(origin, transform(moved, scan.ends), scan.hits)
+        return Scan(origin, transform(moved, scan.ends), scan.hits, transform(moved, scan.begins))
 
     def _with_yaw(self, goal: np.ndarray) -> np.ndarray:
         """Return a goal with the yaw of the line to it where it has none."""

@@ -119,13 +119,34 @@ class OdometryMemory:
         pose = early.pose + (stamp - begin) / (end - begin) * step
         return late._replace(pose=np.array([pose[0], pose[1], wrap(pose[2])]))
 
+    def poses(self, stamps: np.ndarray) -> np.ndarray:
+        """Return poses at instants, shape (n, 3), those before all that is known as the first."""
+        times = np.array([time for time, _ in self._known])
+        known = np.array([odometry.pose for _, odometry in self._known])
+        yaws = np.unwrap(known[:, 2])
+        values = (known[:, 0], known[:, 1], yaws)
+        return np.stack([np.interp(stamps, times, value) for value in values], axis=1)
+
     def age(self, stamp: float) -> float:
         """Return how long before the newest odometry an instant was [s]; NaN: there is none."""
         return self._known[-1][0] - stamp if self._known else math.nan
 
+    @property
+    def oldest(self) -> float:
+        """When the oldest odometry was that is kept [s]; never, if there is none."""
+        return self._known[0][0] if self._known else -math.inf
+
     def clear(self) -> None:
         """Forget everything."""
         self._known.clear()
+
+
+def moves_between(pose: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return other poses, shape (n, 3), in the frame of one, shape (3,)."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy = others[:, 0] - pose[0], others[:, 1] - pose[1]
+    turns = (others[:, 2] - pose[2] + math.pi) % (2.0 * math.pi) - math.pi
+    return np.stack((cos * dx + sin * dy, -sin * dx + cos * dy, turns), axis=1)
 
 
 class OdometryGrowth:

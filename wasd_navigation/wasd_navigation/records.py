@@ -23,6 +23,10 @@ FLOOR, LEAST_DESCENT = 0.05, 0.02
 HORIZON, FREE_SIGHT = 100.0, 30.0
 # No lidar has so many rays.
 MOST_RAYS = 100_000
+# From its first ray to its last a scan takes no longer [s].
+LONGEST_SWEEP = 1.0
+# So many rays beside each other may have got no echo, between others that have.
+MOST_LOST = 2
 
 
 @dataclass(frozen=True)
@@ -63,15 +67,23 @@ class Grid:
 @dataclass(frozen=True)
 class Scan:
     """
-    Rays of one instant in the base frame (x ahead, y left) [m].
+    Rays in the base frame of one instant (x ahead, y left) [m].
 
-    `origin`, shape (2,), is where they begin; `ends`, shape (n, 2), are where they end: at what
-    they hit where `hits`, shape (n,), is true, else at the lidar's range, with nothing before it.
+    `origin`, shape (2,), is where the lidar is then; `ends`, shape (n, 2), are where rays end: at
+    what they hit where `hits`, shape (n,), is true, else at the lidar's range, with nothing before
+    it. Of a lidar that has moved meanwhile `begins`, shape (n, 2), are where they begin.
     """
 
     origin: np.ndarray
     ends: np.ndarray
     hits: np.ndarray
+    begins: np.ndarray = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        """Have all rays begin at the origin if nothing else is said."""
+        if self.begins is None:
+            begins = np.repeat(self.origin[None], len(self.ends), axis=0)
+            object.__setattr__(self, 'begins', begins)
 
     @property
     def points(self) -> np.ndarray:
@@ -88,29 +100,56 @@ class Ranges(NamedTuple):
     angle_increment: float
     range_min: float
     range_max: float
+    time_increment: float = 0.0  # from one ray to the next [s]
+
+    @property
+    def times(self) -> np.ndarray:
+        """
+        Time of each ray since the first [s], shape (n,).
+
+        Raises:
+            InvalidMessage: no lidar takes so long, or more rays than any lidar has.
+        """
+        count = len(self.ranges)
+        if count > MOST_RAYS:
+            raise InvalidMessage(f'wanted at most {MOST_RAYS} rays, got {count}')
+        if not 0.0 <= self.time_increment * count <= LONGEST_SWEEP:
+            raise InvalidMessage(
+                f'wanted rays within {LONGEST_SWEEP:g} s of one another, got a time_increment of '
+                f'{self.time_increment} s with {count} of them'
+            )
+        return self.time_increment * np.arange(count)
 
 
-def read_ranges(said: Ranges, mount: Pose) -> Scan:
+def read_ranges(said: Ranges, mount: Pose, moved: np.ndarray | None = None) -> Scan:
     """
     Return the rays of a lidar; `mount` is its pose in the level frame below the base.
+
+    `moved`, shape (n, 3), is where the base was at each ray, as seen from where it is at the
+    scan's instant; else it stood still.
 
     Raises:
         InvalidMessage: its angles or limits are not finite, or it has more rays than any lidar.
     """
-    if not all(map(math.isfinite, said[1:])) or not said.range_max > 0.0:
+    numbers = said[1:5]
+    if not all(map(math.isfinite, numbers)) or not said.range_max > 0.0:
         raise InvalidMessage(
             'wanted finite angles and limits, the greatest range above 0 m; angle_min, '
-            f'angle_increment, range_min and range_max are {", ".join(map(str, said[1:]))}'
+            f'angle_increment, range_min and range_max are {", ".join(map(str, numbers))}'
         )
     if len(said.ranges) > MOST_RAYS:
         raise InvalidMessage(f'wanted at most {MOST_RAYS} rays, got {len(said.ranges)}')
     ranges = np.array(said.ranges, dtype=float)
     angles = said.angle_min + said.angle_increment * np.arange(len(ranges))
-    return read_tilted_scan(ranges, angles, (said.range_min, said.range_max), mount)
+    return read_tilted_scan(ranges, angles, (said.range_min, said.range_max), mount, moved)
 
 
 def read_scan(
-    ranges: np.ndarray, angles: np.ndarray, limits: tuple[float, float], mount: np.ndarray
+    ranges: np.ndarray,
+    angles: np.ndarray,
+    limits: tuple[float, float],
+    mount: np.ndarray,
+    moved: np.ndarray | None = None,
 ) -> Scan:
     """
     Return the rays that a sensor_msgs/LaserScan tells of (REP 117).
@@ -122,25 +161,58 @@ def read_scan(
     """
     x, y, yaw = mount.tolist()
     level = Pose(np.array([x, y, 1.0]), yaw_matrix(yaw))
-    return read_tilted_scan(ranges, angles, limits, level)
+    return read_tilted_scan(ranges, angles, limits, level, moved)
 
 
 def read_tilted_scan(
-    ranges: np.ndarray, angles: np.ndarray, limits: tuple[float, float], mount: Pose
+    ranges: np.ndarray,
+    angles: np.ndarray,
+    limits: tuple[float, float],
+    mount: Pose,
+    moved: np.ndarray | None = None,
 ) -> Scan:
     """
-    Return the rays of a lidar that tilts, as seen from above; see `read_scan`.
+    Return the rays of a lidar that tilts, as seen from above; see `read_scan`, `read_ranges`.
 
     `mount` is the lidar's pose in a level frame below the base: its origin is at the height of
     the floor, x is ahead. Rays that end on the floor tell nothing.
     """
     least, most = limits
-    tells = ranges >= least
+    tells = (ranges >= least) & ~_is_lost(ranges, least, min(most, HORIZON))
     ranges, angles = ranges[tells], angles[tells]
     along = np.stack((np.cos(angles), np.sin(angles), np.zeros_like(angles)), axis=1)
     along = along @ mount.rotation.T
     hits = ranges <= min(most, HORIZON)
     lengths = np.where(hits, ranges, min(most, FREE_SIGHT))
     is_floor = -lengths * along[:, 2] >= max(mount.position[2] - FLOOR, LEAST_DESCENT)
-    ends = mount.position[:2] + lengths[:, None] * along[:, :2]
-    return Scan(mount.position[:2].copy(), ends[~is_floor], hits[~is_floor])
+    origin = mount.position[:2].copy()
+    ends = origin + lengths[:, None] * along[:, :2]
+    begins = np.repeat(origin[None], len(ends), axis=0)
+    if moved is not None:
+        begins, ends = _carry(moved[tells], begins), _carry(moved[tells], ends)
+    return Scan(origin, ends[~is_floor], hits[~is_floor], begins[~is_floor])
+
+
+def _carry(poses: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return points, shape (n, 2), each of its own frame, whose poses have shape (n, 3)."""
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    x, y = points.T
+    return np.stack((poses[:, 0] + cos * x - sin * y, poses[:, 1] + sin * x + cos * y), axis=1)
+
+
+def _is_lost(ranges: np.ndarray, least: float, most: float) -> np.ndarray:
+    """
+    Return which rays only seem to hit nothing, shape (n,).
+
+    A lidar that has got no echo says what it says where nothing is. Nothing is so narrow that one
+    or two rays go past between two that do not.
+    """
+    nothing = np.concatenate(([False], np.isposinf(ranges), [False]))
+    steps = np.diff(nothing.astype(np.int8))
+    begins, ends = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    lost = np.zeros(len(ranges), dtype=np.bool_)
+    for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
+        inside = begin > 0 and end < len(ranges)
+        if inside and end - begin <= MOST_LOST:
+            lost[begin:end] = least <= ranges[begin - 1] <= most and least <= ranges[end] <= most
+    return lost

@@ -95,7 +95,7 @@ class RobotNavigator:
         if odometry is None:
             return
         if self.navigator.move(odometry):
-            self.senses.forget_odometry()
+            self.senses.forget_odometry(now)
             self.warn('odom: has leapt, as if it was set anew')
             self.stop('odometry has leapt')
         self.senses.add_odometry(now, odometry)

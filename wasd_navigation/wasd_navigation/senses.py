@@ -10,7 +10,7 @@ from wasd_core.errors import InvalidMessage
 from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import Pose
 
-from wasd_navigation.odometry import Odometry, OdometryMemory, read_odometry
+from wasd_navigation.odometry import moves_between, Odometry, OdometryMemory, read_odometry
 from wasd_navigation.records import Ranges, read_ranges, Scan
 
 # Scans may come without odometry for so long, before that is said [s].
@@ -21,8 +21,9 @@ class Senses:
     """
     Reads odometry and scans as they come; a scan waits for the odometry of its time.
 
-    Times are told [s]. `on_scan` gets each scan, the odometry of its time, its age [s] and that
-    time; `warn` what is wrong with what came. `odom_frame` and `base_frame` are named by odometry.
+    Times are told [s]. `on_scan` gets each scan, the odometry of its time, which is half way
+    between its first ray and its last, the age [s] of its last ray, and that time; `warn` what is
+    wrong with what came. `odom_frame` and `base_frame` are named by odometry.
     """
 
     def __init__(self) -> None:
@@ -33,6 +34,7 @@ class Senses:
         self._waiting: tuple[float, Ranges, str] | None = None  # for odometry, and its frame
         self._fixed: dict[str, tuple[str, Pose]] = {}  # child: parent and the pose in it
         self._baseless_since = math.inf  # scans have come without odometry
+        self._leapt_at = -math.inf  # odometry has
 
     def place_frame(self, child: str, parent: str, pose: Pose) -> None:
         """Take where a frame is that never moves in its parent: the lidar's is such a one."""
@@ -89,26 +91,46 @@ class Senses:
             if now - self._baseless_since > PATIENCE:
                 self.warn('scan waits for odom, which names the base')
         mount = self.mount_of(frame) if self.base_frame else None
-        odometry, age = self._memory.at(now), self._memory.age(now)
-        if odometry is None and age > 0.0:
-            self.warn(f'scan is {age:.1f} s old, before all odometry that is kept: ignored')
-        elif odometry is None:
+        try:
+            times = now + ranges.times
+        except InvalidMessage as error:
+            self.warn(f'scan: {error}: ignored')
+            return
+        begin, end = (float(times[0]), float(times[-1])) if len(times) else (now, now)
+        age = self._memory.age(end)
+        if self._memory.at(end) is None:
+            if age > 0.0:
+                self.warn(f'scan is {age:.1f} s old, before all odometry that is kept: ignored')
+                return
             self._waiting = now, ranges, frame
             if age < -1.0:
                 self.warn(f'scan is {-age:.1f} s ahead of odometry: it waits')
-        elif mount is not None:
-            try:
-                scan = read_ranges(ranges, odometry.level @ mount)
-            except InvalidMessage as error:
-                self.warn(f'scan: {error}: ignored')
-                return
-            self.on_scan(scan, odometry, age, now)
+        elif mount is not None and now >= self._leapt_at:
+            self._read(ranges, times, mount, 0.5 * (begin + end), age)
 
-    def forget_odometry(self) -> None:
-        """Forget where the robot was: odometry has leapt."""
+    def _read(
+        self, ranges: Ranges, times: np.ndarray, mount: Pose, middle: float, age: float
+    ) -> None:
+        """Give a scan on as it looks from where the base was half way through it."""
+        odometry = self._memory.at(max(middle, self._memory.oldest))
+        assert odometry is not None
+        moved = None
+        if ranges.time_increment > 0.0:
+            moved = moves_between(odometry.pose, self._memory.poses(times))
+        try:
+            scan = read_ranges(ranges, odometry.level @ mount, moved)
+        except InvalidMessage as error:
+            self.warn(f'scan: {error}: ignored')
+            return
+        self.on_scan(scan, odometry, age, middle)
+
+    def forget_odometry(self, now: float) -> None:
+        """Forget where the robot was: odometry leaps at a time, and who saw what from where."""
         self._memory.clear()
+        self._leapt_at = now
 
     def reset(self) -> None:
         """Forget what was sensed; frames stay where they are."""
         self._memory.clear()
         self._waiting = None
+        self._leapt_at = -math.inf

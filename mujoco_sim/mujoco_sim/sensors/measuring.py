@@ -9,7 +9,8 @@ import numpy as np
 from robot_description.description import Description
 from wasd_core.timing import Beat
 
-from mujoco_sim.parameters import SimulatorParameters
+from mujoco_sim.parameters import AS_DESCRIBED, SimulatorParameters
+from mujoco_sim.sensors.lidar import Lidar, LidarTag, with_model
 from mujoco_sim.sensors.mount import Fields, Site
 from mujoco_sim.sensors.table import read_sensor_tags, Sensor, SENSORS
 from mujoco_sim.sensors.tags import SensorTag
@@ -59,10 +60,14 @@ class Sensors:
         self.notes = found.notes
         self._site = Site(world, loaded.robot, settings.camera_scale, say)
         self.tune(settings)
-        self._sensors = []
+        self._sensors: list[_SensorTopics] = []
+        self._start = self._stepped = world.time
+        self._beats: list[Beat] = []
         for tags, kind in zip(found.kinds, SENSORS, strict=True):
             for tag in tags:
                 own = replace(tag, frame=world.prefix + tag.frame)
+                if isinstance(own, LidarTag) and settings.lidar != AS_DESCRIBED:
+                    own = with_model(own, settings.lidar)
                 self._sensors.append(_SensorTopics(own, kind.build(own, self._site), kind.topics))
         self.reset()
 
@@ -80,18 +85,50 @@ class Sensors:
     def step(self) -> None:
         """Measure what is due now."""
         now = self._world.time
+        dt, self._stepped = now - self._stepped, now
         for index, (beat, one) in enumerate(zip(self._beats, self._sensors, strict=True)):
-            if beat.is_due(now - self._start, one.rate) and (wanted := one.wanted()):
-                seed = [self._world.seed, index, beat.number]
-                random = np.random.default_rng(seed) if self._has_noise else None
-                for topic, fields in one.sensor.measure(wanted, random):
+            before, is_due = beat.number, beat.is_due(now - self._start, one.rate)
+            if isinstance(one.sensor, Lidar) and one.sensor.tag.turns:
+                self._turn(index, one, dt, (before, beat.number))
+            elif is_due and (wanted := one.wanted()):
+                for topic, fields in one.sensor.measure(wanted, self._random(index, beat.number)):
                     for receive in wanted[topic]:
                         receive(now, fields)
 
+    def _turn(self, index: int, one: '_SensorTopics', dt: float, numbers: tuple[int, int]) -> None:
+        """
+        Let a lidar turn by a step of `dt` [s], and begin a revolution where its number is new.
+
+        What it has measured is told with the time of its first ray. It turns while somebody
+        listens; who comes later waits for the next revolution.
+        """
+        lidar, number = one.sensor, numbers[0]
+        assert isinstance(lidar, Lidar)
+        wanted = one.wanted()
+        if not wanted:
+            lidar.forget()
+            return
+        ranges = lidar.step(dt)
+        if ranges is not None:
+            fields = lidar.fields(lidar.tag.err(ranges, self._random(index, number)))
+            for receive in wanted['topic']:
+                receive(self._start + number / one.rate, fields)
+        if numbers[1] != number:
+            lidar.begin(max(0.0, self._world.time - self._start - numbers[1] / one.rate))
+            lidar.step(0.0)
+
+    def _random(self, index: int, number: int) -> np.random.Generator | None:
+        """Return what the noise of a measurement of a sensor is drawn with."""
+        seed = [self._world.seed, index, number]
+        return np.random.default_rng(seed) if self._has_noise else None
+
     def reset(self) -> None:
         """Draw the noise again from its beginning, as the robot is back at its own."""
-        self._start = self._world.time
+        self._start = self._stepped = self._world.time
         self._beats = [Beat() for _ in self._sensors]
+        for one in self._sensors:
+            if isinstance(one.sensor, Lidar):
+                one.sensor.forget()
 
     def tune(self, settings: SimulatorParameters) -> None:
         """Set whether there is noise, and the share of the described size that pictures have."""

@@ -48,7 +48,7 @@ class Canvas:
             self._odds,
             (self._resolution, int(self._corner[0]), int(self._corner[1])),
             pose,
-            scan.origin,
+            scan.begins,
             scan.ends,
             np.where(scan.hits, slants, 0.0),
         )
@@ -65,7 +65,7 @@ class Canvas:
         """Grow so that a scan lies in it."""
         if not len(scan.ends):
             return
-        low, high = _bounds(pose, scan.origin, scan.ends, self._resolution)
+        low, high = _bounds(pose, scan.begins, scan.ends, self._resolution)
         size = np.array(self._odds.shape[::-1])
         end = self._corner + size
         if size.all() and (low >= self._corner).all() and (high <= end).all():
@@ -83,15 +83,15 @@ class Canvas:
 
 @jit
 def _bounds(
-    pose: np.ndarray, origin: np.ndarray, ends: np.ndarray, resolution: float
+    pose: np.ndarray, begins: np.ndarray, ends: np.ndarray, resolution: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the first cell (x, y) and that after the last that rays touch, one more around."""
     low, high = np.empty(2), np.empty(2)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    for index in range(-1, ends.shape[0]):
-        px, py = origin if index < 0 else ends[index]
+    for index in range(2 * ends.shape[0]):
+        px, py = begins[index // 2] if index % 2 == 0 else ends[index // 2]
         x, y = pose[0] + cos * px - sin * py, pose[1] + sin * px + cos * py
-        if index < 0:
+        if index == 0:
             low[0] = high[0] = x
             low[1] = high[1] = y
         low[0], high[0] = min(low[0], x), max(high[0], x)
@@ -105,7 +105,7 @@ def _draw(
     odds: np.ndarray,
     frame: tuple[float, int, int],
     pose: np.ndarray,
-    origin: np.ndarray,
+    begins: np.ndarray,
     ends: np.ndarray,
     slants: np.ndarray,
 ) -> None:
@@ -116,12 +116,14 @@ def _draw(
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     scale = 1.0 / frame[0]
-    x0 = (pose[0] + cos * origin[0] - sin * origin[1]) * scale - frame[1]
-    y0 = (pose[1] + sin * origin[0] + cos * origin[1]) * scale - frame[2]
-    # Where each ray points to, and how far it says that all is free [cells].
+    # Where each ray begins and points to, and how far it says that all is free [cells].
+    first = np.empty((ends.shape[0], 2))
     ahead, far = np.empty((ends.shape[0], 2)), np.empty(ends.shape[0])
     for ray in range(ends.shape[0]):
-        dx, dy = ends[ray, 0] - origin[0], ends[ray, 1] - origin[1]
+        bx, by = begins[ray]
+        first[ray, 0] = (pose[0] + cos * bx - sin * by) * scale - frame[1]
+        first[ray, 1] = (pose[1] + sin * bx + cos * by) * scale - frame[2]
+        dx, dy = ends[ray, 0] - bx, ends[ray, 1] - by
         length = max(1e-9, math.hypot(dx, dy))
         ahead[ray, 0], ahead[ray, 1] = (
             (cos * dx - sin * dy) / length,
@@ -129,12 +131,13 @@ def _draw(
         )
         far[ray] = length * scale
         if slants[ray] > 0.0:
-            _hit(odds, (x0, y0), ahead[ray], far[ray], slants[ray] > STEEP)
+            _hit(odds, (first[ray, 0], first[ray, 1]), ahead[ray], far[ray], slants[ray] > STEEP)
             far[ray] -= MARGIN / max(0.03, slants[ray])
     most = WIDEST * scale
     for ray in range(ends.shape[0]):
         after = ray + 1 if ray + 1 < ends.shape[0] else 0
-        _look_through(odds, (x0, y0), ahead[ray], ahead[after], min(far[ray], far[after]), most)
+        length = min(far[ray], far[after])
+        _look_through(odds, first[ray], first[after], (ahead[ray], ahead[after]), length, most)
 
 
 @jit
@@ -177,29 +180,40 @@ def _doubt(odds: np.ndarray, x: float, y: float, along_x: float, along_y: float)
 @jit
 def _look_through(
     odds: np.ndarray,
-    begin: tuple[float, float],
-    first: np.ndarray,
-    second: np.ndarray,
+    begin: np.ndarray,
+    other: np.ndarray,
+    ahead: tuple[np.ndarray, np.ndarray],
     length: float,
     most: float,
 ) -> None:
-    """Add that cells are free whose middle is in the triangle of two rays of a length [cells]."""
+    """
+    Add that cells are free whose middle is between two rays of a length [cells].
+
+    They begin at `begin` and `other`, in the same place or nearly so, and point `ahead`.
+    """
+    first, second = ahead
     across = abs(first[0] * second[1] - first[1] * second[0])
     if first[0] * second[0] + first[1] * second[1] <= 0.0:
         return
     length = min(length, most / max(1e-9, across))
     if length <= 0.0:
         return
+    x3, y3 = other[0] - begin[0], other[1] - begin[1]
     x1, y1 = length * first[0], length * first[1]
-    x2, y2 = length * second[0], length * second[1]
+    x2, y2 = x3 + length * second[0], y3 + length * second[1]
     # Middles are at half cells; sides that two triangles share belong to one of them.
     x0, y0 = begin[0] - 0.5, begin[1] - 0.5
-    low = math.ceil(y0 + min(0.0, min(y1, y2)))
-    high = math.ceil(y0 + max(0.0, max(y1, y2)))
+    low = math.ceil(y0 + min(min(0.0, y3), min(y1, y2)))
+    high = math.ceil(y0 + max(max(0.0, y3), max(y1, y2)))
     for row in range(max(0, low), min(odds.shape[0], high)):
         y = row - y0
         left, right = np.inf, -np.inf
-        for ax, ay, bx, by in ((0.0, 0.0, x1, y1), (x1, y1, x2, y2), (x2, y2, 0.0, 0.0)):
+        for ax, ay, bx, by in (
+            (0.0, 0.0, x1, y1),
+            (x1, y1, x2, y2),
+            (x2, y2, x3, y3),
+            (x3, y3, 0.0, 0.0),
+        ):
             if (ay <= y) != (by <= y):
                 x = ax + (bx - ax) * ((y - ay) / (by - ay))
                 left, right = min(left, x), max(right, x)

@@ -41,12 +41,12 @@ class Surface(NamedTuple):
 
 def find_surface(scan: Scan) -> Surface:
     """Return what lies on a surface: on the least squares' line through its neighbours."""
-    return Surface(*_find_surface(scan.ends, scan.hits, scan.origin))
+    return Surface(*_find_surface(scan.ends, scan.hits, scan.begins))
 
 
 @jit
 def _find_surface(
-    ends: np.ndarray, hits: np.ndarray, origin: np.ndarray
+    ends: np.ndarray, hits: np.ndarray, begins: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     count = ends.shape[0]
     surface, slants = np.empty((count, 4)), np.full(count, GRAZING)
@@ -81,10 +81,11 @@ def _find_surface(
         # The line has the angle of the largest variance; its normal is a quarter turn on.
         angle = 0.5 * math.atan2(2.0 * cxy, cxx - cyy)
         nx, ny = -math.sin(angle), math.cos(angle)
-        toward = nx * (origin[0] - x) + ny * (origin[1] - y)
+        to_x, to_y = begins[index, 0] - x, begins[index, 1] - y
+        toward = nx * to_x + ny * to_y
         if toward < 0.0:
             nx, ny = -nx, -ny
-        slants[index] = abs(toward) / max(1e-9, math.hypot(origin[0] - x, origin[1] - y))
+        slants[index] = abs(toward) / max(1e-9, math.hypot(to_x, to_y))
         surface[found, 0], surface[found, 1] = x, y
         surface[found, 2], surface[found, 3] = nx, ny
         found += 1
