@@ -27,7 +27,7 @@ from typing import Any
 
 from diff_drive_sim.parameters import DiffDriveParameters
 from experiment import FIRST_SEED
-from quadruped_sim.leg_controller_node import KIND
+from quadruped_sim.controller_file import KIND
 from quadruped_sim.parameters import LegControllerParameters, LegNodeParameters
 from trials import Run, simulate, Trace
 import wasd

@@ -12,8 +12,9 @@ from typing import Any
 
 import rclpy
 from table import Row
-from wasd_bringup.options import keep_alone, RunOptions
-from wasd_bringup.session import Session
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.options import keep_alone, RunOptions
+from wasd_bringup.run.run import Run
 
 SPEEDS = (0.5, 1.0, 2.0, 3.0)
 # What is slower than this has stopped [m/s]; the longest that is waited for it [s].
@@ -24,7 +25,7 @@ ROBOTS: dict[str, tuple[str, float, dict[str, Any]]] = {
     'go2': ('unitree', 3.0, {'limits': 'race'}),
 }
 # What the source that drove does then, at 20 Hz.
-WAYS: dict[str, Callable[[Session], object]] = {
+WAYS: dict[str, Callable[[Run], object]] = {
     'release': lambda session: session.robot.drive((0.0, 0.0, 0.0), 'page'),
     'silence': lambda session: None,
     'page closed': lambda session: session.robot.release('page'),
@@ -36,7 +37,7 @@ def trial(robot: str, speed: float, way: str) -> dict[str, Any]:
     """Drive a robot straight ahead at a speed [m/s] and stop it; return how far it went on."""
     preset, _, more = ROBOTS[robot]
     options = RunOptions(robot=robot, description=robot, preset=preset, speed=0.0, **more)
-    session = Session(options)
+    session = make_ros_run(options)
     world, advance = session.world, session.simulation.advance
     tick = round(0.05 / world.time_step)
     try:
@@ -57,7 +58,7 @@ def trial(robot: str, speed: float, way: str) -> dict[str, Any]:
             elif math.isnan(stopped):
                 stopped = world.time - begun
         distance = math.dist(place[:2], world.base().position[:2])
-        state = session.robot.stack.state
+        state = session.robot.state
     finally:
         session.close()
     return {

@@ -24,8 +24,8 @@ from quadruped_sim.robot_model import JointMap, RobotModel
 from robot_description.description import Description, load_robot
 from robot_description.morphology.quadruped import scale_of
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.inputs import parse_push, parse_twist_script, Player, TWIST_RATE, TwistPlayer
-from wasd_bringup.report import build_report, Recorder, Sample, SAMPLE_PERIOD, TrunkWatch
+from wasd_bringup.run.inputs import parse_push, parse_twist_script, Player, TWIST_RATE, TwistPlayer
+from wasd_bringup.run.report import build_report, Recorder, Sample, SAMPLE_PERIOD, TrunkWatch
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 
 CONTROL = 0.002  # period of the leg controller [s]

@@ -12,7 +12,7 @@ from quadruped_sim.leg_controller_node import LegControllerNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-from wasd_bringup.drivers_node import DriversNode
+from wasd_bringup.ros.drivers_node import DriversNode
 from wasd_core.command_line import Executable
 
 # What rclpy gives every node.

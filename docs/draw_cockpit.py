@@ -24,7 +24,7 @@ from mujoco_sim.viewer.input import PageInput
 from page_in_browser import chromium, open_page, screenshot
 from PIL import Image
 from run_scenarios import Page, run_with_hand
-from wasd_bringup.options import keep_alone
+from wasd_bringup.run.options import keep_alone
 from wasd_cockpit.link import Order
 
 FOLDER = ROOT / 'docs' / 'pictures'

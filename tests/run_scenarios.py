@@ -21,8 +21,9 @@ from typing import Any
 from page_puppet import code, PagePuppet, SCENE
 from wasd_bringup.cli import make_parser
 from wasd_bringup.cockpit.bridge import open_view
-from wasd_bringup.options import read_options
-from wasd_bringup.session import Session
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.options import read_options
+from wasd_bringup.run.run import Run
 from wasd_core.node import init_ros
 
 # How long anything may take on a busy machine [s].
@@ -34,7 +35,7 @@ SCENARIOS = Path(__file__).with_name('wasd_cockpit')
 class Page:
     """A hand on the page of a run, which knows of the run what is to be seen."""
 
-    def __init__(self, session: Session, url: str) -> None:
+    def __init__(self, session: Run, url: str) -> None:
         self.session = session
         self.url = url
         self.cockpit = session._view._page._content
@@ -136,7 +137,7 @@ def run_with_hand(words: list[str], play: Callable[[Page], None], visuals: bool 
     `visuals` are what only a picture needs. What fails the hand is raised at the end of the run.
     """
     init_ros([])
-    session = Session(read_options(make_parser().parse_args(words)), visuals=visuals)
+    session = make_ros_run(read_options(make_parser().parse_args(words)), visuals=visuals)
     page = Page(session, open_view(session, 'web'))
 
     failures: list[BaseException] = []

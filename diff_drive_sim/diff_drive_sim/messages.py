@@ -87,8 +87,8 @@ class VelocityInput:
     Hands on what arrives on cmd_vel: `on_twist` and `on_stamped` are called with the messages.
 
     A DDS participant knows one type per topic. With `stamped` `auto` this one listens for Twist;
-    once somebody publishes TwistStamped, a second participant listens for that. `put` hands over
-    a message of this process; `is_stale` and `admit` judge those of others, as a
+    once somebody publishes TwistStamped, a second participant listens for that. `expect` drops the
+    echo of a message of this process; `is_stale` and `admit` judge those of others, as a
     LoopbackSubscription's do. `admit` is asked about the Twist.
     """
 
@@ -118,12 +118,10 @@ class VelocityInput:
             self._wall = Clock(clock_type=ClockType.STEADY_TIME)
             self._timer = node.create_timer(LOOK_PERIOD, self._look, clock=self._wall)
 
-    def put(self, message: Any) -> None:
-        """Hand over a message that this process publishes, too."""
+    def expect(self, message: Any) -> None:
+        """Drop the echo of a message that this process is publishing."""
         if isinstance(message, self._type):
-            self._subscription.put(message)
-        else:
-            self._handlers[type(message)](message)
+            self._subscription.expect(message)
 
     def _is_admitted(self, message: Any) -> bool:
         return self.admit(message if isinstance(message, Twist) else message.twist)

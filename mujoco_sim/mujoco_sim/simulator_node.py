@@ -45,10 +45,10 @@ class SimulatorNode(Node):
     """
     Publishes a World, takes joint commands for it, offers reset, pause and step.
 
-    With a `simulation` that it is given, a controller lives in the same process and is handed the
-    state directly; `joint_commands` is then not subscribed to. Several robots in one model have a
-    node each, with the world's prefix as namespace and before frames; that of the simulation's
-    own world has the clock.
+    With a `simulation` and `sensors` that it is given, who made them steps them, and a controller
+    lives in the same process; `joint_commands` is then not subscribed to. Several robots in one
+    model have a node each, with the world's prefix as namespace and before frames; that of the
+    simulation's own world has the clock.
     """
 
     def __init__(
@@ -57,6 +57,7 @@ class SimulatorNode(Node):
         world: World | None = None,
         *,
         simulation: Simulation | None = None,
+        sensors: Sensors | None = None,
         parameter_overrides: list[Parameter] | None = None,
     ) -> None:
         """
@@ -92,9 +93,12 @@ class SimulatorNode(Node):
         if world.has_imu:
             self._imu = self.create_publisher(Imu, 'imu/data', RELIABLE)
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', RELIABLE)
-        self.sensors = Sensors(robot, world, self.settings, self.get_logger().error)
+        self._steps_sensors = sensors is None
+        self.sensors = sensors or Sensors(robot, world, self.settings, self.get_logger().error)
+        self.sensors.tune(self.settings)
         publish_sensors(self, self.sensors)
-        self.simulation.on_reset.append(self.sensors.reset)
+        if self._steps_sensors:
+            self.simulation.on_reset.append(self.sensors.reset)
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.create_service(Trigger, '~/step', self._on_step)
@@ -124,8 +128,9 @@ class SimulatorNode(Node):
         schedule = self.simulation.schedule
         schedule.at_rate('clock_rate', self.settings.clock_rate, self._publish_clock)
         schedule.at_rate('state_rate', self.state_rate, self._publish_states)
-        # As often as possible without making physics stop more often.
-        schedule.every(schedule.stride * self._world.time_step, self.sensors.step)
+        if self._steps_sensors:
+            # As often as possible without making physics stop more often.
+            schedule.every(schedule.stride * self._world.time_step, self.sensors.step)
 
     def publish_diagnostics(self, state: str, ticks: TickStatistics | None = None) -> None:
         """Publish the real-time factor, how long the controller's ticks take, and its state."""

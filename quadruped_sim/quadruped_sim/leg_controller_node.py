@@ -25,7 +25,6 @@ from wasd_core.messages import (
     to_seconds,
 )
 from wasd_core.node import run_node
-from wasd_core.parameter_file import NodeKind, read_parameters
 from wasd_core.robot_io import JointCommand
 from wasd_core.ros_parameters import declare_parameters
 from wasd_core.streams import visible
@@ -42,12 +41,11 @@ from wasd_core.topics import (
     TfBroadcaster,
 )
 
+from quadruped_sim.controller_file import read_leg_file
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.legs import Legs
 from quadruped_sim.parameters import leg_controller, LegNodeParameters
 from quadruped_sim.readings import Readings
-
-KIND = NodeKind(leg_controller.name, 'leg controller')
 
 
 class LegControllerNode(Node):
@@ -209,9 +207,7 @@ def _parameters_of_file(node: Node) -> LegNodeParameters:
     """
     given = node._parameter_overrides.get('controller')
     path = '' if given is None else given.value
-    if not isinstance(path, str) or not path:
-        return LegNodeParameters()
-    return LegNodeParameters.from_mapping(read_parameters(path, LegNodeParameters, KIND))
+    return read_leg_file(path if isinstance(path, str) else '')
 
 
 def main(args: list[str] | None = None) -> int:

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 from wasd_bringup.robots import ROBOTS
-from wasd_bringup.session_foxglove import load_sdk
+from wasd_bringup.ros.foxglove import load_sdk
 from wasd_core.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.options import RunOptions
-from wasd_bringup.session import Session
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.options import RunOptions
 from wasd_core.errors import UserError
 from wasd_core.node import MessagePump
 from wasd_core.topics import LATCHED
@@ -24,7 +24,9 @@ NEAR = (0.0, 0.5, 1.5)
 def run(seconds, robot='mbot', listens=False, **more):
     """Run a robot that navigates; return its report."""
     options = {'preset': robot, 'description': robot, 'map': '', **more}
-    session = Session(RunOptions(robot=robot, world=WORLD, speed=0.0, samples=True, **options))
+    session = make_ros_run(
+        RunOptions(robot=robot, world=WORLD, speed=0.0, samples=True, **options)
+    )
     pump, heard = MessagePump(), []
     if listens:
         node = Node('listener')
@@ -110,7 +112,7 @@ def test_the_go2_maps_with_the_lidar_on_its_back_and_walks_to_a_goal(ros):
 
 def test_a_map_without_a_scan_is_not_written_and_says_so(ros, tmp_path):
     name = tmp_path / 'nothing'
-    session = Session(
+    session = make_ros_run(
         RunOptions(
             robot='mbot', description='mbot', preset='mbot', speed=0.0, map='', save_map=str(name)
         )

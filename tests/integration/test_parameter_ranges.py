@@ -11,7 +11,7 @@ from typing import Any
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest
-from quadruped_sim.leg_controller_node import KIND
+from quadruped_sim.controller_file import KIND
 from quadruped_sim.parameters import LegNodeParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter

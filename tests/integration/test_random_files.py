@@ -12,7 +12,7 @@ from diff_drive_sim.controller_file import KIND as WHEELS
 from diff_drive_sim.controller_file import read_controller_file
 from diff_drive_sim.parameters import DiffDriveParameters
 import pytest
-from quadruped_sim.leg_controller_node import KIND as LEGS
+from quadruped_sim.controller_file import KIND as LEGS
 from quadruped_sim.parameters import LegNodeParameters
 from teleop_keyboard.keymap_file import load_preset
 from wasd_core.errors import UserError

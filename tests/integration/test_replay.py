@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.options import RunOptions
 from wasd_bringup.recording import BagWriter
 from wasd_bringup.recording.reader import BagReader, describe_run, recorded_options
 from wasd_bringup.recording.recorder import BagRecorder
 from wasd_bringup.recording.replay import ReplayView
-from wasd_bringup.session import Session
-from wasd_bringup.session_robot import build_worlds
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.worlds import build_worlds
 
 pytestmark = pytest.mark.slow
 
@@ -51,7 +51,7 @@ def test_a_reset_in_the_midst_is_repeated(run: Any) -> None:
     keys = tuple(parse_key_script('0.2 i*40', 'keys'))
     options = RunOptions(robot='mbot', description='mbot', preset='mbot', keys=keys, speed=0.0)
     recorder = BagRecorder(path, describe_run(options))
-    session = Session(options, recorder=recorder)
+    session = make_ros_run(options, recorder=recorder)
     session.simulation.advance(1000)
     assert session.world.base().position[0] > 0.05
     session.simulation.reset()

@@ -51,9 +51,9 @@ from wasd_core.node import init_ros
 init_ros([])
 """
 SESSION = """
-from wasd_bringup.options import RunOptions
-from wasd_bringup.session import Session
-built = Session(RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0))
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.ros.face import make_ros_run
+built = make_ros_run(RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0))
 built.close()
 """
 NODE = """

@@ -28,20 +28,20 @@ WASD = ('-m', 'wasd_bringup.cli')
 # The same command, stuck in its start, or in the midst of the run at the key X.
 STUCK_AT_START = """
 import sys, time
-from wasd_bringup import session
-session.build_robots = lambda *_: print('STARTING', flush=True) or time.sleep(60.0)
+from wasd_bringup.run import run
+run.build_robots = lambda *_: print('STARTING', flush=True) or time.sleep(60.0)
 from wasd_bringup.cli import main
 sys.exit(main(sys.argv[1:]))
 """
 STUCK_LATER = """
 import sys, time
-from wasd_bringup.session import Session
-press = Session.press
+from wasd_bringup.run.run import Run
+press = Run.press
 def press_or_hang(self, key, *rest):
     if key == 'X':
         time.sleep(60.0)
     press(self, key, *rest)
-Session.press = press_or_hang
+Run.press = press_or_hang
 from wasd_bringup.cli import main
 sys.exit(main(sys.argv[1:]))
 """

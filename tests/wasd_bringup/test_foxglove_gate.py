@@ -7,9 +7,8 @@ import socket
 import threading
 
 import pytest
-from wasd_bringup.foxglove_gate import Gate, who_may_not
-
-from wasd_bringup import foxglove_gate
+from wasd_bringup.ros import foxglove_gate
+from wasd_bringup.ros.foxglove_gate import Gate, who_may_not
 
 MINE = ('Host: localhost:8765',)
 

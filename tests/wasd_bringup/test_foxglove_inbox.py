@@ -5,7 +5,15 @@ import struct
 from types import SimpleNamespace
 
 import pytest
-from wasd_bringup.foxglove_inbox import AT_ONCE, Decode, Inbox, LARGEST, LONGEST_QUEUE, SILENCE
+from wasd_bringup.ros.foxglove_inbox import (
+    AT_ONCE,
+    Decode,
+    Inbox,
+    LARGEST,
+    LONGEST_QUEUE,
+    SILENCE,
+    Target,
+)
 from wasd_bringup.run.drivers import Drivers
 from wasd_core.errors import UserError
 
@@ -17,9 +25,8 @@ class Robot:
     """A robot whose letters latch; STOP stops it."""
 
     def __init__(self, name):
-        self.key_topic = f'/{name}/keys'
+        self.target = Target(self, f'/{name}/cmd_vel', f'/{name}/keys')
         self.keys, self.velocities = [], []
-        self.stack = SimpleNamespace(command_topic=f'/{name}/cmd_vel')
         self.drivers = Drivers(lambda key: key == 'STOP', lambda key: key in ('i', 'j'))
 
     def press(self, key, by):
@@ -57,7 +64,7 @@ def robots():
 @pytest.fixture
 def inbox(robots):
     inbox = Inbox(Decode(read_velocity, lambda sender, data: data.decode()))
-    inbox.receive_for(robots)
+    inbox.receive_for([robot.target for robot in robots])
     return inbox
 
 

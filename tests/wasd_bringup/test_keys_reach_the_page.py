@@ -6,7 +6,7 @@ import pytest
 from quadruped_sim.keys import STATE_KEYS, STICK_KEYS, ZERO_KEYS
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.keymap_file import load_preset, preset_names
-from wasd_bringup.inputs import RESET_KEY, SWITCH_KEY
+from wasd_bringup.run.inputs import RESET_KEY, SWITCH_KEY
 
 NAMES = {name for pair in PAGE_KEYS.values() for name in pair}
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
-from wasd_bringup.options import RunOptions
+from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.drivers import SILENCE
-from wasd_bringup.session import Session
+from wasd_bringup.run.options import RunOptions
 from wasd_core.topics import LoopbackSubscription
 
 pytestmark = pytest.mark.slow
@@ -46,12 +46,12 @@ class Held:
 
     def __init__(self, move, latched=True):
         robot, preset, self._keys = MOVES[move]
-        self.session = Session(
+        self.session = make_ros_run(
             RunOptions(robot=robot, description=robot, preset=preset, speed=0.0, latched=latched)
         )
         self.robot = self.session.robot
         self._motion_keys = {'mbot': 'i', 'unitree': 'w', 'wasd': 'w'}[preset], '2', '4', '5'
-        self._nodes = [node for node in self.robot.stack.nodes if hasattr(node, 'cmd_vel')]
+        self.face = self.session.face.faces[0]
 
     def begin(self):
         """Get it to drive, by its keys and then by all others."""
@@ -68,10 +68,10 @@ class Held:
         for key in self._motion_keys:
             for source in ('keys', 'page', 'gamepad', 'foxglove 1', 'script'):
                 self.session.press(f'HELD+{key}' if source == 'page' else key, source)
-        (node,) = self._nodes
-        own = isinstance(node.cmd_vel, LoopbackSubscription)
-        hear(node.cmd_vel if own else node.cmd_vel._subscription, twist())
-        for subscription in self.robot.stack._key_inputs:
+        cmd_vel = self.face.controller.node.cmd_vel
+        own = isinstance(cmd_vel, LoopbackSubscription)
+        hear(cmd_vel if own else cmd_vel._subscription, twist())
+        for subscription in self.face.controller.key_inputs:
             for key in self._motion_keys:
                 hear(subscription, String(data=key))
 
@@ -88,9 +88,9 @@ class Held:
         elif origin == 'page':
             self.session.e_stop('page')
         elif origin == 'topic':
-            self.robot.driver_topic._on_topic(Bool(data=True))
+            self.face.drivers._on_topic(Bool(data=True))
         else:
-            self.robot.driver_topic._on_stop(Trigger.Request(), Trigger.Response())
+            self.face.drivers._on_stop(Trigger.Request(), Trigger.Response())
 
     @property
     def place(self):
@@ -144,7 +144,7 @@ def test_nothing_but_its_release_ends_a_stop_that_holds(held_of, what):
     if what == 'reset':
         held.session.press('BACKSPACE')
     elif what == 'topic false':
-        held.robot.driver_topic._on_topic(Bool(data=False))
+        held.face.drivers._on_topic(Bool(data=False))
     elif what == 'key':
         held.session.press(' ')
     else:
@@ -157,7 +157,7 @@ def test_nothing_but_its_release_ends_a_stop_that_holds(held_of, what):
 def test_the_service_releases_it(held_of):
     held = held_of('mbot')
     held.stop('service')
-    held.robot.driver_topic._on_release(Trigger.Request(), Trigger.Response())
+    held.face.drivers._on_release(Trigger.Request(), Trigger.Response())
     place = held.place
     held.run(1.0)
     assert math.dist(held.place, place) > 0.1

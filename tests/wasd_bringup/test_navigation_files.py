@@ -7,10 +7,10 @@ from pathlib import Path
 from descriptions import robot_named
 from mujoco_sim.sensors.table import read_sensor_tags
 import pytest
-from wasd_bringup.options import RunOptions
 from wasd_bringup.robots import ROBOTS as ROWS
-from wasd_bringup.session import Session
-from wasd_bringup.session_navigation import _settings
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.navigation import _settings
+from wasd_bringup.run.options import RunOptions
 from wasd_navigation.parameters import NavigatorParameters
 import yaml
 
@@ -147,8 +147,8 @@ def test_our_navigator_is_alone_and_a_source_of_the_mux(launch_file, robot):
 def test_our_navigator_knows_a_robot_as_wasd_does(robot):
     row = ROWS[robot]
     options = RunOptions(robot=robot, description=row.description, preset=row.preset, speed=0.0)
-    session = Session(options)
-    asked = _settings(options, session.robot)
+    session = make_ros_run(options)
+    asked = _settings(session.robot)
     session.close()
     ((_, given),) = yaml.safe_load((CONFIG / f'navigator_{robot}.yaml').read_text()).items()
     settings = NavigatorParameters.from_mapping(given['ros__parameters'])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from quadruped_sim.leg_kinematics import LEGS
 from wasd_bringup.cockpit.bridge import CockpitBridge
-from wasd_bringup.options import RunOptions
-from wasd_bringup.session import Session
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.options import RunOptions
 from wasd_cockpit.scene import draw_marks, Pool
 
 from wasd_cockpit import style
@@ -26,14 +26,14 @@ class Walk:
 
     def __init__(self) -> None:
         options = RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0)
-        self.session = Session(options)
+        self.session = make_ros_run(options)
         self._bridge = CockpitBridge(self.session)
         self.snapshots, self.feet, self.stances = [], [], []
         for keys, seconds in (('2', 2.5), ('4', 0.5), ('wwwww', 2.0)):
             for key in keys:
                 self.session.press(key)
             self._advance(seconds)
-        world, legs = self.session.world, self.session.stack.legs.controller
+        world, legs = self.session.world, self.session.robot.legs.controller
         links = list(world.parts.link_of_geom)
         geoms = [links.index(f'{leg}_foot') for leg in LEGS]
         for look in range(LOOKS):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from quadruped_sim.keys import STATE_KEYS, StateName, ZERO_KEYS
 from wasd_bringup.cockpit.bridge import CockpitBridge, SNAPSHOT_EVERY
-from wasd_bringup.inputs import ScriptedTwist, SWITCH_KEY
-from wasd_bringup.options import RunOptions
+from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.drivers import SILENCE
-from wasd_bringup.session import Session
-from wasd_bringup.session_robot import REFUSED
+from wasd_bringup.run.inputs import ScriptedTwist, SWITCH_KEY
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.robot import REFUSED
 from wasd_cockpit.link import Order, Stick, words_of
 from wasd_core.output_file import OutputFile
 
@@ -24,11 +24,11 @@ class Run:
     """A run with a page's bridge; simulated time passes when it is told to."""
 
     def __init__(self, options):
-        self.session = Session(options)
+        self.session = make_ros_run(options)
         self.bridge = CockpitBridge(self.session)
         self.heard = [[] for _ in self.session.robots]  # what `keys` told, for each robot
-        for robot, heard in zip(self.session.robots, self.heard, strict=True):
-            robot.keys.publish_key = heard.append
+        for face, heard in zip(self.session.face.faces, self.heard, strict=True):
+            face.keys.publish_key = heard.append
         self._now = 0.0
 
     def look(self, stick=None, force=None):
@@ -64,7 +64,7 @@ def run_of(ros, tmp_path, monkeypatch):
 
 def test_a_stick_held_over_a_fallen_go2_presses_no_keys(run_of):
     run = run_of('go2', 'unitree')
-    world, legs = run.session.world, run.session.stack.legs.controller
+    world, legs = run.session.world, run.session.robot.legs.controller
     world.data.qpos[3:7] = 0.0, 1.0, 0.0, 0.0  # on its back
     run.session.simulation.advance(20)
     assert legs.is_fallen
@@ -84,7 +84,7 @@ def test_a_stick_over_a_go2_on_its_feet_presses_each_key_once(run_of):
 
 def test_each_key_of_a_state_is_named_as_on_the_keyboard_and_does_so_when_clicked(run_of):
     run = run_of('go2', 'unitree', layout='dvorak')
-    legs = run.session.stack.legs.controller
+    legs = run.session.robot.legs.controller
     run.look()
     caps = {cap.does: cap.key for cap in run.bridge._link.snapshot.keys}
     assert caps['jump'] == 'k'  # the place of qwerty's v
@@ -96,7 +96,7 @@ def test_each_key_of_a_state_is_named_as_on_the_keyboard_and_does_so_when_clicke
 
 def test_a_key_of_a_state_is_no_strange_key_on_any_keyboard(run_of):
     run = run_of('go2', 'wasd', layout='dvorak')
-    stack = run.session.stack
+    stack = run.session.robot
     stack.legs.controller._machine.force(StateName.MOVE_BASE)
     run.session.press('k')  # the place of qwerty's v
     assert 'jump cannot follow' in stack.notice.text
@@ -158,7 +158,7 @@ def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(
     run = run_of(robot, preset)
     run.session.press('w', 'page')
     run.session._stop_what_the_view_moved()
-    stack = run.session.stack
+    stack = run.session.robot
     assert run.heard == [['w', stack.stop_key]]
     # Not what that key does, which nobody has pressed.
     assert stack.notice.text == 'it was stopped (the viewer that drove it is gone)'
@@ -171,7 +171,7 @@ def test_what_a_viewer_drove_stops_without_it_and_the_driver_reads_why(
 @pytest.mark.parametrize('state', [StateName.PASSIVE, StateName.FIXED_STAND])
 def test_the_emergency_stop_is_answered_in_one_line(run_of, state, preset, capfd):
     run = run_of('go2', preset)
-    stack = run.session.stack
+    stack = run.session.robot
     stack.legs.controller._machine.force(state)
     run.session.simulation.advance(20)
     capfd.readouterr()
@@ -187,7 +187,7 @@ def test_the_emergency_stop_is_answered_in_one_line(run_of, state, preset, capfd
 
 def test_the_status_of_legs_tells_their_command_once(run_of):
     run = run_of('go2', 'unitree')
-    run.session.stack.legs.controller._machine.force(StateName.MOVE_BASE)
+    run.session.robot.legs.controller._machine.force(StateName.MOVE_BASE)
     run.session.simulation.advance(20)
     run.look()
     lines = words_of(run.bridge._link.snapshot)
@@ -196,8 +196,8 @@ def test_the_status_of_legs_tells_their_command_once(run_of):
 
 def test_the_emergency_stop_ends_a_script(run_of):
     run = run_of('mbot', 'mbot', twists=(ScriptedTwist(0.0, (0.2, 0.0, 0.0)),))
-    simulation, stack = run.session.simulation, run.session.stack
-    controller = stack.driver.controller
+    simulation, stack = run.session.simulation, run.session.robot
+    controller = stack.drive_unit.controller
     simulation.advance(1000)
     assert controller.target.linear == 0.2
     run.order('e-stop')
@@ -213,14 +213,17 @@ def test_the_emergency_stop_ends_a_script(run_of):
 def test_after_an_emergency_stop_others_are_refused_until_they_were_silent_or_send_a_zero(run_of):
     run = run_of('mbot', 'mbot')
     robot, simulation = run.session.robot, run.session.simulation
-    admit, words = robot.stack.driver.cmd_vel.admit, REFUSED.format('/cmd_vel')
+    admit, words = (
+        run.session.face.faces[0].controller.node.cmd_vel.admit,
+        REFUSED.format('/cmd_vel'),
+    )
     silent = round((SILENCE + 0.1) / run.session.world.time_step)
     for lets_go in (lambda: admit(twist(0.0)), lambda: simulation.advance(silent)):
         assert admit(twist(0.2))
         run.order('e-stop')
         for _ in range(40):
             assert not admit(twist(0.2))
-            assert robot.stack.notice.text == words
+            assert robot.notice.text == words
             simulation.advance(50)
         lets_go()
         assert admit(twist(0.2))
@@ -241,7 +244,7 @@ def test_a_stick_let_go_at_a_change_of_robot_is_told_and_saved_as_its_keys(run_o
     run.look()
     assert run.heard == [['w', 'w', ZERO_KEYS[0]], []]
     assert run.session.active == 1
-    sticks = run.session.robots[0].stack.legs.controller.sticks
+    sticks = run.session.robots[0].legs.controller.sticks
     assert sticks.values.ly == 0.0
     run.session._writer.close()
     keys = [line.split()[1] for line in (tmp_path / 'saved').read_text().splitlines()]

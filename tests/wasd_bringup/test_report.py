@@ -12,7 +12,14 @@ from mujoco_sim.simulation import TickSummary
 from mujoco_sim.world import build_world
 import numpy as np
 import pytest
-from wasd_bringup.report import build_report, Recorder, Sample, TrunkWatch, UP_AGAIN, write_report
+from wasd_bringup.run.report import (
+    build_report,
+    Recorder,
+    Sample,
+    TrunkWatch,
+    UP_AGAIN,
+    write_report,
+)
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 from wasd_bringup.cli import main
-from wasd_bringup.options import RunOptions
 from wasd_bringup.robots import BOTH, RobotRow, ROBOTS, WHEELED
+from wasd_bringup.run.options import RunOptions
 from wasd_core.parameter_file import read_mapping
 
 pytestmark = pytest.mark.slow

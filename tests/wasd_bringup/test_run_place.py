@@ -2,7 +2,7 @@
 """A namespace on the command line: what is kept apart with it."""
 
 import pytest
-from wasd_bringup.run_command import with_own_frames
+from wasd_bringup.ros.home import with_own_frames
 
 OWN = ['-r', '/clock:=clock', '-r', '/tf:=tf', '-r', '/tf_static:=tf_static']
 NAMESPACE = ['--ros-args', '-r', '__ns:=/robot1']

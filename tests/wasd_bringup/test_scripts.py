@@ -5,7 +5,7 @@ import math
 
 from mujoco_sim.parameters import BoxSize
 import pytest
-from wasd_bringup.inputs import (
+from wasd_bringup.run.inputs import (
     box_text,
     parse_box,
     parse_push,

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from std_msgs.msg import String
 from wasd_bringup.cockpit.bridge import CockpitBridge
-from wasd_bringup.inputs import SWITCH_KEY
-from wasd_bringup.options import read_options, RunOptions
 from wasd_bringup.parsers import add_both_options, add_run_options
 from wasd_bringup.robots import MBOT
-from wasd_bringup.session import Session
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.inputs import SWITCH_KEY
+from wasd_bringup.run.options import read_options, RunOptions
 from wasd_cockpit.link import Order, Stick
 from wasd_core.errors import UserError
 
@@ -34,7 +34,7 @@ def session_of(ros, monkeypatch):
         pilot.end = ('driving', '')
         monkeypatch.setattr(robot_navigator, 'make_parts', lambda *_: (StandInLocator(), pilot))
         more = {'description': robot, 'preset': 'mbot', 'map': '', **more}
-        sessions.append(Session(RunOptions(robot=robot, speed=0.0, **more)))
+        sessions.append(make_ros_run(RunOptions(robot=robot, speed=0.0, **more)))
         return sessions[-1]
 
     yield make
@@ -57,7 +57,7 @@ def navigation(session):
 
 def wanted(session):
     """Return the speed [m/s] that the wheels are asked for."""
-    return session.stack.driver.controller.target.linear
+    return session.robot.drive_unit.controller.target.linear
 
 
 def ended(session):
@@ -113,7 +113,7 @@ def test_the_stick_of_the_page_takes_over(driving, monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_a_velocity_of_another_process_takes_over(driving):
-    cmd_vel = driving.stack.driver.cmd_vel._subscription
+    cmd_vel = driving.face.faces[0].controller.node.cmd_vel._subscription
     message = Twist()
     message.linear.x = -0.1
     cmd_vel._on_message(message, {'source_timestamp': 0})
@@ -124,7 +124,7 @@ def test_a_velocity_of_another_process_takes_over(driving):
 
 @pytest.mark.slow
 def test_a_key_of_another_process_takes_over(driving):
-    keys = driving.stack._teleop.keys
+    keys = driving.face.faces[0].controller.key_inputs[-1]
     keys._on_message(String(data='k'), {'source_timestamp': 0})
     assert ended(driving) == ('cancelled', 'somebody on /keys takes over')
 
@@ -163,9 +163,9 @@ def test_goals_that_were_to_follow_go_with_the_one_that_is_cancelled(session_of)
         session.simulation.paused = False
 
     def fall():
-        navigates._navigation.refusal = lambda: 'it has fallen'
+        navigates.unit.refusal = lambda: 'it has fallen'
         session.simulation.advance(100)
-        navigates._navigation.refusal = lambda: ''
+        navigates.unit.refusal = lambda: ''
 
     def lose_page():
         navigates._is_of_page = True
@@ -224,7 +224,7 @@ def test_goals_that_were_to_follow_are_driven_to_after_one_that_has_failed(sessi
 
 @pytest.mark.slow
 def test_a_robot_whose_lidar_falls_silent_stands_also_for_the_next_goal(driving):
-    navigation(driving)._navigation.take_scan = lambda *_: None
+    navigation(driving).unit.take_scan = lambda *_: None
     driving.simulation.advance(1500)
     assert wanted(driving) == 0.0
     navigation(driving).disarm()
@@ -299,7 +299,7 @@ def test_tab_ends_the_goal_of_the_robot_that_it_leaves(both):
     (goal,) = driven.report()['goals']
     assert (goal['state'], goal['reason']) == ('cancelled', 'the keys go to another robot')
     both.simulation.advance(100)
-    assert mbot.stack.driver.controller.target.linear == 0.0
+    assert mbot.drive_unit.controller.target.linear == 0.0
     assert any('TAB the one it leaves' in line for line in both.first_lines)
 
 
@@ -337,7 +337,7 @@ def test_a_stop_and_a_pause_end_the_goal_of_the_robot_that_is_not_in_turn(
 
 @pytest.mark.slow
 def test_each_of_two_robots_has_a_map_of_its_own_name(both):
-    names = [each.node.settings.save_map for each in both.navigations]
+    names = [each.unit.settings.save_map for each in both.navigations]
     assert names == ['go2_map', 'mbot_map']
 
 
@@ -347,7 +347,7 @@ def test_a_go2_that_does_not_follow_velocities_says_what_to_press(session_of):
     session.simulation.advance(100)
     navigation(session).go(GOAL)
     assert ended(session) == ('refused', 'press 2 to stand, then 5 to move: it is passive')
-    assert 'press 2' in session.stack.status().message
+    assert 'press 2' in session.robot.status().message
 
 
 @pytest.mark.slow
@@ -357,7 +357,7 @@ def test_a_goal_of_the_command_line_says_what_it_waits_for(session_of):
     assert navigation(dog).first_line == line
     dog.press('2')
     dog.simulation.advance(3000)
-    assert dog.stack.refusal == 'press 5 to move: it is fixed stand'
+    assert dog.robot.refusal == 'press 5 to move: it is fixed stand'
 
 
 @pytest.mark.slow
@@ -438,9 +438,9 @@ def test_a_robot_without_a_lidar_is_refused(session_of):
 
 @pytest.mark.slow
 def test_the_footprint_is_what_collides(session_of):
-    footprint = navigation(session_of()).node.settings.footprint
+    footprint = navigation(session_of()).unit.settings.footprint
     assert footprint.radius == pytest.approx(0.2112, abs=1e-3)
-    dog = navigation(session_of('go2', preset='unitree')).node.settings
+    dog = navigation(session_of('go2', preset='unitree')).unit.settings
     assert dog.footprint.half_length == pytest.approx(0.34, abs=0.02)
     assert dog.footprint.half_width == pytest.approx(0.16, abs=0.02)
     assert dog.limits.lateral == 0.3

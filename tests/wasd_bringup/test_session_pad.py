@@ -2,14 +2,13 @@
 """`--gamepad`: the pad drives the robot in turn, and what is let go, lost or halted stands."""
 
 import time
-from types import SimpleNamespace
 
 from pads import PipePad
 import pytest
 from wasd_bringup.cockpit.bridge import CockpitBridge
-from wasd_bringup.options import RunOptions
-from wasd_bringup.session import Session
-from wasd_bringup.session_guests import SessionPad
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.ros.pad import PadDriver
+from wasd_bringup.run.options import RunOptions
 from wasd_cockpit.link import Order, Stick
 
 pytestmark = pytest.mark.slow
@@ -33,7 +32,7 @@ def session_of(ros, pipe):
         options = RunOptions(
             robot=robot, description=robot, preset=preset, speed=0.0, gamepad=str(pipe.path)
         )
-        sessions.append(Session(options))
+        sessions.append(make_ros_run(options))
         pipe.plug()
         return sessions[-1]
 
@@ -82,7 +81,7 @@ def test_mbot_drives_while_the_button_is_held_and_stands_after(session_of, pipe,
         pipe.press(B)
     session._poll(0.0)
     # Commanded in this very look, before any time has passed.
-    assert session.stack._driver.controller.target.linear == 0.0
+    assert session.robot.drive_unit.controller.target.linear == 0.0
     run(session, 1.5)
     assert speed(session) == pytest.approx(0.0, abs=1e-3)
 
@@ -93,11 +92,11 @@ def test_the_go2_stands_up_walks_and_lets_go_by_unitrees_buttons(session_of, pip
     pipe.push(L2_AXIS, 1.0)
     pipe.press(A)
     run(session, 2.0)
-    assert session.stack.state == 'fixed stand'
+    assert session.robot.state == 'fixed stand'
     pipe.release(A)
     pipe.press(START)
     run(session, 0.3)
-    assert session.stack.state == 'move base'
+    assert session.robot.state == 'move base'
     pipe.press(L1)
     pipe.push(1, -0.9)
     run(session, 1.5)
@@ -114,7 +113,7 @@ def test_the_go2_stands_up_walks_and_lets_go_by_unitrees_buttons(session_of, pip
     pipe.push(L2_AXIS, 1.0)
     pipe.press(B)
     run(session, 0.1)
-    assert session.stack.state == 'passive'
+    assert session.robot.state == 'passive'
 
 
 def test_halted_the_stick_of_the_page_is_let_go_in_the_last_word_on_cmd_vel(
@@ -123,9 +122,9 @@ def test_halted_the_stick_of_the_page_is_let_go_in_the_last_word_on_cmd_vel(
     session = session_of('mbot', 'mbot')
     bridge = CockpitBridge(session)
     bridge.attach('')
-    commanded, drive = [], session.stack.drive
+    commanded, drive = [], session.robot.command
     monkeypatch.setattr(
-        session.stack, 'drive', lambda velocity: (commanded.append(velocity), drive(velocity))
+        session.robot, 'command', lambda velocity: (commanded.append(velocity), drive(velocity))
     )
     bridge._link.hold(Stick(forward=1.0))
     bridge.step(0.0, 0.0)
@@ -139,7 +138,7 @@ class Robot:
 
     def __init__(self, preset):
         self.velocities, self.words = [], []
-        self.stack = SimpleNamespace(pad_preset=preset, say=self.words.append)
+        self.pad_preset, self.say = preset, self.words.append
 
     def drive(self, velocity, by):
         """Take a velocity of the pad's."""
@@ -149,7 +148,7 @@ class Robot:
 
 def test_the_robot_in_turn_is_driven_by_its_own_preset_and_the_other_is_stopped(ros, pipe):
     robots, active, keys = [Robot('mbot'), Robot('go2')], [0], []
-    pad = SessionPad(str(pipe.path), robots, lambda: active[0], keys.append)
+    pad = PadDriver(str(pipe.path), robots, lambda: active[0], keys.append)
     pipe.plug()
     pad.look()
     assert robots[0].velocities == []
@@ -184,7 +183,7 @@ def test_the_robot_in_turn_is_driven_by_its_own_preset_and_the_other_is_stopped(
 
 
 def test_before_there_is_a_pad_the_driver_reads_so(ros, tmp_path):
-    pad = SessionPad(str(tmp_path / 'js0'), [Robot('go2')], lambda: 0, print)
+    pad = PadDriver(str(tmp_path / 'js0'), [Robot('go2')], lambda: 0, print)
     assert pad.first_line.startswith('gamepad (none is there yet): L2+A stands, START')
     pad.close()
     pad.node.destroy_node()

@@ -9,9 +9,9 @@ import time
 
 import numpy as np
 import pytest
-from wasd_bringup.inputs import LONGEST_PAUSE, MessageTimes, PERIOD
-from wasd_bringup.options import RunOptions
-from wasd_bringup.session import Session
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.run.inputs import LONGEST_PAUSE, MessageTimes, PERIOD
+from wasd_bringup.run.options import RunOptions
 
 # Sends 20 commands a second of wall time, and says when: it may be starved, too.
 SENDER = """
@@ -81,9 +81,9 @@ def test_cmd_vel_of_another_process_is_heard_as_often_as_it_is_sent(
 
     `physics` are seconds that each 10 ms of simulated time take on top, `look` each look.
     """
-    session = Session(RunOptions(robot='mbot', description='mbot', preset='mbot', speed=1.0))
-    simulation, pump, heard, clock = session.simulation, session._pump, [], []
-    controller = session.stack._driver.controller
+    session = make_ros_run(RunOptions(robot='mbot', description='mbot', preset='mbot', speed=1.0))
+    simulation, pump, heard, clock = session.simulation, session.face._pump, [], []
+    controller = session.robot.drive_unit.controller
     command, handle = controller.command, pump.handle
 
     def note(*values, **named):

@@ -3,7 +3,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 import contextlib
-import logging
 import os
 from pathlib import Path
 import threading
@@ -11,29 +10,17 @@ import time
 from types import MappingProxyType
 from typing import Any
 
-from diff_drive_sim.controller_file import read_controller_file
-from diff_drive_sim.drive import DiffDrive
-from diff_drive_sim.parameters import DiffDriveParameters
 from mujoco_sim.parameters import NOTHING, Untold
 from mujoco_sim.pictures import take_picture, Viewpoint
-from mujoco_sim.robot_setup import randomise, usual_setup
-from mujoco_sim.simulation import Simulation
-from mujoco_sim.world import build_world
 import numpy as np
 from quadruped_sim.keys import STATE_KEYS
-from quadruped_sim.leg_controller import LegController
-from quadruped_sim.parameters import LegControllerParameters
-from quadruped_sim.robot_model import JointMap, RobotModel
-from quadruped_sim.tuning import CommandParameters, GaitParameters
-from robot_description.description import load_robot
-from robot_description.morphology.wheels import ANY_WHEELS, WheelChoice
-from teleop_keyboard.keymap_file import load_preset
-from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_bringup.robots import GO2, MBOT
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.robot import Velocity
+from wasd_bringup.run.worlds import build_robots
 from wasd_core.errors import UserError
-from wasd_core.robot_io import BaseOdometry, BaseState, JointCommand, LEG_RATE
+from wasd_core.robot_io import BaseOdometry, BaseState
 
-# Without a handler Python writes warnings to standard error, a line each.
-LOGGER = logging.getLogger(__name__)
 # Where a picture is taken from: distance as a multiple of the robot's [m], angles [degrees].
 AZIMUTH, ELEVATION = 130.0, -20.0
 
@@ -51,27 +38,21 @@ class Robot:
         UserError: the seed is no whole number from 0 on.
     """
 
-    _distance = 1.8
-    _with_noise = True
-
-    def __init__(
-        self,
-        description: str,
-        world: str,
-        seed: int,
-        package_path: Sequence[str | os.PathLike[str]],
-        xacro_arguments: Mapping[str, str],
-        wheels: WheelChoice = ANY_WHEELS,
-        untold: Untold = NOTHING,
-    ) -> None:
+    def __init__(self, options: RunOptions) -> None:
+        seed = options.seed
         if not isinstance(seed, (int, np.integer)) or seed < 0:
             raise UserError(f'seed: got {seed!r}, wanted a whole number >= 0')
-        search = [Path(folder) for folder in package_path]
-        self._loaded = load_robot(description, search, xacro_arguments, wheels=wheels)
-        setup = usual_setup(self._loaded, self._with_noise, untold)
-        setup = randomise(setup, seed, self._loaded)
-        self._world = build_world(self._loaded, world, seed, setup, visuals=True)
-        self._simulation = Simulation(self._world, speed=0.0)
+        (robot,) = build_robots(options, visuals=True)
+        self._robot: Any = robot
+        for note in robot.notes:
+            robot.log.warning(note)
+        robot.prepare()
+        self._velocity: Velocity | None = None
+        self._world, self._simulation = robot.world, robot.simulation
+        self._simulation.schedule.every(robot.period, self._repeat)
+        self._simulation.on_reset.append(self._forget)
+        robot.schedule_control(self._simulation.schedule)
+        self._distance = robot.camera.distance
         self._window: Any = None
         self._lock = threading.RLock()
 
@@ -172,6 +153,14 @@ class Robot:
         finally:
             self._lock.release()
 
+    def _repeat(self) -> None:
+        """Command the velocity that is in force again."""
+        if self._velocity is not None:
+            self._robot.command(self._velocity)
+
+    def _forget(self) -> None:
+        self._velocity = None
+
     def _show(self, timeout: float) -> None:
         if self._window is not None:
             self._window.sync()
@@ -210,31 +199,33 @@ class Go2(Robot):
         gait: str = 'trot',
         untold: Untold = NOTHING,
     ) -> None:
-        self._with_noise = estimator == 'kalman'
-        super().__init__(description, world, seed, package_path, xacro_arguments, untold=untold)
-        parameters = LegControllerParameters(
-            command=CommandParameters(limits=limits), gait=GaitParameters(name=gait)
+        super().__init__(
+            RunOptions(
+                robot=GO2.name,
+                preset=GO2.preset,
+                world=world,
+                seed=seed,
+                description=description,
+                package_path=tuple(Path(folder) for folder in package_path),
+                xacro_arguments=xacro_arguments,
+                estimator=estimator,
+                limits=limits,
+                gait=gait,
+                untold=untold,
+                speed=0.0,
+            )
         )
-        model = RobotModel(self._loaded)
-        self._controller = LegController(model, parameters, estimator)
-        for note in self._controller.notes:
-            LOGGER.warning('legs: %s', note)
-        self._distance *= model.scale.of('m')
-        names = self._world.joint_names, self._world.motor_names
-        self._joints = JointMap(model.quadruped, *names)
-        self._velocity: tuple[float, float, float] | None = None
-        self._simulation.schedule.every(1.0 / LEG_RATE, self._control)
-        self._simulation.on_reset.append(self._forget)
 
     @property
     def state(self) -> str:
         """The controller's state, such as `trotting`."""
-        return self._controller.state
+        state: str = self._robot.state
+        return state
 
     @property
     def odometry(self) -> BaseOdometry:
         """Where the robot believes it is: pose, velocities and their covariances."""
-        odometry = self._controller.odometry
+        odometry: BaseOdometry | None = self._robot.odometry
         if odometry is None:
             raise UserError('odometry: there is none before the first run')
         return odometry
@@ -242,7 +233,7 @@ class Go2(Robot):
     @property
     def full_stick(self) -> tuple[float, float, float]:
         """The fastest it walks ahead and sideways [m/s] and turns [rad/s]; more is clamped."""
-        limits = self._controller.command_filter.limits
+        limits = self._robot.legs.controller.command_filter.limits
         return limits.forward, limits.lateral, limits.yaw
 
     def press(self, key: str) -> str | None:
@@ -257,8 +248,9 @@ class Go2(Robot):
         """
         _check_key(key)
         with self._alone('press'):
-            said = self._controller.press(key)
-            state = self._controller.coming_state
+            controller = self._robot.legs.controller
+            said: str | None = controller.press(key)
+            state = controller.coming_state
         if said is not None and key in STATE_KEYS and STATE_KEYS[key] != state:
             raise UserError(said)
         return said
@@ -273,23 +265,15 @@ class Go2(Robot):
         if not np.isfinite((vx, vy, wz)).all():
             raise UserError(f'drive: got {(vx, vy, wz)}, wanted finite numbers')
         with self._alone('drive'):
-            if self._controller.coming_state != 'move base':
+            if self._robot.legs.controller.coming_state != 'move base':
                 raise UserError(f'drive: needs the state move base (2, then 5), not {self.state}')
             self._velocity = (vx, vy, wz)
 
-    def _control(self) -> None:
-        if self._controller.coming_state != 'move base':
+    def _repeat(self) -> None:
+        if self._robot.legs.controller.coming_state != 'move base':
             self._velocity = None  # who comes back to move base stands until it is driven
-        if self._velocity is not None and self._controller.state == 'move base':
-            self._controller.set_velocity(*self._velocity)
-        reading = self._joints.reading(self._world.read())
-        truth = self._world.base_since_start()
-        command = self._controller.step(reading, 1.0 / LEG_RATE, truth)
-        self._world.apply(self._joints.command(command))
-
-    def _forget(self) -> None:
-        self._velocity = None
-        self._controller.reset()
+        if self.state == 'move base':
+            super()._repeat()
 
 
 class Mbot(Robot):
@@ -303,8 +287,6 @@ class Mbot(Robot):
         UserError: what is wrong with the description, the world or an option, in one line.
     """
 
-    _distance = 1.6
-
     def __init__(
         self,
         world: str = 'flat',
@@ -316,39 +298,33 @@ class Mbot(Robot):
         preset: str = 'mbot',
         controller: str | os.PathLike[str] = '',
     ) -> None:
-        parameters = DiffDriveParameters()
-        if controller:
-            parameters = read_controller_file(str(controller)).parameters
-        if parameters.mode != 'float':
-            raise UserError(f"mode: got {parameters.mode!r}, a script drives mode 'float' only")
-        choice = parameters.wheel_choice()
-        super().__init__(description, world, seed, package_path, xacro_arguments, choice)
-        self._period = 1.0 / parameters.update_rate
-        self._unit = DiffDrive(self._loaded.robot, parameters)
-        for note in self._unit.notes:
-            LOGGER.warning('wheels: %s', note)
-        self._unit.say = lambda text: LOGGER.warning('wheels: %s', text)
-        self._keys = KeysToTwist(load_preset(preset))
-        geometry = self._unit.controller.geometry
-        wheels = (geometry.left_joint, geometry.right_joint)
-        self._motors = [self._world.motor_names.index(name) for name in wheels]
-        self._wheels = [self._world.joint_names.index(name) for name in wheels]
-        self._velocity = (0.0, 0.0)
-        self._is_driven_by_keys = False
-        schedule = self._simulation.schedule
-        schedule.every(1.0 / self._keys.rate, self._take_keys)
-        schedule.at_rate('update_rate', parameters.update_rate, self._control)
-        self._simulation.on_reset.append(self._forget)
+        options = RunOptions(
+            robot=MBOT.name,
+            preset=preset,
+            world=world,
+            seed=seed,
+            description=description,
+            package_path=tuple(Path(folder) for folder in package_path),
+            xacro_arguments=xacro_arguments,
+            controller=Path(controller) if controller else None,
+            speed=0.0,
+        )
+        mode = 'float' if options.drive_file is None else options.drive_file.parameters.mode
+        if mode != 'float':
+            raise UserError(f"mode: got {mode!r}, a script drives mode 'float' only")
+        super().__init__(options)
+        self._velocity = (0.0, 0.0, 0.0)
 
     @property
     def state(self) -> str:
         """`driving`, `stopped` or `timed out`."""
-        return self._unit.controller.state
+        state: str = self._robot.state
+        return state
 
     @property
     def odometry(self) -> Any:
         """Where the wheels say it is: x, y [m], yaw [rad], and the velocities."""
-        return self._unit.controller.odometry_state
+        return self._robot.drive_unit.controller.odometry_state
 
     def press(self, key: str) -> None:
         """
@@ -359,8 +335,9 @@ class Mbot(Robot):
         """
         _check_key(key)
         with self._alone('press'):
-            self._is_driven_by_keys = True
-            self._keys.press(key)
+            self._velocity = None
+            self._robot.mute(False)
+            self._robot.press(key, 'keys')
 
     def drive(self, vx: float, wz: float = 0.0) -> None:
         """
@@ -372,26 +349,8 @@ class Mbot(Robot):
         if not np.isfinite((vx, wz)).all():
             raise UserError(f'drive: got {(vx, wz)}, wanted finite numbers')
         with self._alone('drive'):
-            self._is_driven_by_keys = False
-            self._velocity = (vx, wz)
-
-    def _take_keys(self) -> None:
-        velocity = self._keys.step(1.0 / self._keys.rate)
-        if velocity is not None and self._is_driven_by_keys:
-            self._velocity = (velocity.vx, velocity.wz)
-
-    def _control(self) -> None:
-        self._unit.controller.command(*self._velocity)
-        left, right = self._world.joints().position[self._wheels].tolist()
-        speeds = self._unit.step(left, right, self._period)
-        ahead, _, turn = self.truth.planar_velocity.tolist()
-        self._unit.watch(ahead, turn, self._period)
-        command = np.zeros((len(JointCommand._fields), len(self._world.motor_names)))
-        command[1, self._motors] = speeds
-        command[4, self._motors] = self._unit.motor.damping
-        self._world.apply(JointCommand(*command))
+            self._robot.mute(True)
+            self._velocity = (vx, 0.0, wz)
 
     def _forget(self) -> None:
-        self._velocity = (0.0, 0.0)
-        self._keys.reset()
-        self._unit.reset()
+        self._velocity = (0.0, 0.0, 0.0)

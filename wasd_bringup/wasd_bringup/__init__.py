@@ -9,12 +9,12 @@ quiet_start(__name__, 'wasd')
 _HOMES = {
     'ROBOTS': 'robots',
     'RobotRow': 'robots',
-    'RunOptions': 'options',
-    'Session': 'session',
-    'ControlStack': 'stack',
+    'Robot': 'run.robot',
+    'Run': 'run.run',
+    'RunOptions': 'run.options',
     'main': 'cli',
     'make_parser': 'cli',
-    'read_options': 'options',
+    'read_options': 'run.options',
 }
 __all__ = list(_HOMES)  # noqa: PLE0605
 __getattr__ = load_lazily(__name__, _HOMES)

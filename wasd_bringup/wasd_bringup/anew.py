@@ -18,9 +18,9 @@ from mujoco_sim.scene import WORLDS as PLAIN
 from mujoco_sim.viewer.server import HOST
 from wasd_cockpit.link import Start
 
-from wasd_bringup.options import RunOptions
 from wasd_bringup.parsers import called
 from wasd_bringup.robots import BOTH, ROBOTS
+from wasd_bringup.run.options import RunOptions
 
 # What the page offers: each world there is, where it is of a size at a moderate one.
 WORLDS = (

@@ -14,21 +14,18 @@ from diff_drive_sim.calibration import least_squares, SquareRun, Umbmark, umbmar
 from diff_drive_sim.controller_file import NODE_NAME, read_controller_file
 from diff_drive_sim.odometry import DiffDriveGeometry, find_wheels
 import numpy as np
-import rclpy
-import rclpy.logging
 from robot_description.description import load_robot
 from robot_description.morphology.wheels import ANY_WHEELS
 from wasd_core.errors import UserError
-from wasd_core.node import init_ros
 from wasd_core.output_file import check_apart, OutputFile
 from wasd_core.signals import StopSignals
 from wasd_core.streams import offer
 import yaml
 
-from wasd_bringup.inputs import TWIST_RATE
-from wasd_bringup.options import keep_alone, read_folders, RunOptions
 from wasd_bringup.robots import MBOT
-from wasd_bringup.session import Session
+from wasd_bringup.run.inputs import TWIST_RATE
+from wasd_bringup.run.options import read_folders, RunOptions
+from wasd_bringup.run.run import Run
 
 # Commands last whole periods of the stream they are sent in [s].
 TICK = 1.0 / TWIST_RATE
@@ -98,24 +95,18 @@ def drive_squares(
             controller=file if parameters else None,
             speed=0.0,
         )
-        init_ros([])
-        # What contradicts the description is what is to be found out: no need to warn each time.
-        rclpy.logging.set_logger_level(NODE_NAME, rclpy.logging.LoggingSeverity.ERROR)
-        try:
-            for number in range(test.count):
-                note(number)
-                session = Session(options)
-                try:
-                    square = _Square(session, test, number)
-                    session.run(_Either(signals, square))
-                    if signals.requested:
-                        raise KeyboardInterrupt
-                    runs.append(square.run())
-                finally:
-                    session.close()
-        finally:
-            rclpy.logging.set_logger_level(NODE_NAME, rclpy.logging.LoggingSeverity.UNSET)
-            rclpy.try_shutdown()
+        # What contradicts the description is what is to be found out: nobody is told of it.
+        for number in range(test.count):
+            note(number)
+            run = Run(options)
+            try:
+                square = _Square(run, test, number)
+                run.run(_Either(signals, square))
+                if signals.requested:
+                    raise KeyboardInterrupt
+                runs.append(square.run())
+            finally:
+                run.close()
     return DrivenSquares(runs, square.geometry)
 
 
@@ -132,27 +123,27 @@ class _Either:
 
 
 class _Square:
-    """Drives one square in a session and writes down angles and truth at every control step."""
+    """Drives one square in a run and writes down angles and truth at every control step."""
 
-    def __init__(self, session: Session, test: SquareTest, number: int) -> None:
-        self._session = session
-        stack: Any = session.stack  # of a robot with wheels
-        self._stack = stack
-        self.geometry = stack.geometry
+    def __init__(self, run: Run, test: SquareTest, number: int) -> None:
+        self._world = run.world
+        robot: Any = run.robot  # with wheels
+        self._robot = robot
+        self.geometry = robot.geometry
         self.is_done = False
         self._turn = 1 if number % 2 == 0 else -1
         self._rows: list[tuple[float, ...]] = []
         random = np.random.default_rng([test.seed, number // 2])
         speed, rate = random.uniform(*SPEEDS), random.uniform(*TURN_RATES)
         self._velocities = self._plan(test.side, speed, rate)
-        schedule = session.simulation.schedule
-        schedule.every(session.stack.period, self._record)
+        schedule = run.simulation.schedule
+        schedule.every(robot.period, self._record)
         schedule.every(TICK, self._drive)
 
     def run(self) -> SquareRun:
         """Return what was recorded."""
         rows = np.array(self._rows)
-        x, y, yaw = self._stack.sample().odometry
+        x, y, yaw = self._robot.sample().odometry
         end = np.array([x, y]) + self._to_axle(yaw) - self._to_axle(0.0)
         return SquareRun(self._turn, rows[:, 0], rows[:, 1], rows[:, 2:], (end[0], end[1]))
 
@@ -172,7 +163,7 @@ class _Square:
         rested = 0
         for _ in range(round(PATIENCE / TICK)):
             yield (0.0, 0.0, 0.0)
-            rested = rested + 1 if self._stack.state == 'stopped' else 0
+            rested = rested + 1 if self._robot.state == 'stopped' else 0
             if rested * TICK >= REST:
                 return
         raise UserError(f'the robot does not come to rest within {PATIENCE:.0f} s')
@@ -182,10 +173,10 @@ class _Square:
         if velocity is None:
             self.is_done = True
         else:
-            self._stack.drive(velocity)
+            self._robot.command(velocity)
 
     def _record(self) -> None:
-        world, geometry = self._session.world, self.geometry
+        world, geometry = self._world, self.geometry
         angles = dict(zip(world.joint_names, world.joints().position.tolist(), strict=True))
         base = world.base()
         yaw = float(base.rpy[2])
@@ -223,7 +214,6 @@ def calibrate_command(arguments: argparse.Namespace) -> int:
     if output is not None:
         inputs = {'--controller': arguments.controller, 'DESCRIPTION': arguments.description}
         check_apart([output], [(name, path) for name, path in inputs.items() if path])
-    keep_alone()
     with StopSignals() as signals:
         before = drive_squares(test, believed, signals, _say('as believed', test.count))
         corrected = believed | multipliers(least_squares(before.runs), before, believed)

@@ -12,23 +12,21 @@ from typing import Any, NamedTuple, TYPE_CHECKING
 from mujoco_sim.pictures import take_film, take_picture, take_strip, Trace, Viewpoint
 import numpy as np
 from PIL import Image, ImageDraw
-import rclpy
 from robot_description.mujoco import choose_renderer, NO_RENDERER
 from teleop_keyboard.key_script import parse_key_script
 from wasd_core.errors import one_line, UserError
-from wasd_core.node import init_ros
 from wasd_core.output_file import OutputFile
 from wasd_core.signals import StopSignals
 
-from wasd_bringup.inputs import Goal, parse_push, parse_twist_script, ScriptedPush
-from wasd_bringup.options import keep_alone, RunOptions
 from wasd_bringup.robots import GO2, MBOT, RobotRow
-from wasd_bringup.session import Session
+from wasd_bringup.run.inputs import Goal, parse_push, parse_twist_script, ScriptedPush
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.run import Run
 
 if TYPE_CHECKING:
     from wasd_navigation.records import Grid
 
-    from wasd_bringup.session_navigation import SessionNavigation
+    from wasd_bringup.run.navigation import NavigationDriver
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 ORANGE = (1.0, 0.45, 0.0, 1.0)
@@ -164,19 +162,14 @@ def demo_command(output: str) -> int:
         print(f'no pictures: {NO_RENDERER}')
     results = []
     with StopSignals() as signals:
-        keep_alone()
-        init_ros([])
-        try:
-            for stop in TOUR:
-                print(f'{stop.title} ...', flush=True)
-                try:
-                    results.append(_visit(stop, folder, pictures, signals))
-                except OSError as error:  # of a picture
-                    raise UserError(f'--output {output}: {one_line(error)}') from None
-                if signals.requested:
-                    return signals.exit_status or 130
-        finally:
-            rclpy.try_shutdown()
+        for stop in TOUR:
+            print(f'{stop.title} ...', flush=True)
+            try:
+                results.append(_visit(stop, folder, pictures, signals))
+            except OSError as error:  # of a picture
+                raise UserError(f'--output {output}: {one_line(error)}') from None
+            if signals.requested:
+                return signals.exit_status or 130
     table = format_table(results)
     rows = [result._asdict() for result in results]
     texts = (table, json.dumps(rows, indent=2) + '\n')
@@ -201,31 +194,31 @@ def _visit(stop: Stop, folder: Path, pictures: bool, signals: StopSignals) -> Re
         speed=0.0,
         samples=True,
     )
-    session = Session(options, visuals=pictures)
+    run = Run(options, visuals=pictures)
     frames: deque[np.ndarray] = deque(maxlen=STRIP_FRAMES if stop.film is None else None)
     spacing = GAIT_PERIOD / STRIP_FRAMES if stop.film is None else FILM_PERIOD
     try:
         if stop.strip is not None or stop.film is not None:
-            positions = session.world.data.qpos
-            session.simulation.schedule.every(spacing, lambda: frames.append(positions.copy()))
-        session.run(signals)
-        report = session.report()
+            positions = run.world.data.qpos
+            run.simulation.schedule.every(spacing, lambda: frames.append(positions.copy()))
+        run.run(signals)
+        report = run.report()
         if pictures and stop.viewpoint is not None:
             path = folder / f'{stop.name}.png'
-            take_picture(session.world, stop.viewpoint, path, _traces(report['samples']))
-        for navigation in session.navigations:
+            take_picture(run.world, stop.viewpoint, path, _traces(report['samples']))
+        for navigation in run.navigations:
             draw_navigation(navigation, report, folder / f'{stop.name}_map.png')
         if pictures and stop.strip is not None:
-            take_strip(session.world, frames, stop.strip, folder / f'{stop.name}_strip.png')
+            take_strip(run.world, frames, stop.strip, folder / f'{stop.name}_strip.png')
         if pictures and stop.film is not None:
             path = folder / f'{stop.name}.webp'
-            take_film(session.world, frames, stop.film, path, FILM_PERIOD)
+            take_film(run.world, frames, stop.film, path, FILM_PERIOD)
         return summarise(stop.title, report)
     finally:
-        session.close()
+        run.close()
 
 
-def draw_navigation(navigation: 'SessionNavigation', report: dict[str, Any], path: Path) -> None:
+def draw_navigation(navigation: 'NavigationDriver', report: dict[str, Any], path: Path) -> None:
     """Write a picture of what a navigator has mapped, and where it has driven."""
     way = np.array(report['samples']['position'])[::10, :2]
     goals = [goal['goal'] for goal in report['navigation']['goals']]

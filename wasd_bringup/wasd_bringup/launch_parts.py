@@ -28,8 +28,8 @@ from launch_ros.substitutions import FindPackageShare
 from mujoco_sim.parameters import SimulatorParameters
 from wasd_core.parameters import known_parameters, Parameters
 
-from wasd_bringup.options import NAMESPACED
 from wasd_bringup.robots import RobotRow, unitree_help, UNITREE_PRESET
+from wasd_bringup.run.options import NAMESPACED
 
 UNITREE_HELP = '\n'.join(unitree_help('qwerty'))
 # Values of the argument `keys` that are no keymap.

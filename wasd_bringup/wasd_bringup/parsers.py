@@ -9,8 +9,6 @@ from typing import Any
 from mujoco_sim.parameters import HEAVIEST, WORLD_NAMES
 from teleop_keyboard.keymap import LAYOUTS
 
-from wasd_bringup.inputs import KEY_LINE, SWITCH_LINE
-from wasd_bringup.options import RANGES
 from wasd_bringup.robots import (
     add_legged_options,
     BOTH,
@@ -20,6 +18,8 @@ from wasd_bringup.robots import (
     ROBOTS,
     robots_of,
 )
+from wasd_bringup.run.inputs import KEY_LINE, SWITCH_LINE
+from wasd_bringup.run.options import RANGES
 
 Examples = tuple[tuple[str, str], ...]
 
@@ -192,6 +192,9 @@ def _add_shared_options(parser: argparse.ArgumentParser) -> None:
         choices=RANGES,
         help='who may join over ROS: nobody, this machine, the network (default: localhost, or as '
         'ROS_AUTOMATIC_DISCOVERY_RANGE says; off for a script at --speed 0)',
+    )
+    parser.add_argument(
+        '--no-ros', action='store_true', help='run without ROS: no topics, no recording'
     )
     parser.add_argument('--save-keys', metavar='FILE', help='write the keys, as --play reads them')
     parser.add_argument('--record', metavar='FILE.mcap', help='record every topic')

@@ -96,23 +96,32 @@ class Kind:
     """
     What robots of one build share: classes as `module:name`, and options of their commands.
 
-    `stack` has their nodes and is loaded when such a robot runs, `cockpit` is what a page shows.
+    `robot` is loaded when such a robot runs, `face` when ROS is to see it, `cockpit` is what a
+    page shows. `controller` names its controller in a log.
     """
 
-    stack: str
-    cockpit: str
-    pad_preset: str  # what a gamepad means to it
-    add_options: Callable[[Parser], None]
+    robot: str
+    add_options: Callable[[Parser], None] = lambda parser: None
+    face: str = 'wasd_bringup.ros.controllers:ControllerFace'
+    cockpit: str = 'wasd_bringup.cockpit.described:Described'
+    controller: str = 'controller'
+    pad_preset: str = 'mbot'  # what a gamepad means to it
 
 
 LEGGED = Kind(
-    'wasd_bringup.go2_stack:Go2Stack', 'wasd_bringup.cockpit.legs:Legs', 'go2', _add_leg_options
+    robot='wasd_bringup.run.go2:Go2',
+    add_options=_add_leg_options,
+    face='wasd_bringup.ros.controllers:LegsFace',
+    cockpit='wasd_bringup.cockpit.legs:Legs',
+    controller='leg_controller',
+    pad_preset='go2',
 )
 WHEELED = Kind(
-    'wasd_bringup.mbot_stack:MbotStack',
-    'wasd_bringup.cockpit.wheels:Wheels',
-    'mbot',
-    _add_wheel_options,
+    robot='wasd_bringup.run.mbot:Mbot',
+    add_options=_add_wheel_options,
+    face='wasd_bringup.ros.controllers:WheelsFace',
+    cockpit='wasd_bringup.cockpit.wheels:Wheels',
+    controller='diff_drive_controller',
 )
 
 

@@ -2,33 +2,30 @@
 """`wasd go2` and the like: robots, driven from the terminal, the page, a pipe or a script."""
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 import contextlib
 import dataclasses
+import importlib.util
+import logging
 import math
 import os
 import shutil
 import subprocess
 import sys
-from typing import TextIO, TYPE_CHECKING
+from typing import Protocol, TextIO
 
-import rclpy
 from teleop_keyboard.key_reader import KeyReader, open_key_reader
 from teleop_keyboard.terminal import NoTerminal
 from wasd_core.errors import attempt_all, Stopped, UserError
-from wasd_core.network import claim_domain, namespaces_of, RANGE
-from wasd_core.node import init_ros
 from wasd_core.signals import last_status, StopSignals
 from wasd_core.streams import never_wait
 
 from wasd_bringup.anew import become
-from wasd_bringup.options import choose_range, NAMESPACED, read_options, RunOptions
-from wasd_bringup.robots import BOTH
-from wasd_bringup.session import Session
+from wasd_bringup.run.options import choose_range, read_options, RunOptions
+from wasd_bringup.run.run import Run
 
-if TYPE_CHECKING:
-    from wasd_bringup.recording.recorder import BagRecorder
-    from wasd_bringup.session_foxglove import FoxgloveServer
+# Options that only ROS serves.
+NEED_ROS = ('record', 'foxglove', 'gamepad', 'discovery')
 
 
 def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()) -> int:
@@ -49,10 +46,13 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
             'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
             '--viewer web, --gamepad, --foxglove, or pipe keys into standard input'
         )
+    uses_ros = _uses_ros(arguments.no_ros, options, ros_arguments)
     choose_range(options.discovery, options.scripted and options.speed == 0.0)
-    place = own_place(options, ros_arguments)
-    with place, StopSignals() as stop, reader or contextlib.nullcontext():
-        init_ros(with_own_frames(ros_arguments), is_local=True)
+    with (
+        _place(uses_ros, options, ros_arguments),
+        StopSignals() as stop,
+        reader or contextlib.nullcontext(),
+    ):
         if reader is not None and reader.terminal is not None:
             stop.last_words.append(reader.terminal.restore)
         options = dataclasses.replace(
@@ -60,87 +60,128 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
             interactive=_is_interactive(reader),
             words=getattr(arguments, 'words', ()),
         )
-        run = _Run(options)
+        command = _Command(options, _home(uses_ros, ros_arguments))
         try:
-            attempt_all(
-                lambda: run.do(reader, viewer, ros_arguments, stop), run.close, rclpy.try_shutdown
-            )
+            attempt_all(lambda: command.do(reader, viewer, stop), command.close)
         except Stopped:
             return stop.exit_status
-    print(run.summary(), file=_where_to_say(options))
-    if run.next_words:
-        become(run.next_words, environment)
+    print(command.summary(), file=_where_to_say(options))
+    if command.next_words:
+        become(command.next_words, environment)
     return last_status(stop)
 
 
-def _halt_with(stop: StopSignals, reader: KeyReader | None, session: Session) -> None:
+class Home(Protocol):
+    """What makes a run, and what closes after it."""
+
+    def make_run(self, options: RunOptions, reader: KeyReader | None, visuals: bool) -> Run:
+        """Return the run."""
+
+    def close(self) -> None:
+        """End what is around the run."""
+
+
+class PlainHome:
+    """Makes a run that no other process sees."""
+
+    def make_run(self, options: RunOptions, reader: KeyReader | None, visuals: bool) -> Run:
+        """Return the run; what is odd about its robots is said on standard error."""
+        log = logging.getLogger('wasd')
+        log.addHandler(logging.StreamHandler())
+        log.setLevel(logging.ERROR if options.interactive else logging.INFO)
+        run = Run(options, reader, visuals)
+        for robot in run.robots:
+            for note in robot.notes:
+                robot.log.warning('%s: %s', robot.name, note)
+        return run
+
+    def close(self) -> None:
+        """Nothing is around it."""
+
+
+def _uses_ros(refused: bool, options: RunOptions, ros_arguments: Sequence[str]) -> bool:
+    """
+    Return whether a run is on ROS: where that is installed, unless it is refused.
+
+    Raises:
+        UserError: it is not, and something was asked for that needs it.
+    """
+    is_there = importlib.util.find_spec('rclpy') is not None
+    if is_there and not refused:
+        return True
+    why = '--no-ros' if refused else 'rclpy is not installed'
+    asked = [f'--{name}' for name in NEED_ROS if getattr(options, name) is not None]
+    asked += ['--ros-args'] * bool(ros_arguments)
+    if asked:
+        raise UserError(f'{asked[0]} needs ROS, and this run is without ({why})')
+    if not refused:
+        print('wasd: runs without ROS (rclpy is not installed)', file=sys.stderr, flush=True)
+    return False
+
+
+def _place(
+    uses_ros: bool, options: RunOptions, ros_arguments: Sequence[str]
+) -> contextlib.AbstractContextManager[None]:
+    if not uses_ros:
+        return contextlib.nullcontext()
+    from wasd_bringup.ros.home import own_place
+
+    return own_place(options, ros_arguments)
+
+
+def _home(uses_ros: bool, ros_arguments: Sequence[str]) -> Home:
+    if not uses_ros:
+        return PlainHome()
+    # Here, because a run without ROS does not load it.
+    from wasd_bringup.ros.home import RosHome
+
+    return RosHome(ros_arguments)
+
+
+def _halt_with(stop: StopSignals, reader: KeyReader | None, run: Run) -> None:
     """Have the robots stand when the process is suspended, or ended in the midst of something."""
-    stop.last_words.insert(0, session.stop)
+    stop.last_words.insert(0, run.stop)
     if reader is not None and reader.terminal is not None:
-        reader.terminal.before_suspend.append(session.stop)
-        reader.terminal.after_resume.append(session.resume)
+        reader.terminal.before_suspend.append(run.stop)
+        reader.terminal.after_resume.append(run.resume)
 
 
-class _Run:
-    """A session and its recording, from their making to their end."""
+class _Command:
+    """A run and what is around it, from their making to their end."""
 
-    def __init__(self, options: RunOptions) -> None:
-        self._options = options
-        self._session: Session | None = None
-        self._recorder: BagRecorder | None = None
-        self._foxglove: FoxgloveServer | None = None
+    def __init__(self, options: RunOptions, home: Home) -> None:
+        self._options, self._home = options, home
+        self._run: Run | None = None
 
-    def do(
-        self,
-        reader: KeyReader | None,
-        viewer: str,
-        ros_arguments: Sequence[str],
-        stop: StopSignals,
-    ) -> None:
+    def do(self, reader: KeyReader | None, viewer: str, stop: StopSignals) -> None:
         """Make everything, and run until the end."""
         options = self._options
-        if options.record is not None:
-            from wasd_bringup.recording.reader import describe_run
-            from wasd_bringup.recording.recorder import BagRecorder
-
-            self._recorder = BagRecorder(options.record, describe_run(options, ros_arguments))
-        if options.foxglove is not None:
-            from wasd_bringup.session_foxglove import FoxgloveServer
-
-            self._foxglove = FoxgloveServer(options.foxglove)
-        self._session = Session(options, reader, viewer != 'none', self._recorder, self._foxglove)
-        _halt_with(stop, reader, self._session)
+        run = self._run = self._home.make_run(options, reader, viewer != 'none')
+        _halt_with(stop, reader, run)
         if viewer != 'none':
             # Here, because only a viewer needs it.
             from wasd_bringup.cockpit.bridge import open_view
 
-            where = open_view(self._session, viewer)
+            where = open_view(run, viewer)
             if viewer == 'web' and options.interactive and options.opens_page:
                 show_page(where)
         if options.interactive or viewer != 'none' or options.has_guests:
-            words = '\n'.join(self._session.first_lines)
-            print(words, file=_where_to_say(options), flush=True)
-        self._session.run(stop)
+            print('\n'.join(run.first_lines), file=_where_to_say(options), flush=True)
+        run.run(stop)
 
     def close(self) -> None:
         """End everything, also what has begun in part; what fails hinders nothing else."""
-        session, recorder = self._session, self._recorder
-        served = [self._foxglove.close] if self._foxglove is not None else []
-        if session is None:
-            # Nothing has run: an older recording stays.
-            attempt_all(*served, *([recorder.discard] if recorder is not None else []))
-            return
-        attempt_all(session.close, *served, *([recorder.close] if recorder is not None else []))
+        attempt_all(*([self._run.close] if self._run is not None else []), self._home.close)
 
     @property
     def next_words(self) -> tuple[str, ...]:
         """The words of the run that is to come in its place, if one is."""
-        return () if self._session is None else self._session.next_words
+        return () if self._run is None else self._run.next_words
 
     def summary(self) -> str:
         """Return what has happened, in a line."""
-        assert self._session is not None
-        return _summary(self._session, self._options)
+        assert self._run is not None
+        return _summary(self._run, self._options)
 
 
 def show_page(url: str, environment: Mapping[str, str] = os.environ) -> bool:
@@ -184,10 +225,10 @@ def _is_interactive(reader: KeyReader | None) -> bool:
     return reader is not None and reader.terminal is not None and sys.stdout.isatty()
 
 
-def _summary(session: Session, options: RunOptions) -> str:
-    report = session.report()
+def _summary(run: Run, options: RunOptions) -> str:
+    report = run.report()
     places = []
-    for robot in session.robots:
+    for robot in run.robots:
         x, y, _ = robot.world.base().position
         places.append(f'{robot.name} at {x:z.3f} {y:z.3f} m')
     text = (
@@ -197,38 +238,3 @@ def _summary(session: Session, options: RunOptions) -> str:
     saved = options.save_map and f'{options.save_map}.yaml'
     written = {'recorded to': options.record, 'report in': options.report, 'map in': saved}
     return '; '.join([text, *(f'{what} {path}' for what, path in written.items() if path)])
-
-
-@contextlib.contextmanager
-def own_place(options: RunOptions, ros_arguments: Sequence[str]) -> Iterator[None]:
-    """
-    Context of a run that others may talk to; it changes ROS_DOMAIN_ID where that is unset.
-
-    Says in one line on standard error when the run is not where one would look for it.
-    """
-    if os.environ.get(RANGE) == 'OFF':  # nobody hears it, wherever it is
-        yield
-        return
-    namespaces = namespaces_of(ros_arguments)
-    if options.robot == BOTH:  # /clock and /tf are those of the root
-        namespaces += [f'/{robot.namespace}' for robot in options.per_robot()]
-    place, words = claim_domain(os.environ, namespaces, './wasd topics')
-    if words:
-        print(f'wasd: {words}', file=sys.stderr, flush=True)
-    with place or contextlib.nullcontext():
-        yield
-
-
-def with_own_frames(ros_arguments: Sequence[str]) -> list[str]:
-    """
-    Return ROS arguments in which a namespace has a clock and a tree of frames of its own.
-
-    A rule of the user's for /clock, /tf or /tf_static comes first, so it holds.
-    """
-    words = list(ros_arguments)
-    if namespaces_of(words) == ['/']:
-        return words
-    if '--' in words:
-        words = words[: words.index('--')]
-    rules = [word for name, own in NAMESPACED for word in ('-r', f'{name}:={own}')]
-    return [*words, *rules]

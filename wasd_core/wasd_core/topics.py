@@ -174,12 +174,12 @@ ECHO_LIFETIME = 10.0
 
 class LoopbackSubscription(Generic[Message]):
     """
-    A topic whose messages come from other processes and, handed over directly, from this one.
+    A topic whose messages come from other processes; those of this one are dropped.
 
-    Nodes that run in lock-step hand each message to the receiver in the same simulated instant, so
-    that runs repeat; the same message is also published for everybody else, and the middleware
-    brings it back to our own subscription. `put` is the hand-over and remembers the message;
-    its echo is then dropped.
+    What drives a robot in this process calls it directly, in the same simulated instant, so that
+    runs repeat; the message is also published for everybody else, and the middleware brings it
+    back to our own subscription. `expect` remembers such a message; its echo is then dropped.
+    `put` hands a message over, too.
 
     Echo and message are matched by their bytes, which are equal also where NaN is in them. An
     equal message from outside that overtakes an echo is dropped in its place, and the echo
@@ -228,11 +228,14 @@ class LoopbackSubscription(Generic[Message]):
         qos: QoSProfile = self._subscription.qos_profile
         return qos
 
-    def put(self, message: Message, published: Message | None = None) -> None:
-        """Hand over a message that this process is publishing, too, or as `published`."""
-        sent = message if published is None else published
-        times = self._pending.setdefault(serialize_message(sent), deque(maxlen=EVENTS_DEPTH))
+    def expect(self, message: Message) -> None:
+        """Drop the echo of a message that this process is publishing."""
+        times = self._pending.setdefault(serialize_message(message), deque(maxlen=EVENTS_DEPTH))
         times.append(time.monotonic())
+
+    def put(self, message: Message) -> None:
+        """Hand over a message that this process is publishing, too."""
+        self.expect(message)
         self._callback(message)
 
     def notify(self, message: Any) -> None:

@@ -49,8 +49,8 @@ class NavigatorNode(Node):
     The face of a robot's navigator: scan, odom and goals in; map, plan, pose and cmd_vel out.
 
     A `navigation` that it is given gets its odometry and scans, and where its commands go, from
-    who made it, who also calls `step`. Alone, it makes one by its parameters, takes sensors from
-    topics, publishes velocities and steps on a timer of its clock.
+    who made it, who also steps it and calls `publish`. Alone, it makes one by its parameters,
+    takes sensors from topics, publishes velocities and steps on a timer of its clock.
 
     Raises:
         UserError: a parameter is not valid, or the map cannot be read.
@@ -124,8 +124,11 @@ class NavigatorNode(Node):
         """Let the navigator step to the time of the node's clock, and publish what has changed."""
         now = 1e-9 * self.get_clock().now().nanoseconds
         dt = self.navigation.step(now)
-        if dt is None:
-            return
+        if dt is not None:
+            self.publish(now, dt)
+
+    def publish(self, now: float, dt: float) -> None:
+        """Publish what has changed up to a time [s], `dt` [s] after the last call."""
         self._look_who_is_heard(dt)
         dated = now + self.settings.transform_tolerance
         self._publisher.publish(now, dated, self.navigation.odom_frame)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between a session and the page: makes snapshots of the run, does what the page orders."""
+"""Between a run and the page: makes snapshots of the run, does what the page orders."""
 
 import dataclasses
 import math
@@ -27,13 +27,13 @@ from wasd_core.timing import HELD, RELEASE, split_event
 
 from wasd_bringup.anew import Anew, page_port
 from wasd_bringup.cockpit.described import Described
-from wasd_bringup.report import SAMPLE_PERIOD
-from wasd_bringup.robots import load_class, ROBOTS
-from wasd_bringup.session import Session
-from wasd_bringup.session_robot import SessionRobot
+from wasd_bringup.robots import load_class
+from wasd_bringup.run.report import SAMPLE_PERIOD
+from wasd_bringup.run.robot import Robot
+from wasd_bringup.run.run import Run
 
 if TYPE_CHECKING:
-    from wasd_bringup.session_navigation import SessionNavigation
+    from wasd_bringup.run.navigation import NavigationDriver
 
 # Snapshots are made, and a held stick is sent, once in so many states of the scene.
 SNAPSHOT_EVERY = 2.5
@@ -49,13 +49,12 @@ FASTEST = 100.0
 
 
 class Watched:
-    """One robot of the session with its past."""
+    """One robot of the run with its past."""
 
-    def __init__(self, robot: SessionRobot, navigation: 'SessionNavigation | None') -> None:
+    def __init__(self, robot: Robot, navigation: 'NavigationDriver | None') -> None:
         self.robot = robot
         self.navigation = navigation
-        kind = ROBOTS[robot.options.robot].kind
-        self.described: Described = load_class(kind.cockpit)(robot.stack)
+        self.described: Described = load_class(robot.kind.cockpit)(robot)
         self.columns = Columns(self.described.feet, robot.world.motor_names)
         self.history = History(round(SPAN * RATE), self.columns.width)
         self.trail = History(TRAIL_LENGTH, 2)
@@ -75,7 +74,7 @@ class Watched:
 
         Why each cannot be pressed costs more than all else that the page is told.
         """
-        state = self.robot.stack.state
+        state = self.robot.state
         if state != self._chosen_in or self._chosen_for == 0:
             self._choices, self._chosen_in = self.described.choices(), state
             self._chosen_for = CHOICES_EVERY
@@ -87,7 +86,7 @@ class Watched:
         world, motion = self.robot.world, self.described.motion()
         base = world.base()
         efforts = world.joints().effort[world.parts.motor_joint] / self._limits
-        tick = 1e3 * self.robot.stack.ticks.last
+        tick = 1e3 * self.robot.ticks.last
         head = (world.time, *motion.command, *motion.odometry, *base.planar_velocity, tick, pace)
         self.history.add(np.array([*head, *motion.forces, *motion.stances, *efforts]))
         if self._samples % TRAIL_EVERY == 0:
@@ -103,22 +102,22 @@ class Watched:
 
 class CockpitBridge:
     """
-    The cockpit's part of a session, in its thread.
+    The cockpit's part of a run, in its thread.
 
     `step` comes at each look at the page; it does what the page has ordered since the last one.
-    All that it changes goes through the session's keys and velocities, which recordings have.
+    All that it changes goes through the run's keys and velocities, which recordings have.
     """
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self.anew = Anew(session.options)
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self.anew = Anew(run.options)
         self._link = Link()
         self.content = Cockpit(self._link, usual_path())
-        self.content.page.sight.open(session.world)
-        navigations = session.navigations or len(session.robots) * [None]
+        self.content.page.sight.open(run.world)
+        navigations = run.navigations or len(run.robots) * [None]
         self._watched = [
             Watched(robot, navigation)
-            for robot, navigation in zip(session.robots, navigations, strict=True)
+            for robot, navigation in zip(run.robots, navigations, strict=True)
         ]
         self._next = 0.0
         self._pressed: dict[str, float] = {}
@@ -129,18 +128,18 @@ class CockpitBridge:
 
     def attach(self, where: str) -> None:
         """Be told of what happens from now on; the page is at an address."""
-        session = self._session
+        run = self._run
         self.anew.is_at(where)
-        session.told.of_keys.append(self.note_key)
-        session.told.of_looks.append(self.step)
-        session.told.to_let_go.append(self.let_go)
-        session.told.of_the_end.append(self.close)
-        session.simulation.on_reset.append(self.forget)
-        session.simulation.schedule.every(SAMPLE_PERIOD, self.sample)
+        run.listeners.of_keys.append(self.note_key)
+        run.listeners.of_looks.append(self.step)
+        run.listeners.of_disarm.append(self.let_go)
+        run.listeners.of_end.append(self.close)
+        run.simulation.on_reset.append(self.forget)
+        run.simulation.schedule.every(SAMPLE_PERIOD, self.sample)
 
     def sample(self) -> None:
         """Remember this instant of all robots."""
-        pace = self._session.simulation.pacer.real_time_factor
+        pace = self._run.simulation.pacer.real_time_factor
         for watched in self._watched:
             watched.sample(pace)
 
@@ -180,14 +179,14 @@ class CockpitBridge:
         self._link.snapshot = self._snapshot(now)
 
     def _obey(self, order: Order) -> None:
-        session = self._session
-        simulation = session.simulation
+        run = self._run
+        simulation = run.simulation
         if order.what == 'key':
-            session.press(order.name, 'page')
+            run.press(order.name, 'page')
         elif order.what == 'e-stop':
-            session.e_stop('page')
+            run.e_stop('page')
         elif order.what == 'end e-stop':
-            session.end_e_stop()
+            run.end_e_stop()
         elif order.what == 'pause':
             simulation.paused = bool(order.value)
         elif order.what == 'step' and simulation.paused:
@@ -195,19 +194,19 @@ class CockpitBridge:
         elif order.what == 'reset':
             simulation.reset()
         elif order.what == 'robot':
-            session.switch_to([robot.name for robot in session.robots].index(order.name))
+            run.switch_to([robot.name for robot in run.robots].index(order.name))
         elif order.what == 'speed' and math.isfinite(order.value):
             simulation.pacer.speed = min(max(order.value, 0.0), FASTEST)
             simulation.pacer.restart()
         elif order.what == 'start':
             self.anew.want(*order.name.split(maxsplit=1))
-            session.next_words = self.anew.wanted
+            run.next_words = self.anew.wanted
         elif order.what in ('goal', 'cancel goal', 'save map'):
             self._navigate(order)
         elif order.what == 'choose':
             setting, _, option = order.name.partition('=')
             for key in self._active.described.keys_to_choose(setting, option):
-                session.press(key, 'page')
+                run.press(key, 'page')
 
     def _navigate(self, order: Order) -> None:
         """Do what is asked of the navigator, if there is one."""
@@ -222,15 +221,15 @@ class CockpitBridge:
             try:
                 navigation.save()
             except UserError as error:
-                self._active.robot.stack.say(str(error))
+                self._active.robot.say(str(error))
 
     @property
     def _active(self) -> Watched:
-        return self._watched[self._session.active]
+        return self._watched[self._run.active]
 
     def _release(self) -> None:
         """End, without waiting for a snapshot, what a hand no longer does to the robot in turn."""
-        active, link = self._session.active, self._link
+        active, link = self._run.active, self._link
         if self._driven is not None and (link.stick is None or self._driven != active):
             self.let_go()
         if self._pushed is not None and (link.force is None or self._pushed != active):
@@ -240,13 +239,13 @@ class CockpitBridge:
         """Do what the stick says."""
         stick = self._link.stick
         if stick is not None:
-            self._driven = self._session.active
+            self._driven = self._run.active
             self._move(self._driven, stick)
 
     def _push(self) -> None:
         """Push the robot in turn as the hand does on the page, and no other one."""
         given = self._link.force
-        self._pushed = None if given is None else self._session.active
+        self._pushed = None if given is None else self._run.active
         force = given or (0.0, 0.0, 0.0)
         for watched in self._watched:
             is_active = watched is self._active
@@ -266,11 +265,11 @@ class CockpitBridge:
             forward, left, turn = (share * most for share, most in zip(stick, full, strict=True))
             watched.robot.drive((forward, left, turn), 'page')
         elif keys:
-            self._session.press_for(robot, keys, 'page')
+            self._run.press_for(robot, keys, 'page')
 
     def _snapshot(self, now: float) -> Snapshot:
-        session, watched = self._session, self._active
-        simulation, world = session.simulation, watched.robot.world
+        run, watched = self._run, self._active
+        simulation, world = run.simulation, watched.robot.world
         status, described = watched.robot.status(), watched.described
         base = world.base()
         x, y, _ = base.position.tolist()
@@ -285,11 +284,11 @@ class CockpitBridge:
             is_paused=simulation.paused,
             speed=simulation.pacer.speed,
             pace=simulation.pacer.real_time_factor,
-            robots=tuple(robot.name for robot in session.robots),
-            robot=session.active,
+            robots=tuple(robot.name for robot in run.robots),
+            robot=run.active,
             state=status.state,
             # Legs have but the command, which the marks tell, too.
-            facts=() if watched.robot.stack.has_states else status.facts,
+            facts=() if watched.robot.has_states else status.facts,
             message=status.message,
             stopped_by=watched.robot.drivers.stopped_by,
             choices=watched.choices(),
@@ -311,17 +310,17 @@ class CockpitBridge:
         )
 
 
-def open_view(session: Session, kind: str) -> str:
+def open_view(run: Run, kind: str) -> str:
     """
-    Have a session shown by a viewer, `web` with the cockpit or `native`; return where it is.
+    Show a run by a viewer, `web` with the cockpit or `native`; return where it is.
 
     Raises:
         SimulationError: the port is taken, or there is no display.
     """
-    bridge = CockpitBridge(session)
-    port = page_port(session.options.port)
-    view, where = start_view(kind, session.world, session.stack.camera, bridge.content, port)
-    session.take_view(view, where)
+    bridge = CockpitBridge(run)
+    port = page_port(run.options.port)
+    view, where = start_view(kind, run.world, run.robot.camera, bridge.content, port)
+    run.take_view(view, where)
     if kind == 'web':
         bridge.attach(where)
     return where

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the cockpit has to know of a robot, whatever it walks or rolls on."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from teleop_keyboard.keymap import direction_words, factor_words, Keymap
 from wasd_cockpit.link import Choice, KeyCap, Marks, Setting, Stick, StickUse
+
+from wasd_bringup.run.robot import Robot
 
 Numbers = Sequence[float] | np.ndarray
 
@@ -21,42 +22,52 @@ class Motion(NamedTuple):
     stances: Numbers = ()
 
 
-class Described(ABC):
+class Described:
     """A robot's controller as the cockpit shows it; what it changes, it changes by keys."""
 
     feet: tuple[str, ...] = ()
 
-    @abstractmethod
+    def __init__(self, robot: Robot) -> None:
+        self._robot: Any = robot
+
     def choices(self) -> tuple[Choice, ...]:
         """Return the states as buttons."""
+        return ()
 
-    @abstractmethod
     def settings(self) -> tuple[Setting, ...]:
         """Return what is chosen."""
+        return ()
 
-    @abstractmethod
     def keys_to_choose(self, setting: str, option: str) -> tuple[str, ...]:
         """Return the keys that choose an option of a setting; none where none do."""
+        return ()
 
-    @abstractmethod
     def keys(self) -> tuple[KeyCap, ...]:
         """Return the keymap."""
+        logic = self._robot.logic
+        return () if logic is None else keymap_caps(logic.keymap)
 
-    @abstractmethod
     def stick_use(self) -> StickUse:
         """Return what the stick does now."""
+        logic = self._robot.logic
+        full = (0.0, 0.0, 0.0) if logic is None else (logic.speed, 0.0, logic.turn)
+        return StickUse(full, 'drives', sideways=False)
 
     def stick_keys(self, stick: Stick) -> tuple[str, ...] | None:
         """Return the keys that bring a stick of keys there; None where velocities drive."""
         return None
 
-    @abstractmethod
     def motion(self) -> Motion:
         """Return this instant for the plots."""
+        sample, odometry = self._robot.sample(), self._robot.odometry
+        if odometry is None:
+            return Motion(sample.command, (0.0, 0.0, 0.0))
+        vx, vy, _ = odometry.linear_velocity.tolist()
+        return Motion(sample.command, (vx, vy, float(odometry.angular_velocity[2])))
 
-    @abstractmethod
     def marks(self, place: np.ndarray, rotation: np.ndarray) -> Marks:
         """Return what is drawn beside a robot that is there [m], in the world's axes."""
+        return Marks(place=place, rotation=rotation)
 
 
 def keymap_caps(keymap: Keymap) -> tuple[KeyCap, ...]:

@@ -19,29 +19,28 @@ from wasd_cockpit.link import Choice, KeyCap, Marks, Order, Setting, Stick, Stic
 from wasd_core.rotations import matrix_from_quaternion
 
 from wasd_bringup.cockpit.described import Described, keymap_caps, Motion, Numbers
-from wasd_bringup.go2_stack import Go2Stack
+from wasd_bringup.run.go2 import Go2
 
 
 class Legs(Described):
     """A quadruped's leg controller."""
 
-    def __init__(self, stack: Go2Stack) -> None:
-        self._stack = stack
-        self._controller = stack.legs.controller
-        self._layout = stack.layout
+    def __init__(self, robot: Go2) -> None:
+        self._robot = robot
+        self._controller = robot.legs.controller
+        self._layout = robot.layout
         self.feet = LEGS
 
     def choices(self) -> tuple[Choice, ...]:
         """Return the states as buttons."""
-        controller = self._controller
         return tuple(
             Choice(
-                state.value,
-                Order('key', self._named(key)),
-                is_on=state.value == controller.state,
-                refusal=controller.refusal(key),
+                choice.state,
+                Order('key', self._named(choice.key)),
+                is_on=choice.is_on,
+                refusal=choice.refusal,
             )
-            for key, state in STATE_KEYS.items()
+            for choice in self._robot.choices()
         )
 
     def settings(self) -> tuple[Setting, ...]:
@@ -67,8 +66,8 @@ class Legs(Described):
     def keys(self) -> tuple[KeyCap, ...]:
         """Return the keymap."""
         states = tuple(KeyCap(self._named(key), state.value) for key, state in STATE_KEYS.items())
-        if self._stack.logic is not None:
-            caps = keymap_caps(self._stack.logic.keymap)
+        if self._robot.logic is not None:
+            caps = keymap_caps(self._robot.logic.keymap)
             taken = {cap.key for cap in caps}
             return (*(cap for cap in states if cap.key not in taken), *caps)
         sticks = tuple(
@@ -94,7 +93,7 @@ class Legs(Described):
 
     def stick_keys(self, stick: Stick) -> tuple[str, ...] | None:
         """Return the keys that bring the sticks there, None where velocities drive."""
-        if self._drives_by_velocity or self._stack.logic is not None:
+        if self._drives_by_velocity or self._robot.logic is not None:
             return None
         if not self._controller.takes_sticks:
             return ()  # they would be asked for again and again, and never get there
@@ -119,7 +118,7 @@ class Legs(Described):
         vx, vy, _ = odometry.linear_velocity
         measured = (vx, vy, odometry.angular_velocity[2])
         stances = controller.locomotion.is_stance
-        return Motion(self._stack.command(), measured, robot.normal_forces, stances)
+        return Motion(self._robot.commanded(), measured, robot.normal_forces, stances)
 
     def marks(self, place: np.ndarray, rotation: np.ndarray) -> Marks:
         """Return what is drawn beside the robot."""
@@ -130,7 +129,7 @@ class Legs(Described):
             return Marks(place=place, rotation=rotation, size=0.4 * size)
         # Forces and feet are known in the base's axes: the estimate's error is not theirs.
         feet = robot.motion.position @ rotation.T + place
-        start = (*self._stack.start, 0.0)
+        start = (*self._robot.start, 0.0)
         motion = self.motion()
         return Marks(
             place=place,

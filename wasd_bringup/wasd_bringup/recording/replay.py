@@ -23,8 +23,6 @@ from std_msgs.msg import String
 from wasd_core.node import init_ros
 from wasd_core.signals import StopSignals
 
-from wasd_bringup.inputs import BoxPlayer, ScriptedBox
-from wasd_bringup.options import keep_alone, read_number, RunOptions
 from wasd_bringup.recording.bag_writer import RecordingError
 from wasd_bringup.recording.reader import (
     BagReader,
@@ -37,9 +35,11 @@ from wasd_bringup.recording.reader import (
     TRUTH,
 )
 from wasd_bringup.recording.recorder import PublisherTap
-from wasd_bringup.run_command import with_own_frames
-from wasd_bringup.session import Session
-from wasd_bringup.session_robot import build_worlds
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.ros.home import with_own_frames
+from wasd_bringup.run.inputs import BoxPlayer, ScriptedBox
+from wasd_bringup.run.options import keep_alone, read_number, RunOptions
+from wasd_bringup.run.worlds import build_worlds
 
 
 class PathComparison:
@@ -248,19 +248,19 @@ def _drive(
     comparison = PathComparison(bag, robot_topics(bag, TRUTH))
     options = dataclasses.replace(options, duration=comparison.duration)
     init_ros(with_own_frames(ros_arguments))
-    session = None
+    run = None
     try:
-        session = Session(options, visuals=viewer != 'none')
+        run = make_ros_run(options, visuals=viewer != 'none')
         if viewer != 'none':
             # Here, because only a viewer needs it.
             from wasd_bringup.cockpit.bridge import open_view
 
-            print(f'viewer: {open_view(session, viewer)}', flush=True)
-        session.run(stop)
+            print(f'viewer: {open_view(run, viewer)}', flush=True)
+        run.run(stop)
     finally:
         comparison.close()
-        if session is not None:
-            session.close()
+        if run is not None:
+            run.close()
         rclpy.try_shutdown()
     print(comparison.verdict())
     return stop.exit_status or int(not comparison.is_same)

@@ -4,7 +4,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from teleop_keyboard.hold import LONGEST_FIRST_TIMEOUT
 from wasd_core.timing import HELD, RELEASE, split_event
@@ -231,3 +231,23 @@ class Drivers:
             for name, hold in self._holds.items()
             if hold.asked < ASKED_LATELY and name != driver
         )
+
+
+class Driver(Protocol):
+    """What drives a robot of a run by itself; it is asked by a Run that it has joined."""
+
+    @property
+    def first_line(self) -> str:
+        """What a driver must know to begin."""
+
+    def look(self) -> None:
+        """Take what has come; called often, on wall time."""
+
+    def repeat(self) -> None:
+        """Say again what is in force; called at TWIST_RATE of simulated time."""
+
+    def disarm(self) -> None:
+        """Let nothing that is held now count."""
+
+    def close(self) -> None:
+        """End."""

@@ -1,30 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`--map`: the navigator of a run, which drives the robot until a driver does."""
+"""`--map`: the navigator of a run, which drives the robot until another source does."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+import logging
 from typing import Any
 
 from mujoco_sim.robot_parts import outline_of
 from mujoco_sim.sensors.lidar import LidarTag
 from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
-from rclpy.logging import get_logger
-from rclpy.node import Node
-from rclpy.parameter import Parameter
-from robot_description.robot import Robot
+from robot_description.robot import Robot as RobotTree
 from wasd_cockpit.link import Navigation, PlanarPose
 from wasd_core.errors import UserError
-from wasd_navigation.navigator import Outcome
-from wasd_navigation.navigator_node import NavigatorNode
+from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.records import Grid, Ranges
 from wasd_navigation.robot_navigator import RobotNavigator
 
-from wasd_bringup.inputs import TWIST_RATE
-from wasd_bringup.options import RunOptions
 from wasd_bringup.run.drivers import Take
-from wasd_bringup.session_robot import SessionRobot
+from wasd_bringup.run.inputs import TWIST_RATE
+from wasd_bringup.run.robot import Robot
 
 # By this name it takes the robot.
 SOURCE = 'navigator'
@@ -40,67 +36,65 @@ SENSOR_NEEDED = (
 )
 
 
-class SessionNavigation:
+class NavigationDriver:
     """
-    Maps with the robot's lidar and odometry, and drives it to goals, in lock-step.
+    Maps with the robot's lidar and odometry, and drives it to goals, in simulated time.
 
     Whatever a driver does, a key, a stick, a velocity on cmd_vel, a pause, ends the goal and those
     that were to follow it. So does TAB, which gives the keys to another robot, and the loss of the
-    page that asked for it.
+    page that asked for it. `on_step` hear when it has stepped.
     """
 
-    def __init__(self, options: RunOptions, robot: SessionRobot) -> None:
+    def __init__(self, robot: Robot) -> None:
         """
         Take the robot.
 
         Raises:
             UserError: the robot has no lidar, or the map cannot be read.
         """
-        self._options = options
-        self._robot = robot
-        self._stack = robot.stack
-        self._simulation = robot.simulator.simulation
-        self._goals = deque(options.goals)
+        self.robot = robot
+        self._options = robot.options
+        self._goals = deque(self._options.goals)
         self._has_begun = False  # with those; keys before make a robot ready for them
         self._is_of_page = False  # the goal that is driven to
         self._ended: list[dict[str, Any]] = []
         self._pictured: tuple[int, float, Grid] | None = None  # revision, time, map
+        self.on_step: list[Callable[[float, float], None]] = []
         tag = lidar_of(robot.description.robot)
-        values = _settings(options, robot)
-        self._navigation = RobotNavigator(
-            NavigatorParameters().changed(values), inform=get_logger('navigator').info
-        )
-        self.node = NavigatorNode(
-            self._navigation,
-            namespace=options.namespace,
-            parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
-        )
-        self.navigator = self.node.navigator
-        self.nodes: Sequence[Node] = [self.node]
-        self._navigation.send = self._send
-        self._navigation.say = self._stack.say
-        self._navigation.refusal = lambda: self._robot.refusal
-        self.navigator.on_end.append(self._on_end)
-        self._simulation.on_reset += [self._forget_goals, self._navigation.reset]
+        self.given = _settings(robot)
+        inform = logging.getLogger('wasd.navigator').info
+        self.unit = RobotNavigator(NavigatorParameters().changed(self.given), inform=inform)
+        self.unit.send = self._send
+        self.unit.say = robot.say
+        self.unit.refusal = lambda: robot.refusal
+        robot.simulation.on_reset += [self._forget_goals, self.unit.reset]
         robot.drivers.on_take.append(self._give_way)
         prefix = robot.world.prefix
         for joint in robot.description.robot.joints.values():
             if joint.kind == 'fixed':
-                self._navigation.senses.place_frame(
-                    prefix + joint.child, prefix + joint.parent, joint.pose
-                )
+                child, parent = prefix + joint.child, prefix + joint.parent
+                self.unit.senses.place_frame(child, parent, joint.pose)
         self._frame = f'{prefix}{tag.link} of the lidar'
-        self._navigation.senses.place_frame(self._frame, prefix + tag.link, tag.pose)
-        robot.simulator.sensors.listen(tag.topic, self._take_scan)
+        self.unit.senses.place_frame(self._frame, prefix + tag.link, tag.pose)
+        robot.sensors.listen(tag.topic, self._take_scan)
+
+    def prepare(self) -> None:
+        """Settle what follows from the settings, before anything is scheduled."""
+        self.navigator.on_end.append(self._on_end)
+
+    @property
+    def navigator(self) -> Navigator:
+        """What maps, and drives to a goal."""
+        return self.unit.navigator
 
     @property
     def first_line(self) -> str:
         """What a driver must know to begin."""
         what = 'in a map' if self._options.map else 'maps'
-        of_several = ' the robot in turn, TAB the one it leaves' * bool(self._robot.world.prefix)
+        of_several = ' the robot in turn, TAB the one it leaves' * bool(self.robot.world.prefix)
         begin = "click a goal on the page's Map, or send goal_pose"
-        if self._goals and self._stack.refusal:
-            begin = f'the goal waits: {self._stack.refusal.partition(":")[0]}'
+        if self._goals and self.robot.refusal:
+            begin = f'the goal waits: {self.robot.refusal.partition(":")[0]}'
         return f'{what}: {begin}; any key takes over{of_several}'
 
     def go(self, goal: Sequence[float], from_page: bool = False) -> None:
@@ -109,7 +103,7 @@ class SessionNavigation:
 
         A goal `from_page` counts while the page does: see `lose_page`.
         """
-        self._navigation.go(np.array(goal))
+        self.unit.go(np.array(goal))
         self._is_of_page = from_page and self.navigator.goal is not None
 
     def lose_page(self) -> None:
@@ -123,23 +117,28 @@ class SessionNavigation:
 
     def look(self) -> None:
         """End a goal when time is made to stand still."""
-        if self._simulation.paused:
+        if self.robot.simulation.paused:
             self._stop('paused')
 
     def repeat(self) -> None:
         """Navigate for one period; called at TWIST_RATE of simulated time."""
         self._tell_odometry()
-        is_free = self.navigator.goal is None and not self._stack.refusal
+        is_free = self.navigator.goal is None and not self.robot.refusal
         if self._goals and is_free and self.navigator.is_placed:
             self._has_begun = True
             self.go(self._goals.popleft())
-        self._stack.mute(self.navigator.goal is not None)
-        self.node.step()
+        self.robot.mute(self.navigator.goal is not None)
+        # As a stamp tells it, so that a navigator over topics computes the same.
+        now = 1e-9 * round(1e9 * self.robot.world.time)
+        dt = self.unit.step(now)
+        if dt is not None:
+            for tell in self.on_step:
+                tell(now, dt)
 
     def disarm(self) -> None:
         """Drive no more."""
         self._goals.clear()  # also before the first
-        self._navigation.stop('stopped by hand')
+        self.unit.stop('stopped by hand')
 
     def save(self) -> None:
         """
@@ -148,11 +147,11 @@ class SessionNavigation:
         Raises:
             UserError: there is none yet, or it cannot be written.
         """
-        self._stack.say(self._navigation.save_map(self._navigation.settings.save_map))
+        self.robot.say(self.unit.save_map(self.unit.settings.save_map))
 
     def view(self) -> Navigation | None:
         """Return what the page shows; None before there is a map."""
-        navigator, now = self.navigator, self._robot.world.time
+        navigator, now = self.navigator, self.robot.world.time
         pose = navigator.pose
         if not navigator.scans or pose is None:
             self._pictured = None
@@ -197,13 +196,13 @@ class SessionNavigation:
         Raises:
             UserError: it cannot be written.
         """
-        self.node.close()
+        self.unit.stop('the navigator ends')
         if self._options.save_map:
             self.save()
 
     def _send(self, velocity: np.ndarray) -> None:
         vx, vy, wz = velocity.tolist()
-        self._robot.drive((vx, vy, wz), SOURCE)
+        self.robot.drive((vx, vy, wz), SOURCE)
 
     def _give_way(self, taken: Take) -> None:
         if taken.source != SOURCE:
@@ -212,34 +211,34 @@ class SessionNavigation:
     def _stop(self, why: str) -> None:
         """End the goal and those that were to follow, also in the time between two of them."""
         self._forget_goals()
-        self._navigation.stop(why)
+        self.unit.stop(why)
 
     def _forget_goals(self) -> None:
         if self._has_begun:
             self._goals.clear()
 
     def _tell_odometry(self) -> None:
-        odometry = self._stack.base_odometry
+        odometry = self.robot.odometry
         if odometry is not None:
-            now = self._robot.world.time
-            self._navigation.take_odometry(now, odometry, self._stack.frames)
+            now = self.robot.world.time
+            self.unit.take_odometry(now, odometry, self.robot.frames)
 
     def _take_scan(self, now: float, fields: dict[str, Any]) -> None:
         self._tell_odometry()
         said = Ranges(*(fields[name] for name in Ranges._fields))
-        self._navigation.take_scan(now, said, self._frame)
+        self.unit.take_scan(now, said, self._frame)
 
     def _on_end(self, outcome: Outcome) -> None:
         self._is_of_page = False
         if outcome.state == 'cancelled':
             self._goals.clear()
-        self._stack.mute(False)
+        self.robot.mute(False)
         goal, pose = self.navigator.last_goal, self.navigator.pose
-        truth = self._robot.world.base_since_start()
+        truth = self.robot.world.base_since_start()
         x, y, _ = truth.position.tolist()
         self._ended.append(
             {
-                't': round(self._robot.world.time, 9),
+                't': round(self.robot.world.time, 9),
                 'goal': goal.tolist(),
                 **outcome._asdict(),
                 'took': round(self.navigator.elapsed, 9),
@@ -250,7 +249,7 @@ class SessionNavigation:
         )
 
 
-def lidar_of(robot: Robot) -> LidarTag:
+def lidar_of(robot: RobotTree) -> LidarTag:
     """
     Return the lidar to map with: the one that publishes `scan`, or else the first.
 
@@ -264,9 +263,9 @@ def lidar_of(robot: Robot) -> LidarTag:
     return next((tag for tag in lidars if tag.topic == SCAN), lidars[0])
 
 
-def _footprint(robot: SessionRobot) -> dict[str, float]:
+def _footprint(robot: Robot) -> dict[str, float]:
     """Return the navigator's parameters of a robot's size [m]; of legs only the feet count."""
-    feet = robot.stack.feet
+    feet = robot.feet
     world = robot.world
     outline = outline_of(world.model, world.data, world.root, is_whole=not len(feet))
     points = np.concatenate((outline, feet))
@@ -277,13 +276,14 @@ def _footprint(robot: SessionRobot) -> dict[str, float]:
     return {'footprint_length': 2.0 * half_length, 'footprint_width': 2.0 * half_width}
 
 
-def _settings(options: RunOptions, robot: SessionRobot) -> dict[str, Any]:
+def _settings(robot: Robot) -> dict[str, Any]:
     """Return the navigator's parameters, by their names."""
+    options = robot.options
     values: dict[str, Any] = {
         'map': options.map or '',
         'control_frequency': TWIST_RATE,
         **_footprint(robot),
-        **{f'limits.{name}': most for name, most in robot.stack.drive_limits.items()},
+        **{f'limits.{name}': most for name, most in robot.drive_limits.items()},
     }
     if robot.world.prefix:
         # Of several robots each has a map of its own.

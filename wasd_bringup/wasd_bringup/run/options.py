@@ -19,7 +19,8 @@ from wasd_core.network import SAYS_WHO, set_range
 from wasd_core.output_file import check_apart, OutputFile
 from wasd_core.safe_files import read_file
 
-from wasd_bringup.inputs import (
+from wasd_bringup.robots import BOTH, ROBOTS, robots_of, WHEELED
+from wasd_bringup.run.inputs import (
     Command,
     Goal,
     parse_box,
@@ -30,7 +31,6 @@ from wasd_bringup.inputs import (
     ScriptedPush,
     ScriptedTwist,
 )
-from wasd_bringup.robots import BOTH, ROBOTS, robots_of, WHEELED
 
 if TYPE_CHECKING:
     from diff_drive_sim.controller_file import ControllerFile

@@ -20,12 +20,11 @@ from wasd_core.streams import visible
 from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
 
-from wasd_bringup.foxglove_gate import Gate, HOST, secret_host
-from wasd_bringup.foxglove_inbox import Decode, Inbox, Sender, Velocity
 from wasd_bringup.graph import find_type
 from wasd_bringup.messages import fill, type_name
 from wasd_bringup.recording.recorder import full_definition, IGNORED, PublisherTap
-from wasd_bringup.session_robot import SessionRobot
+from wasd_bringup.ros.foxglove_gate import Gate, HOST, secret_host
+from wasd_bringup.ros.foxglove_inbox import Decode, Inbox, Sender, Target, Velocity
 
 # CDR begins with its representation, of which ROS has these: big and little endian.
 REPRESENTATIONS = (b'\0\0', b'\0\1')
@@ -224,22 +223,21 @@ class FoxgloveServer:
             self._channels[topic].log(data, log_time=self.now())
 
 
-class SessionFoxglove:
-    """Foxglove as a guest of a run: see session_guests.Guest."""
+class FoxgloveDriver:
+    """Foxglove's clients as drivers of a run."""
 
     def __init__(
         self,
         server: FoxgloveServer,
-        robots: Sequence[SessionRobot],
+        targets: Sequence[Target],
         publishing: Sequence[Node],
     ) -> None:
-        self.nodes: list[Node] = []
         self._server = server
         self._publishing = publishing
         self._looks, self._times = Beat(), Beat()
         self._looked_at = time.monotonic()
-        self._robots, self._refused = robots, set[str]()
-        server.inbox.receive_for(robots)
+        self._targets, self._refused = targets, set[str]()
+        server.inbox.receive_for(targets)
 
     @property
     def first_line(self) -> str:
@@ -266,7 +264,7 @@ class SessionFoxglove:
             page = visible(strangers.get())[:LONGEST_NAME]
             if page and page not in self._refused and len(self._refused) < MOST_REFUSED:
                 self._refused.add(page)
-                self._robots[0].stack.say(f'foxglove: a page of {page} wants to drive: refused')
+                self._targets[0].robot.say(f'foxglove: a page of {page} wants to drive: refused')
 
     def repeat(self) -> None:
         """Say nothing again: a client that is silent drives no more."""

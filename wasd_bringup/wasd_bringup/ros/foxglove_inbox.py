@@ -3,12 +3,12 @@
 
 from collections.abc import Callable, Iterator, Sequence
 import queue
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from wasd_core.errors import UserError
 from wasd_core.timing import SHORTEST_ABSENCE, Watchdog
 
-from wasd_bringup.run.drivers import Drivers
+from wasd_bringup.run.robot import Robot
 
 Velocity = tuple[float, float, float]
 # A client that moves a robot is to be heard so often [s of wall time].
@@ -36,46 +36,20 @@ class Decode(NamedTuple):
     key: Callable[[Sender, bytes], str]
 
 
-class Stack(Protocol):
-    """What drives a robot."""
+class Target(NamedTuple):
+    """A robot that clients drive, and the full names of the topics that do."""
 
-    @property
-    def command_topic(self) -> str:
-        """Its cmd_vel, by its full name."""
-
-
-class Robot(Protocol):
-    """A robot that clients drive."""
-
-    drivers: Drivers
-
-    @property
-    def stack(self) -> Stack:
-        """What drives it."""
-
-    @property
-    def key_topic(self) -> str:
-        """Its keys, by their full name."""
-
-    def press(self, key: str, by: str) -> bool:
-        """Press a key for a source; return whether it may."""
-
-    def drive(self, velocity: Velocity, by: str) -> bool:
-        """Command a source's velocity [m/s], [m/s], [rad/s]; return whether it may."""
-
-    def release(self, by: str) -> bool:
-        """End what a source moves."""
-
-    def disarm(self, by: str = '') -> None:
-        """Let nothing that a source holds now count."""
+    robot: Robot
+    command_topic: str
+    key_topic: str
 
 
 class _Client:
     """One client: a source of its own to each robot."""
 
-    def __init__(self, number: int, robots: Sequence[Robot]) -> None:
+    def __init__(self, number: int, targets: Sequence[Target]) -> None:
         self._name = f'foxglove {number}'
-        self._robots = robots
+        self._targets = targets
         self._heard = Watchdog(SILENCE)
         self.senders: dict[int, Sender] = {}
 
@@ -83,14 +57,15 @@ class _Client:
         """Note that it lives."""
         self._heard.hear()
 
-    def drive(self, robot: Robot, velocity: Velocity, counts: bool) -> None:
+    def drive(self, target: Target, velocity: Velocity, counts: bool) -> None:
         self.hear()
+        robot = target.robot
         if not counts:
             robot.drivers.take(self._name, velocity=velocity)
             robot.drivers.disarm(self._name)
         elif not robot.drive(velocity, self._name):
             raise UserError(
-                f'{robot.stack.command_topic}: stopped; '
+                f'{target.command_topic}: stopped; '
                 f'to drive again send a zero, or nothing for {SILENCE} s'
             )
 
@@ -107,16 +82,16 @@ class _Client:
         self._heard.step(dt)
         if dt > SHORTEST_ABSENCE:
             # It was we who heard nothing: its silence counts from now on.
-            for robot in self._robots:
-                robot.disarm(self._name)
+            for target in self._targets:
+                target.robot.disarm(self._name)
             self.hear()
         elif not self._heard.is_alive:
             self.stop()
 
     def stop(self) -> None:
         """Stop what it has set moving."""
-        for robot in self._robots:
-            robot.release(self._name)
+        for target in self._targets:
+            target.robot.release(self._name)
 
 
 class Inbox:
@@ -130,7 +105,7 @@ class Inbox:
 
     def __init__(self, decode: Decode) -> None:
         self._decode = decode
-        self._robots: Sequence[Robot] = ()
+        self._targets: Sequence[Target] = ()
         self._clients: dict[int, _Client] = {}
         self._events: queue.SimpleQueue[tuple[int, int, Sender | bytes | None]] = (
             queue.SimpleQueue()
@@ -160,9 +135,9 @@ class Inbox:
         if len(data) <= LARGEST and self._events.qsize() < LONGEST_QUEUE:
             self._events.put((client.id, channel_id, data))
 
-    def receive_for(self, robots: Sequence[Robot]) -> None:
+    def receive_for(self, targets: Sequence[Target]) -> None:
         """Say who is driven; nothing is taken before."""
-        self._robots = robots
+        self._targets = targets
 
     def subscriptions(self) -> Iterator[tuple[str, int, bool]]:
         """Yield topic, client and whether it follows it now, in the order of the events."""
@@ -192,7 +167,7 @@ class Inbox:
             client.stop()
 
     def _take(self, client_id: int, channel: int, what: Sender | bytes | None) -> None:
-        client = self._clients.setdefault(client_id, _Client(client_id, self._robots))
+        client = self._clients.setdefault(client_id, _Client(client_id, self._targets))
         if isinstance(what, Sender):
             client.senders[channel] = what
         elif what is None:
@@ -206,10 +181,10 @@ class Inbox:
             client.hear()
 
     def _obey(self, client: _Client, sender: Sender, data: bytes) -> None:
-        for robot in self._robots:
-            if sender.topic == robot.stack.command_topic:
-                return client.drive(robot, self._decode.velocity(sender, data), not self._deaf)
-            if sender.topic == robot.key_topic:
-                return client.press(robot, self._decode.key(sender, data), not self._deaf)
-        known = [t for r in self._robots for t in (r.stack.command_topic, r.key_topic)]
+        for target in self._targets:
+            if sender.topic == target.command_topic:
+                return client.drive(target, self._decode.velocity(sender, data), not self._deaf)
+            if sender.topic == target.key_topic:
+                return client.press(target.robot, self._decode.key(sender, data), not self._deaf)
+        known = [topic for target in self._targets for topic in target[1:]]
         raise UserError(f'{sender.topic}: nothing is taken there; wanted {" or ".join(known)}')

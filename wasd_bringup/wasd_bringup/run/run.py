@@ -1,27 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One run from start to end: robots, nodes in lock-step, keys, viewer, report."""
+"""One run from start to end, without ROS: robots, drivers, keys, viewer, report."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 import math
 import sys
 import time
-from typing import Any, cast, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from mujoco_sim.viewer.input import LOST as LOST_KEY
 from mujoco_sim.viewer.views import View
 from mujoco_sim.world import World
-from rclpy.clock import ClockType, ROSClock
-from rclpy.node import Node
-from rclpy.time import Time
-from rclpy.time_source import TimeSource
 from teleop_keyboard.dashboard import HELP_KEYS
 from teleop_keyboard.key_reader import KeyReader
 from teleop_keyboard.key_script import KeyScriptWriter
 from teleop_keyboard.screen import StatusLine
 from wasd_core.errors import attempt_all
-from wasd_core.node import MessagePump
 
-from wasd_bringup.inputs import (
+from wasd_bringup.run.drivers import Driver, E_STOP, LOST
+from wasd_bringup.run.face import Face
+from wasd_bringup.run.inputs import (
     BoxPlayer,
     Command,
     E_STOP_KEY,
@@ -35,24 +33,36 @@ from wasd_bringup.inputs import (
     SWITCH_LINE,
     TWIST_RATE,
 )
-from wasd_bringup.options import AFTERGLOW, RunOptions
-from wasd_bringup.report import join_reports, write_report
-from wasd_bringup.run.drivers import E_STOP, LOST
-from wasd_bringup.session_guests import Guest, make_guests, make_navigations, Told
-from wasd_bringup.session_robot import build_robots, SessionRobot
-from wasd_bringup.stack import ControlStack
+from wasd_bringup.run.options import AFTERGLOW, RunOptions
+from wasd_bringup.run.report import join_reports, write_report
+from wasd_bringup.run.robot import Robot
+from wasd_bringup.run.show import show_robot
+from wasd_bringup.run.worlds import build_robots
 
 if TYPE_CHECKING:
-    from wasd_bringup.recording.recorder import BagRecorder
-    from wasd_bringup.session_foxglove import FoxgloveServer
+    from wasd_bringup.run.navigation import NavigationDriver
 
 
-class Session:
+@dataclass
+class Listeners:
     """
-    All nodes of one robot or several in this process, and the loop that steps them.
+    Who hears of keys, of looks at the viewer, of a stop of all that is held, of the end.
 
-    rclpy must be initialised. `run` returns when the duration is over or when `stop` says so;
-    `close` leaves the robots stopped, the report written and the nodes gone, in any case.
+    A look comes with the wall time, and with the time between two frames of the viewer [s].
+    """
+
+    of_keys: list[Callable[[str], None]] = field(default_factory=list)
+    of_looks: list[Callable[[float, float], None]] = field(default_factory=list)
+    of_disarm: list[Callable[[], None]] = field(default_factory=list)
+    of_end: list[Callable[[], None]] = field(default_factory=list)
+
+
+class Run:
+    """
+    One robot or several, who drives them, and the loop that steps them.
+
+    `run` returns when the duration is over or when `stop` says so; `close` leaves the robots
+    stopped and the report written, in any case.
     """
 
     def __init__(
@@ -60,23 +70,21 @@ class Session:
         options: RunOptions,
         reader: KeyReader | None = None,
         visuals: bool = False,
-        recorder: 'BagRecorder | None' = None,
-        foxglove: 'FoxgloveServer | None' = None,
+        make_face: 'Callable[[Run], Face] | None' = None,
     ) -> None:
         """
         Load the robots and build everything; `visuals` are what viewers and pictures show.
 
-        `recorder` and `foxglove` are told the simulated time; their maker closes them afterwards.
+        `make_face` shows the run to other processes: it may set parameters, and `join` drivers.
 
         Raises:
             UserError: what is wrong with what was asked for, in one line.
         """
         self.options = options
         self._reader = reader
-        self._bag = recorder
         self._view: View | None = None
         self._where = ''  # it is
-        self.told = Told()
+        self.listeners = Listeners()
         # The words of the run that is to come in place of this one.
         self.next_words: tuple[str, ...] = ()
         self._wall_time = 0.0
@@ -86,50 +94,46 @@ class Session:
         self._message_times = MessageTimes()
         self._polled_at = time.monotonic()
         self.robots = build_robots(options, visuals)
-        self.simulation = self.robots[0].simulator.simulation
-        self._switch = KeySwitch(len(self.robots))
+        self.simulation = self.robots[0].simulation
+        self.switch = KeySwitch(len(self.robots))
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
-        self._nodes: list[Node] = [node for robot in self.robots for node in robot.nodes]
-        self.navigations = make_navigations(options, self.robots, self._switch)
-        self._guests = make_guests(
-            options, self.robots, self._switch, self.press, foxglove, self.navigations
-        )
-        self._nodes += [node for guest in self._guests for node in guest.nodes]
-        self._obey_e_stops()
-        self._pump = MessagePump()
-        self._clocks = [cast(ROSClock, node.get_clock()) for node in self._nodes]
-        self._attach_nodes()
-        self._schedule()
-        self.simulation.on_reset += [robot.stack.reset for robot in self.robots]
-        self.simulation.on_reset += [robot.drivers.reset for robot in self.robots]
-        if recorder is not None:
-            recorder.now = lambda: round(self.world.time * 1e9)
-            self.simulation.on_reset.append(lambda: recorder.event('reset'))
-
-    def _obey_e_stops(self) -> None:
-        """Let an e-stop of one robot, by topic or service, stop all robots."""
+        self._is_scheduled = False
+        self.face = make_face(self) if make_face is not None else Face()
         for robot in self.robots:
-            robot.driver_topic.on_stop = self.e_stop
-            robot.driver_topic.on_release = self.end_e_stop
-            robot.stack.on_e_stop(lambda: self.e_stop('service e_stop'))
+            robot.prepare()
+        self.navigations = self._make_navigations()
+        self._drivers: list[Driver] = list(self.navigations)
+        self.face.begin()
+        self._schedule()
 
-    def _attach_nodes(self) -> None:
-        """Have messages for the nodes handled by us, and their clocks tell simulated time."""
-        time_source = TimeSource()
-        time_source.ros_time_is_active = True
-        for node, clock in zip(self._nodes, self._clocks, strict=True):
-            self._pump.add_node(node)
-            time_source.attach_clock(clock)
+    def _make_navigations(self) -> 'list[NavigationDriver]':
+        """
+        Return a navigator of each robot, where a map was asked for.
+
+        Raises:
+            UserError: one has no lidar, or the map cannot be read.
+        """
+        if not self.options.navigates:
+            return []
+        # Here, because who does not ask for it does without.
+        from wasd_bringup.run.navigation import NavigationDriver
+
+        made = [NavigationDriver(robot) for robot in self.robots]
+        for navigation in made:
+            self.face.show_navigation(navigation)
+            navigation.prepare()
+        self.switch.on_leave.append(lambda left: made[left].leave())
+        return made
 
     @property
     def active(self) -> int:
         """The number of the robot that the keys drive."""
-        return self._switch.active
+        return self.switch.active
 
     @property
-    def robot(self) -> SessionRobot:
+    def robot(self) -> Robot:
         """The robot that the keys drive."""
-        return self.robots[self._switch.active]
+        return self.robots[self.switch.active]
 
     @property
     def world(self) -> World:
@@ -137,17 +141,12 @@ class Session:
         return self.robot.world
 
     @property
-    def stack(self) -> ControlStack:
-        """Its nodes that drive."""
-        return self.robot.stack
-
-    @property
     def first_lines(self) -> list[str]:
         """What a driver must know to begin: few lines, which leave room for what comes."""
         has_others = len(self.robots) > 1
-        keys = [f'{r.name}: ' * has_others + r.stack.first_keys for r in self.robots]
-        guests = dict.fromkeys(guest.first_line for guest in self._guests)
-        return [*self._where_lines, *keys, *guests, *self._run_lines]
+        keys = [f'{r.name}: ' * has_others + r.first_keys for r in self.robots]
+        drivers = dict.fromkeys(driver.first_line for driver in self._drivers)
+        return [*self._where_lines, *keys, *drivers, *self._run_lines]
 
     @property
     def _run_lines(self) -> list[str]:
@@ -178,33 +177,35 @@ class Session:
         """Stop every robot, and say so now: there may be no next instant."""
         self.disarm()
         for robot in self.robots:
-            robot.stack.stop()
+            robot.stop()
+        self.face.flush()
 
     def disarm(self) -> None:
         """Let nothing that any source holds now count, until it is released and pressed again."""
         for robot in self.robots:
             robot.disarm()
-        for let_go in self.told.to_let_go:
+        for let_go in self.listeners.of_disarm:
             let_go()
-        for guest in self._guests:
-            guest.disarm()
+        for driver in self._drivers:
+            driver.disarm()
 
     def e_stop(self, by: str) -> None:
         """Stop every robot for good, for a source; with `--latched` until it is released."""
         self.disarm()
         for number, robot in enumerate(self.robots):
             robot.e_stop(by)
-            self.press_for(number, robot.stack.stop_keys, E_STOP)
+            self.press_for(number, robot.stop_keys, E_STOP)
 
     def end_e_stop(self) -> None:
         """End a stop that holds."""
         for robot in self.robots:
             robot.end_e_stop()
 
-    def join(self, guest: Guest) -> None:
+    def join(self, driver: Driver) -> None:
         """Let one more drive: it is asked as those of the options are, and closed at the end."""
-        self._guests.append(guest)
-        self.simulation.schedule.every(1.0 / TWIST_RATE, guest.repeat)
+        self._drivers.append(driver)
+        if self._is_scheduled:
+            self.simulation.schedule.every(1.0 / TWIST_RATE, driver.repeat)
 
     def resume(self) -> None:
         """Go on after a suspension: it was no time that anything took."""
@@ -230,8 +231,8 @@ class Session:
             UserError: what could not be written, a line each.
         """
         attempt_all(
-            *(guest.close for guest in self._guests),
-            *(robot.stack.close for robot in self.robots),
+            *(driver.close for driver in self._drivers),
+            *(robot.close for robot in self.robots),
             self._status.close,
             *([self._writer.close] if self._writer is not None else []),
             self._write_report,
@@ -243,15 +244,11 @@ class Session:
             write_report(self.report(), self.options.report)
 
     def _release(self) -> None:
-        for close in self.told.of_the_end:
+        for close in self.listeners.of_end:
             close()
         if self._view is not None:
             self._view.close()
-        for robot in self.robots:
-            robot.close()
-        self._pump.shutdown(timeout_sec=0.0)
-        for node in self._nodes:
-            node.destroy_node()
+        self.face.close()
 
     def _schedule(self) -> None:
         """Fix the order of one instant: time, scripts, controllers, publishers, report."""
@@ -260,24 +257,25 @@ class Session:
         self._key_player = Player(options.keys or ())
         self._commands = Player(options.commands or ())
         self._boxes = BoxPlayer(options.boxes, self.world.boxes.put)
-        schedule.every(min(robot.stack.period for robot in self.robots), self._begin_instant)
+        schedule.every(min(robot.period for robot in self.robots), self._begin_instant)
         schedule.every(1.0 / TWIST_RATE, self._look_who_drives)
-        for guest in self._guests:
-            schedule.every(1.0 / TWIST_RATE, guest.repeat)
+        for driver in self._drivers:
+            schedule.every(1.0 / TWIST_RATE, driver.repeat)
         for robot in self.robots:
             robot.schedule_control(schedule)
+            self.face.schedule_control(robot, schedule)
         for robot in self.robots:
-            robot.schedule_publishing(schedule)
+            robot.schedule_sensing(schedule)
+            self.face.schedule_sensing(robot, schedule)
+        self._is_scheduled = True
 
     def _begin_instant(self) -> None:
         instant = self.world.time
-        now = Time(nanoseconds=round(1e9 * instant), clock_type=ClockType.ROS_TIME)
-        for clock in self._clocks:
-            clock.set_ros_time_override(now)
+        self.face.begin_instant(instant)
         for robot in self.robots:
             robot.begin_instant()
         for box in self._boxes.step(instant):
-            self.stack.notice.say(f'no box at {box.x:g} {box.y:g}: a robot is there')
+            self.robot.say(f'no box at {box.x:g} {box.y:g}: a robot is there')
         for command in self._commands.due(instant):
             self._repeat(command)
         for press in self._key_player.due(instant):
@@ -289,7 +287,7 @@ class Session:
         passed = 1.0 / (TWIST_RATE * max(self.options.speed, 1.0))
         for robot in self.robots:
             robot.drivers.step(passed)
-            robot.driver_topic.tell(robot.drivers.state)
+        self.face.look_who_drives()
 
     def _repeat(self, command: Command) -> None:
         """Do what a recording says was done."""
@@ -299,21 +297,21 @@ class Session:
             if robot.options.namespace != command.namespace:
                 continue
             # Keys that only became velocities are not to become some again.
-            if command.key is not None and robot.stack.has_states:
+            if command.key is not None and robot.has_states:
                 robot.press(command.key, 'recording')
             elif command.velocity is not None:
                 robot.drive(command.velocity, 'recording')
 
     def press(self, key: str, by: str = 'keys') -> None:
         """Give a key of a source to the robot that it is for."""
-        for note in self.told.of_keys:
+        for note in self.listeners.of_keys:
             note(key)
         if self._writer is not None:
             # At the instant that it is in force from: the one that comes next.
             self._writer.write(self.world.time, key)
         if self._is_for_the_run(key, by):
             return
-        receiver = self._switch.receiver(key)
+        receiver = self.switch.receiver(key)
         if receiver is not None:
             self.robots[receiver].press(key, by)
         elif self._view is not None:
@@ -321,24 +319,24 @@ class Session:
 
     def _is_for_the_run(self, key: str, by: str) -> bool:
         """Do what a key of the run itself asks for; False when it is no such key."""
-        stack = self.stack
-        if key in stack.own_keys:
+        robot = self.robot
+        if key in robot.own_keys:
             return False
         if key == E_STOP_KEY:
             self.e_stop(by)
             return True
-        if key == END_E_STOP_KEY and self.robot.drivers.stopped_by:
+        if key == END_E_STOP_KEY and robot.drivers.stopped_by:
             self.end_e_stop()
             return True
         if key == RESET_KEY:
             # As by the simulator's service: once for the world, and a recording knows of it.
             self.simulation.reset()
-            stack.notice.say('back at the start')
+            robot.say('back at the start')
             return True
         if key in HELP_KEYS:
             # The address last: it is to stay in sight.
-            self._status.print([*stack.help_lines, *self._run_lines, *self._where_lines])
-            stack.notice.say('the keys stand above (on the page: under Keys)')
+            self._status.print([*robot.help_lines, *self._run_lines, *self._where_lines])
+            robot.say('the keys stand above (on the page: under Keys)')
             return True
         return False
 
@@ -349,25 +347,24 @@ class Session:
                 for key in self._reader.poll(timeout):
                     self.press(key)
             if notice := self._reader.take_notice():
-                self.stack.notice.say(notice)
+                self.robot.say(notice)
             timeout = 0.0
-        for guest in self._guests:
-            guest.look()
+        for driver in self._drivers:
+            driver.look()
         now = time.monotonic()
         if timeout > 0.0 or self._message_times.is_due(now, self.world.time):
             started = now
-            self._pump.handle(timeout)
+            self.face.handle(timeout)
             now = time.monotonic()
             took = now - started if timeout == 0.0 else 0.0
             self._message_times.looked(now, took, self.world.time)
         if self._view is not None:
             self._look_at_view(self._view, now)
-        if self._bag is not None:
-            self._bag.save_if_due()
+        self.face.save()
         self._let_notices_age(now)
         name = self.robot.name if len(self.robots) > 1 else ''
         is_told = self._reader is not None and not self.options.prints_data
-        self.robot.show(self._status, name, now, is_told)
+        show_robot(self.robot, self._status, name, now, is_told)
 
     def _look_at_view(self, view: View, now: float) -> None:
         """Show the state of now, and do what was pressed and ordered there."""
@@ -379,22 +376,22 @@ class Session:
                     self._stop_what_the_view_moved()
                 else:
                     self.press(key, 'page')
-        for look in self.told.of_looks:
+        for look in self.listeners.of_looks:
             look(now, view.period)
 
     def _stop_what_the_view_moved(self) -> None:
         """Stop what moves by keys and goals of a viewer that is gone: keys as a driver would."""
         for number, robot in enumerate(self.robots):
             if robot.drivers.moves('page'):
-                self.press_for(number, (robot.stack.stop_key,), LOST)
+                self.press_for(number, (robot.stop_key,), LOST)
                 robot.release('page')
-                robot.stack.notice.say('it was stopped (the viewer that drove it is gone)')
+                robot.say('it was stopped (the viewer that drove it is gone)')
         for each in self.navigations:
             each.lose_page()
 
     def press_for(self, robot: int, keys: Iterable[str], by: str) -> None:
         """Give keys to a robot, by its number, whichever is in turn: as a driver would."""
-        driven = self._switch.active
+        driven = self.switch.active
         self.switch_to(robot)
         for key in keys:
             self.press(key, by)
@@ -402,12 +399,11 @@ class Session:
 
     def switch_to(self, robot: int) -> None:
         """Let the keys drive a robot, by its number."""
-        while self._switch.active != robot:
+        while self.switch.active != robot:
             self.press(SWITCH_KEY)
 
     def _each_second(self) -> None:
-        for robot in self.robots:
-            robot.publish_diagnostics()
+        self.face.each_second(self.robots)
 
     def _keys_ended(self) -> bool:
         """Whether the pipe that gave the keys has ended and the robot has had time to stop."""
@@ -421,5 +417,5 @@ class Session:
     def _let_notices_age(self, now: float) -> None:
         """Let what is said to the driver grow old on the driver's time: wall time."""
         for robot in self.robots:
-            robot.stack.notice.step(now - self._polled_at)
+            robot.notice.step(now - self._polled_at)
         self._polled_at = now

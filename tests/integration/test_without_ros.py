@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--no-ros`: a run loads nothing of ROS, and is the same run."""
+
+import json
+from pathlib import Path
+import re
+import subprocess
+import sys
+import urllib.request
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+# Runs `wasd` with words, and says on standard error what of ROS was loaded.
+WATCHED = """
+import sys
+from wasd_bringup.cli import main
+status = main(sys.argv[1:])
+roots = {name.partition('.')[0] for name in sys.modules}
+print('LOADED', *sorted(n for n in roots if n == 'rclpy' or n.endswith('_msgs')), file=sys.stderr)
+sys.exit(status)
+"""
+# Hides rclpy from who looks for it, as where it is not installed.
+HIDDEN = """
+import importlib.abc, sys
+class Hide(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] == 'rclpy':
+            raise ModuleNotFoundError(name)
+import importlib.util
+looked = importlib.util.find_spec
+importlib.util.find_spec = lambda name, *rest: None if name == 'rclpy' else looked(name, *rest)
+sys.meta_path.insert(0, Hide())
+"""
+RUNS = {
+    'go2': ('go2 --duration 5', '0.1 2\n2.6 5\n', '3 0.5 0 0.3\n'),
+    'mbot': ('mbot --duration 4', '0.5 i*30\n2 j*20\n', ''),
+    'map and goal': ('mbot --duration 6 --world flat:3 --map --goal "0.6 0.2"', '', ''),
+    'both': ('both --duration 5', '0.1 2\n2.5 4\n3 w*4\n4 TAB i*30\n', ''),
+}
+
+
+def wasd(words: list[str], folder: Path, code: str = WATCHED) -> subprocess.CompletedProcess[str]:
+    """Run `wasd` in a folder."""
+    command = [sys.executable, '-c', code, *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize('name', RUNS)
+def test_a_run_without_ros_loads_none_of_it_and_has_the_same_samples(
+    name: str, tmp_path: Path, isolated_ros: None
+) -> None:
+    words, keys, twists = RUNS[name]
+    command = [word.strip('"') for word in re.findall(r'"[^"]*"|\S+', words)]
+    command += ['--speed', '0', '--viewer', 'none']
+    for option, text in (('--play', keys), ('--twist', twists)):
+        if text:
+            (tmp_path / option).write_text(text)
+            command += [option, str(tmp_path / option)]
+    found = {}
+    for more in ('--no-ros', ''):
+        report = tmp_path / f'{more}.json'
+        done = wasd([*command, *more.split(), '--report', str(report)], tmp_path)
+        assert done.returncode == 0, done.stderr
+        told = json.loads(report.read_text())
+        robots = told.get('robots', {name: told})
+        found[more] = {robot: each['samples'] for robot, each in robots.items()}
+        loaded = done.stderr.partition('LOADED')[2].split()
+        assert bool(loaded) is not bool(more), loaded
+    assert found['--no-ros'] == found['']
+
+
+@pytest.mark.parametrize(
+    'words', ['--record run.mcap', '--foxglove', '--gamepad', '--ros-args -p speed:=1.0']
+)
+def test_what_needs_ros_is_refused_in_a_line(words: str, tmp_path: Path) -> None:
+    done = wasd(['mbot', '--no-ros', '--duration', '1', *words.split()], tmp_path)
+    assert done.returncode == 2
+    option = words.split()[0]
+    line = f'error: {option} needs ROS, and this run is without (--no-ros)'
+    assert done.stderr.splitlines()[0] == line
+    assert not list(tmp_path.iterdir())
+
+
+def test_where_rclpy_is_not_installed_a_run_says_so_and_is_without(tmp_path: Path) -> None:
+    words = ['mbot', '--duration', '1', '--speed', '0', '--viewer', 'none']
+    done = wasd(words, tmp_path, HIDDEN + WATCHED)
+    assert done.returncode == 0, done.stderr
+    assert 'wasd: runs without ROS (rclpy is not installed)' in done.stderr.splitlines()
+
+
+def test_without_ros_the_page_answers(tmp_path: Path) -> None:
+    words = [sys.executable, '-c', WATCHED, 'go2', '--no-ros', '--viewer', 'web', '--no-open']
+    run = subprocess.Popen([*words, '--duration', '600'], stdout=subprocess.PIPE, text=True)
+    try:
+        assert run.stdout is not None
+        address = run.stdout.readline().removeprefix('viewer: ').strip()
+        with urllib.request.urlopen(address, timeout=60.0) as page:
+            assert page.status == 200
+            assert b'<canvas' in page.read()
+    finally:
+        run.terminate()
+        run.wait(timeout=60.0)

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The face of a robot's controller on ROS: keys and velocities in, odometry out."""
+
+from collections.abc import Callable
+import functools
+from typing import Any
+
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
+from rclpy.logging import LoggingSeverity
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
+from wasd_core.topics import LoopbackSubscription, RELIABLE
+
+from wasd_bringup.run.mbot import Mbot
+from wasd_bringup.run.robot import Robot, Told
+
+# The last zeros may take so long to leave the process [s].
+LAST_WORDS_TIMEOUT = 0.25
+
+
+class ControllerFace:
+    """
+    A controller without a node of its own: cmd_vel and keys drive it, as `Drivers` allow.
+
+    What the robot obeys is told on cmd_vel; messages of ours that come back are dropped.
+    """
+
+    def __init__(
+        self, robot: Robot, node: Node | None = None, twist_type: type[Any] = Twist
+    ) -> None:
+        """Take a robot, and the node of its controller, which has `cmd_vel`."""
+        self.robot, namespace = robot, robot.options.namespace
+        self.node: Any = node or _PlainNode(robot)
+        self.nodes: list[Node] = [self.node]
+        self.key_inputs: list[LoopbackSubscription[String]] = []
+        if robot.logic is not None:
+            names = {'preset': robot.options.preset, 'layout': robot.options.layout}
+            given = [Parameter(name, value=value) for name, value in names.items()]
+            teleop = KeysToTwistNode(robot.logic, namespace=namespace, parameter_overrides=given)
+            self.nodes.append(teleop)
+            self.key_inputs.append(teleop.keys)
+        self._twists = self.nodes[-1].create_publisher(twist_type, 'cmd_vel', RELIABLE)
+        robot.on_velocity.append(self._tell_velocity)
+
+    @property
+    def command_topic(self) -> str:
+        """The topic of velocities, by its full name."""
+        topic: str = self._twists.topic_name
+        return topic
+
+    def admit(self) -> None:
+        """Ask the robot whether a key or a velocity of another process counts."""
+        take = self.robot.take_topic
+
+        def admit_key(topic: str, message: String) -> bool:
+            return take(topic, key=message.data)
+
+        def admit_velocity(twist: Twist) -> bool:
+            velocity = twist.linear.x, twist.linear.y, twist.angular.z
+            return take(self.command_topic, velocity=velocity)
+
+        for subscription in self.key_inputs:
+            subscription.admit = functools.partial(admit_key, subscription.topic)
+        self.node.cmd_vel.admit = admit_velocity
+
+    def expect_key(self, key: str) -> None:
+        """Drop the echo of a key that is being published."""
+        for subscription in self.key_inputs:
+            subscription.expect(String(data=key))
+
+    def on_e_stop(self, stop: Callable[[], None]) -> None:
+        """Let the controller's own e-stop service, if it has one, stop the run."""
+
+    def odometry(self) -> Odometry | None:
+        """Return odom as it is published in this instant; None before there is any."""
+        return None
+
+    def schedule(self, schedule: Any) -> None:
+        """Publish on a schedule."""
+
+    def flush(self) -> None:
+        """Give the last velocities the time to leave the process."""
+        self._twists.wait_for_all_acked(Duration(seconds=LAST_WORDS_TIMEOUT))
+
+    def _tell_velocity(self, told: Told) -> None:
+        message = self._to_message(told)
+        self.node.cmd_vel.expect(message)
+        self._twists.publish(message)
+
+    def _to_message(self, told: Told) -> Any:
+        twist = Twist()
+        twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z = told
+        return twist
+
+
+class _PlainNode(Node):
+    """Takes cmd_vel for a robot whose controller has no node."""
+
+    def __init__(self, robot: Robot) -> None:
+        super().__init__(robot.kind.controller, namespace=robot.options.namespace)
+        self.cmd_vel = LoopbackSubscription(self, Twist, 'cmd_vel', self._on_twist)
+        self._robot = robot
+
+    def _on_twist(self, twist: Twist) -> None:
+        self._robot.command((twist.linear.x, twist.linear.y, twist.angular.z))
+
+
+class LegsFace(ControllerFace):
+    """A quadruped's leg controller on ROS."""
+
+    def __init__(self, robot: Any) -> None:
+        # Here, because wheels do without.
+        from quadruped_sim.leg_controller_node import LegControllerNode
+
+        given = [Parameter(name, value=value) for name, value in robot.given.items()]
+        node = LegControllerNode(
+            robot.legs, namespace=robot.options.namespace, parameter_overrides=given
+        )
+        super().__init__(robot, node)
+        self.key_inputs.insert(0, node.keys)
+        if robot.options.interactive:
+            # What it refuses is in the status line; a log would break that line.
+            node.get_logger().set_level(LoggingSeverity.ERROR)
+
+    def on_e_stop(self, stop: Callable[[], None]) -> None:
+        """Let the controller's own e-stop service stop the run."""
+        self.node.on_e_stop = stop
+
+    def odometry(self) -> Odometry | None:
+        """Return odom as it is published in this instant; None before there is any."""
+        odometry: Odometry | None = self.node.odometry()
+        return odometry
+
+    def schedule(self, schedule: Any) -> None:
+        """Publish on a schedule."""
+        schedule.every(1.0 / self.node.legs.settings.publish_rate, self.node.publish)
+
+
+class WheelsFace(ControllerFace):
+    """A drive controller on ROS."""
+
+    def __init__(self, robot: Mbot) -> None:
+        # Here, because legs do without.
+        from diff_drive_sim.diff_drive_controller_node import DiffDriveControllerNode
+
+        node = DiffDriveControllerNode(
+            robot.drive_unit,
+            namespace=robot.options.namespace,
+            parameter_overrides=[
+                Parameter(name, value=value) for name, value in robot.given.items()
+            ],
+            file=robot.options.drive_file,
+        )
+        # A participant knows one type per topic: that of the controller's subscription.
+        self._is_stamped = node.settings.stamped == 'true'
+        super().__init__(robot, node, TwistStamped if self._is_stamped else Twist)
+
+    def odometry(self) -> Odometry | None:
+        """Return odom as it is published in this instant."""
+        odometry: Odometry = self.node.odometry()
+        return odometry
+
+    def schedule(self, schedule: Any) -> None:
+        """Publish on a schedule."""
+        settings = self.node.settings
+        schedule.at_rate('publish_rate', settings.publish_rate, self.node.publish)
+        if settings.diagnostic_rate > 0.0:
+            rate = settings.diagnostic_rate
+            schedule.at_rate('diagnostic_rate', rate, self.node.publish_diagnostics)
+
+    def _to_message(self, told: Told) -> Any:
+        twist = super()._to_message(told)
+        if not self._is_stamped:
+            return twist
+        message = TwistStamped(twist=twist)
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        message.header.frame_id = self.node.settings.base_frame_id
+        return message

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run's face on ROS: its nodes, their clocks, and who drives over them."""
+
+from collections.abc import Sequence
+import functools
+import logging
+from typing import Any, cast, TYPE_CHECKING
+
+from builtin_interfaces.msg import Time as TimeMessage
+from mujoco_sim.simulation import Schedule
+from mujoco_sim.simulator_node import SimulatorNode
+from mujoco_sim.truth_publisher import WORLD_FRAME
+import numpy as np
+from rclpy.clock import ClockType, ROSClock
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+from rclpy.time_source import TimeSource
+from robot_description.state_publisher_node import StatePublisherNode
+from teleop_keyboard.key_publisher_node import KeyPublisherNode
+from wasd_core.messages import to_transform
+from wasd_core.node import MessagePump
+from wasd_core.rotations import Pose
+from wasd_core.streams import visible
+from wasd_core.topics import TfBroadcaster
+
+from wasd_bringup.robots import load_class
+from wasd_bringup.ros.controllers import ControllerFace
+from wasd_bringup.ros.drivers_node import DriversNode
+from wasd_bringup.run.face import Face
+from wasd_bringup.run.robot import Robot
+from wasd_bringup.run.run import Run
+
+if TYPE_CHECKING:
+    from wasd_bringup.recording.recorder import BagRecorder
+    from wasd_bringup.ros.foxglove import FoxgloveServer
+    from wasd_bringup.run.navigation import NavigationDriver
+
+
+class RosFace:
+    """
+    One robot on ROS: what somebody listens to goes out, what comes in goes to its verbs.
+
+    The nodes configure what the robot consists of by their parameters: simulator, controller,
+    keys to velocities, state publisher, key publisher, drivers.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        options, world = robot.options, robot.world
+        self.simulator = SimulatorNode(
+            robot.description,
+            world,
+            simulation=robot.simulation,
+            sensors=robot.sensors,
+            parameter_overrides=[
+                Parameter(name, value=getattr(options, name))
+                for name in ('description', 'world', 'seed', 'speed')
+            ],
+        )
+        self.controller: ControllerFace = load_class(robot.kind.face)(robot)
+        self._states = StatePublisherNode(robot.description, prefix=world.prefix)
+        self.keys = KeyPublisherNode(namespace=options.namespace)
+        self.drivers = DriversNode(options.namespace)
+        self.nodes: list[Node] = [
+            *(self.simulator, *self.controller.nodes, self._states, self.keys, self.drivers)
+        ]
+        self.controller.admit()
+        robot.on_key.append(self._tell_key)
+        if world.prefix:
+            self._say_where_it_begins()
+
+    @property
+    def key_topic(self) -> str:
+        """Where its keys are, by the full name."""
+        topic: str = self.keys.resolve_topic_name('keys')
+        return topic
+
+    def schedule_sensing(self, schedule: Schedule) -> None:
+        """Publish the state on a schedule."""
+        self.simulator.schedule_publishing()
+        state_period = 1.0 / self.simulator.state_rate
+        schedule.every(state_period, self._publish_transforms)
+        odometry = self.controller.odometry
+        schedule.every(state_period, lambda: self.simulator.truth.compare(odometry))
+
+    def _tell_key(self, key: str) -> None:
+        self.controller.expect_key(key)
+        self.keys.publish_key(key)
+
+    def _publish_transforms(self) -> None:
+        joints = self.robot.world.joints()
+        self._states.publish(self.robot.world.joint_names, joints.position, self.simulator.stamp)
+
+    def _say_where_it_begins(self) -> None:
+        options, world = self.robot.options, self.robot.world
+        start = Pose(np.array([*world.setup.place, 0.0]), np.eye(3))
+        # A frame has one parent: that of odometry is a navigator's map, where there is one.
+        frame = f'{world.prefix}{"map" if options.navigates else "odom"}'
+        self._static = TfBroadcaster(self.simulator, static=True)
+        self._static.send([to_transform(start, WORLD_FRAME, frame, TimeMessage())])
+
+
+class RosFaces(Face):
+    """
+    All robots of a run on ROS; rclpy must be initialised.
+
+    `recorder` and `foxglove` are told the simulated time; their maker closes them afterwards.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        recorder: 'BagRecorder | None' = None,
+        foxglove: 'FoxgloveServer | None' = None,
+    ) -> None:
+        self._run, self._bag, self._foxglove = run, recorder, foxglove
+        self.faces = [RosFace(robot) for robot in run.robots]
+        self.nodes: list[Node] = [node for face in self.faces for node in face.nodes]
+        self._pump = MessagePump()
+        self._clocks: list[ROSClock] = []
+
+    def show_navigation(self, navigation: 'NavigationDriver') -> None:
+        """Show a robot's navigator; its parameters configure it."""
+        from wasd_navigation.navigator_node import NavigatorNode
+
+        node = NavigatorNode(
+            navigation.unit,
+            namespace=navigation.robot.options.namespace,
+            parameter_overrides=[
+                Parameter(name, value=value) for name, value in navigation.given.items()
+            ],
+        )
+        navigation.on_step.append(node.publish)
+        self.nodes.append(node)
+
+    def begin(self) -> None:
+        """Obey e-stops of others, let pad and Foxglove drive, and take messages."""
+        run = self._run
+        for face in self.faces:
+            # An e-stop of one robot, by topic or service, stops all robots.
+            face.drivers.on_stop, face.drivers.on_release = run.e_stop, run.end_e_stop
+            face.controller.on_e_stop(functools.partial(run.e_stop, 'service e_stop'))
+        self._let_drive()
+        self._clocks = [cast(ROSClock, node.get_clock()) for node in self.nodes]
+        time_source = TimeSource()
+        time_source.ros_time_is_active = True
+        for node, clock in zip(self.nodes, self._clocks, strict=True):
+            self._pump.add_node(node)
+            time_source.attach_clock(clock)
+        if self._bag is not None:
+            bag = self._bag
+            bag.now = self._now
+            run.simulation.on_reset.append(lambda: bag.event('reset'))
+
+    def _let_drive(self) -> None:
+        run = self._run
+        if run.options.gamepad is not None:
+            from wasd_bringup.ros.pad import PadDriver
+
+            press = functools.partial(run.press, by='gamepad')
+            pad = PadDriver(run.options.gamepad, run.robots, lambda: run.active, press)
+            self.nodes.append(pad.node)
+            run.join(pad)
+        if self._foxglove is not None:
+            # Here, because who does not ask for it does without.
+            from wasd_bringup.ros.foxglove import FoxgloveDriver
+            from wasd_bringup.ros.foxglove_inbox import Target
+
+            self._foxglove.now = self._now
+            targets = [
+                Target(face.robot, face.controller.command_topic, face.key_topic)
+                for face in self.faces
+            ]
+            run.join(FoxgloveDriver(self._foxglove, targets, self.nodes))
+
+    def _now(self) -> int:
+        return round(self._run.world.time * 1e9)
+
+    def begin_instant(self, now: float) -> None:
+        """Set the nodes' clocks to a simulated time [s]."""
+        instant = Time(nanoseconds=round(1e9 * now), clock_type=ClockType.ROS_TIME)
+        for clock in self._clocks:
+            clock.set_ros_time_override(instant)
+
+    def look_who_drives(self) -> None:
+        """Publish who drives each robot, where that has changed."""
+        for face in self.faces:
+            face.drivers.tell(face.robot.drivers.state)
+
+    def schedule_control(self, robot: Robot, schedule: Schedule) -> None:
+        """Publish on a schedule what a robot's controller knows."""
+        self._of(robot).controller.schedule(schedule)
+
+    def schedule_sensing(self, robot: Robot, schedule: Schedule) -> None:
+        """Publish on a schedule what the simulator knows of a robot."""
+        self._of(robot).schedule_sensing(schedule)
+
+    def each_second(self, robots: Sequence[Robot]) -> None:
+        """Publish how the controllers do."""
+        for robot in robots:
+            self._of(robot).simulator.publish_diagnostics(robot.state, robot.ticks)
+
+    def handle(self, timeout: float) -> None:
+        """Take messages, waiting for them up to `timeout` [s]."""
+        self._pump.handle(timeout)
+
+    def save(self) -> None:
+        """Bring a recording up to date."""
+        if self._bag is not None:
+            self._bag.save_if_due()
+
+    def flush(self) -> None:
+        """Give the last velocities the time to leave the process."""
+        for face in self.faces:
+            face.controller.flush()
+
+    def close(self) -> None:
+        """End all nodes."""
+        self.flush()
+        self._pump.shutdown(timeout_sec=0.0)
+        for node in self.nodes:
+            node.destroy_node()
+
+    def _of(self, robot: Robot) -> RosFace:
+        return next(face for face in self.faces if face.robot is robot)
+
+
+class _ToRos(logging.Handler):
+    """Says on ROS what the run's objects log."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Say one record by the logger of the node that it is named after."""
+        logger = get_logger(record.name.removeprefix('wasd.'))
+        words = visible(record.getMessage())
+        # A place in the code says one severity only.
+        if record.levelno >= logging.ERROR:
+            logger.error(words)
+        elif record.levelno >= logging.WARNING:
+            logger.warning(words)
+        else:
+            logger.info(words)
+
+
+def make_ros_run(
+    options: Any,
+    reader: Any = None,
+    visuals: bool = False,
+    recorder: 'BagRecorder | None' = None,
+    foxglove: 'FoxgloveServer | None' = None,
+) -> Run:
+    """
+    Return a run with its nodes in this process; rclpy must be initialised.
+
+    Raises:
+        UserError: what is wrong with what was asked for, in one line.
+    """
+    log = logging.getLogger('wasd')
+    if not any(isinstance(handler, _ToRos) for handler in log.handlers):
+        log.addHandler(_ToRos())
+        log.setLevel(logging.INFO)
+        log.propagate = False
+    return Run(
+        options,
+        reader,
+        visuals,
+        lambda run: RosFaces(run, recorder=recorder, foxglove=foxglove),
+    )

@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A quadruped of a run: keys as states and sticks, or as velocities where a preset asks."""
+
+from typing import Any
+
+from mujoco_sim.simulation import Simulation
+from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.world import World
+import numpy as np
+from quadruped_sim.controller_file import read_leg_file
+from quadruped_sim.keys import KeyWords, STATE_KEYS, StateName, STICK_KEYS, ZERO_KEYS
+from quadruped_sim.leg_kinematics import LegGeometry
+from quadruped_sim.legs import Legs
+from quadruped_sim.parameters import LegNodeParameters
+from quadruped_sim.presets import LIMITS
+from robot_description.description import Description
+from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
+from teleop_keyboard.keymap import on_layout, on_qwerty
+from wasd_core.robot_io import BaseOdometry
+from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
+from wasd_core.timing import is_press, STOP_KEY
+
+from wasd_bringup.robots import unitree_first_keys, unitree_help, UNITREE_PRESET
+from wasd_bringup.run.inputs import RESET_KEY
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.report import Sample, TrunkWatch
+from wasd_bringup.run.robot import Robot, StateChoice, Velocity
+
+# States in which the robot is being driven.
+DRIVEN = ('trotting', 'move base')
+# The key that lets go of the legs.
+PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)
+
+
+class Go2(Robot):
+    """
+    A quadruped with its leg controller.
+
+    With the preset `unitree` keys are states and sticks; with any other they also become
+    velocities, which the state move base (2, then 5) follows.
+    """
+
+    has_states = True
+    other_presets = (UNITREE_PRESET,)
+
+    def __init__(
+        self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
+    ) -> None:
+        super().__init__(options, loaded, world, simulation)
+        self.legs = Legs(loaded, leg_settings(self.given), inform=self.log.info)
+        quadruped = self.legs.model.quadruped
+        self._touching = (*quadruped.feet, *quadruped.trunk)
+        size = self.legs.model.scale.of('m')
+        self.camera = CameraView(distance=1.8 * size, azimuth=130.0, elevation=-20.0)
+        self._hints = None if self.logic is None else KeyHints(self.logic, HELP_KEY)
+        self.notice = self.legs.notice
+        self._trunk = TrunkWatch()
+
+    def prepare(self) -> None:
+        """Settle what follows from the settings, before anything is scheduled."""
+        super().prepare()
+        self.feet = _feet(self.legs.controller.model.geometry)
+        self.legs.controller.words = self._key_words()
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The controller's parameters that the options give, by their names."""
+        options, world = self.options, self.world
+        names = ('description', 'estimator', 'limits', 'gait', 'controller')
+        given = {name: str(value) for name in names if (value := getattr(options, name))}
+        if world.prefix:
+            given['odom_frame'] = f'{world.prefix}odom'
+            given['base_frame'] = world.prefix + self.description.robot.root
+        return given
+
+    @property
+    def layout(self) -> str:
+        """The keyboard's layout."""
+        return self.options.layout
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is odd about it, in words."""
+        return tuple(self.legs.controller.notes)
+
+    @property
+    def state(self) -> str:
+        """The controller's state."""
+        return self.legs.state
+
+    @property
+    def _refusal(self) -> str:
+        if self.state == StateName.MOVE_BASE:
+            return ''
+        first = '' if self.state == StateName.FIXED_STAND else '2 to stand, then '
+        return f'press {first}5 to move: it is {self.state}'
+
+    @property
+    def drive_limits(self) -> dict[str, float]:
+        """How fast a navigator may drive it: unitree_guide's speeds, where its legs can."""
+        able, guide = self.legs.controller.command_filter.limits, LIMITS['guide']
+        return {
+            'forward': min(guide.forward, able.forward),
+            'backward': min(0.3, able.backward),
+            'lateral': min(guide.lateral, able.lateral),
+            'yaw': min(guide.yaw, able.yaw),
+            'lag': 0.3,
+        }
+
+    @property
+    def period(self) -> float:
+        """The controller's period [s]."""
+        return 1.0 / self.legs.settings.update_rate
+
+    @property
+    def help_lines(self) -> tuple[str, ...]:
+        """The keys, for the terminal and the page."""
+        lines = unitree_help(self.layout)
+        if self.logic is None:
+            return lines
+        return (*self.logic.keymap.help_lines, *lines[:2], 'First 2, then 5, then drive.')
+
+    @property
+    def first_keys(self) -> str:
+        """The keys to press first."""
+        if self.logic is None:
+            return unitree_first_keys(self.layout)
+        keys = driving_keys(self.logic.keymap)
+        return f'press 2 to stand, 5 to drive; then {keys} (forward, back, left, right)'
+
+    @property
+    def stop_key(self) -> str:
+        """The key that ends every motion that keys have set going."""
+        return ZERO_KEYS[0] if self.logic is None else STOP_KEY
+
+    @property
+    def stop_keys(self) -> tuple[str, ...]:
+        """The keys that stop it for good, and end every motion."""
+        return tuple(dict.fromkeys((on_layout(PASSIVE, self.layout), self.stop_key)))
+
+    @property
+    def odometry(self) -> BaseOdometry | None:
+        """Where its legs say it is; None before the first reading."""
+        return self.legs.odometry
+
+    @property
+    def frames(self) -> tuple[str, str]:
+        """The frames of odometry and of the base."""
+        settings = self.legs.settings
+        return settings.odom_frame, settings.base_frame or self.legs.base_frame
+
+    def stops(self, key: str) -> bool:
+        """Whether a press of this key ends every motion that keys have set going."""
+        is_zero = key in ZERO_KEYS
+        return is_zero if self.logic is None else is_zero and super().stops(key)
+
+    def latches(self, key: str) -> bool:
+        """Whether what a press of this key sets moving goes on when the key is let go."""
+        return on_qwerty(key, self.layout).lower() in STICK_KEYS or super().latches(key)
+
+    def qwerty(self, key: str) -> str:
+        """Return what the leg controller calls a key: it knows those of qwerty."""
+        return key if self.layout == 'qwerty' else on_qwerty(key, self.layout)
+
+    def choices(self) -> tuple[StateChoice, ...]:
+        """Return the states that keys ask for."""
+        controller = self.legs.controller
+        return tuple(
+            StateChoice(key, state.value, state.value == self.state, controller.refusal(key))
+            for key, state in STATE_KEYS.items()
+        )
+
+    def command(self, velocity: Velocity) -> None:
+        """Give the controller a velocity [m/s], [m/s], [rad/s], whoever drives."""
+        self.legs.command(*velocity)
+
+    def control(self) -> None:
+        """Step the controller on the state of now, and hand its command to the world."""
+        world = self.world
+        truth = world.base_since_start() if self.estimator == 'truth' else None
+        names = world.joint_names, world.motor_names
+        world.apply(self.legs.control(world.read(), *names, self.period, truth))
+
+    def stop(self) -> None:
+        """Command standstill, now and in the last word on cmd_vel, until the next key."""
+        self.legs.controller.sticks.zero()
+        super().stop()
+
+    def reset(self) -> None:
+        """Forget the past: state, estimate, commands."""
+        self._trunk = TrunkWatch()
+        self.legs.reset()
+        super().reset()
+
+    def close(self) -> None:
+        """Leave the legs passive."""
+        super().close()
+        self.legs.controller.e_stop()
+
+    def sample(self) -> Sample:
+        """Return this instant for the report."""
+        controller = self.legs.controller
+        odometry = controller.odometry
+        pose = (0.0, 0.0, 0.0)
+        if odometry is not None:
+            yaw = rpy_from_matrix(matrix_from_quaternion(odometry.orientation))[2]
+            pose = (float(odometry.position[0]), float(odometry.position[1]), float(yaw))
+        forces = self.world.contact_forces(self._touching)
+        touching = (forces > 0.0).astype(int).tolist()
+        is_down = self._trunk.is_down(
+            any(touching[4:]) or controller.is_fallen, controller.state, controller.event
+        )
+        return Sample(controller.state, self.commanded(), pose, touching[:4], is_down)
+
+    def commanded(self) -> Velocity:
+        """Return the velocity that it follows [m/s], [m/s], [rad/s]."""
+        if self.state not in DRIVEN:
+            return 0.0, 0.0, 0.0
+        vx, vy, wz = self.legs.controller.command_filter.command
+        return float(vx), float(vy), float(wz)
+
+    def _status(self) -> Status:
+        vx, vy, wz = self.commanded()
+        command = (f'command {vx:+.2f} {vy:+.2f} m/s {wz:+.2f} rad/s',)
+        has_fallen = self.legs.controller.is_fallen and self.state == StateName.PASSIVE
+        state = 'fallen' if has_fallen else self.state
+        facts = command if self.state in DRIVEN else ()
+        return Status(state, facts, self.notice.text, self._axes((vx, vy, wz)))
+
+    def _axes(self, command: Velocity) -> tuple[Axis, ...]:
+        """Return the speeds commanded, and measured by the legs."""
+        controller = self.legs.controller
+        limits, odometry = controller.command_filter.limits, controller.odometry
+        measured = (0.0, 0.0, 0.0)
+        if odometry is not None:
+            ahead, left, _ = odometry.linear_velocity.tolist()
+            measured = (ahead, left, float(odometry.angular_velocity[2]))
+        full = (limits.forward, limits.lateral, limits.yaw)
+        names = (('forward', 'm/s'), ('left', 'm/s'), ('turn', 'rad/s'))
+        rows = zip(names, command, measured, full, strict=True)
+        return tuple(Axis(*name, wanted, now, most) for name, wanted, now, most in rows)
+
+    @property
+    def _keys_are_velocities(self) -> bool:
+        return self.options.preset != UNITREE_PRESET
+
+    def _let_go(self) -> None:
+        self.legs.e_stop()
+
+    def _press(self, key: str, is_pressed: bool) -> None:
+        legs_key = self.qwerty(key)
+        self.legs.answers = is_pressed
+        self.legs.press(legs_key)
+        super()._press(key, is_pressed)
+        is_ours = legs_key not in STATE_KEYS and is_press(key)
+        if self._hints and self.state == StateName.MOVE_BASE and is_ours and is_pressed:
+            self.notice.say(self._hints.press(key))
+
+    def _key_words(self) -> KeyWords:
+        """Return what the legs tell of keys, some of which may be the keymap's."""
+        keys = () if self.logic is None else self.logic.keymap.keys
+        return KeyWords(
+            drive=StateName.TROTTING if self.logic is None else StateName.MOVE_BASE,
+            elsewhere=frozenset(on_qwerty(key, self.layout) for key in keys),
+            reset_key=RESET_KEY,
+            help_key=HELP_KEY,
+            name=lambda key: on_layout(key, self.layout),
+        )
+
+
+def leg_settings(given: dict[str, Any]) -> LegNodeParameters:
+    """
+    Return the leg controller's parameters: those of a file that is given, and others given.
+
+    Raises:
+        InvalidParameter: what is wrong with one, with its line where a file has it.
+    """
+    return read_leg_file(given.get('controller', '')).changed(given)
+
+
+def _feet(legs: LegGeometry) -> np.ndarray:
+    """Return the corners of squares around the feet below their hips, shape (16, 2) [m]."""
+    places = legs.hip[:, :2] + np.column_stack((np.zeros(4), legs.offset))
+    corners = legs.foot_radius * np.array([(x, y) for x in (-1, 1) for y in (-1, 1)])
+    return np.asarray((places[:, None] + corners).reshape(-1, 2))

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot of a run that drives on two wheels: keys and velocities in, wheel speeds out."""
+
+from typing import Any
+
+from diff_drive_sim.drive import DiffDrive
+from diff_drive_sim.odometry import DiffDriveGeometry
+from diff_drive_sim.parameters import DiffDriveParameters
+from mujoco_sim.simulation import Simulation
+from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.world import place_robot, PlanarPose, World
+import numpy as np
+from robot_description.description import Description
+from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
+from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_core.errors import UserError
+from wasd_core.robot_io import BaseOdometry, JointCommand
+from wasd_core.timing import is_press, Notice
+
+from diff_drive_sim import MODES as DRIVE_MODES
+from wasd_bringup.robots import MBOT, MODES
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.report import Sample
+from wasd_bringup.run.robot import Robot, Velocity
+
+WASD_ADVICE = 'or start with --preset wasd'
+
+
+class Mbot(Robot):
+    """
+    Two driven wheels with their drive controller; in mode fake they roll by arithmetic.
+
+    Raises:
+        UserError: the robot's wheels have no motors.
+    """
+
+    camera = CameraView(distance=1.6, azimuth=130.0, elevation=-25.0)
+    logic: KeysToTwist  # whatever the preset: wheels know no states
+
+    def __init__(
+        self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
+    ) -> None:
+        super().__init__(options, loaded, world, simulation)
+        self.drive_unit = DiffDrive(loaded.robot, drive_settings(options, self.given))
+        is_usual = options.preset == MBOT.preset
+        self._other_presets = WASD_ADVICE if is_usual and not options.namespace else ''
+        self._hints = KeyHints(self.logic, HELP_KEY, advice=self._other_presets, axes=('x', 'yaw'))
+        self.notice = Notice()
+
+    def prepare(self) -> None:
+        """Settle what follows from the settings, before anything is scheduled."""
+        super().prepare()
+        unit, world, robot = self.drive_unit, self.world, self.description.robot
+        geometry = unit.controller.geometry
+        self._wheels = (geometry.left_joint, geometry.right_joint)
+        world.is_kinematic = unit.is_fake
+        missing = [name for name in self._wheels if name not in world.motor_names]
+        if missing and not unit.is_fake:
+            raise UserError(
+                f'{robot.name}: no motor on {", ".join(missing)}: '
+                'give the joint a <limit effort="..."/>'
+            )
+        self._motors = [world.motor_names.index(name) for name in self._wheels if not missing]
+        self._places = world.parts.position[list(map(world.joint_names.index, self._wheels))]
+        self._command = np.zeros((len(JointCommand._fields), len(world.motor_names)))
+        self._wheel_links = [robot.joints[name].child for name in self._wheels]
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The controller's parameters that the options give, by their names."""
+        options, world = self.options, self.world
+        given = {'controller': str(options.controller or ''), 'mode': options.drive_mode or ''}
+        if world.prefix:
+            # Of one of several robots; alone, a controller file may name them.
+            given['odom_frame_id'] = f'{world.prefix}odom'
+            given['base_frame_id'] = world.prefix + self.description.robot.root
+        return {name: value for name, value in given.items() if value}
+
+    @property
+    def mode(self) -> str:
+        """The drive's mode; the usual one by the word that asked for it."""
+        mode = self.settings.mode
+        return (self.options.mode or MODES[0]) if mode == DRIVE_MODES[0] else mode
+
+    @property
+    def settings(self) -> DiffDriveParameters:
+        """The drive's parameters that are in force."""
+        return self.drive_unit.parameters
+
+    @property
+    def estimator(self) -> str:
+        """What its odometry comes from."""
+        return 'wheels'
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is odd about it, in words."""
+        return tuple(self.drive_unit.notes)
+
+    @property
+    def state(self) -> str:
+        """The controller's state."""
+        return self.drive_unit.controller.state
+
+    @property
+    def period(self) -> float:
+        """The controller's period [s]."""
+        return 1.0 / self.drive_unit.update_rate
+
+    @property
+    def drive_limits(self) -> dict[str, float]:
+        """How fast a navigator may drive it: no faster than the controller will."""
+        linear = self.settings.linear_limits()
+        angular = self.settings.angular_limits(self.geometry.wheel_separation)
+        most = {
+            'forward': (0.5, linear.forward),
+            'backward': (0.2, linear.backward),
+            'yaw': (1.5, angular.forward, angular.backward),
+            'forward_acceleration': (0.8, linear.speed_up, linear.slow_down),
+            'yaw_acceleration': (3.0, angular.speed_up, angular.slow_down),
+        }
+        return {name: min(limits) for name, limits in most.items()}
+
+    @property
+    def geometry(self) -> DiffDriveGeometry:
+        """The wheels as the controller believes them to be."""
+        return self.drive_unit.controller.geometry
+
+    @property
+    def help_lines(self) -> tuple[str, ...]:
+        """The keys, for the terminal and the page."""
+        return tuple(self.logic.keymap.help_lines)
+
+    @property
+    def first_keys(self) -> str:
+        """The keys to press first."""
+        keys = driving_keys(self.logic.keymap)
+        advice = f', {self._other_presets}' if self._other_presets else ''
+        return f'drive with {keys} (forward, back, left, right){advice}'
+
+    @property
+    def odometry(self) -> BaseOdometry:
+        """Where its wheels say it is."""
+        return self.drive_unit.odometry
+
+    @property
+    def frames(self) -> tuple[str, str]:
+        """The frames of odometry and of the base."""
+        return self.settings.odom_frame_id, self.settings.base_frame_id
+
+    def command(self, velocity: Velocity) -> None:
+        """Give the controller a velocity [m/s], [m/s], [rad/s], whoever drives."""
+        linear, lateral, angular = velocity
+        if not self.drive_unit.controller.command(linear, angular):
+            self.say(f'velocity {linear:g} {lateral:g} {angular:g} is not finite: ignored')
+
+    def control(self) -> None:
+        """Step the controller on the state of now, and hand its command to the world."""
+        if self.drive_unit.is_fake:
+            self._drive_fake()
+            return
+        left, right = self.world.data.qpos[self._places].tolist()
+        # Other motors than the wheels' stay limp: their columns are zero.
+        command = self.drive_unit.control(left, right, self.period)
+        for row, part in zip(self._command, command, strict=True):
+            row[self._motors] = part
+        self.world.apply(JointCommand(*self._command))
+        ahead, _, turn = self.world.base().planar_velocity.tolist()
+        self.drive_unit.watch(ahead, turn, self.period)
+
+    def reset(self) -> None:
+        """Forget the past: commands, ramps, odometry."""
+        super().reset()
+        self.drive_unit.reset()
+        self.notice.say(None)
+
+    def close(self) -> None:
+        """Leave the wheels stopped."""
+        super().close()
+        self.drive_unit.reset()
+
+    def sample(self) -> Sample:
+        """Return this instant for the report."""
+        controller = self.drive_unit.controller
+        pose = controller.odometry_state
+        # Without physics there is nothing that presses.
+        forces = self.world.contact_forces(self._wheel_links) * (not self.drive_unit.is_fake)
+        return Sample(
+            controller.state,
+            (controller.target.linear, 0.0, controller.target.angular),
+            (pose.x, pose.y, pose.yaw),
+            (forces > 0.0).astype(int).tolist(),
+        )
+
+    def _status(self) -> Status:
+        logic, controller = self.logic, self.drive_unit.controller
+        linear, angular = controller.velocity
+        facts = (
+            f'now {linear:+.2f} m/s {angular:+.2f} rad/s',
+            f'full {logic.speed:.2f} m/s {logic.turn:.2f} rad/s',
+        )
+        wanted, wheels = controller.target, controller.odometry_state
+        axes = (
+            Axis('forward', 'm/s', wanted.linear, wheels.linear, logic.speed),
+            Axis('turn', 'rad/s', wanted.angular, wheels.angular, logic.turn),
+        )
+        return Status(controller.state, facts, self.notice.text, axes)
+
+    def _press(self, key: str, is_pressed: bool) -> None:
+        super()._press(key, is_pressed)
+        if is_press(key) and is_pressed:
+            self.notice.say(self._hints.press(key))
+
+    def _drive_fake(self) -> None:
+        """Let the robot of arithmetic drive, and show it in the world."""
+        unit = self.drive_unit
+        unit.step_fake(self.period)
+        x, y, yaw, linear, angular, lateral = unit.fake.pose
+        states = zip(*map(unit.flip, (unit.fake.angles, unit.fake.speeds)), strict=True)
+        pose = PlanarPose(x, y, yaw, linear, lateral, angular)
+        place_robot(self.world, pose, dict(zip(self._wheels, states, strict=True)))
+
+
+def drive_settings(options: RunOptions, given: dict[str, Any]) -> DiffDriveParameters:
+    """
+    Return the drive's parameters: those of the options' file, and others that they give.
+
+    Raises:
+        InvalidParameter: what is wrong with one.
+    """
+    file = options.drive_file
+    settings = DiffDriveParameters() if file is None else file.parameters
+    return settings.changed(given)

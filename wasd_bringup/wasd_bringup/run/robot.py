@@ -1,0 +1,383 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One robot of a run, without ROS: its part of the world, its controller, who drives it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+import dataclasses
+import functools
+import logging
+import time
+from typing import Any, NamedTuple
+
+from mujoco_sim.parameters import SHOWN_RATE, SimulatorParameters
+from mujoco_sim.sensors.measuring import Sensors
+from mujoco_sim.simulation import Schedule, Simulation, TickStatistics
+from mujoco_sim.viewer.page import CameraView
+from mujoco_sim.world import World
+import numpy as np
+from robot_description.description import Description
+from teleop_keyboard.dashboard import Status
+from teleop_keyboard.keymap_file import load_preset
+from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_core.robot_io import BaseOdometry
+from wasd_core.timing import Notice, STOP_KEY
+
+from wasd_bringup.robots import ROBOTS
+from wasd_bringup.run.drivers import Drivers, E_STOP, Held, LOST
+from wasd_bringup.run.inputs import Player, TWIST_RATE, TwistPlayer
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.report import build_report, Recorder, Sample, SAMPLE_PERIOD
+
+Velocity = tuple[float, float, float]
+# A velocity ahead, to the left and up [m/s], and a turn [rad/s], as it is told.
+Told = tuple[float, float, float, float]
+
+STANDSTILL = (0.0, 0.0, 0.0)
+# Who sends it may not know that the robot was stopped.
+REFUSED = 'end who sends on {}, or send a zero (refused since E-STOP)'
+HOLDS = 'ENTER releases E-STOP (by the {})'
+# Zeros that end it all are told so often: one may be lost.
+LAST_ZEROS = 3
+
+
+class StateChoice(NamedTuple):
+    """A state that a key asks for: whether the robot is in it, or why it cannot be."""
+
+    key: str
+    state: str
+    is_on: bool
+    refusal: str
+
+
+class Robot(ABC):
+    """
+    A robot that is stepped on simulated time: keys and velocities in, motor commands out.
+
+    Sources call `press` and `drive`, and `drivers` says whether they count. A run calls
+    `begin_instant` first in each instant, then what `schedule_control` and `schedule_sensing` have
+    put on its schedule. `prepare` comes before these, after the last change of `settings`.
+    `on_key` and `on_velocity` hear what the robot obeys, `on_zero_end` that the last zeros are
+    told.
+    """
+
+    has_states = False  # whether keys are more than velocities
+    other_presets: tuple[str, ...] = ()  # those that are no keymaps
+    # Where its feet reach as it stands, in the base frame (n, 2) [m]; none for who has none.
+    feet = np.empty((0, 2))
+    camera: CameraView
+    notice: Notice  # what is said to the driver; who runs it lets its time pass
+
+    def __init__(
+        self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
+    ) -> None:
+        self.options, self.description = options, loaded
+        self.world, self.simulation = world, simulation
+        self.kind = ROBOTS[options.robot].kind
+        self.start = world.setup.place
+        self.log = logging.getLogger(f'wasd.{self.kind.controller}')
+        self.logic: KeysToTwist | None = None  # what makes keys velocities, where these drive
+        self.own_keys: frozenset[str] = frozenset()  # those that mean something to this robot
+        if self._keys_are_velocities:
+            keymap = load_preset(options.preset, options.layout, self.other_presets)
+            self.logic = KeysToTwist(keymap)
+            self.own_keys = frozenset(self.logic.keymap.keys)
+        self._is_mute = False
+        self.drivers = Drivers(self.stops, self.latches, holds_stops=options.latched)
+        complain = logging.getLogger('wasd.simulator').error
+        self.sensors = Sensors(loaded, world, SimulatorParameters(), complain)
+        simulation.on_reset += [self.sensors.reset, self.reset, self.drivers.reset]
+        self.on_key: list[Callable[[str], None]] = []
+        self.on_velocity: list[Callable[[Told], None]] = []
+        self._recorder = Recorder(world, keep=options.keeps_samples)
+        self._pushes = Player(options.pushes)
+        self._script: TwistPlayer | None = None
+
+    def prepare(self) -> None:
+        """Settle what follows from the settings, before anything is scheduled."""
+        self.ticks = TickStatistics(self.period)
+
+    @property
+    def name(self) -> str:
+        """What the robot is called."""
+        return self.options.robot
+
+    @property
+    def pad_preset(self) -> str:
+        """What a gamepad means to it."""
+        return self.kind.pad_preset
+
+    @property
+    def estimator(self) -> str:
+        """What its odometry comes from."""
+        return self.options.estimator
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The controller's parameters that the options give, by their names."""
+        return {}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What is odd about it, in words."""
+        return ()
+
+    @property
+    @abstractmethod
+    def state(self) -> str:
+        """The controller's state."""
+
+    @property
+    @abstractmethod
+    def period(self) -> float:
+        """The controller's period [s]."""
+
+    @property
+    @abstractmethod
+    def help_lines(self) -> tuple[str, ...]:
+        """The keys, for the terminal and the page."""
+
+    @property
+    @abstractmethod
+    def first_keys(self) -> str:
+        """The keys to press first."""
+
+    @property
+    def refusal(self) -> str:
+        """Why it follows no velocity now, with what is to be done; '' where it does."""
+        stopped_by = self.drivers.stopped_by
+        return HOLDS.format(stopped_by) if stopped_by else self._refusal
+
+    @property
+    def _refusal(self) -> str:
+        return ''
+
+    @property
+    def drive_limits(self) -> dict[str, float]:
+        """How fast a navigator may drive it, by the names of its parameters `limits.*`."""
+        return {}
+
+    @property
+    def stop_key(self) -> str:
+        """The key that ends every motion that keys have set going."""
+        return STOP_KEY
+
+    @property
+    def stop_keys(self) -> tuple[str, ...]:
+        """The keys that stop it for good, and end every motion."""
+        return (self.stop_key,)
+
+    @property
+    def odometry(self) -> BaseOdometry | None:
+        """Where the robot believes to be in this instant; None before it knows."""
+        return None
+
+    @property
+    def frames(self) -> tuple[str, str]:
+        """The frames of odometry and of the base."""
+        prefix = self.world.prefix
+        return f'{prefix}odom', prefix + self.description.robot.root
+
+    def stops(self, key: str) -> bool:
+        """Whether a press of this key ends every motion that keys have set going."""
+        return self.logic is not None and self.logic.stops(key)
+
+    def latches(self, key: str) -> bool:
+        """Whether what a press of this key sets moving goes on when the key is let go."""
+        return self.logic is not None and self.logic.latches(key)
+
+    def choices(self) -> tuple[StateChoice, ...]:
+        """Return the states that keys ask for; wheels know none."""
+        return ()
+
+    def status(self) -> Status:
+        """Return what a driver wants to see."""
+        status = self._status()
+        if not self.drivers.stopped_by:
+            return status
+        words = status.message or HOLDS.format(self.drivers.stopped_by)
+        return status._replace(state='E-STOP', message=words)
+
+    def press(self, key: str, by: str) -> bool:
+        """Press a key for a source, in this instant, and tell listeners; False: it is refused."""
+        if not self.drivers.take(by, key=key):
+            self._say_that_it_holds()
+            return False
+        self._obey(key, is_pressed=by not in (E_STOP, LOST))
+        return True
+
+    def drive(self, velocity: Velocity, by: str) -> bool:
+        """Command a source's velocity [m/s], [m/s], [rad/s]; False: it is refused."""
+        if not self.drivers.take(by, velocity=velocity):
+            self._say_that_it_holds()
+            return False
+        self._follow(velocity)
+        return True
+
+    def release(self, by: str) -> bool:
+        """End what a source moves: it is gone, or has let go; return whether it moved anything."""
+        held = self.drivers.release(by)
+        self._end(held)
+        return held.keys or held.velocity
+
+    def disarm(self, by: str = '') -> None:
+        """Let nothing that a source, or any, holds now count, and end what it moves."""
+        self._end(self.drivers.disarm(by))
+
+    def e_stop(self, by: str) -> None:
+        """Stop for good, after `disarm`: the controller lets go, and a script ends."""
+        self.drivers.stop(by)
+        if self._script is not None:
+            self._script.end()
+        self._let_go()
+
+    def end_e_stop(self) -> None:
+        """End a stop that holds: who wants to drive presses again."""
+        if self.drivers.stopped_by:
+            self.drivers.release(E_STOP)
+            self.say('E-STOP released: drive again')
+
+    def take_topic(self, topic: str, **taken: Any) -> bool:
+        """Return whether what has come on a topic counts; say why it does not."""
+        if self.drivers.take('topic', **taken, what=f'somebody on {topic}'):
+            return True
+        self.say(REFUSED.format(topic))
+        self._say_that_it_holds()
+        return False
+
+    def mute(self, is_mute: bool) -> None:
+        """Mute the keyboard while another source drives, or enable it again."""
+        if is_mute and not self._is_mute and self.logic is not None:
+            self.logic.stop()
+            self._step_logic(self.logic, 0.0)
+        self._is_mute = is_mute
+
+    def stop(self) -> None:
+        """Command standstill, now and in the last word on cmd_vel, until the next key."""
+        if self.logic is not None:
+            self.logic.stop()
+            for _ in range(LAST_ZEROS):
+                self._follow(STANDSTILL)
+
+    def say(self, words: str) -> None:
+        """Tell the driver."""
+        self.notice.say(words)
+
+    def reset(self) -> None:
+        """Forget the past: commands, ramps, estimates."""
+        if self.logic is not None:
+            self.logic.reset()
+
+    def begin_instant(self) -> None:
+        """Put the pushes in force that are due."""
+        self.drivers.time = self.world.time
+        for push in self._pushes.due(self.world.time):
+            self.world.push(push.force, push.duration, push.point)
+
+    def schedule_control(self, schedule: Schedule) -> None:
+        """Step scripts, keys and controller on a schedule, in this order."""
+        if self.options.twists is not None:
+            drive = functools.partial(self.drive, by='script')
+            twists = self._script = TwistPlayer(self.options.twists, drive)
+            schedule.every(1.0 / TWIST_RATE, lambda: twists.step(self.world.time))
+        if self.logic is not None:
+            logic, period = self.logic, 1.0 / self.logic.rate
+            schedule.every(period, lambda: self._step_keys(logic, period))
+        schedule.every(self.period, self._timed_control)
+
+    def schedule_sensing(self, schedule: Schedule) -> None:
+        """Measure and sample on a schedule, after all controllers."""
+        # In any case: noise must not depend on who is told of it.
+        schedule.every(1.0 / SHOWN_RATE, self._read)
+        # As often as possible without making physics stop more often.
+        schedule.every(schedule.stride * self.world.time_step, self.sensors.step)
+        schedule.every(SAMPLE_PERIOD, lambda: self._recorder.sample(self.sample()))
+
+    def report(self, wall_time: float, **parts: Any) -> dict[str, Any]:
+        """Return what happened in the `wall_time` [s] so far, and `parts` that others tell."""
+        options = self.options
+        asked: dict[str, Any] = {
+            'robot': options.robot,
+            'description': self.description.record(),
+            'world': options.world,
+            'seed': options.seed,
+            'estimator': self.estimator,
+        }
+        if options.untold.randomise:
+            asked['drawn'] = dataclasses.asdict(self.world.setup.drawn)
+        asked |= parts
+        ticks = self.ticks.summary()
+        return build_report(self._recorder, asked, self.world.time, wall_time, ticks)
+
+    def close(self) -> None:
+        """Leave the robot stopped, its motors braking."""
+        self.stop()
+        self.world.brake()
+        self.sensors.close()
+
+    @abstractmethod
+    def command(self, velocity: Velocity) -> None:
+        """Give the controller a velocity [m/s], [m/s], [rad/s], whoever drives."""
+
+    @abstractmethod
+    def control(self) -> None:
+        """Step the controller on the state of now, and hand its command to the world."""
+
+    @abstractmethod
+    def sample(self) -> Sample:
+        """Return this instant for the report."""
+
+    @abstractmethod
+    def _status(self) -> Status:
+        """Return what a driver wants to see while no e-stop holds."""
+
+    @property
+    def _keys_are_velocities(self) -> bool:
+        return True
+
+    def _let_go(self) -> None:  # noqa: B027  # keys are enough for most
+        """Do what keys cannot do as fast, at an e-stop."""
+
+    def _press(self, key: str, is_pressed: bool) -> None:
+        """Take a key; one that nobody has pressed, as of a page that is lost, is not answered."""
+        if self.logic is not None:
+            self.logic.press(key)
+
+    def _obey(self, key: str, is_pressed: bool) -> None:
+        self._press(key, is_pressed)
+        for tell in self.on_key:
+            tell(key)
+
+    def _end(self, held: Held) -> None:
+        if held.velocity:
+            self._follow(STANDSTILL)
+        if held.keys:
+            self._obey(self.stop_key, is_pressed=False)
+
+    def _follow(self, velocity: Velocity, up: float = 0.0) -> None:
+        """Command a velocity, and tell listeners."""
+        self.command(velocity)
+        told = (velocity[0], velocity[1], up, velocity[2])
+        for tell in self.on_velocity:
+            tell(told)
+
+    def _say_that_it_holds(self) -> None:
+        """Tell a driver why a source does not count, if a stop holds."""
+        if self.drivers.stopped_by:
+            self.say(HOLDS.format(self.drivers.stopped_by))
+
+    def _step_keys(self, logic: KeysToTwist, dt: float) -> None:
+        if not self._is_mute:
+            self._step_logic(logic, dt)
+
+    def _step_logic(self, logic: KeysToTwist, dt: float) -> None:
+        velocity = logic.step(dt)
+        if velocity is not None:
+            self._follow((velocity.vx, velocity.vy, velocity.wz), velocity.vz)
+
+    def _read(self) -> None:
+        self.world.read()
+
+    def _timed_control(self) -> None:
+        started = time.perf_counter()
+        self.control()
+        self.ticks.add(time.perf_counter() - started)
