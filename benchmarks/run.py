@@ -26,6 +26,7 @@ from experiment import FIRST_SEED
 from family import end_with_parent
 import go2
 import goals
+import guard
 import legs
 import mbot
 from mbot_accuracy import simulate, SQUARE
@@ -54,6 +55,7 @@ PARTS = {
     'stops': stops.measure,
     'cycles': cycles.measure,
     'goals': goals.measure,
+    'guard': guard.measure,
 }
 
 

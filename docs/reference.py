@@ -26,6 +26,8 @@ TOPICS = {
     '/tf': 'odom to base from the controllers, map to odom from the navigator, joints',
     '/tf_static': 'fixed joints, stamp 0',
     '~/cmd_vel_out': 'the velocity within the limits, with `publish_limited_velocity:=true`',
+    '~/state': 'what the guard does to the command in force, and why',
+    'cmd_vel_smoothed': 'velocity for the guard, by its parameter `cmd_vel_in_topic`',
     '~/set_odometry': 'where odometry is to go on from',
     'cmd_vel': 'velocity to drive with; TwistStamped by the parameter `stamped`',
     'cmd_vel_out': 'the velocity of the source that drives',

@@ -37,7 +37,7 @@ EXECUTABLES = {
     'mujoco_sim': {'simulator'},
     'diff_drive_sim': {'diff_drive_controller'},
     'quadruped_sim': {'leg_controller'},
-    'wasd_navigation': {'navigator'},
+    'wasd_navigation': {'guard', 'navigator'},
     'wasd_bringup': {'wasd'},
 }
 # Import name -> rosdep key where they differ; None: docs/install.md names the package for pip.

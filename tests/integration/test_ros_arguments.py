@@ -23,7 +23,7 @@ pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 LATCHED = {'robot_description', 'selected', 'state', '/tf_static'}
-LATCHED |= {'map', 'map_metadata', 'global_costmap/costmap'}
+LATCHED |= {'map', 'map_metadata', 'global_costmap/costmap', 'guard/state'}
 
 
 class Case:
@@ -45,6 +45,10 @@ CASES = {
     ),
     'gamepad': Case(
         'teleop_keyboard.gamepad_node.GamepadNode', 'deadzone', 0.2, 'cmd_vel'
+    ),
+    'guard': Case(
+        'wasd_navigation.guard_node.GuardNode',
+        'FootprintApproach.time_before_collision', 0.5, 'scan'
     ),
     'key_publisher': Case(
         'teleop_keyboard.key_publisher_node.KeyPublisherNode', 'raw', True, 'keys'

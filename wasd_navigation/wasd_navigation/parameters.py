@@ -77,6 +77,13 @@ class Footprint:
         return np.array([(x, y, radius) for x, y in edge])
 
 
+def footprint_of(radius: float, length: float, width: float) -> Footprint:
+    """Return a rectangle of a length and a width [m], or where both are 0 a circle of a radius."""
+    if length > 0.0 or width > 0.0:
+        return Footprint(half_length=0.5 * length, half_width=0.5 * width)
+    return Footprint(radius=radius)
+
+
 def _spread(half: float, depth: float) -> list[float]:
     """Return middles of equal parts of -half to half, each no longer than a depth."""
     count = max(1, math.ceil(2.0 * half / depth - 1e-9))
@@ -315,7 +322,4 @@ class NavigatorParameters(Parameters):
     @property
     def footprint(self) -> Footprint:
         """What of the floor the robot covers."""
-        half_length, half_width = 0.5 * self.footprint_length, 0.5 * self.footprint_width
-        if half_length > 0.0 or half_width > 0.0:
-            return Footprint(half_length=half_length, half_width=half_width)
-        return Footprint(radius=self.robot_radius)
+        return footprint_of(self.robot_radius, self.footprint_length, self.footprint_width)

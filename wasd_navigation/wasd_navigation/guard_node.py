@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The guard on ROS: a velocity, scan and odom in; as much of the velocity as keeps clear out."""
+
+import sys
+from typing import Any
+
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry as OdometryMessage
+import numpy as np
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import String
+from wasd_core.errors import InvalidMessage
+from wasd_core.messages import from_odometry, to_seconds
+from wasd_core.node import run_node
+from wasd_core.ros_parameters import declare_parameters
+from wasd_core.streams import visible
+from wasd_core.timing import Watchdog
+from wasd_core.topics import LATCHED, RELIABLE, SENSOR_DATA, tf_message_type, TF_STATIC
+
+from wasd_navigation.guard import Guard, warm_up
+from wasd_navigation.guard_parameters import guard, GuardNodeParameters
+from wasd_navigation.messages import from_pose
+from wasd_navigation.odometry import Odometry
+from wasd_navigation.records import Ranges, Scan
+from wasd_navigation.senses import Senses
+
+# A command is looked at again so often [s] while it is in force: no longer than this without
+# another one [s], as controllers forget it then.
+PERIOD, IN_FORCE = 0.05, 0.5
+
+
+class GuardNode(Node):
+    """
+    Relays velocities from `cmd_vel_in_topic` to `cmd_vel_out_topic`, as far as they keep clear.
+
+    Takes `scan`, `odom` and the lidar's place from /tf_static. `~/state` says what it does to the
+    command in force, and why; nothing while it does nothing.
+
+    Raises:
+        UserError: a parameter is not valid.
+    """
+
+    def __init__(self, *, parameter_overrides: list[Parameter] | None = None) -> None:
+        super().__init__('guard', parameter_overrides=parameter_overrides or [])
+        settings = declare_parameters(self, GuardNodeParameters, self._on_change)
+        self.senses = Senses()
+        self.senses.warn = self._warn
+        self.senses.on_scan = self._see
+        braking = settings.braking
+        rates = np.array((braking.forward, braking.lateral, braking.yaw))
+        warm_up(settings.footprint)
+        self.guard = Guard(settings.footprint, rates, settings)
+        self._odometry: Odometry | None = None
+        self._asked, self._heard = np.zeros(3), Watchdog(IN_FORCE)
+        self._stepped_at: float | None = None
+        self._base_frame = ''
+        self._is_stamped = settings.enable_stamped_cmd_vel
+        kind = TwistStamped if self._is_stamped else Twist
+        self._out = self.create_publisher(kind, settings.cmd_vel_out_topic, RELIABLE)
+        self._state = self.create_publisher(String, '~/state', LATCHED)
+        self._said = ''
+        self.create_subscription(kind, settings.cmd_vel_in_topic, self._on_velocity, RELIABLE)
+        self.create_subscription(OdometryMessage, 'odom', self._on_odometry, SENSOR_DATA)
+        self.create_subscription(LaserScan, settings.scan_topic, self._on_scan, SENSOR_DATA)
+        tf = tf_message_type()
+        if tf is not None:
+            self.create_subscription(tf, '/tf_static', self._on_fixed_frames, TF_STATIC)
+        self.create_timer(PERIOD, self.step)
+
+    def step(self) -> None:
+        """Look again at the command in force: something may have come nearer."""
+        if self._heard.is_alive:
+            before = self.guard.last.velocity
+            velocity = self._limit()
+            if not np.array_equal(velocity, before):
+                self._publish(velocity)
+
+    def close(self) -> None:
+        """Leave the robot stopped."""
+        if self._heard.is_alive:
+            self._publish(np.zeros(3))
+
+    def _limit(self) -> np.ndarray:
+        now = 1e-9 * self.get_clock().now().nanoseconds
+        dt = 0.0 if self._stepped_at is None else now - self._stepped_at
+        self._stepped_at = now
+        if dt < 0.0:  # time has jumped back: all that is known is old
+            self.senses.reset()
+            self.guard.reset()
+            self._odometry = None
+        self._heard.step(dt)
+        guarded = self.guard.step(self._asked, self._odometry, dt)
+        words = ': '.join(filter(None, (guarded.action, guarded.why)))
+        if words != self._said:
+            self._said = words
+            self._state.publish(String(data=words))
+        return guarded.velocity
+
+    def _on_velocity(self, message: Any) -> None:
+        twist = message.twist if self._is_stamped else message
+        self._asked = np.array((twist.linear.x, twist.linear.y, twist.angular.z))
+        if self._is_stamped:
+            self._base_frame = message.header.frame_id
+        velocity = self._limit()
+        self._heard.hear()
+        self._publish(velocity)
+
+    def _publish(self, velocity: np.ndarray) -> None:
+        twist = Twist()
+        twist.linear.x, twist.linear.y, twist.angular.z = map(float, velocity)
+        if self._is_stamped:
+            message = TwistStamped(twist=twist)
+            message.header.stamp = self.get_clock().now().to_msg()
+            message.header.frame_id = self._base_frame
+            self._out.publish(message)
+        else:
+            self._out.publish(twist)
+
+    def _on_odometry(self, message: OdometryMessage) -> None:
+        now = to_seconds(message.header.stamp)
+        frames = message.header.frame_id, message.child_frame_id
+        odometry = self.senses.read_odometry(now, from_odometry(message), frames)
+        if odometry is not None:
+            self._odometry = odometry
+            self.senses.add_odometry(now, odometry)
+
+    def _on_scan(self, message: LaserScan) -> None:
+        said = Ranges(*(getattr(message, name) for name in Ranges._fields))
+        now, frame = to_seconds(message.header.stamp), message.header.frame_id
+        self.senses.take_scan(now, said, frame)
+
+    def _see(self, scan: Scan, odometry: Odometry, age: float, _: float) -> None:
+        self.guard.see(scan, odometry, age)
+
+    def _on_fixed_frames(self, message: Any) -> None:
+        for one in message.transforms:
+            try:
+                pose = from_pose(one.transform)
+            except InvalidMessage as error:
+                self._warn(f'/tf_static: {one.child_frame_id!r}: {error}: ignored')
+                continue
+            self.senses.place_frame(one.child_frame_id, one.header.frame_id, pose)
+
+    def _on_change(self, changed: GuardNodeParameters) -> None:
+        self.guard.tune(changed)
+
+    def _warn(self, words: str) -> None:
+        self.get_logger().warning(visible(words), throttle_duration_sec=5.0)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Run the guard as a process of its own."""
+    return run_node(GuardNode, args, joins=True, program=guard)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
