@@ -17,7 +17,7 @@ from typing import Any
 from environment import alone
 from mbot_accuracy import run_quietly, WASD
 from table import Row
-from wasd_bringup.recording.reader import BagReader
+from wasd_bringup.tools.recording.reader import BagReader
 
 DURATION = 60.0
 # After a turn of this long [s] the other robot is driven.

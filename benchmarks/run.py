@@ -39,7 +39,7 @@ import stops
 from success import draw_success
 from table import describe_machine, format_table, Row
 import teleop
-from wasd_bringup.parsers import version
+from wasd_bringup.cli.parsers import version
 
 PARTS = {
     'mbot': mbot.measure,

@@ -123,7 +123,7 @@ def _outcome(report: dict[str, Any]) -> dict[str, Any]:
 def _recorded(path: Path) -> dict[str, list[Any]]:
     """Return of each topic its type, its count and a hash of its decoded messages."""
     from rclpy.serialization import deserialize_message
-    from wasd_bringup.recording.reader import BagReader
+    from wasd_bringup.tools.recording.reader import BagReader
 
     reader = BagReader(path)
     found: dict[str, list[Any]] = {}

@@ -212,7 +212,7 @@ def stand_ins() -> Iterator[None]:
         vars(modules[name]).update(classes)
     with mock.patch.dict(sys.modules, modules):
         # Read by launch itself before, it has launch's own classes.
-        sys.modules.pop('wasd_bringup.launch_parts', None)
+        sys.modules.pop('wasd_bringup.ros.launch_parts', None)
         yield
 
 

@@ -20,7 +20,7 @@ from typing import Any
 
 from page_puppet import code, PagePuppet, SCENE
 from wasd_bringup.cli import make_parser
-from wasd_bringup.cockpit.bridge import open_view
+from wasd_bringup.page.bridge import open_view
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.options import read_options
 from wasd_bringup.run.run import Run

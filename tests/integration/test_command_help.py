@@ -5,7 +5,7 @@ import re
 
 import pytest
 from wasd_bringup.cli import main
-from wasd_bringup.parsers import examples_of
+from wasd_bringup.cli.parsers import examples_of
 from wasd_bringup.robots import BOTH, ROBOTS
 from wasd_core.errors import UserError
 

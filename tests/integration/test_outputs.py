@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.recording.reader import BagReader
+from wasd_bringup.tools.recording.reader import BagReader
 
 pytestmark = pytest.mark.slow
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import get_typestore, Stores
-from wasd_bringup.recording.reader import BagReader
+from wasd_bringup.tools.recording.reader import BagReader
 
 pytestmark = pytest.mark.slow
 

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 from teleop_keyboard.key_script import parse_key_script
-from wasd_bringup.recording import BagWriter
-from wasd_bringup.recording.reader import BagReader, describe_run, recorded_options
-from wasd_bringup.recording.recorder import BagRecorder
-from wasd_bringup.recording.replay import ReplayView
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.worlds import build_worlds
+from wasd_bringup.tools.recording import BagWriter
+from wasd_bringup.tools.recording.reader import BagReader, describe_run, recorded_options
+from wasd_bringup.tools.recording.recorder import BagRecorder
+from wasd_bringup.tools.recording.replay import ReplayView
 
 pytestmark = pytest.mark.slow
 

@@ -13,9 +13,9 @@ import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from wasd_bringup.recording import bag_writer, BagWriter, RecordingError
-from wasd_bringup.recording.reader import BagReader
-from wasd_bringup.recording.recorder import full_definition, qos_text, to_bytes
+from wasd_bringup.tools.recording import bag_writer, BagWriter, RecordingError
+from wasd_bringup.tools.recording.reader import BagReader
+from wasd_bringup.tools.recording.recorder import full_definition, qos_text, to_bytes
 from wasd_core.errors import UserError
 
 pytest.importorskip('rosbags', reason="rosbags is not installed: the extra 'test'")

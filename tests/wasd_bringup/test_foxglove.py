@@ -12,8 +12,8 @@ import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
-from wasd_bringup.recording.recorder import BagRecorder, full_definition
 from wasd_bringup.run.options import RunOptions
+from wasd_bringup.tools.recording.recorder import BagRecorder, full_definition
 from wasd_core.errors import UserError
 from wasd_core.topics import FOLLOWED
 from websockets.exceptions import InvalidStatus

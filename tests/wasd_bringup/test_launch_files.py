@@ -223,7 +223,7 @@ def test_rviz_shows_topics_that_exist(path):
 
 
 def test_what_launch_itself_has_read_is_read_anew_without_it(launch_file, monkeypatch):
-    of_launch = types.ModuleType('wasd_bringup.launch_parts')
+    of_launch = types.ModuleType('wasd_bringup.ros.launch_parts')
     monkeypatch.setitem(sys.modules, of_launch.__name__, of_launch)
     assert launch_file(FOLDER / 'mbot_nav.launch.py').start()
     assert sys.modules[of_launch.__name__] is of_launch

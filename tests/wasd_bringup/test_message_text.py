@@ -9,8 +9,8 @@ import pytest
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import ByteMultiArray
 from std_srvs.srv import SetBool
-from wasd_bringup.graph import find_type, full_name, RateMeter
-from wasd_bringup.messages import field_of, fill, to_plain, to_yaml
+from wasd_bringup.tools.graph import find_type, full_name, RateMeter
+from wasd_bringup.tools.messages import field_of, fill, to_plain, to_yaml
 from wasd_core.errors import UserError
 import yaml
 

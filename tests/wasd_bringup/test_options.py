@@ -9,10 +9,10 @@ from pathlib import Path
 from mujoco_sim.parameters import Payload, Untold
 import pytest
 from wasd_bringup.cli import make_parser
-from wasd_bringup.parsers import add_run_options
-from wasd_bringup.recording.reader import describe_run, recorded_options
+from wasd_bringup.cli.parsers import add_run_options
 from wasd_bringup.robots import GO2, MBOT
 from wasd_bringup.run.options import AFTERGLOW, read_options
+from wasd_bringup.tools.recording.reader import describe_run, recorded_options
 from wasd_core.errors import UserError
 
 

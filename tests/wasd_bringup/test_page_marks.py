@@ -5,7 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 from quadruped_sim.leg_kinematics import LEGS
-from wasd_bringup.cockpit.bridge import CockpitBridge
+from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.options import RunOptions
 from wasd_cockpit.scene import draw_marks, Pool

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 from quadruped_sim.keys import STATE_KEYS, StateName, ZERO_KEYS
-from wasd_bringup.cockpit.bridge import CockpitBridge, SNAPSHOT_EVERY
+from wasd_bringup.page.bridge import CockpitBridge, SNAPSHOT_EVERY
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.inputs import ScriptedTwist, SWITCH_KEY

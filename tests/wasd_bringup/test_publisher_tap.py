@@ -8,7 +8,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
-from wasd_bringup.recording.recorder import PublisherTap
+from wasd_bringup.tools.recording.recorder import PublisherTap
 from wasd_core.topics import has_listener, LoopbackSubscription
 
 pytestmark = pytest.mark.slow

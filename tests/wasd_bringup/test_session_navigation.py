@@ -9,8 +9,8 @@ from navigation_stand_ins import StandInLocator, StandInPilot
 import numpy as np
 import pytest
 from std_msgs.msg import String
-from wasd_bringup.cockpit.bridge import CockpitBridge
-from wasd_bringup.parsers import add_both_options, add_run_options
+from wasd_bringup.cli.parsers import add_both_options, add_run_options
+from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.robots import MBOT
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.inputs import SWITCH_KEY

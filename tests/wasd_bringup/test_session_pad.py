@@ -5,7 +5,7 @@ import time
 
 from pads import PipePad
 import pytest
-from wasd_bringup.cockpit.bridge import CockpitBridge
+from wasd_bringup.page.bridge import CockpitBridge
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.ros.pad import PadDriver
 from wasd_bringup.run.options import RunOptions

@@ -14,8 +14,8 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
 from mujoco_sim.parameters import SimulatorParameters
-from wasd_bringup.launch_parts import NO_KEYS, parameter_argument
 from wasd_bringup.robots import GO2, MBOT
+from wasd_bringup.ros.launch_parts import NO_KEYS, parameter_argument
 
 # What is the same for both.
 SHARED = ('seed', 'speed')

@@ -12,7 +12,8 @@ from launch import LaunchDescription
 from launch.substitutions import LaunchConfiguration
 from launch_ros.parameter_descriptions import ParameterValue
 from quadruped_sim.parameters import LegNodeParameters
-from wasd_bringup.launch_parts import (
+from wasd_bringup.robots import GO2
+from wasd_bringup.ros.launch_parts import (
     keyboard,
     parameter_argument,
     parameter_value,
@@ -21,7 +22,6 @@ from wasd_bringup.launch_parts import (
     robot_nodes,
     rviz,
 )
-from wasd_bringup.robots import GO2
 
 
 def generate_launch_description():

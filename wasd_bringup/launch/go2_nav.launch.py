@@ -10,8 +10,8 @@ Press 2 and 5 first: it stands up and follows velocities then.
 """
 
 from launch import LaunchDescription
-from wasd_bringup.launch_parts import navigation
 from wasd_bringup.robots import GO2
+from wasd_bringup.ros.launch_parts import navigation
 
 
 def generate_launch_description():

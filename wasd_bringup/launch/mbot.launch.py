@@ -15,8 +15,8 @@ from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution
 from launch_ros.parameter_descriptions import ParameterValue
-from wasd_bringup.launch_parts import keyboard, robot_arguments, robot_node, robot_nodes, rviz
 from wasd_bringup.robots import MBOT
+from wasd_bringup.ros.launch_parts import keyboard, robot_arguments, robot_node, robot_nodes, rviz
 
 
 def generate_launch_description():

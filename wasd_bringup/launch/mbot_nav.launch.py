@@ -8,8 +8,8 @@ Simulates mbot in a flat, maps it, and drives to where RViz or a client of Nav2 
 """
 
 from launch import LaunchDescription
-from wasd_bringup.launch_parts import navigation
 from wasd_bringup.robots import MBOT
+from wasd_bringup.ros.launch_parts import navigation
 
 
 def generate_launch_description():

@@ -103,7 +103,7 @@ class Kind:
     robot: str
     add_options: Callable[[Parser], None] = lambda parser: None
     face: str = 'wasd_bringup.ros.controllers:ControllerFace'
-    cockpit: str = 'wasd_bringup.cockpit.described:Described'
+    cockpit: str = 'wasd_bringup.page.described:Described'
     controller: str = 'controller'
     pad_preset: str = 'mbot'  # what a gamepad means to it
 
@@ -112,7 +112,7 @@ LEGGED = Kind(
     robot='wasd_bringup.run.go2:Go2',
     add_options=_add_leg_options,
     face='wasd_bringup.ros.controllers:LegsFace',
-    cockpit='wasd_bringup.cockpit.legs:Legs',
+    cockpit='wasd_bringup.page.legs:Legs',
     controller='leg_controller',
     pad_preset='go2',
 )
@@ -120,7 +120,7 @@ WHEELED = Kind(
     robot='wasd_bringup.run.mbot:Mbot',
     add_options=_add_wheel_options,
     face='wasd_bringup.ros.controllers:WheelsFace',
-    cockpit='wasd_bringup.cockpit.wheels:Wheels',
+    cockpit='wasd_bringup.page.wheels:Wheels',
     controller='diff_drive_controller',
 )
 

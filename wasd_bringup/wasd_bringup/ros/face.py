@@ -33,9 +33,9 @@ from wasd_bringup.run.robot import Robot
 from wasd_bringup.run.run import Run
 
 if TYPE_CHECKING:
-    from wasd_bringup.recording.recorder import BagRecorder
     from wasd_bringup.ros.foxglove import FoxgloveServer
     from wasd_bringup.run.navigation import NavigationDriver
+    from wasd_bringup.tools.recording.recorder import BagRecorder
 
 
 class RosFace:

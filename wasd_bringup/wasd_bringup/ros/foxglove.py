@@ -20,11 +20,11 @@ from wasd_core.streams import visible
 from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
 
-from wasd_bringup.graph import find_type
-from wasd_bringup.messages import fill, type_name
-from wasd_bringup.recording.recorder import full_definition, IGNORED, PublisherTap
 from wasd_bringup.ros.foxglove_gate import Gate, HOST, secret_host
 from wasd_bringup.ros.foxglove_inbox import Decode, Inbox, Sender, Target, Velocity
+from wasd_bringup.tools.graph import find_type
+from wasd_bringup.tools.messages import fill, type_name
+from wasd_bringup.tools.recording.recorder import full_definition, IGNORED, PublisherTap
 
 # CDR begins with its representation, of which ROS has these: big and little endian.
 REPRESENTATIONS = (b'\0\0', b'\0\1')

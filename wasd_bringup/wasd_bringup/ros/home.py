@@ -19,8 +19,8 @@ from wasd_bringup.run.options import NAMESPACED, RunOptions
 from wasd_bringup.run.run import Run
 
 if TYPE_CHECKING:
-    from wasd_bringup.recording.recorder import BagRecorder
     from wasd_bringup.ros.foxglove import FoxgloveServer
+    from wasd_bringup.tools.recording.recorder import BagRecorder
 
 
 class RosHome:
@@ -41,8 +41,8 @@ class RosHome:
         """
         init_ros(with_own_frames(self._ros_arguments), is_local=True)
         if options.record is not None:
-            from wasd_bringup.recording.reader import describe_run
-            from wasd_bringup.recording.recorder import BagRecorder
+            from wasd_bringup.tools.recording.reader import describe_run
+            from wasd_bringup.tools.recording.recorder import BagRecorder
 
             description = describe_run(options, self._ros_arguments)
             self._recorder = BagRecorder(options.record, description)

@@ -20,7 +20,7 @@ from wasd_core.errors import attempt_all, Stopped, UserError
 from wasd_core.signals import last_status, StopSignals
 from wasd_core.streams import never_wait
 
-from wasd_bringup.anew import become
+from wasd_bringup.page.anew import become
 from wasd_bringup.run.options import choose_range, read_options, RunOptions
 from wasd_bringup.run.run import Run
 
@@ -160,7 +160,7 @@ class _Command:
         _halt_with(stop, reader, run)
         if viewer != 'none':
             # Here, because only a viewer needs it.
-            from wasd_bringup.cockpit.bridge import open_view
+            from wasd_bringup.page.bridge import open_view
 
             where = open_view(run, viewer)
             if viewer == 'web' and options.interactive and options.opens_page:

@@ -23,8 +23,13 @@ from std_msgs.msg import String
 from wasd_core.node import init_ros
 from wasd_core.signals import StopSignals
 
-from wasd_bringup.recording.bag_writer import RecordingError
-from wasd_bringup.recording.reader import (
+from wasd_bringup.ros.face import make_ros_run
+from wasd_bringup.ros.home import with_own_frames
+from wasd_bringup.run.inputs import BoxPlayer, ScriptedBox
+from wasd_bringup.run.options import keep_alone, read_number, RunOptions
+from wasd_bringup.run.worlds import build_worlds
+from wasd_bringup.tools.recording.bag_writer import RecordingError
+from wasd_bringup.tools.recording.reader import (
     BagReader,
     DESCRIPTION,
     read_commands,
@@ -34,12 +39,7 @@ from wasd_bringup.recording.reader import (
     robot_topics,
     TRUTH,
 )
-from wasd_bringup.recording.recorder import PublisherTap
-from wasd_bringup.ros.face import make_ros_run
-from wasd_bringup.ros.home import with_own_frames
-from wasd_bringup.run.inputs import BoxPlayer, ScriptedBox
-from wasd_bringup.run.options import keep_alone, read_number, RunOptions
-from wasd_bringup.run.worlds import build_worlds
+from wasd_bringup.tools.recording.recorder import PublisherTap
 
 
 class PathComparison:
@@ -253,7 +253,7 @@ def _drive(
         run = make_ros_run(options, visuals=viewer != 'none')
         if viewer != 'none':
             # Here, because only a viewer needs it.
-            from wasd_bringup.cockpit.bridge import open_view
+            from wasd_bringup.page.bridge import open_view
 
             print(f'viewer: {open_view(run, viewer)}', flush=True)
         run.run(stop)

@@ -18,7 +18,7 @@ from teleop_keyboard.keymap import on_layout
 from wasd_cockpit.link import Choice, KeyCap, Marks, Order, Setting, Stick, StickUse
 from wasd_core.rotations import matrix_from_quaternion
 
-from wasd_bringup.cockpit.described import Described, keymap_caps, Motion, Numbers
+from wasd_bringup.page.described import Described, keymap_caps, Motion, Numbers
 from wasd_bringup.run.go2 import Go2
 
 

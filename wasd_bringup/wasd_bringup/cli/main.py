@@ -20,7 +20,7 @@ from wasd_core.network import check_middleware
 from wasd_core.shared_memory import look_before_ros
 from wasd_core.streams import lost_output, OutputLost, prepare_streams, print_error
 
-from wasd_bringup.parsers import (
+from wasd_bringup.cli.parsers import (
     add_both_options,
     add_calibrate_options,
     add_graph_commands,
@@ -156,22 +156,22 @@ def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
         from robot_description.mujoco import choose_renderer
 
         choose_renderer()  # before mujoco is imported
-        from wasd_bringup.demo import demo_command
+        from wasd_bringup.cli.demo import demo_command
 
         return demo_command(arguments.output)
     if arguments.command == 'calibrate':
-        from wasd_bringup.calibrate import calibrate_command
+        from wasd_bringup.tools.calibrate import calibrate_command
 
         return calibrate_command(arguments)
     if arguments.command == 'replay':
-        from wasd_bringup.recording.replay import replay_command
+        from wasd_bringup.tools.recording.replay import replay_command
 
         return replay_command(arguments)
     if 'looks_into_graph' in arguments:
-        from wasd_bringup.graph.commands import run_graph_command
+        from wasd_bringup.tools.graph.commands import run_graph_command
 
         return run_graph_command(arguments)
-    from wasd_bringup.run_command import run_command
+    from wasd_bringup.cli.run_command import run_command
 
     return run_command(arguments, ros_arguments)
 
@@ -240,7 +240,7 @@ def _run(folder: str, module: str, *arguments: str) -> int:
 
 
 def _clone(folder: str) -> Path:
-    root = Path(__file__).resolve().parents[2]
+    root = Path(__file__).resolve().parents[3]
     if not (root / folder).is_dir():
         raise UserError(f'{folder}/ comes with a clone of the repository; none at {root}')
     return root

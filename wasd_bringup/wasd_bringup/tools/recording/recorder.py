@@ -20,8 +20,8 @@ from wasd_core.output_file import OutputFile
 from wasd_core.topics import LoopbackSubscription
 import yaml
 
-from wasd_bringup.messages import cdr_end, type_name
-from wasd_bringup.recording.bag_writer import BagWriter, RecordingError
+from wasd_bringup.tools.messages import cdr_end, type_name
+from wasd_bringup.tools.recording.bag_writer import BagWriter, RecordingError
 
 SEPARATOR = '=' * 80
 # The type at the beginning of a field's line: package and name, or a name of the same package.

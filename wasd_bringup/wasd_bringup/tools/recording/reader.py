@@ -23,11 +23,11 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_core.errors import one_line
 
-from wasd_bringup.recording.bag_writer import new_writer, RECORD_NAME, RecordingError
-from wasd_bringup.recording.recorder import EVENTS
 from wasd_bringup.robots import BOTH, ROBOTS
 from wasd_bringup.run.inputs import box_text, Command, parse_box, parse_push, push_text
 from wasd_bringup.run.options import RunOptions
+from wasd_bringup.tools.recording.bag_writer import new_writer, RECORD_NAME, RecordingError
+from wasd_bringup.tools.recording.recorder import EVENTS
 
 
 class Topic(NamedTuple):

@@ -18,7 +18,7 @@ from mujoco_sim.scene import WORLDS as PLAIN
 from mujoco_sim.viewer.server import HOST
 from wasd_cockpit.link import Start
 
-from wasd_bringup.parsers import called
+from wasd_bringup.cli.parsers import called
 from wasd_bringup.robots import BOTH, ROBOTS
 from wasd_bringup.run.options import RunOptions
 

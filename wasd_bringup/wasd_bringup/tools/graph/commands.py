@@ -20,9 +20,9 @@ from wasd_core.streams import print_error
 from wasd_core.topics import RELIABLE
 import yaml
 
-from wasd_bringup.graph.listener import TopicListener
-from wasd_bringup.graph.rate import RateMeter
-from wasd_bringup.graph.ros_graph import (
+from wasd_bringup.tools.graph.listener import TopicListener
+from wasd_bringup.tools.graph.rate import RateMeter
+from wasd_bringup.tools.graph.ros_graph import (
     find_type,
     full_name,
     Interrupted,
@@ -31,7 +31,7 @@ from wasd_bringup.graph.ros_graph import (
     POLL_PERIOD,
     RosGraph,
 )
-from wasd_bringup.messages import field_of, fill, SHOWN_LENGTH, to_yaml, type_name
+from wasd_bringup.tools.messages import field_of, fill, SHOWN_LENGTH, to_yaml, type_name
 
 # A rate is printed so often [s].
 HZ_PERIOD = 1.0

@@ -5,7 +5,7 @@ import numpy as np
 from wasd_cockpit.link import Marks, Setting
 from wasd_core.rotations import yaw_matrix
 
-from wasd_bringup.cockpit.described import Described, Motion
+from wasd_bringup.page.described import Described, Motion
 from wasd_bringup.robots import MODES
 from wasd_bringup.run.mbot import Mbot
 

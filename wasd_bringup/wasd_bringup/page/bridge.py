@@ -25,8 +25,8 @@ from wasd_core.errors import UserError
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.timing import HELD, RELEASE, split_event
 
-from wasd_bringup.anew import Anew, page_port
-from wasd_bringup.cockpit.described import Described
+from wasd_bringup.page.anew import Anew, page_port
+from wasd_bringup.page.described import Described
 from wasd_bringup.robots import load_class
 from wasd_bringup.run.report import SAMPLE_PERIOD
 from wasd_bringup.run.robot import Robot
