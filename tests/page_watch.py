@@ -9,10 +9,9 @@ import json
 from pathlib import Path
 import sys
 
+from wasd_bringup.cli import main
 from wasd_cockpit.cockpit import Cockpit
 from wasd_cockpit.widgets import Rect
-
-from wasd_bringup import cli
 
 
 def tell_rectangles(path: Path) -> None:
@@ -34,4 +33,4 @@ def tell_rectangles(path: Path) -> None:
 
 if __name__ == '__main__':
     tell_rectangles(Path(sys.argv[1]))
-    sys.exit(cli.main(sys.argv[2:]))
+    sys.exit(main(sys.argv[2:]))

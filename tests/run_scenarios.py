@@ -20,9 +20,9 @@ from typing import Any
 
 from page_puppet import code, PagePuppet, SCENE
 from wasd_bringup.cli import make_parser
+from wasd_bringup.cli.options import read_options
 from wasd_bringup.page.bridge import open_view
 from wasd_bringup.ros.face import make_ros_run
-from wasd_bringup.run.options import read_options
 from wasd_bringup.run.run import Run
 from wasd_core.node import init_ros
 

@@ -8,8 +8,9 @@ from mujoco_sim.scene import TERRAINS
 from mujoco_sim.scene import WORLDS as PLAIN
 import pytest
 from wasd_bringup.cli import make_parser
+from wasd_bringup.cli.options import read_options
 from wasd_bringup.page.anew import Anew, page_port, words_anew, WORLDS
-from wasd_bringup.run.options import read_options, RunOptions
+from wasd_bringup.run.options import RunOptions
 from wasd_core.output_file import OutputFile
 
 USUAL = RunOptions(robot='go2', description='go2', words=('go2',))

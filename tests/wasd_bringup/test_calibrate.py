@@ -9,10 +9,9 @@ from diff_drive_sim.controller_file import read_controller_file
 import numpy as np
 import pytest
 from wasd_bringup.cli import main
+from wasd_bringup.tools import calibrate
 from wasd_bringup.tools.calibrate import to_yaml
 from wasd_core.errors import UserError
-
-from wasd_bringup.tools import calibrate
 
 pytestmark = pytest.mark.slow
 

@@ -9,9 +9,8 @@ from pathlib import Path
 from mujoco_sim.parameters import Payload, Untold
 import pytest
 from wasd_bringup.cli import make_parser
-from wasd_bringup.cli.parsers import add_run_options
-from wasd_bringup.robots import GO2, MBOT
-from wasd_bringup.run.options import AFTERGLOW, read_options
+from wasd_bringup.cli.options import add_run_options, read_options
+from wasd_bringup.run.options import AFTERGLOW
 from wasd_bringup.tools.recording.reader import describe_run, recorded_options
 from wasd_core.errors import UserError
 
@@ -21,7 +20,7 @@ def read(tmp_path, monkeypatch):
     """Return a function that reads options in a folder of its own."""
     monkeypatch.chdir(tmp_path)
     parser = argparse.ArgumentParser()
-    add_run_options(parser, GO2)
+    add_run_options(parser, 'go2')
     return lambda *words: read_options(parser.parse_args(words))
 
 
@@ -45,7 +44,7 @@ def test_defaults_are_those_of_the_contract(read):
 
 def test_a_wheeled_robot_has_no_estimator_to_choose():
     parser = argparse.ArgumentParser()
-    add_run_options(parser, MBOT)
+    add_run_options(parser, 'mbot')
     assert read_options(parser.parse_args([])).estimator == 'kalman'
     with pytest.raises(SystemExit):
         parser.parse_args(['--estimator', 'truth'])

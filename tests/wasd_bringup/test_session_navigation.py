@@ -9,12 +9,11 @@ from navigation_stand_ins import StandInLocator, StandInPilot
 import numpy as np
 import pytest
 from std_msgs.msg import String
-from wasd_bringup.cli.parsers import add_both_options, add_run_options
+from wasd_bringup.cli.options import add_run_options, read_options
 from wasd_bringup.page.bridge import CockpitBridge
-from wasd_bringup.robots import MBOT
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.run.inputs import SWITCH_KEY
-from wasd_bringup.run.options import read_options, RunOptions
+from wasd_bringup.run.options import RunOptions
 from wasd_cockpit.link import Order, Stick
 from wasd_core.errors import UserError
 
@@ -386,7 +385,7 @@ def read():
 
     def read(*words, both=False):
         parser = argparse.ArgumentParser()
-        add_both_options(parser) if both else add_run_options(parser, MBOT)
+        add_run_options(parser, 'both' if both else 'mbot')
         return read_options(parser.parse_args(words))
 
     return read

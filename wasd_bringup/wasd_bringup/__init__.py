@@ -14,7 +14,7 @@ _HOMES = {
     'RunOptions': 'run.options',
     'main': 'cli',
     'make_parser': 'cli',
-    'read_options': 'run.options',
+    'read_options': 'cli.options',
 }
 __all__ = list(_HOMES)  # noqa: PLE0605
 __getattr__ = load_lazily(__name__, _HOMES)

@@ -6,14 +6,11 @@ A row is all that such a robot needs: `wasd NAME` with its options and help, its
 its place beside others. This module loads neither ROS nor the simulator.
 """
 
-import argparse
-from collections.abc import Callable
 from dataclasses import dataclass
 import importlib
 from typing import Any
 
 from quadruped_sim.keys import GAIT_KEYS, STATE_KEYS, STICK_KEYS
-from quadruped_sim.presets import GAITS, LIMITS
 from teleop_keyboard.keymap import on_layout
 from teleop_keyboard.keymap_file import load_preset
 
@@ -33,62 +30,8 @@ UNITREE_FIRST_KEYS = (
 # `sim` is the first of them, as a word for beginners.
 MODES = ('sim', *DRIVE_MODES)
 
-Parser = argparse.ArgumentParser
-
-
-def add_legged_options(parser: Parser) -> None:
-    """Declare what the commands of legged robots have, also the one of several robots."""
-    parser.add_argument(
-        '--estimator',
-        choices=('kalman', 'truth'),
-        default='kalman',
-        help='what feeds the controller: IMU and legs (default), or the simulator without noise',
-    )
-    parser.add_argument(
-        '--imu-drift',
-        default='1',
-        metavar='TIMES',
-        help="how many times that of a good MEMS the IMU's drift is; 0: none (default 1)",
-    )
-    parser.add_argument(
-        '--randomise',
-        default='0',
-        metavar='LEVEL',
-        help='0 to 1: how much mass, friction, motors, delays and noise differ at random, by '
-        '--seed and unknown to the controller (default 0)',
-    )
-    parser.add_argument(
-        '--gait',
-        choices=GAITS,
-        help='which feet step together; n chooses the next while it moves (default: trot)',
-    )
-    parser.add_argument(
-        '--limits',
-        choices=LIMITS,
-        help="full stick: good on any ground (sport, default), unitree_guide's, or all that a "
-        'good floor allows (race)',
-    )
-
-
-def _add_leg_options(parser: Parser) -> None:
-    add_legged_options(parser)
-    parser.add_argument(
-        '--controller', metavar='FILE', help="YAML with the leg controller's parameters"
-    )
-
-
-def _add_wheel_options(parser: Parser) -> None:
-    parser.add_argument(
-        '--mode',
-        choices=MODES,
-        help='fake: no physics, wheels do as told; sim: physics, a PID loop turns the wheels '
-        '(float; default); arbotix: physics, and the integer loop of the ArbotiX board',
-    )
-    parser.add_argument(
-        '--controller',
-        metavar='FILE',
-        help="YAML with the drive's parameters: arbotix's, ros2_controllers' or your own",
-    )
+# What kinds of robots call the options of their own; of one robot alone.
+LEGS, LEGS_ALONE, WHEELS = 'legs', 'legs alone', 'wheels'
 
 
 @dataclass(frozen=True)
@@ -101,7 +44,7 @@ class Kind:
     """
 
     robot: str
-    add_options: Callable[[Parser], None] = lambda parser: None
+    options: tuple[str, ...] = ()  # see `Option.of`
     face: str = 'wasd_bringup.ros.controllers:ControllerFace'
     cockpit: str = 'wasd_bringup.page.described:Described'
     controller: str = 'controller'
@@ -110,7 +53,7 @@ class Kind:
 
 LEGGED = Kind(
     robot='wasd_bringup.run.go2:Go2',
-    add_options=_add_leg_options,
+    options=(LEGS, LEGS_ALONE),
     face='wasd_bringup.ros.controllers:LegsFace',
     cockpit='wasd_bringup.page.legs:Legs',
     controller='leg_controller',
@@ -118,7 +61,7 @@ LEGGED = Kind(
 )
 WHEELED = Kind(
     robot='wasd_bringup.run.mbot:Mbot',
-    add_options=_add_wheel_options,
+    options=(WHEELS,),
     face='wasd_bringup.ros.controllers:WheelsFace',
     cockpit='wasd_bringup.page.wheels:Wheels',
     controller='diff_drive_controller',

@@ -20,12 +20,11 @@ from wasd_core.network import check_middleware
 from wasd_core.shared_memory import look_before_ros
 from wasd_core.streams import lost_output, OutputLost, prepare_streams, print_error
 
+from wasd_bringup.cli.options import add_run_options
 from wasd_bringup.cli.parsers import (
-    add_both_options,
     add_calibrate_options,
     add_graph_commands,
     add_replay_options,
-    add_run_options,
     called,
     describe_examples,
     run_epilog,
@@ -55,9 +54,9 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument('--version', action='version', version=f'wasd {version()}')
     commands = parser.add_subparsers(dest='command', required=True, metavar='COMMAND')
     for row in ROBOTS.values():
-        add_run_options(_add_run(commands, row.name, row.summary), row)
+        add_run_options(_add_run(commands, row.name, row.summary), row.name)
     both = 'drive both in one world; TAB goes from one to the other'
-    add_both_options(_add_run(commands, BOTH, both))
+    add_run_options(_add_run(commands, BOTH, both), BOTH)
     demo = commands.add_parser(
         'demo', help='a scripted tour; writes pictures and a table', allow_abbrev=False
     )

@@ -6,20 +6,9 @@ from importlib import metadata
 import os
 from typing import Any
 
-from mujoco_sim.parameters import HEAVIEST, WORLD_NAMES
-from teleop_keyboard.keymap import LAYOUTS
-
-from wasd_bringup.robots import (
-    add_legged_options,
-    BOTH,
-    MBOT,
-    preset_help,
-    RobotRow,
-    ROBOTS,
-    robots_of,
-)
+from wasd_bringup.cli.options import VIEWERS
+from wasd_bringup.robots import BOTH, MBOT, preset_help, ROBOTS, robots_of
 from wasd_bringup.run.inputs import KEY_LINE, SWITCH_LINE
-from wasd_bringup.run.options import RANGES
 
 Examples = tuple[tuple[str, str], ...]
 
@@ -78,195 +67,6 @@ def version() -> str:
     return 'of unknown version'
 
 
-VIEWERS = ('web', 'native', 'none')
-
-
-def add_run_options(parser: argparse.ArgumentParser, row: RobotRow) -> None:
-    """Declare the options of a robot's command."""
-    parser.set_defaults(robot=row.name)
-    _add_description(parser, row.description)
-    parser.add_argument(
-        '--xacro-arg',
-        action='append',
-        default=[],
-        metavar='NAME:=VALUE',
-        help='an argument of the xacro file (repeatable)',
-    )
-    parser.add_argument(
-        '--strict',
-        action='store_true',
-        help='refuse a description whose meshes are not where it says',
-    )
-    parser.add_argument(
-        '--preset', default=row.preset, metavar='NAME', help=f'keymap (default: {row.preset})'
-    )
-    parser.add_argument('--twist', metavar='FILE', help='scripted velocities: "t vx vy wz"')
-    parser.add_argument(
-        '--push',
-        action='append',
-        default=[],
-        metavar='"T FX FY FZ S"',
-        help='a force on the robot, world frame [N] (repeatable); with three more numbers at a '
-        "point of the base's frame [m] instead of the centre of mass",
-    )
-    parser.add_argument(
-        '--payload',
-        metavar='KG[@X,Y,Z]',
-        help=f'a load on the base, <= {HEAVIEST:g} kg (a Go2 carries 8), in its frame [m], '
-        'unknown to the controller (default: none; at the origin)',
-    )
-    _add_shared_options(parser)
-    row.kind.add_options(parser)
-
-
-def _add_description(parser: argparse.ArgumentParser, default: str) -> None:
-    parser.add_argument(
-        '--description',
-        default=default,
-        metavar='PATH',
-        help='a xacro or URDF of your own',
-    )
-    parser.add_argument(
-        '--package-path',
-        action='append',
-        default=[],
-        metavar='DIR',
-        help='where package:// and $(find) look first (repeatable)',
-    )
-
-
-def add_both_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of the command for several robots, which are the built-in ones."""
-    parser.set_defaults(
-        robot=BOTH,
-        description=BOTH,
-        package_path=[],
-        xacro_arg=[],
-        strict=False,
-        preset='',
-        twist=None,
-        push=[],
-        payload=None,
-    )
-    _add_shared_options(parser)
-    add_legged_options(parser)
-
-
-def _add_shared_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of a run, whoever runs."""
-    parser.add_argument(
-        '--viewer',
-        choices=VIEWERS,
-        help='web: a page on 127.0.0.1; native: a window (default: web on a terminal, else none)',
-    )
-    parser.add_argument(
-        '--port', type=int, default=0, metavar='N', help='port of the page (default: 8080 or next)'
-    )
-    parser.add_argument(
-        '--no-open',
-        action='store_true',
-        help='print where the page is, but do not open it in your browser',
-    )
-    _add_world(parser)
-    parser.add_argument(
-        '--layout', choices=LAYOUTS, default='qwerty', help='your keyboard (default: qwerty)'
-    )
-    _add_guests(parser)
-    _add_navigation(parser)
-    parser.add_argument('--play', metavar='FILE', help='scripted keys: lines "t key [key ...]"')
-    parser.add_argument('--duration', metavar='S', help='stop after S simulated seconds')
-    parser.add_argument(
-        '--speed',
-        default='1',
-        metavar='X',
-        help='real-time factor aimed at; 0: as fast as it goes (default 1)',
-    )
-    parser.add_argument('--seed', type=int, default=0, metavar='N', help='seed (default 0)')
-    parser.add_argument(
-        '--friction',
-        metavar='MU',
-        help='of feet or wheels on any floor, unknown to the controller (default: the robot file)',
-    )
-    parser.add_argument(
-        '--discovery',
-        choices=RANGES,
-        help='who may join over ROS: nobody, this machine, the network (default: localhost, or as '
-        'ROS_AUTOMATIC_DISCOVERY_RANGE says; off for a script at --speed 0)',
-    )
-    parser.add_argument(
-        '--no-ros', action='store_true', help='run without ROS: no topics, no recording'
-    )
-    parser.add_argument('--save-keys', metavar='FILE', help='write the keys, as --play reads them')
-    parser.add_argument('--record', metavar='FILE.mcap', help='record every topic')
-    parser.add_argument('--report', metavar='FILE', help='write what happened as JSON')
-
-
-def _add_navigation(parser: argparse.ArgumentParser) -> None:
-    """Declare what is for mapping and driving to points."""
-    parser.add_argument(
-        '--map',
-        nargs='?',
-        const='',
-        metavar='FILE.yaml',
-        help='map while driving, or find the way in a map that was saved; a click on the floor '
-        'of the panel Map is a goal, and in the scene with the pointer of the panel View',
-    )
-    parser.add_argument(
-        '--save-map', metavar='NAME', help='write the map in the end: NAME.yaml and NAME.pgm'
-    )
-    parser.add_argument(
-        '--goal',
-        action='append',
-        default=[],
-        metavar='"X Y [YAW]"',
-        help='drive there in the map [m, rad], as soon as it can (repeatable: one after another)',
-    )
-
-
-# Where Foxglove looks first.
-FOXGLOVE_PORT = 8765
-
-
-def _add_world(parser: argparse.ArgumentParser) -> None:
-    """Declare what is around the robot."""
-    parser.add_argument(
-        '--world', default='flat', metavar='NAME|FILE', help=f'{WORLD_NAMES}, or a model file'
-    )
-    parser.add_argument(
-        '--box',
-        action='append',
-        default=[],
-        metavar='"T X Y"',
-        help='a box that stands there [m] from T [s] on (repeatable); then its yaw [rad], length '
-        'and width [m], if you like',
-    )
-
-
-def _add_guests(parser: argparse.ArgumentParser) -> None:
-    """Declare who else may drive, and how a stop ends."""
-    parser.add_argument(
-        '--latched',
-        action='store_true',
-        help='an E-STOP (ESC, the page, topic, service) holds until ENTER, the page or a service '
-        'releases it',
-    )
-    parser.add_argument(
-        '--gamepad',
-        nargs='?',
-        const='',
-        metavar='DEVICE',
-        help='a gamepad drives, too (default: the first /dev/input/js*, whenever it comes)',
-    )
-    parser.add_argument(
-        '--foxglove',
-        nargs='?',
-        type=int,
-        const=FOXGLOVE_PORT,
-        metavar='PORT',
-        help=f'every topic for Foxglove, which may drive, too (default port: {FOXGLOVE_PORT})',
-    )
-
-
 def add_replay_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of a replay."""
     parser.add_argument('file', metavar='FILE.mcap', help='what --record wrote')
@@ -284,7 +84,19 @@ def add_replay_options(parser: argparse.ArgumentParser) -> None:
 
 def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `wasd calibrate`."""
-    _add_description(parser, MBOT.description)
+    parser.add_argument(
+        '--description',
+        default=MBOT.description,
+        metavar='PATH',
+        help='a xacro or URDF of your own',
+    )
+    parser.add_argument(
+        '--package-path',
+        action='append',
+        default=[],
+        metavar='DIR',
+        help='where package:// and $(find) look first (repeatable)',
+    )
     parser.add_argument(
         '--controller', metavar='FILE', help="YAML with the drive's parameters, to be calibrated"
     )

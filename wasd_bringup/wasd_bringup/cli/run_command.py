@@ -20,8 +20,9 @@ from wasd_core.errors import attempt_all, Stopped, UserError
 from wasd_core.signals import last_status, StopSignals
 from wasd_core.streams import never_wait
 
+from wasd_bringup.cli.options import read_options
 from wasd_bringup.page.anew import become
-from wasd_bringup.run.options import choose_range, read_options, RunOptions
+from wasd_bringup.run.options import choose_range, RunOptions
 from wasd_bringup.run.run import Run
 
 # Options that only ROS serves.
@@ -46,7 +47,7 @@ def run_command(arguments: argparse.Namespace, ros_arguments: Sequence[str] = ()
             'no terminal for the keys: give --play FILE, --twist FILE, --duration S, '
             '--viewer web, --gamepad, --foxglove, or pipe keys into standard input'
         )
-    uses_ros = _uses_ros(arguments.no_ros, options, ros_arguments)
+    uses_ros = _uses_ros(options, ros_arguments)
     choose_range(options.discovery, options.scripted and options.speed == 0.0)
     with (
         _place(uses_ros, options, ros_arguments),
@@ -99,7 +100,7 @@ class PlainHome:
         """Nothing is around it."""
 
 
-def _uses_ros(refused: bool, options: RunOptions, ros_arguments: Sequence[str]) -> bool:
+def _uses_ros(options: RunOptions, ros_arguments: Sequence[str]) -> bool:
     """
     Return whether a run is on ROS: where that is installed, unless it is refused.
 
@@ -107,14 +108,14 @@ def _uses_ros(refused: bool, options: RunOptions, ros_arguments: Sequence[str]) 
         UserError: it is not, and something was asked for that needs it.
     """
     is_there = importlib.util.find_spec('rclpy') is not None
-    if is_there and not refused:
+    if is_there and options.uses_ros:
         return True
-    why = '--no-ros' if refused else 'rclpy is not installed'
+    why = 'rclpy is not installed' if options.uses_ros else '--no-ros'
     asked = [f'--{name}' for name in NEED_ROS if getattr(options, name) is not None]
     asked += ['--ros-args'] * bool(ros_arguments)
     if asked:
         raise UserError(f'{asked[0]} needs ROS, and this run is without ({why})')
-    if not refused:
+    if options.uses_ros:
         print('wasd: runs without ROS (rclpy is not installed)', file=sys.stderr, flush=True)
     return False
 

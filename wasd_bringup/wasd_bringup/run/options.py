@@ -1,56 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run is asked to be: the options of `wasd go2` and the like, checked and read."""
+"""What a run is asked to be: the options of `wasd go2` and the like, as they were read."""
 
-import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-import errno
 import functools
 import math
 import os
 from pathlib import Path
-import stat
 from typing import TYPE_CHECKING
 
-from mujoco_sim.parameters import Payload, Untold
-from teleop_keyboard.key_script import KeyPress, parse_key_script
-from wasd_core.errors import DescriptionError, one_line, UserError
+from mujoco_sim.parameters import Untold
+from teleop_keyboard.key_script import KeyPress
 from wasd_core.network import SAYS_WHO, set_range
-from wasd_core.output_file import check_apart, OutputFile
-from wasd_core.safe_files import read_file
+from wasd_core.output_file import OutputFile
 
 from wasd_bringup.robots import BOTH, ROBOTS, robots_of, WHEELED
-from wasd_bringup.run.inputs import (
-    Command,
-    Goal,
-    parse_box,
-    parse_goal,
-    parse_push,
-    parse_twist_script,
-    ScriptedBox,
-    ScriptedPush,
-    ScriptedTwist,
-)
+from wasd_bringup.run.inputs import Command, Goal, ScriptedBox, ScriptedPush, ScriptedTwist
 
 if TYPE_CHECKING:
     from diff_drive_sim.controller_file import ControllerFile
 
 # What a namespace keeps apart, too: a robot alone in its world has its own time and frames.
 NAMESPACED = (('/clock', 'clock'), ('/tf', 'tf'), ('/tf_static', 'tf_static'))
-# A seed is a parameter, too, of 64 bits.
-MOST_SEED = 2**63 - 1
 # Values of --discovery; rcl knows them in capitals.
 RANGES = ('off', 'localhost', 'subnet')
-# So long a run may be asked for [s]: thirty years.
-LONGEST_RUN = 1e9
 # A scripted run without --duration goes on for so long after its last line [s].
 AFTERGLOW = 2.0
-
-# Options that a run takes as they were given.
-AS_GIVEN = (
-    *('robot', 'description', 'strict', 'world', 'preset', 'layout', 'viewer', 'port'),
-    *('seed', 'discovery', 'gamepad', 'foxglove', 'latched'),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +57,7 @@ class RunOptions:
     save_keys: OutputFile | None = None
     # Whether Session.report has samples; with a report to write they are kept anyway.
     samples: bool = False
+    uses_ros: bool = True
     discovery: str | None = None
     estimator: str = 'kalman'
     limits: str | None = None
@@ -177,191 +153,6 @@ class RunOptions:
             )
             for row in robots_of(self.robot)
         )
-
-
-# A script of keys that were held for a day has 70 MB [bytes].
-LARGEST_SCRIPT = 100_000_000
-
-
-def read_options(arguments: argparse.Namespace) -> RunOptions:
-    """
-    Check the parsed options and read the files they name.
-
-    Raises:
-        UserError, KeyScriptError: what is wrong, in one line.
-    """
-    _check_whole_numbers(arguments)
-    keys = twists = None
-    if arguments.play is not None:
-        keys = tuple(parse_key_script(_read(arguments.play, '--play'), arguments.play))
-    if arguments.twist is not None:
-        twists = tuple(parse_twist_script(_read(arguments.twist, '--twist'), arguments.twist))
-    duration = math.inf
-    if arguments.duration is not None:
-        duration = read_number(arguments.duration, '--duration')
-        if duration > LONGEST_RUN:
-            raise UserError(f'--duration: got {duration:g}, wanted at most {LONGEST_RUN:g} s')
-    elif keys is not None or twists is not None:
-        times = [press.time for press in keys or ()] + [twist.time for twist in twists or ()]
-        duration = AFTERGLOW + max(times, default=0.0)
-    outputs = _outputs(arguments)
-    _check_navigation(arguments)
-    return RunOptions(
-        **{name: getattr(arguments, name) for name in AS_GIVEN},
-        package_path=read_folders(arguments.package_path),
-        xacro_arguments=dict(_assignment(text) for text in arguments.xacro_arg),
-        opens_page=not arguments.no_open,
-        keys=keys,
-        twists=twists,
-        pushes=tuple(parse_push(text) for text in arguments.push),
-        boxes=tuple(parse_box(text) for text in arguments.box),
-        duration=duration,
-        speed=read_number(arguments.speed, '--speed'),
-        untold=_untold(arguments),
-        record=outputs['record'],
-        report=outputs['report'],
-        save_keys=outputs['save_keys'],
-        map=_map(arguments),
-        save_map=None if arguments.save_map is None else arguments.save_map.removesuffix('.yaml'),
-        goals=tuple(parse_goal(text) for text in arguments.goal),
-        estimator=getattr(arguments, 'estimator', 'kalman'),
-        limits=getattr(arguments, 'limits', None),
-        gait=getattr(arguments, 'gait', None),
-        mode=getattr(arguments, 'mode', None),
-        controller=_file(getattr(arguments, 'controller', None), '--controller'),
-    )
-
-
-def _check_whole_numbers(arguments: argparse.Namespace) -> None:
-    if not 0 <= arguments.seed <= MOST_SEED:
-        raise UserError(f'--seed: got {arguments.seed}, wanted 0 to {MOST_SEED}')
-    for name in ('port', 'foxglove'):
-        port = getattr(arguments, name)
-        if port is not None and not 0 <= port <= 65535:
-            raise UserError(f'--{name}: got {port}, wanted 0 to 65535')
-
-
-def _map(arguments: argparse.Namespace) -> str | None:
-    """Return the map to localise in, '' to make one, None for neither."""
-    if arguments.map:
-        _file(arguments.map, '--map')
-    asks = arguments.save_map is not None or arguments.goal
-    return '' if arguments.map is None and asks else arguments.map
-
-
-def _check_navigation(arguments: argparse.Namespace) -> None:
-    if arguments.robot == BOTH and (arguments.map or arguments.save_map or arguments.goal):
-        raise UserError(
-            '--map FILE, --save-map and --goal are for one robot: wasd go2, or wasd mbot '
-            '(wasd both takes --map alone: each robot makes a map of its own)'
-        )
-
-
-def _read(path: str, option: str) -> str:
-    try:
-        # For the system's own words; without a wait for who writes to a pipe.
-        open(path, 'rb', opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)).close()
-        # As some editors save it, a text begins with a byte order mark.
-        return read_file(Path(path), LARGEST_SCRIPT).decode('utf-8-sig')
-    except UnicodeDecodeError:
-        raise UserError(f'{option} {path}: not a text file') from None
-    except DescriptionError as error:
-        raise UserError(f'{option} {error}') from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise UserError(f'{option} {path}: {one_line(error)}') from None
-
-
-def _file(path: str | None, option: str) -> Path | None:
-    if path is not None and not stat.S_ISREG(_mode(path, option, 'file')):
-        raise UserError(f'{option} {path}: is no file')
-    return None if path is None else Path(path)
-
-
-def _mode(path: str, option: str, kind: str) -> int:
-    """Return what a path leads to, and its permissions, as stat does."""
-    try:
-        return os.stat(path).st_mode
-    except (FileNotFoundError, NotADirectoryError):
-        raise UserError(f'{option} {path}: no such {kind}') from None
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise UserError(f'{option} {path}: {one_line(error)}') from None
-
-
-def read_number(text: str, option: str) -> float:
-    """
-    Return the value of an option.
-
-    Raises:
-        UserError: it is not a number >= 0.
-    """
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value >= 0.0):
-        raise UserError(f'{option}: got {text!r}, wanted a number >= 0')
-    return value
-
-
-def _untold(arguments: argparse.Namespace) -> Untold:
-    text = arguments.friction
-    friction = None if text is None else read_number(text, '--friction')
-    level = read_number(getattr(arguments, 'randomise', '0'), '--randomise')
-    drift = read_number(getattr(arguments, 'imu_drift', '1'), '--imu-drift')
-    try:
-        payload = None if arguments.payload is None else Payload.parse(arguments.payload)
-        return Untold(friction=friction, payload=payload, randomise=level, imu_drift=drift)
-    except UserError as error:
-        raise UserError(f'--{error}') from None
-
-
-def read_folders(paths: Sequence[str]) -> tuple[Path, ...]:
-    """
-    Return the folders of --package-path.
-
-    Raises:
-        UserError: one is none.
-    """
-    for path in paths:
-        if not stat.S_ISDIR(_mode(path, '--package-path', 'folder')):
-            raise UserError(f'--package-path {path}: no such folder')
-        if not os.access(path, os.R_OK | os.X_OK):
-            raise UserError(f'--package-path {path}: {os.strerror(errno.EACCES)}')
-    return tuple(Path(path).resolve() for path in paths)
-
-
-def _assignment(text: str) -> tuple[str, str]:
-    name, separator, value = text.partition(':=')
-    if not name or not separator:
-        raise UserError(f'--xacro-arg {text}: wanted NAME:=VALUE')
-    return name, value
-
-
-def _outputs(arguments: argparse.Namespace) -> dict[str, OutputFile | None]:
-    """
-    Return where files go; says now, not after the run, that one cannot be written.
-
-    Raises:
-        OutputError: why not, or that it is an input, or another output.
-    """
-    outputs = {}
-    for name in ('record', 'report', 'save_keys'):
-        path = getattr(arguments, name)
-        option = f'--{name.replace("_", "-")}'
-        outputs[name] = None if path is None else OutputFile(path, option)
-    maps: tuple[OutputFile, ...] = ()
-    if getattr(arguments, 'save_map', None) is not None:
-        # Here, because few runs save a map.
-        from wasd_navigation.mapping import map_outputs
-
-        maps = map_outputs(Path(arguments.save_map), '--save-map')
-    inputs = []
-    for name in ('play', 'twist', 'controller', 'description', 'preset', 'world', 'map'):
-        path = getattr(arguments, name, None)
-        if path is not None and os.path.exists(path):
-            inputs.append((f'--{name}', path))
-    check_apart([output for output in (*outputs.values(), *maps) if output is not None], inputs)
-    return outputs
 
 
 def keep_alone() -> None:

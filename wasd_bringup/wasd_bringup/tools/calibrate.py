@@ -22,9 +22,10 @@ from wasd_core.signals import StopSignals
 from wasd_core.streams import offer
 import yaml
 
+from wasd_bringup.cli.options import read_folders
 from wasd_bringup.robots import MBOT
 from wasd_bringup.run.inputs import TWIST_RATE
-from wasd_bringup.run.options import read_folders, RunOptions
+from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
 
 # Commands last whole periods of the stream they are sent in [s].

@@ -23,10 +23,11 @@ from std_msgs.msg import String
 from wasd_core.node import init_ros
 from wasd_core.signals import StopSignals
 
+from wasd_bringup.cli.options import read_number
 from wasd_bringup.ros.face import make_ros_run
 from wasd_bringup.ros.home import with_own_frames
 from wasd_bringup.run.inputs import BoxPlayer, ScriptedBox
-from wasd_bringup.run.options import keep_alone, read_number, RunOptions
+from wasd_bringup.run.options import keep_alone, RunOptions
 from wasd_bringup.run.worlds import build_worlds
 from wasd_bringup.tools.recording.bag_writer import RecordingError
 from wasd_bringup.tools.recording.reader import (

@@ -1,0 +1,543 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The options of a run: a row each, with its help and what it makes of a value.
+
+A row is all that an option needs: argparse, `--help` and `RunOptions` follow. Its default is that
+of the field in `RunOptions`.
+"""
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+import dataclasses
+from dataclasses import dataclass
+import errno
+from functools import partial
+import os
+from pathlib import Path
+import stat
+from typing import Any
+
+from mujoco_sim.parameters import HEAVIEST, Payload, Untold, WORLD_NAMES
+from quadruped_sim.presets import GAITS, LIMITS
+from teleop_keyboard.key_script import parse_key_script
+from teleop_keyboard.keymap import LAYOUTS
+from wasd_core.errors import DescriptionError, one_line, UserError
+from wasd_core.output_file import check_apart, OutputFile
+from wasd_core.safe_files import read_file
+
+from wasd_bringup.robots import BOTH, LEGS, LEGS_ALONE, MODES, RobotRow, ROBOTS, WHEELS
+from wasd_bringup.run.inputs import parse_box, parse_goal, parse_push, parse_twist_script
+from wasd_bringup.run.options import AFTERGLOW, RANGES, RunOptions
+
+# A seed is a parameter, too, of 64 bits.
+MOST_SEED = 2**63 - 1
+# So long a run may be asked for [s]: thirty years.
+LONGEST_RUN = 1e9
+# A script of keys that were held for a day has 70 MB [bytes].
+LARGEST_SCRIPT = 100_000_000
+# Where Foxglove looks first.
+FOXGLOVE_PORT = 8765
+VIEWERS = ('web', 'native', 'none')
+# Which commands have an option: every run, or those of one robot; a kind of robots names others.
+EVERY, ONE = 'every run', 'one robot'
+
+Read = Callable[[Any, str], Any]
+
+
+def as_given(value: Any, word: str) -> Any:
+    """Return the value of an option."""
+    return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Option:
+    """
+    One option: `read(value, word)` makes of what was given the value of a field of RunOptions.
+
+    `how` are argparse's words for it. A field with a dot is one of a part of RunOptions. `{name}`
+    in `help` is a fact of the robot's row; `usual` names the one that is the default.
+
+    Raises:
+        UserError: by `read`, what is wrong with the value.
+    """
+
+    word: str
+    help: str
+    field: str = ''  # the word's own name, where it is not said
+    read: Read = as_given
+    of: str = EVERY
+    usual: str = ''
+    how: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The field of RunOptions."""
+        return self.field or self.attribute
+
+    @property
+    def attribute(self) -> str:
+        """Where argparse keeps it."""
+        return self.word.removeprefix('--').replace('-', '_')
+
+    def add_to(self, parser: argparse.ArgumentParser, row: RobotRow | None) -> None:
+        """Declare it for the command of a robot, or of several."""
+        facts = {} if row is None else vars(row)
+        default = facts.get(self.usual) if self.usual else None
+        words = self.help.format_map(facts) if self.usual else self.help
+        parser.add_argument(self.word, default=default, help=words, **self.how)
+
+
+def read_text(path: str, word: str) -> str:
+    """
+    Return what a file says.
+
+    Raises:
+        UserError: it cannot be read, or is no text.
+    """
+    try:
+        # For the system's own words; without a wait for who writes to a pipe.
+        open(path, 'rb', opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)).close()
+        # As some editors save it, a text begins with a byte order mark.
+        return read_file(Path(path), LARGEST_SCRIPT).decode('utf-8-sig')
+    except UnicodeDecodeError:
+        raise UserError(f'{word} {path}: not a text file') from None
+    except DescriptionError as error:
+        raise UserError(f'{word} {error}') from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise UserError(f'{word} {path}: {one_line(error)}') from None
+
+
+def read_script(parse: Callable[[str, str], Sequence[Any]], path: str, word: str) -> Any:
+    """Return the events of a script."""
+    return tuple(parse(read_text(path, word), path))
+
+
+def read_each(parse: Callable[[str], Any], texts: Sequence[str], word: str) -> Any:
+    """Return what each of several values says."""
+    return tuple(map(parse, texts))
+
+
+def read_number(text: str, word: str, most: float = 0.0) -> float:
+    """
+    Return a number.
+
+    Raises:
+        UserError: it is not a number >= 0, or more than the `most` that there may be [s].
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < float('inf'):
+        raise UserError(f'{word}: got {text!r}, wanted a number >= 0')
+    if most and value > most:
+        raise UserError(f'{word}: got {value:g}, wanted at most {most:g} s')
+    return value
+
+
+def read_whole(most: int, value: int, word: str) -> int:
+    """
+    Return a whole number.
+
+    Raises:
+        UserError: it is not from 0 to the most.
+    """
+    if not 0 <= value <= most:
+        raise UserError(f'{word}: got {value}, wanted 0 to {most}')
+    return value
+
+
+def read_file_name(path: str, word: str) -> Path:
+    """
+    Return the path of a file.
+
+    Raises:
+        UserError: there is none.
+    """
+    if not stat.S_ISREG(_mode(path, word, 'file')):
+        raise UserError(f'{word} {path}: is no file')
+    return Path(path)
+
+
+def read_map(path: str, word: str) -> str:
+    """
+    Return the map to localise in; '' makes one.
+
+    Raises:
+        UserError: there is no such file.
+    """
+    if path:
+        read_file_name(path, word)
+    return path
+
+
+def read_folders(paths: Sequence[str], word: str = '--package-path') -> tuple[Path, ...]:
+    """
+    Return folders.
+
+    Raises:
+        UserError: one is none, or may not be entered.
+    """
+    for path in paths:
+        if not stat.S_ISDIR(_mode(path, word, 'folder')):
+            raise UserError(f'{word} {path}: no such folder')
+        if not os.access(path, os.R_OK | os.X_OK):
+            raise UserError(f'{word} {path}: {os.strerror(errno.EACCES)}')
+    return tuple(Path(path).resolve() for path in paths)
+
+
+def read_assignments(texts: Sequence[str], word: str) -> dict[str, str]:
+    """
+    Return names and values.
+
+    Raises:
+        UserError: a text is no NAME:=VALUE.
+    """
+    found = {}
+    for text in texts:
+        name, separator, value = text.partition(':=')
+        if not name or not separator:
+            raise UserError(f'{word} {text}: wanted NAME:=VALUE')
+        found[name] = value
+    return found
+
+
+def _mode(path: str, word: str, kind: str) -> int:
+    """Return what a path leads to, and its permissions, as stat does."""
+    try:
+        return os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        raise UserError(f'{word} {path}: no such {kind}') from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        raise UserError(f'{word} {path}: {one_line(error)}') from None
+
+
+FLAG = {'action': 'store_true'}
+REPEATABLE = {'action': 'append'}
+
+OPTIONS = (
+    Option(
+        word='--description',
+        help='a xacro or URDF of your own',
+        of=ONE,
+        usual='description',
+        how={'metavar': 'PATH'},
+    ),
+    Option(
+        word='--package-path',
+        help='where package:// and $(find) look first (repeatable)',
+        of=ONE,
+        read=read_folders,
+        how={**REPEATABLE, 'metavar': 'DIR'},
+    ),
+    Option(
+        word='--xacro-arg',
+        help='an argument of the xacro file (repeatable)',
+        of=ONE,
+        field='xacro_arguments',
+        read=read_assignments,
+        how={**REPEATABLE, 'metavar': 'NAME:=VALUE'},
+    ),
+    Option(
+        word='--strict',
+        help='refuse a description whose meshes are not where it says',
+        of=ONE,
+        how=FLAG,
+    ),
+    Option(
+        word='--preset',
+        help='keymap (default: {preset})',
+        of=ONE,
+        usual='preset',
+        how={'metavar': 'NAME'},
+    ),
+    Option(
+        word='--twist',
+        help='scripted velocities: "t vx vy wz"',
+        of=ONE,
+        field='twists',
+        read=partial(read_script, parse_twist_script),
+        how={'metavar': 'FILE'},
+    ),
+    Option(
+        word='--push',
+        help='a force on the robot, world frame [N] (repeatable); with three more numbers at a '
+        "point of the base's frame [m] instead of the centre of mass",
+        of=ONE,
+        field='pushes',
+        read=partial(read_each, parse_push),
+        how={**REPEATABLE, 'metavar': '"T FX FY FZ S"'},
+    ),
+    Option(
+        word='--payload',
+        help=f'a load on the base, <= {HEAVIEST:g} kg (a Go2 carries 8), in its frame [m], '
+        'unknown to the controller (default: none; at the origin)',
+        of=ONE,
+        field='untold.payload',
+        read=lambda text, word: _untold(lambda: Payload.parse(text)),
+        how={'metavar': 'KG[@X,Y,Z]'},
+    ),
+    Option(
+        word='--viewer',
+        help='web: a page on 127.0.0.1; native: a window (default: web on a terminal, else none)',
+        how={'choices': VIEWERS},
+    ),
+    Option(
+        word='--port',
+        help='port of the page (default: 8080 or next)',
+        read=partial(read_whole, 65535),
+        how={'type': int, 'metavar': 'N'},
+    ),
+    Option(
+        word='--no-open',
+        help='print where the page is, but do not open it in your browser',
+        field='opens_page',
+        read=lambda given, word: not given,
+        how=FLAG,
+    ),
+    Option(
+        word='--world',
+        help=f'{WORLD_NAMES}, or a model file',
+        how={'metavar': 'NAME|FILE'},
+    ),
+    Option(
+        word='--box',
+        help='a box that stands there [m] from T [s] on (repeatable); then its yaw [rad], length '
+        'and width [m], if you like',
+        field='boxes',
+        read=partial(read_each, parse_box),
+        how={**REPEATABLE, 'metavar': '"T X Y"'},
+    ),
+    Option(word='--layout', help='your keyboard (default: qwerty)', how={'choices': LAYOUTS}),
+    Option(
+        word='--latched',
+        help='an E-STOP (ESC, the page, topic, service) holds until ENTER, the page or a service '
+        'releases it',
+        how=FLAG,
+    ),
+    Option(
+        word='--gamepad',
+        help='a gamepad drives, too (default: the first /dev/input/js*, whenever it comes)',
+        how={'nargs': '?', 'const': '', 'metavar': 'DEVICE'},
+    ),
+    Option(
+        word='--foxglove',
+        help=f'every topic for Foxglove, which may drive, too (default port: {FOXGLOVE_PORT})',
+        read=partial(read_whole, 65535),
+        how={'nargs': '?', 'type': int, 'const': FOXGLOVE_PORT, 'metavar': 'PORT'},
+    ),
+    Option(
+        word='--map',
+        help='map while driving, or find the way in a map that was saved; a click on the floor '
+        'of the panel Map is a goal, and in the scene with the pointer of the panel View',
+        read=read_map,
+        how={'nargs': '?', 'const': '', 'metavar': 'FILE.yaml'},
+    ),
+    Option(
+        word='--save-map',
+        help='write the map in the end: NAME.yaml and NAME.pgm',
+        read=lambda name, word: name.removesuffix('.yaml'),
+        how={'metavar': 'NAME'},
+    ),
+    Option(
+        word='--goal',
+        help='drive there in the map [m, rad], as soon as it can (repeatable: one after another)',
+        field='goals',
+        read=partial(read_each, parse_goal),
+        how={**REPEATABLE, 'metavar': '"X Y [YAW]"'},
+    ),
+    Option(
+        word='--play',
+        help='scripted keys: lines "t key [key ...]"',
+        field='keys',
+        read=partial(read_script, parse_key_script),
+        how={'metavar': 'FILE'},
+    ),
+    Option(
+        word='--duration',
+        help='stop after S simulated seconds',
+        read=partial(read_number, most=LONGEST_RUN),
+        how={'metavar': 'S'},
+    ),
+    Option(
+        word='--speed',
+        help='real-time factor aimed at; 0: as fast as it goes (default 1)',
+        read=read_number,
+        how={'metavar': 'X'},
+    ),
+    Option(
+        word='--seed',
+        help='seed (default 0)',
+        read=partial(read_whole, MOST_SEED),
+        how={'type': int, 'metavar': 'N'},
+    ),
+    Option(
+        word='--friction',
+        help='of feet or wheels on any floor, unknown to the controller (default: the robot file)',
+        field='untold.friction',
+        read=read_number,
+        how={'metavar': 'MU'},
+    ),
+    Option(
+        word='--discovery',
+        help='who may join over ROS: nobody, this machine, the network (default: localhost, or as '
+        'ROS_AUTOMATIC_DISCOVERY_RANGE says; off for a script at --speed 0)',
+        how={'choices': RANGES},
+    ),
+    Option(
+        word='--no-ros',
+        help='run without ROS: no topics, no recording',
+        field='uses_ros',
+        read=lambda given, word: not given,
+        how=FLAG,
+    ),
+    Option(
+        word='--save-keys',
+        help='write the keys, as --play reads them',
+        read=OutputFile,
+        how={'metavar': 'FILE'},
+    ),
+    Option(
+        word='--record', help='record every topic', read=OutputFile, how={'metavar': 'FILE.mcap'}
+    ),
+    Option(
+        word='--report',
+        help='write what happened as JSON',
+        read=OutputFile,
+        how={'metavar': 'FILE'},
+    ),
+    Option(
+        word='--estimator',
+        help='what feeds the controller: IMU and legs (default), or the simulator without noise',
+        of=LEGS,
+        how={'choices': ('kalman', 'truth')},
+    ),
+    Option(
+        word='--imu-drift',
+        help="how many times that of a good MEMS the IMU's drift is; 0: none (default 1)",
+        of=LEGS,
+        field='untold.imu_drift',
+        read=read_number,
+        how={'metavar': 'TIMES'},
+    ),
+    Option(
+        word='--randomise',
+        help='0 to 1: how much mass, friction, motors, delays and noise differ at random, by '
+        '--seed and unknown to the controller (default 0)',
+        of=LEGS,
+        field='untold.randomise',
+        read=read_number,
+        how={'metavar': 'LEVEL'},
+    ),
+    Option(
+        word='--gait',
+        help='which feet step together; n chooses the next while it moves (default: trot)',
+        of=LEGS,
+        how={'choices': GAITS},
+    ),
+    Option(
+        word='--limits',
+        help="full stick: good on any ground (sport, default), unitree_guide's, or all that a "
+        'good floor allows (race)',
+        of=LEGS,
+        how={'choices': LIMITS},
+    ),
+    Option(
+        word='--controller',
+        help="YAML with the leg controller's parameters",
+        of=LEGS_ALONE,
+        read=read_file_name,
+        how={'metavar': 'FILE'},
+    ),
+    Option(
+        word='--mode',
+        help='fake: no physics, wheels do as told; sim: physics, a PID loop turns the wheels '
+        '(float; default); arbotix: physics, and the integer loop of the ArbotiX board',
+        of=WHEELS,
+        how={'choices': MODES},
+    ),
+    Option(
+        word='--controller',
+        help="YAML with the drive's parameters: arbotix's, ros2_controllers' or your own",
+        of=WHEELS,
+        read=read_file_name,
+        how={'metavar': 'FILE'},
+    ),
+)
+
+
+def options_of(command: str) -> list[Option]:
+    """Return the options of a command that runs robots."""
+    places = {EVERY, LEGS} if command == BOTH else {EVERY, ONE, *ROBOTS[command].kind.options}
+    return [option for option in OPTIONS if option.of in places]
+
+
+def add_run_options(parser: argparse.ArgumentParser, command: str) -> None:
+    """Declare the options of a command that runs robots."""
+    parser.set_defaults(robot=command)
+    for option in options_of(command):
+        option.add_to(parser, ROBOTS.get(command))
+
+
+def read_options(arguments: argparse.Namespace) -> RunOptions:
+    """
+    Check the parsed options and read the files they name.
+
+    Raises:
+        UserError, KeyScriptError: what is wrong, in one line.
+    """
+    robot = arguments.robot
+    fields: dict[str, Any] = {} if robot in ROBOTS else {'description': robot, 'preset': ''}
+    untold: dict[str, Any] = {}
+    for option in options_of(robot):
+        given = getattr(arguments, option.attribute)
+        if given is not None:
+            part, _, name = option.name.rpartition('.')
+            (untold if part else fields)[name] = option.read(given, option.word)
+    options = RunOptions(robot=robot, untold=_untold(lambda: Untold(**untold)), **fields)
+    if options.map is None and (options.save_map is not None or options.goals):
+        fields['map'] = ''
+    if 'duration' not in fields and options.scripted:
+        times = [press.time for press in options.keys or ()]
+        times += [twist.time for twist in options.twists or ()]
+        fields['duration'] = AFTERGLOW + max(times, default=0.0)
+    _check_outputs(arguments, options)
+    _check_navigation(options)
+    return RunOptions(robot=robot, untold=options.untold, **fields)
+
+
+def _untold(make: Callable[[], Any]) -> Any:
+    """Return what an option of what a controller is not told makes; it is named by its option."""
+    try:
+        return make()
+    except UserError as error:
+        raise UserError(f'--{error}') from None
+
+
+def _check_navigation(options: RunOptions) -> None:
+    if options.robot == BOTH and (options.map or options.save_map or options.goals):
+        raise UserError(
+            '--map FILE, --save-map and --goal are for one robot: wasd go2, or wasd mbot '
+            '(wasd both takes --map alone: each robot makes a map of its own)'
+        )
+
+
+def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:
+    """
+    Say now, not after the run, that an output is an input, or another output.
+
+    Raises:
+        OutputError: which.
+    """
+    outputs = [options.record, options.report, options.save_keys]
+    if options.save_map is not None:
+        # Here, because few runs save a map.
+        from wasd_navigation.mapping import map_outputs
+
+        outputs += map_outputs(Path(options.save_map), '--save-map')
+    inputs = []
+    for name in ('play', 'twist', 'controller', 'description', 'preset', 'world', 'map'):
+        path = getattr(arguments, name, None)
+        if path is not None and os.path.exists(path):
+            inputs.append((f'--{name}', path))
+    check_apart([output for output in outputs if output is not None], inputs)
