@@ -53,7 +53,7 @@ def start(name: str, *words: str) -> tuple[int, str, str, float]:
 
 
 def test_all_programs_are_known():
-    assert set(SCRIPTS) - set(PROGRAMS) == {'describe', 'wasd'}
+    assert set(SCRIPTS) - set(PROGRAMS) == {'describe', 'unitree_bridge', 'wasd'}
 
 
 @pytest.mark.slow

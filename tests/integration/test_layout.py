@@ -25,6 +25,7 @@ BELOW = {
     'wasd_core': set(),
     'robot_description': {'wasd_core'},
     'teleop_keyboard': {'wasd_core'},
+    'unitree_bridge': {'mujoco_sim', 'quadruped_sim', 'robot_description', 'wasd_core'},
     'wasd_cockpit': {'mujoco_sim', 'wasd_core'},
     'wasd_navigation': {'wasd_core'},
 }
@@ -37,6 +38,7 @@ EXECUTABLES = {
     'mujoco_sim': {'simulator'},
     'diff_drive_sim': {'diff_drive_controller'},
     'quadruped_sim': {'leg_controller'},
+    'unitree_bridge': {'unitree_bridge'},
     'wasd_navigation': {'guard', 'navigator'},
     'wasd_bringup': {'wasd'},
 }
@@ -55,6 +57,8 @@ ROSDEP_KEYS = {
     'yaml': 'python3-yaml',
     'yourdfpy': None,
 }
+# What only some want, by the name of the extra that brings it; rosdep installs none of it.
+EXTRAS = {'cyclonedds': 'unitree'}
 ROS_SUFFIXES = ('_msgs', '_srvs', '_interfaces')
 
 
@@ -208,9 +212,30 @@ def test_a_circle_of_imports_would_be_found():
 @pytest.mark.parametrize('package', PACKAGES)
 def test_the_manifest_names_what_is_imported_and_nothing_above(package):
     declared = {element.text for element in manifest(package).iter('exec_depend')}
-    needed = {ROSDEP_KEYS.get(root, root) for root in roots(package)} - {None}
+    needed = {ROSDEP_KEYS.get(root, root) for root in roots(package) - set(EXTRAS)} - {None}
     assert needed <= declared
     assert declared & set(PACKAGES) <= below(package)
+
+
+@pytest.mark.parametrize('name', EXTRAS)
+def test_what_only_some_want_an_extra_brings_and_nobody_imports_at_the_start(name):
+    extra = PROJECT['project']['optional-dependencies'][EXTRAS[name]]
+    assert name in {re.split('[=<>]', word)[0] for word in extra}
+    users = {
+        module
+        for package in PACKAGES
+        for module, path in modules(package).items()
+        if any(found.partition('.')[0] == name for found in imports(path))
+    }
+    assert users == {'unitree_bridge.dds'}
+    others = [path for package in PACKAGES for path in modules(package).values()]
+    at_start = [
+        path
+        for path in others
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ImportFrom) and node.module in users
+    ]
+    assert at_start == []
 
 
 def jazzy_lines() -> list[str]:
@@ -229,7 +254,7 @@ def words_after(command: str) -> list[str]:
 
 def test_what_rosdep_does_not_install_the_documented_pip_line_does():
     asked = {re.split('[=<>]', word)[0]: word for word in words_after('pip install ')}
-    left = {root for package in PACKAGES for root in roots(package)}
+    left = {root for package in PACKAGES for root in roots(package)} - set(EXTRAS)
     left = {root for root in left if ROSDEP_KEYS.get(root, root) is None}
     skipped = set(words_after('rosdep install ')[-1].split())
     # Keys that rosdep would give to pip, as root and at any version: left to our line.

@@ -357,7 +357,7 @@ class OnFeet(AfterTrot):
 
 
 # Roll, pitch, yaw [rad] and height [m] at full stick, on the Go2.
-_FULL = np.array((math.radians(20.0), math.radians(15.0), math.radians(20.0), 0.04))
+FULL_LEAN = np.array((math.radians(20.0), math.radians(15.0), math.radians(20.0), 0.04))
 # How fast they follow the sticks, per second: unitree_guide jumps.
 _RATE = np.array((0.7, 0.7, 0.7, 0.08))
 
@@ -380,7 +380,7 @@ class FreeStand(OnFeet):
     def _act(self, robot: RobotState, dt: float) -> JointCommand:
         """Joint angles for the present lean."""
         sticks = self._parts.sticks.values
-        wanted = _FULL * np.array((sticks.lx, sticks.ly, -sticks.rx, sticks.ry))
+        wanted = FULL_LEAN * np.array((sticks.lx, sticks.ly, -sticks.rx, sticks.ry))
         size = np.array((1.0, 1.0, 1.0, self._parts.model.scale.of('m')))
         self._now = approach(self._now, wanted * size, dt * _RATE * size)
         roll, pitch, yaw, lift = self._now.tolist()

@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: Apache-2.0
+"""LowCmd moves the motors by its law at every physics step, and nothing else of it does."""
+
+import math
+
+import numpy as np
+import pytest
+from unitree_bridge.cdr import Layout
+from unitree_bridge.low_level import (
+    LowLevel,
+    POSITION_STOP,
+    read_low_command,
+    SILENCE,
+    tick_of,
+    VELOCITY_STOP,
+)
+from unitree_bridge.robot import MOTORS, to_motors
+from unitree_bridge.shapes import LOW_STATE
+from unitree_rig import low_cmd, positions, Rig, STANDING
+from wasd_core.errors import InvalidMessage
+from wasd_core.robot_io import JointCommand
+
+DT = 0.002
+
+
+@pytest.fixture
+def rig():
+    return Rig()
+
+
+def test_a_command_is_read_motor_by_motor():
+    numbers = np.arange(12.0)
+    read = read_low_command(low_cmd(0.1 * numbers, numbers, -numbers, 2 * numbers, 3 * numbers))
+    wanted = (0.1 * numbers, numbers, -numbers, 2 * numbers, 3 * numbers)
+    for part, expected in zip(read.command, wanted, strict=True):
+        assert part == pytest.approx(expected, rel=1e-6)
+
+
+def test_unitree_s_order_of_the_legs_is_its_own_inverse():
+    names = [f'{leg}_{i}' for leg in ('FL', 'FR', 'RL', 'RR') for i in range(3)]
+    wanted = [f'{leg}_{i}' for leg in ('FR', 'FL', 'RR', 'RL') for i in range(3)]
+    assert [names[i] for i in MOTORS] == wanted
+    command = JointCommand(*np.random.default_rng(1).normal(size=(5, 12)))
+    twice = to_motors(to_motors(command))
+    assert all(map(np.array_equal, twice, command))
+
+
+@pytest.mark.parametrize(
+    ('wrong', 'reason'),
+    [
+        (low_cmd(is_sealed=False), 'checksum: got 0x00000000, wanted 0x'),
+        (low_cmd(q=math.nan, kp=0.0), 'finite'),
+        (low_cmd(dq=math.nan), 'finite'),
+        (low_cmd(tau=math.inf), 'finite'),
+        (low_cmd(kp=math.nan), 'finite'),
+        (low_cmd(kd=-1.0), 'a gain is below 0'),
+        (low_cmd()[:-4], 'got 808 bytes, wanted 812'),
+        (low_cmd() + b'\0' * 4, 'got 816 bytes, wanted 812'),
+        (b'', 'got 0 bytes'),
+        (b'\x00\x00' + low_cmd()[2:], 'encoding: got 0000'),
+    ],
+)
+def test_what_is_no_command_is_refused_in_words(wrong, reason):
+    with pytest.raises(InvalidMessage, match=reason):
+        read_low_command(wrong)
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_a_stop_value_is_no_aim_whatever_its_gain(sign):
+    read = read_low_command(low_cmd(sign * POSITION_STOP, sign * VELOCITY_STOP, 1.5, 60.0, 5.0))
+    assert read.command.effort == pytest.approx(np.full(12, 1.5))
+    for part in (read.command.position, read.command.velocity, read.command.kp, read.command.kd):
+        assert not part.any()
+
+
+def test_a_motor_that_is_not_enabled_gets_no_torque():
+    read = read_low_command(low_cmd(1.0, 1.0, 1.0, 1.0, 1.0, mode=0))
+    assert not np.array(read.command).any()
+
+
+@pytest.mark.slow
+def test_each_physics_step_has_the_torque_of_its_own_state(rig):
+    """The law of the motors, at a step between two commands: tau = ff + kp (q* - q) - kd v."""
+    rig.stand_by_motors(2.0, kp=40.0, kd=1.0)
+    world = rig.go2.world
+    rig.command(low_cmd(STANDING + 0.05, kp=40.0, kd=1.0, tau=0.5))
+    rig.run(0.004)
+    for _ in range(5):
+        joints = world.joints()
+        world.step(1)
+        aim = (STANDING + 0.05)[MOTORS]
+        wanted = 0.5 + 40.0 * (aim - joints.position) - joints.velocity
+        assert world.joints().effort == pytest.approx(wanted, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_program_makes_the_robot_stand_by_its_motors(rig):
+    rig.stand_by_motors(3.0)
+    assert rig.position[2] > 0.3
+    assert np.abs(positions(rig.low_state) - STANDING).max() < 0.1
+    assert rig.state == 'passive'
+    assert [line for line in rig.said if line.startswith('LowCmd')] == [
+        'LowCmd: an SDK program has the motors; our controller is stopped'
+    ]
+
+
+HOSTILE = {
+    'wrong checksum': lambda tick: [low_cmd(q=1.0, kp=60.0, is_sealed=False)],
+    'no number': lambda tick: [low_cmd(q=math.nan, kp=60.0)],
+    'half a message': lambda tick: [low_cmd(tau=20.0)[: 4 * (tick % 203)]],
+    'negative gain': lambda tick: [low_cmd(kp=-60.0)],
+    'noise': lambda tick: [np.random.default_rng(tick).bytes(812)],
+}
+
+
+@pytest.fixture(scope='module')
+def undisturbed():
+    return Rig().stand_by_motors(2.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('kind', HOSTILE)
+@pytest.mark.parametrize('is_last', [False, True])
+def test_what_is_wrong_changes_no_torque_and_is_said_once(kind, is_last, undisturbed):
+    rig = Rig()
+    if is_last:
+        # It comes after the right command of each instant, and takes its place in the queue.
+        wrong = HOSTILE[kind]
+        rig.run(DT)
+        start, efforts = positions(rig.low_state), []
+        for tick in range(1000):
+            share = min(tick / 500.0, 1.0)
+            rig.command(low_cmd((1.0 - share) * start + share * STANDING, kp=60.0, kd=5.0))
+            rig.run(DT)
+            efforts.append(rig.efforts)
+            for raw in wrong(tick):
+                assert not rig.go2.bridge.low.take(raw, lambda: True)
+    else:
+        efforts = rig.stand_by_motors(2.0, each=HOSTILE[kind])
+        # Only the last of an instant is looked at: what is wrong before it is not even read.
+        assert rig.go2.bridge.low.refused == 0
+    assert np.abs(np.array(efforts) - undisturbed).max() <= 0.1
+    complaints = [line for line in rig.said if 'ignored' in line]
+    assert len(complaints) == (len(set(complaints)) if is_last else 0)
+    assert len(complaints) <= 2
+
+
+@pytest.mark.slow
+def test_ten_thousand_commands_a_second_are_as_good_as_five_hundred(undisturbed):
+    rig = Rig()
+    efforts = rig.stand_by_motors(2.0, each=lambda tick: 19 * [low_cmd(q=2.0, kp=60.0)])
+    assert np.abs(efforts - undisturbed).max() <= 0.1
+
+
+@pytest.mark.slow
+def test_stop_values_push_nothing(rig):
+    rig.stand_by_motors(0.1, kp=0.0, kd=0.0)
+    before = rig.efforts
+    for _ in range(50):
+        rig.command(low_cmd(POSITION_STOP, VELOCITY_STOP, kp=60.0, kd=5.0))
+        rig.run(DT)
+        assert np.abs(rig.efforts - before).max() <= 0.1
+
+
+@pytest.mark.slow
+def test_silence_damps_and_is_said(rig):
+    rig.stand_by_motors(2.0)
+    rig.run(SILENCE + 0.01)
+    assert rig.said[-1] == 'no LowCmd for 0.1 s: the motors damp'
+    world = rig.go2.world
+    rig.run(0.1)
+    joints = world.joints()
+    world.step(1)
+    assert world.joints().effort == pytest.approx(-8.0 * joints.velocity, abs=0.3)
+    rig.run(3.0)
+    assert rig.position[2] < 0.15
+
+
+@pytest.mark.slow
+def test_the_first_command_stops_our_controller_where_it_stands(rig):
+    rig.call('sport', 1004)
+    rig.run(3.0)
+    assert (rig.state, rig.position[2] > 0.3) == ('fixed stand', True)
+    rig.command(low_cmd(positions(rig.low_state), kp=60.0, kd=5.0))
+    rig.run(2 * DT)
+    assert rig.state == 'passive'
+    assert rig.call('motion_switcher', 1001)[1] == '{"form": "0", "name": ""}'
+
+
+@pytest.mark.slow
+def test_released_motors_obey_no_key_until_our_controller_is_selected(rig):
+    rig.call('motion_switcher', 1003)
+    rig.go2.legs.press('2')
+    rig.run(1.0)
+    assert (rig.state, rig.position[2] < 0.15) == ('passive', True)
+    assert rig.call('sport', 1004)[0] == 0
+    rig.run(1.0)
+    assert rig.state == 'passive'
+    assert any('SelectMode first' in line for line in rig.said)
+    assert rig.call('motion_switcher', 1002, name='mcf')[0] == 0
+    rig.call('sport', 1004)
+    rig.run(3.0)
+    assert rig.state == 'fixed stand'
+
+
+@pytest.mark.slow
+def test_an_e_stop_ends_what_a_program_does_to_the_motors(rig):
+    rig.stand_by_motors(2.0)
+    rig.go2.bridge.disarm()
+    rig.run(4.0)
+    assert rig.position[2] < 0.15
+
+
+def test_a_command_that_does_not_count_is_said_once_and_moves_nothing():
+    said = []
+    low = LowLevel(said.append)
+    assert not any(low.take(low_cmd(tau=5.0), lambda: False) for _ in range(100))
+    assert low.step(DT) is None
+    assert said == ['LowCmd ignored: the robot was stopped (end the program)']
+    assert (low.refused, low.is_released) == (100, False)
+
+
+def test_the_tick_counts_milliseconds_and_begins_anew_in_32_bits():
+    assert [tick_of(0.002 * n) for n in range(4)] == [0, 2, 4, 6]
+    assert tick_of(2**32 / 1e3 + 0.002) == 2
+
+
+@pytest.mark.slow
+def test_low_states_are_five_hundred_a_second_none_lost(rig):
+    rig.run(2.0)
+    told = rig.wire.told['rt/lowstate']
+    assert len(told) == 1000
+    layout = Layout(LOW_STATE)
+    ticks = [int(layout.field('tick').of(raw)[0]) for raw in told]
+    assert set(np.diff(ticks)) == {2}
+
+
+@pytest.mark.slow
+def test_a_low_state_says_what_the_robot_measures(rig):
+    rig.stand_by_motors(2.5)
+    state, world = rig.low_state, rig.go2.world
+    assert (state['head'], state['level_flag']) == (b'\xfe\xef', 0xFF)
+    w, x, y, z = state['imu_state']['quaternion']
+    assert math.hypot(w, x, y, z) == pytest.approx(1.0, abs=1e-6)
+    assert w == pytest.approx(1.0, abs=0.02)
+    assert state['imu_state']['accelerometer'][2] == pytest.approx(9.81, abs=1.5)
+    assert len(positions(state)) == 12
+    weight = 9.81 * float(world.model.body_subtreemass[world.root])
+    assert sum(state['foot_force']) == pytest.approx(weight, rel=0.05)
+    for motor in state['motor_state'][12:]:
+        assert motor == motor | dict.fromkeys(('mode', 'q', 'dq', 'tau_est', 'lost'), 0)
+
+
+def synced(answers):
+    """Return the torques under a program that answers ticks as `answers(tick)` says."""
+    rig = Rig(is_synced=True)
+    wire = rig.wire
+
+    def answer(raw):
+        tick = rig.low_state['tick']
+        wire.come['rt/lowcmd'] += [
+            low_cmd(STANDING * min(tick / 1000.0, 1.0), kp=40.0, kd=2.0, reserve=reserve)
+            for reserve in answers(tick)
+        ]
+
+    wire.on_tell['rt/lowstate'] = answer
+    efforts = []
+    for _ in range(500):
+        rig.run(DT)
+        efforts.append(rig.efforts)
+    return rig, np.array(efforts)
+
+
+@pytest.mark.slow
+def test_in_sync_each_tick_has_the_command_that_answers_it():
+    rig, efforts = synced(lambda tick: [tick])
+    assert rig.wire.waits == 499  # the first command came before it was waited for
+    _, again = synced(lambda tick: [tick])
+    assert np.array_equal(efforts, again)
+
+
+@pytest.mark.slow
+def test_in_sync_the_late_answer_to_another_tick_is_not_the_one_that_is_waited_for():
+    efforts = {'late': [], 'in time': []}
+    for kind, told in efforts.items():
+        rig = Rig(is_synced=True)
+        wire, ask = rig.wire, []
+
+        def answer(raw, rig=rig, ask=ask, kind=kind):
+            tick = rig.low_state['tick']
+            ask[:] = [low_cmd(STANDING, kp=0.05 * tick, kd=2.0, reserve=tick)]
+            late = low_cmd(STANDING, kp=0.05 * (tick - 2), kd=2.0, reserve=max(tick - 2, 0))
+            rig.wire.come['rt/lowcmd'] += [late] if kind == 'late' and tick > 4 else ask
+
+        def wait(topic, seconds, rig=rig, ask=ask):
+            come = rig.wire.come['rt/lowcmd']
+            come += [] if come else ask
+            return True
+
+        wire.on_tell['rt/lowstate'], wire.wait = answer, wait
+        for _ in range(200):
+            rig.run(DT)
+            told.append(rig.efforts)
+    assert np.array_equal(efforts['late'], efforts['in time'])
+
+
+@pytest.mark.slow
+def test_a_program_that_has_gone_is_waited_for_once():
+    rig, _ = synced(lambda tick: [tick] if tick < 500 else [])
+    assert rig.wire.waits == 250
+    assert 'no LowCmd for 1 s: not waited for any more' in rig.said
+
+
+@pytest.mark.slow
+def test_a_flood_of_wrong_commands_does_not_hold_physics():
+    rig = Rig(is_synced=True)
+    rig.stand_by_motors(0.1)
+    rig.wire.wait = lambda topic, seconds: rig.command(low_cmd(is_sealed=False)) or True
+    rig.run(0.1)
+    assert rig.go2.world.time > 0.19

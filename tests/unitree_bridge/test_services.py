@@ -1,0 +1,327 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every id of the SDK is answered at once, and the sport service does what its names say."""
+
+import json
+import math
+import random
+
+import numpy as np
+import pytest
+from unitree_bridge.bridge import INTO, OUT, SERVICES
+from unitree_bridge.cdr import decode, encode
+from unitree_bridge.remote import Remote
+from unitree_bridge.rpc import BAD_PARAMETER, NOT_IMPLEMENTED, OK
+from unitree_bridge.services import TRICKS
+from unitree_bridge.shapes import STRING
+from unitree_bridge.simulated import ALL_INTO
+from unitree_rig import GOLDEN, low_cmd, request, Rig
+from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
+
+from unitree_bridge import topics
+
+SDK = json.loads((GOLDEN / 'ids.json').read_text())
+# What asks for nothing but an answer, and parameters that please all others.
+PARAMETERS = {'x': 0.0, 'y': 0.0, 'z': 0.0, 'yaw': 0.0, 'mode': 0, 'data': 1, 'enable': 1}
+PARAMETERS |= {'name': 'mcf', 'switch': 1, 'silent': 0, 'volume': 3, 'brightness': 4}
+PARAMETERS |= {'is_remote_commands_from_api': True}
+STAND_UP, BALANCE, STAND_DOWN, MOVE, STOP = 1004, 1002, 1005, 1008, 1003
+
+
+@pytest.fixture
+def rig():
+    return Rig()
+
+
+@pytest.fixture
+def standing(rig):
+    rig.call('sport', STAND_UP)
+    rig.run(3.0)
+    return rig
+
+
+def test_all_services_that_the_sdk_has_clients_of_are_here():
+    assert set(SERVICES) == set(SDK)
+    names = {topic.name for topic in (*INTO, *OUT)}
+    for service in SDK:
+        assert {f'rt/api/{service}/request', f'rt/api/{service}/response'} <= names
+
+
+@pytest.mark.slow
+def test_every_id_of_the_sdk_is_answered_at_once(rig, monkeypatch):
+    # A picture needs a renderer, which not every machine has.
+    monkeypatch.setattr(rig.go2.robot, 'picture', lambda: b'\xff\xd8\xff')
+    codes = {}
+    for service, said in SDK.items():
+        assert rig.call(service, 1)[:2] == (OK, said['version'])
+        for api_id in said['ids']:
+            # `call` simulates 2 ms, and finds the one answer after them.
+            codes[service, api_id] = rig.call(service, api_id, **PARAMETERS)[0]
+    assert set(codes.values()) == {OK, NOT_IMPLEMENTED}
+    refused = {key for key, code in codes.items() if code == NOT_IMPLEMENTED}
+    # Without a guard nothing can be avoided.
+    avoiding = {('sport', 2048), ('sport', 2058), ('obstacles_avoid', 1001)}
+    assert refused == {('sport', trick) for trick in TRICKS} | avoiding
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('service', SDK)
+def test_ids_that_nobody_knows_are_answered_3203(service, rig):
+    for api_id in (0, -1, 2, 999, 1999, 2**62):
+        assert rig.call(service, api_id) == (NOT_IMPLEMENTED, '', b'')
+
+
+@pytest.mark.slow
+def test_a_trick_is_said_to_be_none_once(rig):
+    for _ in range(5):
+        assert rig.call('sport', 1030)[0] == NOT_IMPLEMENTED
+    assert [line for line in rig.said if 'FrontFlip' in line] == [
+        'sport: FrontFlip (1030) is not simulated (answered 3203)'
+    ]
+
+
+@pytest.mark.slow
+def test_who_wants_no_answer_gets_none(rig):
+    assert rig.call('sport', STAND_UP, noreply=True) is None
+    assert rig.call('sport', 999, noreply=True) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    'parameter',
+    [
+        *('{"x": NaN, "y": 0, "z": 0}', '{"x": 1e999, "y": 0, "z": 0}', '{"x": "1"}', '[]', '7'),
+        *('{', '[' * 100_000, '{"x": ' + '9' * 400 + ', "y": 0, "z": 0}', '{}', 'null'),
+    ],
+)
+def test_parameters_that_mean_nothing_are_refused_and_move_nothing(parameter, standing):
+    before = standing.position
+    for api_id in (MOVE, 1007):
+        topic = 'rt/api/sport/response'
+        told = len(standing.wire.told[topic])
+        standing.wire.come['rt/api/sport/request'].append(request(1, api_id, parameter))
+        standing.run(0.2)
+        (answer,) = standing.wire.told[topic][told:]
+        code = decode(topics.response('sport').shape, answer)['header']['status']['code']
+        assert code == BAD_PARAMETER
+    assert np.abs(standing.position - before).max() < 2e-3
+    assert standing.state == 'fixed stand'
+
+
+@pytest.mark.slow
+def test_stand_up_stands_within_three_seconds_and_stand_down_lies(rig):
+    assert rig.call('sport', STAND_UP)[0] == OK
+    rig.run(3.0)
+    assert rig.position[2] > 0.3
+    assert rig.sport_state['mode'] == 6  # locked
+    rig.call('sport', STAND_DOWN)
+    rig.run(4.0)
+    assert rig.position[2] < 0.15
+    assert (rig.state, rig.sport_state['mode']) == ('passive', 7)
+    rig.call('sport', STAND_DOWN)
+    rig.run(1.0)
+    assert rig.state == 'passive'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', [11, 12, 13])
+def test_move_at_0_3_for_ten_seconds_is_three_metres(seed):
+    rig = Rig(seed=seed)
+    rig.call('sport', STAND_UP)
+    rig.run(3.0)
+    start = rig.position[0]
+    for _ in range(100):
+        rig.call('sport', MOVE, noreply=True, x=0.3, y=0.0, z=0.0)
+        rig.run(0.098)
+    rig.call('sport', STOP)
+    rig.run(2.0)
+    assert rig.position[0] - start == pytest.approx(3.0, rel=0.05)
+    assert np.hypot(*rig.go2.world.base().linear_velocity[:2]) < 0.05
+
+
+@pytest.mark.slow
+def test_a_move_that_nobody_repeats_ends_after_a_second(standing):
+    standing.call('sport', MOVE, noreply=True, x=0.3, y=0.0, z=0.0)
+    standing.run(0.9)
+    assert standing.go2.bridge.motion.is_moving
+    standing.run(1.5)
+    assert not standing.go2.bridge.motion.is_moving
+    before = standing.position
+    standing.run(1.0)
+    assert np.abs(standing.position - before)[:2].max() < 0.01
+    assert standing.position[2] > 0.2
+
+
+@pytest.mark.slow
+def test_a_robot_that_lies_does_not_move(rig):
+    rig.call('sport', MOVE, noreply=True, x=0.3, y=0.0, z=0.0)
+    rig.run(1.0)
+    assert rig.state == 'passive'
+    assert 'sport: Move does nothing to a robot that lies (StandUp first)' in rig.said
+
+
+@pytest.mark.slow
+def test_a_robot_that_walks_goes_on_where_it_balances(standing):
+    for _ in range(20):
+        standing.call('sport', MOVE, noreply=True, x=0.3, y=0.0, z=0.0)
+        standing.run(0.1)
+    assert standing.state == 'move base'
+    standing.call('sport', BALANCE)
+    standing.run(3.0)
+    assert standing.state == 'free stand'
+    standing.call('sport', MOVE, noreply=True, x=0.0, y=0.0, z=0.5)
+    standing.run(0.5)
+    assert standing.state == 'move base'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('angles', [(0.2, 0.0, 0.0), (0.0, 0.15, 0.0), (-0.1, 0.1, 0.2)])
+def test_euler_leans_by_its_angles(angles, standing):
+    standing.call('sport', BALANCE)
+    standing.run(0.5)
+    start = rpy_from_matrix(matrix_from_quaternion(standing.go2.world.base().orientation))
+    standing.call('sport', 1007, x=angles[0], y=angles[1], z=angles[2])
+    standing.run(2.0)
+    base = standing.go2.world.base()
+    leant = rpy_from_matrix(matrix_from_quaternion(base.orientation)) - start
+    assert leant == pytest.approx(np.array(angles), abs=math.radians(2.0))
+
+
+@pytest.mark.slow
+def test_damp_lets_go_in_the_midst_of_anything(standing):
+    for _ in range(10):
+        standing.call('sport', MOVE, noreply=True, x=0.5, y=0.0, z=0.0)
+        standing.run(0.1)
+    standing.call('sport', 1001)
+    standing.run(0.01)
+    assert standing.state == 'passive'
+    assert not standing.go2.bridge.motion.is_moving
+
+
+@pytest.mark.slow
+def test_gaits_are_chosen_by_their_calls(standing):
+    for api_id, parameter, gait in [
+        *((1061, {}, 'walk'), (1062, {}, 'trot'), (2046, {'data': True}, 'bound')),
+        *((2046, {'data': False}, 'trot'), (2047, {'data': True}, 'pronk'), (1063, {}, 'trot')),
+    ]:
+        assert standing.call('sport', api_id, **parameter)[0] == OK
+        assert standing.go2.robot.gait == gait
+
+
+@pytest.mark.slow
+def test_the_slow_speed_level_is_unitree_guide_s(standing):
+    standing.call('sport', 1015, data=-1)
+    for _ in range(40):
+        standing.call('sport', MOVE, noreply=True, x=2.0, y=0.0, z=0.0)
+        standing.run(0.05)
+    ahead = standing.go2.world.base().planar_velocity[0]
+    assert ahead == pytest.approx(0.4, abs=0.08)
+
+
+@pytest.mark.slow
+def test_the_remote_of_a_program_drives_and_its_silence_stops(standing):
+    def hold(seconds, **sticks):
+        for _ in range(round(seconds / 0.02)):
+            standing.wire.come['rt/wirelesscontroller'].append(Remote(**sticks).message())
+            standing.run(0.02)
+
+    hold(2.0, ly=0.25)
+    assert standing.go2.world.base().planar_velocity[0] > 0.2
+    standing.run(2.5)
+    assert abs(standing.go2.world.base().planar_velocity[0]) < 0.05
+    hold(0.1, down=frozenset({'L2', 'B'}))
+    assert standing.state == 'passive'
+    hold(0.1)
+    hold(0.1, down=frozenset({'L2', 'A'}))
+    standing.run(3.0)
+    assert (standing.state, standing.position[2] > 0.3) == ('fixed stand', True)
+    standing.call('sport', 1027, data=False)
+    hold(0.5, ly=1.0)
+    assert standing.state == 'fixed stand'
+
+
+@pytest.mark.slow
+def test_robot_state_switches_the_sport_mode(rig):
+    def status():
+        return {
+            each['name']: each['status'] for each in json.loads(rig.call('robot_state', 1003)[1])
+        }
+
+    assert status()['sport_mode'] == 1
+    off = rig.call('robot_state', 1001, name='sport_mode', switch=0)
+    assert json.loads(off[1]) == {'name': 'sport_mode', 'status': 0}
+    assert status()['sport_mode'] == 0
+    assert rig.go2.bridge.low.is_released
+    assert json.loads(rig.call('robot_state', 1001, name='sport', switch=0)[1])['status'] == 5
+
+
+@pytest.mark.slow
+def test_a_lease_is_given_once_until_it_is_not_renewed(rig):
+    code, data, _ = rig.call('sport_lease', 101, name='a')
+    assert (code, json.loads(data)['term']) == (OK, 1_000_000)
+    assert rig.call('sport_lease', 101, name='b')[0] == 3207
+    rig.run(0.8)
+    assert rig.call('sport_lease', 102)[0] == OK
+    rig.run(1.2)
+    assert rig.call('sport_lease', 102)[0] == 3206
+    assert rig.call('sport_lease', 101, name='b')[0] == OK
+
+
+@pytest.mark.slow
+def test_the_lidar_s_cloud_has_the_walls_where_they_are():
+    rig = Rig(world='room')
+    rig.run(0.5)
+    said = rig.wire.last(topics.CLOUD)
+    assert (said['header']['frame_id'], said['point_step']) == ('utlidar_lidar', 32)
+    points = np.frombuffer(said['data'], '<f4').reshape(said['width'], 8)[:, :3]
+    assert said['width'] > 300
+    assert (np.linalg.norm(points, axis=1) < 12.0).all()
+    assert rig.wire.last(topics.ROBOT_POSE)['header']['frame_id'] == 'odom'
+    assert len(rig.wire.told['rt/utlidar/imu']) == 125
+    rig.wire.come['rt/utlidar/switch'].append(encode(STRING, {'data': 'OFF'}))
+    rig.run(0.01)
+    told = {name: len(messages) for name, messages in rig.wire.told.items() if 'utlidar' in name}
+    rig.run(0.5)
+    assert told == {
+        name: len(messages) for name, messages in rig.wire.told.items() if 'utlidar' in name
+    }
+
+
+def fuzzed(topic, rng):
+    """Return a message that is none, or nearly one that asks for nothing."""
+    if topic.name.startswith('rt/api/'):
+        whole = request(rng.randrange(2**40), rng.choice((1, 2, 1003, 7777)), '{"x": 1}')
+        fixed = range(12, 20)  # the id, which may not become another
+    elif topic.name == 'rt/lowcmd':
+        whole, fixed = low_cmd(tau=20.0, is_sealed=False), ()
+    elif topic.name == 'rt/wirelesscontroller':
+        whole, fixed = Remote(lx=math.nan).message(), range(4, 8)
+    else:
+        whole, fixed = encode(STRING, {'data': 'ON'}), ()
+    kind = rng.randrange(3)
+    if kind == 0:
+        return rng.randbytes(rng.randrange(200))
+    if kind == 1:
+        return whole[: rng.randrange(len(whole))]
+    wrong = bytearray(whole)
+    for _ in range(rng.randrange(1, 20)):
+        place = rng.randrange(len(wrong))
+        if place not in fixed:
+            wrong[place] = rng.randrange(256)
+    return bytes(wrong)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('topic', ALL_INTO, ids=lambda topic: topic.name)
+def test_a_thousand_fuzzed_messages_move_nothing(topic):
+    rng = random.Random(topic.name)
+    rig, quiet = Rig(), Rig()
+    for _ in range(100):
+        wrong = [fuzzed(topic, rng) for _ in range(10)]
+        rig.wire.come[topic.name] += wrong
+        if topic.name == 'rt/lowcmd':  # of which the last of an instant is read
+            assert not any(rig.go2.bridge.low.take(raw, lambda: True) for raw in wrong)
+        rig.run(0.002)
+    quiet.run(0.2)
+    assert rig.state == quiet.state == 'passive'
+    assert np.array_equal(rig.go2.world.data.qpos, quiet.go2.world.data.qpos)
+    assert len(rig.said) <= 100

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Unitree's own interface of the Go2, served by the simulated one."""

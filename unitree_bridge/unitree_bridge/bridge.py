@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Unitree's interface over one robot: what comes over the wire, and what goes."""
+
+from collections.abc import Callable
+
+from quadruped_sim.keys import StateName
+from wasd_core.errors import InvalidMessage
+from wasd_core.robot_io import JointCommand
+from wasd_core.timing import Beat, Watchdog
+
+from unitree_bridge import topics
+from unitree_bridge.low_level import LowLevel, LowStates, tick_of
+from unitree_bridge.motion import Motion
+from unitree_bridge.remote import read_remote, Remote
+from unitree_bridge.robot import Robot, to_motors
+from unitree_bridge.rpc import Leases, serve, Service
+from unitree_bridge.services import (
+    MotionSwitcher,
+    ObstaclesAvoid,
+    RobotState,
+    Sport,
+    VideoHub,
+    Vui,
+)
+from unitree_bridge.sport_state import SportStates
+from unitree_bridge.utlidar import LidarTopics
+from unitree_bridge.wire import Wire
+
+# How often LowState is told, SportModeState and the remote, and who listens is looked up [Hz].
+LOW_STATE_RATE = 500.0
+SPORT_STATE_RATE = 50.0
+LOOK_RATE = 20.0
+# What the remote says holds for so long [s].
+_REMOTE_SILENCE = 0.5
+# A program that answers is waited for so long [s of wall time], then no more until it is back.
+PATIENCE = 1.0
+# ... and so many commands that are no answer.
+MOST_WRONG = 100
+_NOBODY = Remote()
+SERVICES = ('sport', 'motion_switcher', 'obstacles_avoid', 'robot_state', 'videohub', 'vui')
+LEASED = 'sport'
+OUT = (*topics.OUT, *map(topics.response, (*SERVICES, f'{LEASED}_lease')))
+INTO = (*topics.IN, *map(topics.request, (*SERVICES, f'{LEASED}_lease')))
+
+
+class Bridge:
+    """
+    Serves Unitree's interface.
+
+    In each instant `step` comes before our controller, `in_force` after it.
+
+    With `is_synced` it waits in each instant for the command of a program that answers LowStates,
+    at most PATIENCE. `remote` is told to programs as the state of the remote control.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        wire: Wire,
+        say: Callable[[str], None],
+        *,
+        is_synced: bool = False,
+        lidar: LidarTopics | None = None,
+    ) -> None:
+        self._robot, self._wire, self._lidar = robot, wire, lidar
+        self._say = Teller(say, lambda: robot.time)
+        self._is_synced = is_synced
+        self.low = LowLevel(self._say)
+        self.motion = Motion(robot, self._say)
+        self._low_states, self._sport_states = LowStates(), SportStates()
+        self.services = self._make_services()
+        self._looks, self._sport_beat, self._low_beat = Beat(), Beat(), Beat()
+        self.remote = _NOBODY
+        self._sticks = Watchdog(_REMOTE_SILENCE)
+        self._down: frozenset[str] = frozenset()
+        self._answers = False  # the program that commands the motors
+        self._in_force: JointCommand | None = None
+
+    def _make_services(self) -> list[Service]:
+        avoid = ObstaclesAvoid(self._robot, lambda velocity: self._sport.move(velocity))
+        self._sport = Sport(self.motion, self._robot, self.low, avoid, self._say)
+        return [
+            self._sport,
+            MotionSwitcher(self.low, self.release_motors),
+            avoid,
+            RobotState(self.low, self.release_motors, list(SERVICES)),
+            VideoHub(self._robot, self._say),
+            Vui(),
+            Leases(LEASED, lambda: self._robot.time),
+        ]
+
+    @property
+    def drives(self) -> bool:
+        """Whether a program moves the robot now."""
+        return self.low.is_live or self.motion.is_moving
+
+    def step(self, dt: float) -> None:
+        """Tell of this instant, and take what has come, `dt` [s] after the one before."""
+        time = self._robot.time
+        if self._looks.is_due(time, LOOK_RATE):
+            self._wire.look()
+        self._tell(time)
+        if self._is_synced and self._answers:
+            self._await_command(tick_of(time))
+        else:
+            self._take_command()
+        self.serve()
+        self._follow_remote(dt)
+        if self.low.is_released and self._robot.state != StateName.PASSIVE:
+            self._robot.let_go()
+        self.motion.step(dt)
+        self._in_force = self.low.step(dt)
+        self._answers &= self.low.is_live
+
+    @property
+    def in_force(self) -> JointCommand | None:
+        """What a program has the motors do, as leg angles; None where our controller has them."""
+        return None if self._in_force is None else to_motors(self._in_force)
+
+    def serve(self) -> None:
+        """Answer requests, also while simulated time stands still."""
+        for service in self.services:
+            for raw in self._wire.take(topics.request(service.name)):
+                answer = serve(service, raw, self._say)
+                if answer is not None:
+                    self._wire.publish(topics.response(service.name), answer)
+
+    def release_motors(self) -> None:
+        """Take the motors from our controller, as a program that commands them itself does."""
+        self.motion.forget()
+        self.low.release()
+        self._robot.let_go()
+
+    def give_way(self) -> None:
+        """Let another drive: what a program has asked of our controller is forgotten."""
+        self.motion.forget()
+        if not self.low.is_live:
+            self.low.select()
+
+    def disarm(self) -> None:
+        """Let nothing that a program commands now count: the motors damp."""
+        self.motion.forget()
+        self.low.stop()
+        self._in_force = None
+        self._sticks.reset()
+
+    def reset(self) -> None:
+        """Forget the past: the robot is back at its start."""
+        self.disarm()
+        self.low.reset()
+        self.motion.reset()
+
+    def close(self) -> None:
+        """Be gone for all programs."""
+        self._wire.close()
+
+    def _tell(self, time: float) -> None:
+        wire = self._wire
+        wants_sport = self._sport_beat.is_due(time, SPORT_STATE_RATE)
+        wants_low = self._low_beat.is_due(time, LOW_STATE_RATE) and wire.is_heard(topics.LOW_STATE)
+        wants_sport_state = wants_sport and wire.is_heard(topics.SPORT_MODE_STATE)
+        if wants_low or wants_sport_state:
+            senses = self._robot.senses()
+            if wants_low:
+                raw = self._low_states.write(time, senses, self.remote.in_low_state())
+                wire.publish(topics.LOW_STATE, raw)
+            if wants_sport_state:
+                raw = self._sport_states.write(self._robot, senses)
+                wire.publish(topics.SPORT_MODE_STATE, raw)
+        if wants_sport and wire.is_heard(topics.REMOTE):
+            wire.publish(topics.REMOTE, self.remote.message())
+        if self._lidar is not None:
+            self._lidar.step(wire)
+
+    def _take_command(self) -> bool:
+        """Take the last LowCmd that has come; return whether it counts."""
+        taken = self._wire.take(topics.LOW_CMD)
+        was_released = self.low.is_released
+        if not taken or not self.low.take(taken[-1], self._robot.take_motors):
+            return False
+        self._answers = True
+        if not was_released:
+            self._say('LowCmd: an SDK program has the motors; our controller is stopped')
+            self.release_motors()
+        return True
+
+    def _await_command(self, tick: int) -> None:
+        """Wait for the answer to a tick: a command that names it, or none at all."""
+        for _ in range(MOST_WRONG):
+            if not self._wire.wait(topics.LOW_CMD, PATIENCE):
+                break
+            if self._take_command() and self.low.tick in (0, tick):
+                return
+        self._say(f'no LowCmd for {PATIENCE:g} s: not waited for any more')
+        self._answers = False
+
+    def _follow_remote(self, dt: float) -> None:
+        """Drive as a program says by wirelesscontroller that a hand does."""
+        was_held = self._sticks.is_alive
+        self._sticks.step(dt)
+        for raw in self._wire.take(topics.REMOTE):
+            try:
+                self._take_remote(read_remote(raw))
+            except InvalidMessage as error:
+                self._say(f'wirelesscontroller ignored: {error}')
+        if was_held and not self._sticks.is_alive:
+            self._down = frozenset()
+            self.motion.stop()
+
+    def _take_remote(self, remote: Remote) -> None:
+        if not self._sport.follows_remote or self.low.is_released:
+            return
+        pressed, self._down = remote.down - self._down, remote.down
+        self._obey(remote.down, pressed)
+        is_held = self._sticks.is_alive
+        if remote.is_centred:
+            if is_held:
+                self._sticks.reset()
+                self.motion.stop()
+            return
+        full = self._robot.full_speed
+        velocity = (full[0] * remote.ly, -full[1] * remote.lx, -full[2] * remote.rx)
+        if self.motion.move(velocity):
+            self._sticks.hear()
+
+    def _obey(self, down: frozenset[str], pressed: frozenset[str]) -> None:
+        """Do what newly pressed buttons of Unitree's remote ask for."""
+        if 'L2' in down and 'B' in pressed:
+            self.motion.go(StateName.PASSIVE)
+        elif 'L2' in down and 'A' in pressed:
+            stands = self._robot.state == StateName.FIXED_STAND
+            self.motion.go(StateName.LIE_DOWN if stands else StateName.FIXED_STAND)
+        elif 'START' in pressed:
+            self.motion.go(StateName.MOVE_BASE)
+
+
+# A line that goes on coming is said once; again, when it has not come for so long [s].
+_FRESH = 10.0
+# So many different ones are remembered.
+MOST_LINES = 100
+
+
+class Teller:
+    """Says a line that comes again and again once; `now` returns the time [s]."""
+
+    def __init__(self, say: Callable[[str], None], now: Callable[[], float]) -> None:
+        self._say, self._now = say, now
+        self._came: dict[str, float] = {}
+
+    def __call__(self, text: str) -> None:
+        """Say a line, if it is a new one."""
+        now = self._now()
+        is_new = now - self._came.get(text, -_FRESH) >= _FRESH
+        if is_new and len(self._came) >= MOST_LINES:
+            self._came = {line: at for line, at in self._came.items() if now - at < _FRESH}
+        if text in self._came or len(self._came) < MOST_LINES:
+            self._came[text] = now
+            if is_new:
+                self._say(text)

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the sport service asks of our controller, as keys and velocities over time."""
+
+from collections.abc import Callable
+import math
+
+from quadruped_sim.keys import keys_between, StateName, SUCCESSORS
+from quadruped_sim.presets import GAITS, LIMITS
+from quadruped_sim.states.driving import FULL_LEAN
+from wasd_core.timing import Beat, Watchdog
+
+from unitree_bridge.robot import Robot, Velocity
+
+# A Move holds for so long [s], and is told to the controller so often [Hz].
+MOVE_TIMEOUT = 1.0
+MOVE_RATE = 20.0
+# A key that has changed nothing is pressed again after so long [s].
+_PATIENCE = 0.5
+# Steps of a stick from its centre to its end, and the keys that move each, up and down.
+_FULL_STICK = 20
+_LEAN_KEYS = {'roll': ('d', 'a'), 'pitch': ('w', 's'), 'yaw': ('j', 'l')}
+_SLOW, _NORMAL = -1, 0
+STANDSTILL = (0.0, 0.0, 0.0)
+# Where Move is heard: the robot stands, or is about to.
+_LYING = (StateName.PASSIVE, StateName.LIE_DOWN)
+
+
+class Motion:
+    """
+    Leads a robot to a state, moves it, leans it.
+
+    `step` presses one key at a time, of those that lead to the goal. When a key or a velocity is
+    refused, it gives up what it was asked for, and says so.
+    """
+
+    def __init__(self, robot: Robot, say: Callable[[str], None]) -> None:
+        self._robot, self._say = robot, say
+        self._beat = Beat()
+        self._alive = Watchdog(MOVE_TIMEOUT)
+        self.reset()
+
+    def reset(self) -> None:
+        """Be asked for nothing."""
+        self.speed_level = _NORMAL
+        self.forget()
+
+    def forget(self) -> None:
+        """Ask for nothing any more; what moves is another's to stop."""
+        self._goal: StateName | None = None
+        self._pressed: tuple[StateName, str] | None = None
+        self._waited = 0.0
+        self._velocity: Velocity = STANDSTILL
+        self._alive.reset()
+        self._lean = dict.fromkeys(_LEAN_KEYS, 0)
+        self._leant = dict.fromkeys(_LEAN_KEYS, 0)
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a velocity is in force that is not zero."""
+        return self._alive.is_alive and self._velocity != STANDSTILL
+
+    @property
+    def lies(self) -> bool:
+        """Whether the robot lies, and is not about to stand."""
+        return self._robot.state in _LYING and self._goal in (None, *_LYING)
+
+    def go(self, goal: StateName) -> None:
+        """Lead the robot to a state; it stops moving."""
+        self.stop()
+        self._pressed = None
+        self._goal = goal if self._robot.state != goal else None
+        self._lean = dict.fromkeys(_LEAN_KEYS, 0)
+
+    def move(self, velocity: Velocity) -> bool:
+        """Move so [m/s], [m/s], [rad/s] for a while; return False where it lies."""
+        if self.lies:
+            return False
+        if self._robot.state != StateName.MOVE_BASE:
+            self._goal = StateName.MOVE_BASE
+        if self.speed_level == _SLOW:
+            velocity = _slowed(velocity)
+        self._velocity = velocity
+        self._alive.hear()
+        return True
+
+    def stop(self) -> None:
+        """Stand still, in this instant."""
+        if self.is_moving:
+            self._robot.drive(STANDSTILL)
+            self._robot.release()
+        self._velocity = STANDSTILL
+        self._alive.reset()
+
+    def lean(self, roll: float, pitch: float, yaw: float) -> None:
+        """Lean as a robot does that stands and balances [rad], as far as it can."""
+        if self._robot.state != StateName.FREE_STAND:
+            self.go(StateName.FREE_STAND)
+        full = FULL_LEAN.tolist()
+        for name, angle, most in zip(_LEAN_KEYS, (roll, pitch, yaw), full, strict=False):
+            share = min(max(angle / most, -1.0), 1.0)
+            self._lean[name] = round(_FULL_STICK * share)
+
+    def choose_gait(self, name: str) -> None:
+        """Step so, from the next steps on."""
+        gaits = tuple(GAITS)
+        for _ in range((gaits.index(name) - gaits.index(self._robot.gait)) % len(gaits)):
+            if not self._press('n'):
+                return
+
+    def step(self, dt: float) -> None:
+        """Press and command what is due, `dt` [s] after the step before."""
+        self._waited += dt
+        self._approach_goal()
+        self._follow_lean()
+        was_moving = self.is_moving
+        self._alive.step(dt)
+        if was_moving and not self._alive.is_alive:
+            self._alive.hear()  # so that `stop` knows that it moves
+            self.stop()
+        due = self._beat.is_due(self._robot.time, MOVE_RATE)
+        in_move = self._robot.state == StateName.MOVE_BASE
+        if due and self._alive.is_alive and in_move and not self._robot.drive(self._velocity):
+            self._give_up()
+
+    def _approach_goal(self) -> None:
+        state, goal = self._robot.state, self._goal
+        if goal is None or (state in SUCCESSORS and goal != StateName.PASSIVE):
+            return
+        if state == goal:
+            self._goal = None
+            return
+        rises = state == StateName.FIXED_STAND and not self._robot.is_up
+        if rises and goal != StateName.PASSIVE:
+            return
+        key = keys_between(state, goal)[0]
+        if (state, key) == self._pressed and self._waited < _PATIENCE:
+            return
+        if self._press(key):
+            self._pressed, self._waited = (state, key), 0.0
+            # What ends by itself is over before anybody sees that it was reached.
+            if len(keys_between(state, goal)) == 1 and goal in SUCCESSORS:
+                self._goal = None
+
+    def _follow_lean(self) -> None:
+        if self._robot.state != StateName.FREE_STAND:
+            self._leant = dict.fromkeys(_LEAN_KEYS, 0)
+            return
+        for name, (more, less) in _LEAN_KEYS.items():
+            missing = self._lean[name] - self._leant[name]
+            for _ in range(abs(missing)):
+                if not self._press(more if missing > 0 else less):
+                    return
+            self._leant[name] = self._lean[name]
+
+    def _press(self, key: str) -> bool:
+        if self._robot.press(key):
+            return True
+        self._give_up()
+        return False
+
+    def _give_up(self) -> None:
+        self.forget()
+        self._say('sport: the robot was stopped, or others drive it: nothing is done')
+
+
+def _slowed(velocity: Velocity) -> Velocity:
+    """Return a velocity within unitree_guide's limits, which a slow robot keeps to."""
+    most = LIMITS['guide']
+    limits = (most.forward, most.lateral, most.yaw)
+    return (
+        math.copysign(min(abs(velocity[0]), limits[0]), velocity[0]),
+        math.copysign(min(abs(velocity[1]), limits[1]), velocity[1]),
+        math.copysign(min(abs(velocity[2]), limits[2]), velocity[2]),
+    )

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A Go2 of its own with Unitree's interface: world, legs and bridge, without ROS and a page."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+import time
+
+from mujoco_sim.parameters import SimulatorParameters
+from mujoco_sim.robot_setup import usual_setup
+from mujoco_sim.sensors.measuring import Sensors
+from mujoco_sim.simulation import Simulation
+from mujoco_sim.world import build_world
+from quadruped_sim.legs import Legs
+from quadruped_sim.parameters import LegNodeParameters
+from robot_description.description import load_robot
+from wasd_core.robot_io import LEG_RATE
+
+from unitree_bridge import topics
+from unitree_bridge.bridge import Bridge, INTO, OUT
+from unitree_bridge.legs_robot import Commands, LegsRobot
+from unitree_bridge.robot import Velocity
+from unitree_bridge.utlidar import LidarTopics
+from unitree_bridge.wire import Wire
+
+SCAN = 'scan'
+ALL_OUT = (*OUT, *topics.LIDAR_OUT)
+ALL_INTO = (*INTO, topics.LIDAR_SWITCH)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is simulated: a robot, by name or file, in a world; `seed` is that of all noise."""
+
+    description: str = 'go2'
+    world: str = 'flat'
+    seed: int = 0
+    estimator: str = 'kalman'
+
+
+class SimulatedGo2:
+    """
+    The robot, stepped 500 times a second of simulated time.
+
+    `say` hears what a user should know, a line each; `inform` that the controller is compiled.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        wire: Wire,
+        say: Callable[[str], None],
+        *,
+        speed: float = 1.0,
+        is_synced: bool = False,
+    ) -> None:
+        """
+        Load it.
+
+        Raises:
+            UserError: what is wrong with the scene, in one line.
+        """
+        loaded = load_robot(scene.description)
+        setup = usual_setup(loaded, scene.estimator == 'kalman')
+        self.world = build_world(loaded, scene.world, scene.seed, setup, visuals=True)
+        settings = LegNodeParameters(estimator=scene.estimator)
+        self.legs = Legs(loaded, settings, inform=say)
+        self.simulation = Simulation(self.world, speed)
+        self.robot = LegsRobot(self.legs, self.world, Commands(self._press, self._drive))
+        self._sensors = Sensors(loaded, self.world, SimulatorParameters())
+        lidar = self._make_lidar()
+        self.bridge = Bridge(self.robot, wire, say, is_synced=is_synced, lidar=lidar)
+        schedule = self.simulation.schedule
+        schedule.every(1.0 / LEG_RATE, self._control)
+        schedule.every(1.0 / LEG_RATE, self._sensors.step)
+        resets = (self.legs.reset, self._sensors.reset, self.bridge.reset)
+        self.simulation.on_reset += resets
+
+    def run(self, stop: Callable[[], bool], duration: float = float('inf')) -> None:
+        """Simulate until `stop` or until `duration` [s] of simulated time; answer meanwhile."""
+        self.simulation.run(stop=stop, poll=self._poll, duration=duration)
+
+    def close(self) -> None:
+        """Be gone for all programs."""
+        self.bridge.close()
+        self._sensors.close()
+        self.robot.close()
+
+    def _make_lidar(self) -> LidarTopics | None:
+        topics_of_scans = [topic for topic in self._sensors.topics if topic.name == SCAN]
+        if not topics_of_scans:
+            return None
+        lidar = LidarTopics(self.robot)
+        topics_of_scans[0].listen(lidar.take_scan, lambda: lidar.wants_scans)
+        return lidar
+
+    def _press(self, key: str) -> bool:
+        self.legs.press(key)
+        return True
+
+    def _drive(self, velocity: Velocity) -> bool:
+        self.legs.command(*velocity)
+        return True
+
+    def _control(self) -> None:
+        dt = 1.0 / LEG_RATE
+        self.bridge.step(dt)
+        truth = None
+        if self.legs.settings.estimator == 'truth':
+            truth = self.world.base_since_start()
+        names = self.world.joint_names, self.world.motor_names
+        own = self.legs.control(self.world.read(), *names, dt, truth)
+        theirs = self.bridge.in_force
+        self.world.apply(own if theirs is None else self.robot.motors(theirs))
+
+    def _poll(self, timeout: float) -> None:
+        time.sleep(timeout)

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The lidar's topics of the Go2, from the planar lidar that the simulated one carries."""
+
+from typing import Any
+
+import numpy as np
+from wasd_core.errors import InvalidMessage
+from wasd_core.timing import Beat
+
+from unitree_bridge import topics
+from unitree_bridge.cdr import decode, encode
+from unitree_bridge.robot import Robot
+from unitree_bridge.shapes import IMU, ODOMETRY, POINT_CLOUD, POSE_STAMPED, STRING
+from unitree_bridge.wire import Wire
+
+CLOUD_FRAME, ODOM_FRAME, BASE_FRAME, IMU_FRAME = (
+    'utlidar_lidar',
+    'odom',
+    'base_link',
+    'utlidar_imu',
+)
+# The rates of what is told beside the cloud, which comes as the lidar measures [Hz].
+_RATES = ((topics.LIDAR_IMU, 250.0), (topics.ROBOT_POSE, 50.0), (topics.ROBOT_ODOM, 50.0))
+_POINT = np.dtype(
+    {
+        'names': ['x', 'y', 'z', 'intensity', 'ring', 'time'],
+        'formats': ['<f4', '<f4', '<f4', '<f4', '<u2', '<f4'],
+        'offsets': [0, 4, 8, 16, 20, 24],
+        'itemsize': 32,
+    }
+)
+# The numbers of sensor_msgs/PointField.
+_DATATYPES = {'<f4': 7, '<u2': 4}
+
+
+class LidarTopics:
+    """
+    Tells clouds of the planar lidar, and pose, odometry and IMU, while somebody listens.
+
+    `rt/utlidar/switch` with OFF ends all of it, with ON it goes on.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self.is_on = True
+        self._wire: Wire | None = None
+        self._beats = {topic.name: Beat() for topic, _ in _RATES}
+
+    @property
+    def wants_scans(self) -> bool:
+        """Whether a scan would be told."""
+        return self.is_on and self._wire is not None and self._wire.is_heard(topics.CLOUD)
+
+    def take_scan(self, time: float, scan: dict[str, Any]) -> None:
+        """Tell a scan of a simulated time [s] as a cloud; `scan` is as in LaserScan."""
+        if self._wire is not None and self.wants_scans:
+            self._wire.publish(topics.CLOUD, encode(POINT_CLOUD, cloud(time, scan)))
+
+    def step(self, wire: Wire) -> None:
+        """Take the switch, and tell what is due."""
+        self._wire = wire
+        for raw in wire.take(topics.LIDAR_SWITCH):
+            self._switch(raw)
+        makers = {
+            topics.LIDAR_IMU.name: self._imu,
+            topics.ROBOT_POSE.name: self._pose,
+            topics.ROBOT_ODOM.name: self._odometry,
+        }
+        for topic, rate in _RATES:
+            is_due = self._beats[topic.name].is_due(self._robot.time, rate)
+            if is_due and self.is_on and wire.is_heard(topic):
+                told = makers[topic.name]()
+                if told is not None:
+                    wire.publish(topic, told)
+
+    def _switch(self, raw: bytes) -> None:
+        try:
+            said = decode(STRING, raw)['data']
+        except InvalidMessage:
+            return
+        if said in ('ON', 'OFF'):
+            self.is_on = said == 'ON'
+
+    def _imu(self) -> bytes:
+        imu = self._robot.senses().imu
+        return encode(
+            IMU,
+            {
+                'header': header(self._robot.time, IMU_FRAME),
+                'orientation': _quaternion(imu.orientation),
+                'angular_velocity': _vector(imu.angular_velocity),
+                'linear_acceleration': _vector(imu.linear_acceleration),
+            },
+        )
+
+    def _pose(self) -> bytes | None:
+        odometry = self._robot.odometry
+        if odometry is None:
+            return None
+        pose = {
+            'position': _vector(odometry.position),
+            'orientation': _quaternion(odometry.orientation),
+        }
+        return encode(POSE_STAMPED, {'header': header(self._robot.time, ODOM_FRAME), 'pose': pose})
+
+    def _odometry(self) -> bytes | None:
+        odometry = self._robot.odometry
+        if odometry is None:
+            return None
+        pose = {
+            'position': _vector(odometry.position),
+            'orientation': _quaternion(odometry.orientation),
+        }
+        twist = {
+            'linear': _vector(odometry.linear_velocity),
+            'angular': _vector(odometry.angular_velocity),
+        }
+        return encode(
+            ODOMETRY,
+            {
+                'header': header(self._robot.time, ODOM_FRAME),
+                'child_frame_id': BASE_FRAME,
+                'pose': {'pose': pose, 'covariance': odometry.pose_covariance.ravel()},
+                'twist': {'twist': twist, 'covariance': odometry.twist_covariance.ravel()},
+            },
+        )
+
+
+def header(time: float, frame: str) -> dict[str, Any]:
+    """Return a header with the stamp of a simulated time [s]."""
+    nanoseconds = round(1e9 * time)
+    sec, nanosec = divmod(nanoseconds, 1_000_000_000)
+    return {'stamp': {'sec': sec, 'nanosec': nanosec}, 'frame_id': frame}
+
+
+def cloud(time: float, scan: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a PointCloud2 of those of a LaserScan; what is not seen is left out."""
+    ranges = np.asarray(scan['ranges'])
+    seen = np.flatnonzero(np.isfinite(ranges))
+    angles, ranges = scan['angle_min'] + scan['angle_increment'] * seen, ranges[seen]
+    points = np.zeros(len(seen), _POINT)
+    points['x'], points['y'] = ranges * np.cos(angles), ranges * np.sin(angles)
+    assert _POINT.fields is not None
+    fields = [
+        {'name': name, 'offset': at, 'datatype': _DATATYPES[kind.str], 'count': 1}
+        for name, (kind, at) in ((name, part[:2]) for name, part in _POINT.fields.items())
+    ]
+    return {
+        'header': header(time, CLOUD_FRAME),
+        'height': 1,
+        'width': len(points),
+        'fields': fields,
+        'point_step': _POINT.itemsize,
+        'row_step': _POINT.itemsize * len(points),
+        'data': points.tobytes(),
+        'is_dense': True,
+    }
+
+
+def _vector(numbers: np.ndarray) -> dict[str, float]:
+    return dict(zip('xyz', numbers.tolist(), strict=True))
+
+
+def _quaternion(numbers: np.ndarray) -> dict[str, float]:
+    return dict(zip('wxyz', numbers.tolist(), strict=True))
