@@ -140,7 +140,7 @@ def handle(page: 'Page', count: int) -> tuple[float, set[str]]:
 
 
 def walk(page: 'Page') -> None:
-    """Have the Go2 trot ahead: a page that was closed has stopped it."""
+    """Let the Go2 trot ahead: a page that was closed has stopped it."""
     for key in (ZERO_KEYS[0], 'w', 'w', 'w'):
         page.cockpit.page.link.order(Order('key', key))
     page.wait(1.0)

@@ -36,12 +36,12 @@ WORDS = {'mbot': "mbot's odometry", 'go2': 'Go2-like (1 %)', 'poor': 'poor (5 %)
 
 
 def follow(mapper: Mapper | Localizer, log: Log, rows: range) -> np.ndarray:
-    """Have scans of a log taken in, and return the CPU time of each [ms]."""
+    """Take in the scans of a log, and return the CPU time of each [ms]."""
     return np.array([take_in(mapper, log, row) for row in rows])
 
 
 def take_in(mapper: Mapper | Localizer, log: Log, row: int) -> float:
-    """Have one scan of a log taken in, and return its CPU time [ms]."""
+    """Take in one scan of a log, and return its CPU time [ms]."""
     begin = time.thread_time()
     mapper.step(log.scans[row], log.odometry[row], log.covariances[row])
     return 1e3 * (time.thread_time() - begin)

@@ -50,7 +50,7 @@ PICTURES = (
 
 
 def drive(page: Page) -> None:
-    """Have the robot do what KEYS say, as from a terminal, and stop time afterwards."""
+    """Press KEYS, as from a terminal, and stop time afterwards."""
     session, left = page.session, list(KEYS)
 
     def press_what_is_due() -> None:

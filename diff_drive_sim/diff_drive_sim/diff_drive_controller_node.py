@@ -307,7 +307,7 @@ class DiffDriveControllerNode(Node):
         return is_stale and self.settings.cmd_vel_timeout > 0.0
 
     def _on_return(self, gap: float) -> None:
-        """Begin anew after this process stood still: nobody knows who still wants what."""
+        """Begin again after this process stood still: nobody knows who still wants what."""
         # Where somebody else steps, robot and process stood still together.
         if self._is_alone and self.settings.cmd_vel_timeout > 0.0:
             was_driven = self.controller.state == 'driving'

@@ -272,7 +272,7 @@ class DiffDrive:
 
         `left`, `right` are the joint angles now [rad], `dt` [s] after the last ones; a command
         that has come since those came `late` [s] before these. After a gap the wheels' loops
-        begin anew: they do not catch up.
+        begin again: they do not catch up.
         """
         speeds = self._control(*self.flip((left, right)), dt, late)
         duties = self._drive.step(speeds, self.ticks, dt)

@@ -39,7 +39,7 @@ class Physics:
 
     def __init__(self, spec: mujoco.MjSpec) -> None:
         """
-        Compile the specification; whoever moves a robot in it adds it to `robots`.
+        Compile the specification; what moves a robot in it is added to `robots`.
 
         Raises:
             SimulationError: what the compiler says, in one line.

@@ -202,7 +202,7 @@ class Actuation:
         self._brake_damping = np.minimum(BRAKE_DAMPING, STABLE_SHARE * stopping)
 
     def reset(self) -> None:
-        """Begin anew at the start of the setup, with limp motors; the state is that of rest."""
+        """Begin again at the start of the setup, with limp motors; the state is that of rest."""
         put_at_start(self._model, self._data, self._parts, self._setup)
         self._pushes: list[tuple[int, Push]] = []  # each with the tick of its end
         self._kept_push = np.zeros(3)  # the force without an end

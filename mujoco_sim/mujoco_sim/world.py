@@ -245,7 +245,7 @@ class World:
 
 class _Views:
     """
-    Views on what MuJoCo knows of one robot: to ask for one anew costs more than to read it.
+    Views on what MuJoCo knows of one robot: to ask for one again costs more than to read it.
 
     `base` are the parts of a `BaseState`, `imu` those of an `ImuReading`; empty without an IMU.
     """

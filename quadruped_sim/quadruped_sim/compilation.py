@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles the leg controller in a process of its own, so that whoever waits can leave."""
+"""Compiles the leg controller in a process of its own, so that a user who waits can leave."""
 
 from collections.abc import Callable
 import contextlib

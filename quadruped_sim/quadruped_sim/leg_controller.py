@@ -130,7 +130,7 @@ class LegController:
             self.tune(replace(self._given, gait=replace(self._given.gait, name=name)))
 
     def _change_gait(self) -> None:
-        """Have the legs take the chosen gait once they are slow, and speed up once they have."""
+        """Take the chosen gait once the legs are slow, and speed up once they have it."""
         if self._left == self.gait:
             return
         legs = self.locomotion.gait
@@ -260,7 +260,7 @@ class LegController:
         return is_above or float(apart.max()) > _SPRAWLED
 
     def _meaning(self, key: str) -> str:
-        """Return what a state's key stands for: whoever has fallen must get up to stand."""
+        """Return what a state's key stands for: a robot that has fallen must get up to stand."""
         must_fold = self._lies_fallen or self._lies_sprawled
         return GET_UP_KEYS[-1] if must_fold and key in GET_UP_KEYS else key
 

@@ -103,7 +103,7 @@ class RobotModel:
         self._check_geometry()
 
     def _build(self, description: Description) -> None:
-        """Have Pinocchio build its model, and note how its joints are ordered and turned."""
+        """Build Pinocchio's model, and note how its joints are ordered and turned."""
         self._model = to_pinocchio(description, for_control=True, held=self.quadruped.held)
         if self._model.nv != 18:
             raise RobotModelError(f'12 moving joints wanted, got {self._model.nv - 6}')

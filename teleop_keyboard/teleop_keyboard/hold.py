@@ -277,7 +277,7 @@ class Motion:
         self._latched = NOWHERE
 
     def stop(self) -> None:
-        """Ask for standing still, also while keys are down: they count when pressed anew."""
+        """Ask for standing still, also while keys are down: they count when pressed again."""
         self._hold.ignore_down()
         self._latched = NOWHERE
 

@@ -184,7 +184,7 @@ class StatusLine:
         self.refresh()
 
     def refresh(self) -> None:
-        """Have the next text shown at once: what stood here is no longer to be seen."""
+        """Show the next text at once: what stood here is no longer to be seen."""
         self._shown, self._below = '', 0
         self._shown_at = -math.inf
 

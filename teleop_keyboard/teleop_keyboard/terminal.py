@@ -106,11 +106,11 @@ class Terminal:
             self._write(ASK_KITTY)
 
     def tell_releases(self) -> None:
-        """Have the terminal report releases, until the terminal is given back."""
+        """Ask the terminal to report releases, until the terminal is given back."""
         self._switch(KITTY_ON, KITTY_OFF)
 
     def bracket_pastes(self) -> None:
-        """Have the terminal mark what is pasted, until the terminal is given back."""
+        """Ask the terminal to mark what is pasted, until the terminal is given back."""
         if not _is_dumb():
             self._switch(PASTE_ON, PASTE_OFF)
 
@@ -297,7 +297,7 @@ def may_draw_on(stream: TextIO) -> bool:
 
 
 def tolerate_any_text() -> None:
-    """Have standard output show what its encoding lacks as `?`, instead of failing."""
+    """Let standard output show what its encoding lacks as `?`, instead of failing."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors='replace')
 

@@ -56,7 +56,7 @@ class ToldKeys:
     def release(self, place: str) -> list[str]:
         """Return the event of a release, under the name of the press; none for an unknown one."""
         name = self._down.pop(place, None)
-        # Whoever tells this is there, and a key that was just pressed has yet to repeat.
+        # The teller is there, and a key that was just pressed has yet to repeat.
         self._left = max(self._left, REPEAT_TIMEOUT)
         return [] if name is None else [with_event(RELEASE, name)]
 

@@ -4,8 +4,8 @@
 import socket
 
 from mujoco.studio import web_viewer
-from mujoco_sim.viewer import page
-from mujoco_sim.viewer.server import HOST
+from mujoco_sim.viewer import studio
+from mujoco_sim.viewer.studio import HOST
 import pytest
 
 
@@ -37,7 +37,7 @@ def viewer(monkeypatch):
     monkeypatch.setattr(
         web_viewer.WebViewer, '_start_server', lambda _: seen.append('browsers may come')
     )
-    viewer = page._LocalWebViewer.__new__(page._LocalWebViewer)
+    viewer = studio.LocalWebViewer.__new__(studio.LocalWebViewer)
     viewer._headless_ui = Ui(seen)
     viewer._http_sock, viewer._asked_port = bound(), 0
     yield viewer, seen

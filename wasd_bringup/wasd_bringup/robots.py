@@ -39,14 +39,14 @@ class Kind:
     """
     What robots of one build share: classes as `module:name`, and options of their commands.
 
-    `robot` is loaded when such a robot runs, `face` when ROS is to see it, `cockpit` is what a
+    `robot` is loaded when such a robot runs, `face` when ROS is to see it, `view` is what a
     page shows. `controller` names its controller in a log.
     """
 
     robot: str
     options: tuple[str, ...] = ()  # see `Option.of`
     face: str = 'wasd_bringup.ros.controllers:ControllerFace'
-    cockpit: str = 'wasd_bringup.page.described:Described'
+    view: str = 'wasd_bringup.page.robot_view:RobotView'
     controller: str = 'controller'
     pad_preset: str = 'mbot'  # what a gamepad means to it
 
@@ -55,7 +55,7 @@ LEGGED = Kind(
     robot='wasd_bringup.run.go2:Go2',
     options=(LEGS, LEGS_ALONE),
     face='wasd_bringup.ros.controllers:LegsFace',
-    cockpit='wasd_bringup.page.legs:Legs',
+    view='wasd_bringup.page.legs:LegsView',
     controller='leg_controller',
     pad_preset='go2',
 )
@@ -63,7 +63,7 @@ WHEELED = Kind(
     robot='wasd_bringup.run.mbot:Mbot',
     options=(WHEELS,),
     face='wasd_bringup.ros.controllers:WheelsFace',
-    cockpit='wasd_bringup.page.wheels:Wheels',
+    view='wasd_bringup.page.wheels:WheelsView',
     controller='diff_drive_controller',
 )
 

@@ -148,7 +148,7 @@ class StickUse(NamedTuple):
 
 class Start(NamedTuple):
     """
-    What runs, and which robots and worlds a run may start anew with.
+    What runs, and which robots and worlds a run may start again with.
 
     `called` is what the user types before their names, `kept` are the options with which the same
     robot starts again; `refusal` says why it may not.

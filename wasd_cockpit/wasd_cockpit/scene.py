@@ -64,7 +64,7 @@ class Pool:
         self._count = 0
 
     def begin(self) -> None:
-        """Use the geoms anew."""
+        """Use the geoms again."""
         self._count = 0
 
     def geoms(self) -> list[Any]:
@@ -195,7 +195,7 @@ class Scene:
         camera.azimuth, camera.elevation = math.degrees(yaw), -math.degrees(pitch)
 
     def _hold(self, page: PageState, snapshot: Snapshot) -> None:
-        """Have the pointer push the robot, or point where it is to drive."""
+        """Push the robot with the pointer, or choose where it is to drive."""
         self.force = 0.0
         page.push = None
         if not self.hand:

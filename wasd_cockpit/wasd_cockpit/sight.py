@@ -142,7 +142,7 @@ class _Eye:
         self._distances = np.empty(RAYS)
 
     def place(self, snapshot: Snapshot) -> None:
-        """Have everything where a snapshot says."""
+        """Move everything to where a snapshot says."""
         self._data.qpos[:] = snapshot.qpos
         self._data.mocap_pos[:], self._data.mocap_quat[:] = np.hsplit(snapshot.mocap, [3])
         mujoco.mj_kinematics(self._model, self._data)

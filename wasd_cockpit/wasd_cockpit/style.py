@@ -94,7 +94,7 @@ def push_theme(scale: float = 1.0) -> None:
 
 
 def push_padding(x: float, y: float) -> None:
-    """Have so much space around the words of buttons and fields [pixels]; a value to pop."""
+    """Push ImGui's frame padding [pixels]; pop it afterwards."""
     imgui.PushStyleVar(int(imgui.StyleVar.FramePadding.value), imgui.Vec2(x, y))
 
 

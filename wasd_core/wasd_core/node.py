@@ -211,7 +211,7 @@ class _Watch:
     """
     Says whether anything has come for nodes, events of quality of service left out.
 
-    An executor of rclpy gathers anew at each look what there is to wait for; this is made once,
+    An executor of rclpy gathers again at each look what there is to wait for; this is made once,
     for the things that there are, and takes half as long.
     """
 
@@ -277,7 +277,7 @@ class MessagePump(SingleThreadedExecutor):
     """
     An executor for a loop that has other things to do: handles what is there and returns.
 
-    rclpy makes what it waits for anew at each pass, a dozen microseconds for each thing. So it is
+    rclpy makes what it waits for again at each pass, a dozen microseconds for each thing. So it is
     asked only when something has come; and events of quality of service, one or two for each
     topic, wait for up to EVENT_PERIOD: rclpy has nothing for them but a line of its log.
     """

@@ -183,7 +183,7 @@ class OwnCache(caching.FunctionCache):
     _impl_class = _Impl
 
     def name_files(self, mark: str) -> None:
-        """Have the files called after a mark, too."""
+        """Name the files after a mark, too."""
         name = f'{self._impl.filename_base}.{mark}'
         locator, stamp = self._impl.locator, self._cache_file._source_stamp
         self._cache_file = _Files(locator, self.cache_path, name, stamp)

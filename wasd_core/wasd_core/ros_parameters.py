@@ -120,7 +120,7 @@ def _take_changes(
     known: Mapping[str, Known],
     on_change: Callable[[ParametersType], None] | None,
 ) -> None:
-    """Have changes at run time checked against the current set, and told of."""
+    """Check changes at run time against the current set, and tell of them."""
     # A node that its own method holds would stay, with all it has, until garbage is collected.
     is_own = isinstance(on_change, MethodType) and on_change.__self__ is node
     listener = WeakMethod(cast(MethodType, on_change)) if is_own else lambda: on_change

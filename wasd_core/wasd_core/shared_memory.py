@@ -25,7 +25,7 @@ SHARED_MEMORY = Path('/dev/shm')
 # Fast DDS' ports of a domain, and their locks; numbered as UDP's are by the RTPS specification.
 PORT = re.compile(r'(?:sem\.)?fastrtps_port(\d+)(_mutex|_el)?')
 FIRST_PORT, PORTS_OF_DOMAIN = 7400, 250
-# A participant takes half a megabyte, a run several of them, and whoever listens his own [B].
+# A participant takes half a megabyte, a run several of them, and each listener its own [B].
 ROOM = 8_000_000
 MOST_FILES = 100
 SEGMENT_LOCK = re.compile(r'fastrtps_[0-9a-f]{16}_el')
@@ -43,7 +43,7 @@ def why_no_shared_memory(domain: int, folder: Path = SHARED_MEMORY) -> str:
     Return why Fast DDS should not use shared memory in a domain; '' where it can.
 
     A port or lock of another user is his to change, an empty one is never filled, and memory
-    that is full ends whoever writes to it.
+    that is full ends the process that writes to it.
     """
     try:
         status, names = os.statvfs(folder), os.listdir(folder)

@@ -181,7 +181,7 @@ def never_wait() -> None:
     """
     Have no write to standard output or error wait for a reader from now on.
 
-    A terminal or pipe is opened anew for that: the old opening is shared with the shell, which is
+    A terminal or pipe is opened again for that: the old opening is shared with the shell, which is
     not to find it changed. So ROS' log, which is written past us, does not wait either.
     """
     for stream in (sys.stdout, sys.stderr):
@@ -193,7 +193,7 @@ def offer(stream: TextIO, text: str, patience: float = 0.0) -> bool:
     """
     Write a program's own text, sequences as they are, if there is room within `patience` [s].
 
-    Return whether it was taken; what was not is to be shown anew later.
+    Return whether it was taken; what was not is to be shown again later.
     """
     if isinstance(stream, Words):
         data = text.encode(stream.encoding, stream.errors or 'strict')
@@ -268,7 +268,7 @@ def _may_block(descriptor: int) -> bool:
 
 
 def _fill(descriptor: int) -> None:
-    """Have a descriptor that is closed be /dev/null, or the next file opened would get it."""
+    """Open /dev/null on a closed descriptor, or the next file opened would get it."""
     try:
         os.fstat(descriptor)
     except OSError:

@@ -13,7 +13,7 @@ HELD = 'HELD'
 RELEASE = 'RELEASE'
 # How all begin that are no press.
 NO_PRESS = (f'{HELD}+', f'{RELEASE}+')
-# No keyboard sends it: a program does, when whoever drove is gone. It ends what keys set moving.
+# No keyboard sends it: a program does, when the driver is gone. It ends what keys set moving.
 STOP_KEY = 'STOP'
 # How often it is told that a key is still down, where its release is told [s].
 HELD_PERIOD = 0.1

@@ -111,7 +111,7 @@ class GoalAction:
         return CancelResponse.ACCEPT
 
     def _on_end(self, outcome: Outcome) -> None:
-        """Have the result told once this handler is through: a cancel is noted after it."""
+        """Tell the result after this handler: a cancel is noted after it."""
         handle, self._handle = self._handle, None
         if handle is not None:
             self._server.notify_execute(handle, lambda handle: self._finish(handle, outcome))

@@ -128,7 +128,7 @@ class NavigationPublisher:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: what was published is old."""
+        """Begin again: what was published is old."""
         self._revision: int | None = None
         self._map_at = self._plan_at = -MAP_PERIOD
         self._path = np.empty((0, 2))

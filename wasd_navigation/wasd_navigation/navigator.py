@@ -21,7 +21,7 @@ SILENCE = 0.5
 PATIENCE = 10.0
 # The driver plans on a map that is at most so old [s]: drawing one takes as long as 20 steps.
 LOOK_PERIOD = 1.0
-# Odometry that has moved more than this, and than so fast, has been set anew [m], [rad], [m/s].
+# Odometry that has moved more than this, and than so fast, has been set again [m], [rad], [m/s].
 LEAP, LEAP_TURN, LEAP_RATE = 1.0, 2.0, 10.0
 NOWHERE = np.full(3, math.nan)
 # States of a driver in which it has done with a goal.
@@ -173,7 +173,7 @@ class Navigator:
         return True
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Begin again."""
         self.cancel('all begins anew')
         self.locator.reset()
         self.pilot.reset()

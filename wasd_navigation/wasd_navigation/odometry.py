@@ -16,7 +16,7 @@ from wasd_navigation.se2 import compose, inverse, is_definite, sandwich, turn_ax
 REMEMBERED = 100
 # No odometry is surer than this: variances by way [m^2/m], by turn [rad^2/rad], and of standing.
 LEAST_WAY, LEAST_TURN, STANDING = 1e-6, 1e-6, 1e-8
-# What is not known of the move in which odometry was set anew [m^2], [rad^2].
+# What is not known of the move in which odometry was set again [m^2], [rad^2].
 LEAP = np.diag((0.05**2, 0.05**2, 0.05**2))
 # Nothing drives so far [m] or so fast [m/s, rad/s].
 FARTHEST, FASTEST = 1e6, 1e3

@@ -51,7 +51,7 @@ def make_pilot(settings: NavigatorParameters) -> Driver:
 
 
 def warm_up(locator: Locator, pilot: Driver) -> None:
-    """Have both do a little of all they can, in a room: what they compile is there then."""
+    """Run locator and pilot once in a synthetic room, so that numba compiles everything."""
     if isinstance(locator, Localizer):
         locator.start(np.array([-TOUR, 0.0, 0.0]), 1e-4 * np.eye(3))
     for step in range(WARM_UP_STEPS):

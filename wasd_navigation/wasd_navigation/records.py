@@ -80,7 +80,7 @@ class Scan:
     begins: np.ndarray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        """Have all rays begin at the origin if nothing else is said."""
+        """Let all rays begin at the origin if nothing else is said."""
         if self.begins is None:
             begins = np.repeat(self.origin[None], len(self.ends), axis=0)
             object.__setattr__(self, 'begins', begins)

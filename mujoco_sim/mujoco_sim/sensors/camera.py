@@ -197,7 +197,7 @@ class Offscreen:
 
 @contextlib.contextmanager
 def _quick_quality(model: mujoco.MjModel, width: int, height: int) -> Any:
-    """Have a context made without shadows and multi-sampling: a sixth of the time per picture."""
+    """Make contexts without shadows and multi-sampling: a sixth of the time per picture."""
     size, quality = model.vis.global_, model.vis.quality
     before = size.offwidth, size.offheight, quality.offsamples, quality.shadowsize
     size.offwidth, size.offheight, quality.offsamples, quality.shadowsize = width, height, 0, 0

@@ -214,7 +214,7 @@ def buttons_down() -> int:
 
 class Pace:
     """
-    How often a page is worked on [s], by whoever does: the viewer's thread and the simulation's.
+    How often a page is worked on [s], by who does: the viewer's thread and the simulation's.
 
     `is_hurried` is set by the simulation: whether it has no time to spare.
     """

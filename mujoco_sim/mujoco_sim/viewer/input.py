@@ -34,7 +34,7 @@ LONGEST_PROOF = 0.1
 # More events than these are of no use to anybody: nobody is reading.
 MOST_EVENTS = 1000
 
-# Stands among the keys where whoever pressed them has gone or fallen silent.
+# Stands among the keys where their driver has gone or fallen silent.
 LOST = 'LOST'
 
 # Characters of the page's keys on a US keyboard, without and with Shift.

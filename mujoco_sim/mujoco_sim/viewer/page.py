@@ -5,20 +5,19 @@ from collections.abc import Callable
 import copy
 import functools
 import logging
-import socket
 import threading
 import time
 from typing import Any, cast, NamedTuple, TypeVar
 
 import mujoco
-from mujoco.studio import endpoints, launch_thread, messages, plugin, viewer_protocol, web_viewer
-from mujoco.studio.web import web_server
+from mujoco.studio import endpoints, launch_thread, messages, plugin, viewer_protocol
 import numpy as np
 from wasd_core.errors import one_line, SimulationError
 
-from mujoco_sim.viewer.drawing import Pace, PacedUi, PageContent, Panels, PictureDetail
+from mujoco_sim.viewer.drawing import Pace, PageContent, Panels, PictureDetail
 from mujoco_sim.viewer.input import PageInput
-from mujoco_sim.viewer.server import HOST, use_page_server
+from mujoco_sim.viewer.server import use_page_server
+from mujoco_sim.viewer.studio import drop_viewer_events, HOST, LocalWebViewer, port_of
 from mujoco_sim.world import World
 
 START_TIMEOUT = 10.0
@@ -29,7 +28,7 @@ Method = TypeVar('Method', bound=Callable[..., Any])
 
 
 def handler(method: Method, priority: int = messages.Priority.USER) -> Method:
-    """Have a method called with the messages that its parameter is of, in order of priority."""
+    """Register a method for messages of its parameter's type, in order of priority."""
     return cast(Method, messages.handler(method, priority=priority))
 
 
@@ -39,66 +38,6 @@ class CameraView(NamedTuple):
     distance: float
     azimuth: float
     elevation: float
-
-
-class _LocalWebViewer(web_viewer.WebViewer):  # type: ignore[misc]  # MuJoCo has no types
-    """Studio's viewer, which would listen on all interfaces, made to listen on one."""
-
-    _http_sock: socket.socket
-    _http_port: int
-    # The base class sets '::' before it binds; a constant in its place keeps the page private.
-    _host = property(lambda self: HOST, lambda self, _: None)
-
-    def __init__(
-        self,
-        config: viewer_protocol.ViewerConfig,
-        endpoint: endpoints.ViewerEndpoint,
-        page: '_Page',
-    ) -> None:
-        use_page_server(page.input, page.text)
-        self._asked_port = config.http_port
-        super().__init__(config, endpoint, plugins=[page])
-        self._headless_ui: Any = PacedUi(self._headless_ui, page.input, page.pace)
-
-    def _start_server(self) -> None:
-        """
-        Start the server after a first frame: in that one Studio has no fonts yet.
-
-        A browser that connects meanwhile makes it use one, and that crashes Python.
-        """
-        self._headless_ui.new_frame()
-        self._headless_ui.end_frame()
-        self._claim_port()
-        super()._start_server()
-
-    def _claim_port(self) -> None:
-        """
-        Listen at once: until somebody does, two runs that start together may bind one port.
-
-        Raises:
-            OSError: the port that was asked for has gone to another.
-        """
-        while True:
-            try:
-                self._http_sock.listen()
-            except OSError:
-                if self._asked_port:
-                    raise
-                self._http_sock.close()
-                self._http_sock = web_server.bind_public_socket(HOST, 0)
-                self._http_port = self._http_sock.getsockname()[1]
-            else:
-                return
-
-    @property
-    def is_drawing(self) -> bool:
-        """Whether panels are drawn in this frame; the scene is sent in any."""
-        return isinstance(self._headless_ui, PacedUi) and self._headless_ui.is_drawing
-
-    @functools.partial(handler, priority=messages.Priority.INTERNAL)
-    def _on_post_model(self, event: messages.PostModelEvent) -> None:
-        """Serve the new model without the base class's line on stdout."""
-        self._update_model()
 
 
 class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
@@ -123,7 +62,7 @@ class _Page(plugin.ViewerPlugin):  # type: ignore[misc]
     @handler
     def on_init(self, event: plugin.ViewerInitEvent) -> None:
         """Remember the port that was found."""
-        self.port = event.viewer._http_port
+        self.port = port_of(event.viewer)
         self.started.set()
 
     @functools.partial(handler, priority=messages.Priority.INTERNAL - 1)
@@ -187,10 +126,10 @@ class WebView:
         self._world = world
         self._page = _Page(camera, world.root, content)
         config = viewer_protocol.ViewerConfig(title='wasd', gfx='web', http_port=port)
-        web_viewer._print_url_banner = lambda host, port: None  # we say where it is ourselves
+        use_page_server(self._page.input, self._page.text)
 
         def serve(endpoint: endpoints.ViewerEndpoint) -> None:
-            viewer = _LocalWebViewer(config, endpoint, self._page)
+            viewer = LocalWebViewer(config, endpoint, self._page)
             viewer_protocol.run_viewer_loop(viewer)
 
         self._handle: Any = launch_thread.launch_thread(serve)
@@ -222,7 +161,7 @@ class WebView:
             model, state = self._world.model, np.empty(self._state_size)
             mujoco.mj_getState(model, self._world.data, state, _STATE)
             self._handle.send_to_viewer(messages.StateSnapshot(state=state, state_sig=_STATE))
-            self._handle._sim_endpoint.get_viewer_events()  # or they would gather
+            drop_viewer_events(self._handle)
 
     @property
     def input(self) -> PageInput:

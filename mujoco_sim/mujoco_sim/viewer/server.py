@@ -9,13 +9,12 @@ import logging
 import struct
 from typing import Any, cast, NamedTuple
 
-from mujoco.studio.web import web_server
 from mujoco.studio.web.web_server import Headers, Request, Response, serve, ServerConnection
 
 from mujoco_sim.viewer.clicks import Mouse
 from mujoco_sim.viewer.input import PageInput
+from mujoco_sim.viewer.studio import HOST, patch_server, session_of, SILENT_CONTROLLER
 
-HOST = '127.0.0.1'
 NAMES = (HOST, 'localhost')
 # A client has so long for its request [s] ...
 HEADER_TIMEOUT = 5.0
@@ -23,9 +22,6 @@ HEADER_TIMEOUT = 5.0
 ANSWER_TIMEOUT = 300.0
 # A browser that answers no ping for so long is let go [s].
 PING_PERIOD, PING_TIMEOUT, CLOSE_TIMEOUT = 5.0, 10.0, 1.0
-# Somebody who waits for control gets it from a page that is silent for so long [s]; who just
-# comes, from one that has said nothing in the same time.
-SILENT_CONTROLLER = 5.0
 # What a page says that asks for control, and the code that ends its control.
 REQUEST, FORCE, LEAVE = 'request_control', 'force_control', 'leave_queue'
 CONTROL_TAKEN = 4001
@@ -64,32 +60,13 @@ FIRST_KEY = 512
 LONGEST = 1 << 20
 
 
-class _WithoutGoneBrowsers(logging.Filter):
-    """
-    Leaves out what asyncio says of a browser that has gone while it was sent something.
-
-    Studio does not ask how such a sending ended, and a tab that is closed is nothing to report.
-    """
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a record is of anything else."""
-        error = record.exc_info[1] if record.exc_info else None
-        return not isinstance(error, web_server.ConnectionClosed)
-
-
-_WITHOUT_GONE_BROWSERS = _WithoutGoneBrowsers()
-
-
 def use_page_server(page_input: PageInput, text: Callable[[], str]) -> None:
     """
-    Have the web server that Studio starts next serve this machine only, and tell its input.
+    Let the web server that Studio starts next serve this machine only, and tell its input.
 
     `text` is what a page without panels shows of the run, asked for in the server's thread.
     """
-    # The module's own names are all that Studio leaves to set.
-    web_server.serve = functools.partial(_serve, page_input, text)
-    web_server._CONTROLLER_SILENT_KICK_SEC = SILENT_CONTROLLER
-    logging.getLogger('asyncio').addFilter(_WITHOUT_GONE_BROWSERS)
+    patch_server(functools.partial(_serve, page_input, text))
 
 
 def is_own(request: Request, port: int) -> bool:
@@ -168,7 +145,7 @@ class PageConnection(ServerConnection):  # type: ignore[misc]  # MuJoCo has no t
 
     @property
     def _session(self) -> str:
-        return str(web_server._session_id(self))
+        return session_of(self)
 
     def _give_up(self) -> None:
         if self.request is None:

@@ -13,7 +13,7 @@ STILL = 0.006
 SETTLING = 0.25
 # Standard deviation of the heading by a reading of IMU and feet [rad].
 READING = 2e-3
-# Beyond so many deviations between what is measured and expected of the drift rest begins anew.
+# Beyond so many deviations between what is measured and expected of the drift rest begins again.
 _MOST = 5.0
 # Trust in each foot from which on they stand.
 _STANDING = 0.99

@@ -96,7 +96,7 @@ class QpSolver:
         self.failures_in_a_row = 0
 
     def restart_count(self) -> None:
-        """Start counting failures in a row anew; the totals stay."""
+        """Start counting failures in a row again; the totals stay."""
         self.failures_in_a_row = 0
 
     def solve(self, H: np.ndarray, g: np.ndarray, bounds: ForceBounds) -> np.ndarray | None:

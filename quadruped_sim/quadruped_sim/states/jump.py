@@ -201,7 +201,7 @@ class Jump(OnFeet):
         return self._by_all(robot, acceleration)
 
     def _by_all(self, robot: RobotState, acceleration: np.ndarray) -> JointCommand:
-        """Have all feet accelerate the base; asked for too much, all legs lack the same."""
+        """Accelerate the base with all feet; asked for too much, all legs lack the same."""
         stance = np.ones(4, dtype=bool)
         # Other forces, which spare the motors of some legs, would turn it.
         return self._by_forces(robot, acceleration, stance, spares_motors=False)

@@ -232,7 +232,7 @@ def _become(*words: str) -> NoReturn:
 
 
 def _run(folder: str, module: str, *arguments: str) -> int:
-    # Ctrl-C is for both: whoever is started has the last word.
+    # Ctrl-C is for both: the program that is started has the last word.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     words = [sys.executable, '-m', module, *arguments]
     return subprocess.run(words, cwd=_clone(folder)).returncode

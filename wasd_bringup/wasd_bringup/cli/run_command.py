@@ -21,7 +21,7 @@ from wasd_core.signals import last_status, StopSignals
 from wasd_core.streams import never_wait
 
 from wasd_bringup.cli.options import read_options
-from wasd_bringup.page.anew import become
+from wasd_bringup.page.restart import become
 from wasd_bringup.run.options import choose_range, RunOptions
 from wasd_bringup.run.run import Run
 
@@ -140,7 +140,7 @@ def _home(uses_ros: bool, ros_arguments: Sequence[str]) -> Home:
 
 
 def _halt_with(stop: StopSignals, reader: KeyReader | None, run: Run) -> None:
-    """Have the robots stand when the process is suspended, or ended in the midst of something."""
+    """Stop the robots when the process is suspended, or ended in the midst of something."""
     stop.last_words.insert(0, run.stop)
     if reader is not None and reader.terminal is not None:
         reader.terminal.before_suspend.append(run.stop)

@@ -25,8 +25,8 @@ from wasd_core.errors import UserError
 from wasd_core.rotations import matrix_from_quaternion
 from wasd_core.timing import HELD, RELEASE, split_event
 
-from wasd_bringup.page.anew import Anew, page_port
-from wasd_bringup.page.described import Described
+from wasd_bringup.page.restart import page_port, Restart
+from wasd_bringup.page.robot_view import RobotView
 from wasd_bringup.robots import load_class
 from wasd_bringup.run.report import SAMPLE_PERIOD
 from wasd_bringup.run.robot import Robot
@@ -48,14 +48,14 @@ CHOICES_EVERY = 3
 FASTEST = 100.0
 
 
-class Watched:
+class RobotHistory:
     """One robot of the run with its past."""
 
     def __init__(self, robot: Robot, navigation: 'NavigationDriver | None') -> None:
         self.robot = robot
         self.navigation = navigation
-        self.described: Described = load_class(robot.kind.cockpit)(robot)
-        self.columns = Columns(self.described.feet, robot.world.motor_names)
+        self.view: RobotView = load_class(robot.kind.view)(robot)
+        self.columns = Columns(self.view.feet, robot.world.motor_names)
         self.history = History(round(SPAN * RATE), self.columns.width)
         self.trail = History(TRAIL_LENGTH, 2)
         model = robot.world.model
@@ -63,27 +63,27 @@ class Watched:
         self.mass = float(model.body_subtreemass[robot.world.root])
         self._limits = np.where(limits > 0.0, limits, 1.0).copy()
         self._samples = 0
-        self.keys = self.described.keys()
+        self.keys = self.view.keys()
         self._choices: tuple[Choice, ...] = ()
         self._chosen_in = ''
         self._chosen_for = 0
 
     def choices(self) -> tuple[Choice, ...]:
         """
-        Return the states as buttons, looked at anew with each other state, else a few times.
+        Return the states as buttons, looked at again with each other state, else a few times.
 
         Why each cannot be pressed costs more than all else that the page is told.
         """
         state = self.robot.state
         if state != self._chosen_in or self._chosen_for == 0:
-            self._choices, self._chosen_in = self.described.choices(), state
+            self._choices, self._chosen_in = self.view.choices(), state
             self._chosen_for = CHOICES_EVERY
         self._chosen_for -= 1
         return self._choices
 
     def sample(self, pace: float) -> None:
         """Remember this instant."""
-        world, motion = self.robot.world, self.described.motion()
+        world, motion = self.robot.world, self.view.motion()
         base = world.base()
         efforts = world.joints().effort[world.parts.motor_joint] / self._limits
         tick = 1e3 * self.robot.ticks.last
@@ -110,13 +110,13 @@ class CockpitBridge:
 
     def __init__(self, run: Run) -> None:
         self._run = run
-        self.anew = Anew(run.options)
+        self.restart = Restart(run.options)
         self._link = Link()
         self.content = Cockpit(self._link, usual_path())
         self.content.page.sight.open(run.world)
         navigations = run.navigations or len(run.robots) * [None]
         self._watched = [
-            Watched(robot, navigation)
+            RobotHistory(robot, navigation)
             for robot, navigation in zip(run.robots, navigations, strict=True)
         ]
         self._next = 0.0
@@ -129,7 +129,7 @@ class CockpitBridge:
     def attach(self, where: str) -> None:
         """Be told of what happens from now on; the page is at an address."""
         run = self._run
-        self.anew.is_at(where)
+        self.restart.is_at(where)
         run.listeners.of_keys.append(self.note_key)
         run.listeners.of_looks.append(self.step)
         run.listeners.of_disarm.append(self.let_go)
@@ -199,13 +199,13 @@ class CockpitBridge:
             simulation.pacer.speed = min(max(order.value, 0.0), FASTEST)
             simulation.pacer.restart()
         elif order.what == 'start':
-            self.anew.want(*order.name.split(maxsplit=1))
-            run.next_words = self.anew.wanted
+            self.restart.want(*order.name.split(maxsplit=1))
+            run.next_words = self.restart.wanted
         elif order.what in ('goal', 'cancel goal', 'save map'):
             self._navigate(order)
         elif order.what == 'choose':
             setting, _, option = order.name.partition('=')
-            for key in self._active.described.keys_to_choose(setting, option):
+            for key in self._active.view.keys_to_choose(setting, option):
                 run.press(key, 'page')
 
     def _navigate(self, order: Order) -> None:
@@ -224,7 +224,7 @@ class CockpitBridge:
                 self._active.robot.say(str(error))
 
     @property
-    def _active(self) -> Watched:
+    def _active(self) -> RobotHistory:
         return self._watched[self._run.active]
 
     def _release(self) -> None:
@@ -259,9 +259,9 @@ class CockpitBridge:
 
     def _move(self, robot: int, stick: Stick) -> None:
         watched = self._watched[robot]
-        keys = watched.described.stick_keys(stick)
+        keys = watched.view.stick_keys(stick)
         if keys is None:
-            full = watched.described.stick_use().full
+            full = watched.view.stick_use().full
             forward, left, turn = (share * most for share, most in zip(stick, full, strict=True))
             watched.robot.drive((forward, left, turn), 'page')
         elif keys:
@@ -270,13 +270,13 @@ class CockpitBridge:
     def _snapshot(self, now: float) -> Snapshot:
         run, watched = self._run, self._active
         simulation, world = run.simulation, watched.robot.world
-        status, described = watched.robot.status(), watched.described
+        status, view = watched.robot.status(), watched.view
         base = world.base()
         x, y, _ = base.position.tolist()
         self._pressed = {key: until for key, until in self._pressed.items() if until > now}
         pose = PlanarPose(x, y, float(base.rpy[2]))
         navigation = None if watched.navigation is None else watched.navigation.view()
-        marks = described.marks(base.position, matrix_from_quaternion(base.orientation))
+        marks = view.marks(base.position, matrix_from_quaternion(base.orientation))
         if navigation is not None and navigation.goal is not None:
             marks = dataclasses.replace(marks, path=moved(navigation.path, navigation.pose, pose))
         return Snapshot(
@@ -292,8 +292,8 @@ class CockpitBridge:
             message=status.message,
             stopped_by=watched.robot.drivers.stopped_by,
             choices=watched.choices(),
-            settings=described.settings(),
-            stick=described.stick_use(),
+            settings=view.settings(),
+            stick=view.stick_use(),
             keys=watched.keys,
             lit=frozenset(self._pressed),
             columns=watched.columns,
@@ -304,7 +304,7 @@ class CockpitBridge:
             mass=watched.mass,
             marks=marks,
             qpos=world.data.qpos.copy(),
-            start=self.anew.start,
+            start=self.restart.start,
             mocap=np.hstack((world.data.mocap_pos, world.data.mocap_quat)),
             navigation=navigation,
         )

@@ -18,11 +18,11 @@ from teleop_keyboard.keymap import on_layout
 from wasd_cockpit.link import Choice, KeyCap, Marks, Order, Setting, Stick, StickUse
 from wasd_core.rotations import matrix_from_quaternion
 
-from wasd_bringup.page.described import Described, keymap_caps, Motion, Numbers
+from wasd_bringup.page.robot_view import keymap_caps, Motion, Numbers, RobotView
 from wasd_bringup.run.go2 import Go2
 
 
-class Legs(Described):
+class LegsView(RobotView):
     """A quadruped's leg controller."""
 
     def __init__(self, robot: Go2) -> None:

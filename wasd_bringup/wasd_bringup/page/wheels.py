@@ -5,12 +5,12 @@ import numpy as np
 from wasd_cockpit.link import Marks, Setting
 from wasd_core.rotations import yaw_matrix
 
-from wasd_bringup.page.described import Described, Motion
+from wasd_bringup.page.robot_view import Motion, RobotView
 from wasd_bringup.robots import MODES
 from wasd_bringup.run.mbot import Mbot
 
 
-class Wheels(Described):
+class WheelsView(RobotView):
     """A drive controller on two wheels."""
 
     def __init__(self, robot: Mbot) -> None:

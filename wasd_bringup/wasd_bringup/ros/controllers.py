@@ -16,7 +16,7 @@ from teleop_keyboard.keys_to_twist_node import KeysToTwistNode
 from wasd_core.topics import LoopbackSubscription, RELIABLE
 
 from wasd_bringup.run.mbot import Mbot
-from wasd_bringup.run.robot import Robot, Told
+from wasd_bringup.run.robot import FullVelocity, Robot
 
 # The last zeros may take so long to leave the process [s].
 LAST_WORDS_TIMEOUT = 0.25
@@ -86,12 +86,12 @@ class ControllerFace:
         """Give the last velocities the time to leave the process."""
         self._twists.wait_for_all_acked(Duration(seconds=LAST_WORDS_TIMEOUT))
 
-    def _tell_velocity(self, told: Told) -> None:
+    def _tell_velocity(self, told: FullVelocity) -> None:
         message = self._to_message(told)
         self.node.cmd_vel.expect(message)
         self._twists.publish(message)
 
-    def _to_message(self, told: Told) -> Any:
+    def _to_message(self, told: FullVelocity) -> Any:
         twist = Twist()
         twist.linear.x, twist.linear.y, twist.linear.z, twist.angular.z = told
         return twist
@@ -172,7 +172,7 @@ class WheelsFace(ControllerFace):
             rate = settings.diagnostic_rate
             schedule.at_rate('diagnostic_rate', rate, self.node.publish_diagnostics)
 
-    def _to_message(self, told: Told) -> Any:
+    def _to_message(self, told: FullVelocity) -> Any:
         twist = super()._to_message(told)
         if not self._is_stamped:
             return twist

@@ -171,7 +171,7 @@ class Go2(Robot):
         )
 
     def command(self, velocity: Velocity) -> None:
-        """Give the controller a velocity [m/s], [m/s], [rad/s], whoever drives."""
+        """Give the controller a velocity [m/s], [m/s], [rad/s], of any source."""
         self.legs.command(*velocity)
 
     def control(self) -> None:

@@ -149,7 +149,7 @@ class Mbot(Robot):
         return self.settings.odom_frame_id, self.settings.base_frame_id
 
     def command(self, velocity: Velocity) -> None:
-        """Give the controller a velocity [m/s], [m/s], [rad/s], whoever drives."""
+        """Give the controller a velocity [m/s], [m/s], [rad/s], of any source."""
         linear, lateral, angular = velocity
         if not self.drive_unit.controller.command(linear, angular):
             self.say(f'velocity {linear:g} {lateral:g} {angular:g} is not finite: ignored')

@@ -107,7 +107,7 @@ class NavigationDriver:
         self._is_of_page = from_page and self.navigator.goal is not None
 
     def lose_page(self) -> None:
-        """End a goal that the page has asked for: whoever saw where it leads is gone."""
+        """End a goal that the page has asked for: nobody sees any more where it leads."""
         if self._is_of_page:
             self._stop('the page is gone')
 

@@ -30,7 +30,7 @@ from wasd_bringup.run.report import build_report, Recorder, Sample, SAMPLE_PERIO
 
 Velocity = tuple[float, float, float]
 # A velocity ahead, to the left and up [m/s], and a turn [rad/s], as it is told.
-Told = tuple[float, float, float, float]
+FullVelocity = tuple[float, float, float, float]
 
 STANDSTILL = (0.0, 0.0, 0.0)
 # Who sends it may not know that the robot was stopped.
@@ -87,7 +87,7 @@ class Robot(ABC):
         self.sensors = Sensors(loaded, world, SimulatorParameters(), complain)
         simulation.on_reset += [self.sensors.reset, self.reset, self.drivers.reset]
         self.on_key: list[Callable[[str], None]] = []
-        self.on_velocity: list[Callable[[Told], None]] = []
+        self.on_velocity: list[Callable[[FullVelocity], None]] = []
         self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
         self._script: TwistPlayer | None = None
@@ -316,7 +316,7 @@ class Robot(ABC):
 
     @abstractmethod
     def command(self, velocity: Velocity) -> None:
-        """Give the controller a velocity [m/s], [m/s], [rad/s], whoever drives."""
+        """Give the controller a velocity [m/s], [m/s], [rad/s], of any source."""
 
     @abstractmethod
     def control(self) -> None:

@@ -184,7 +184,7 @@ class Mapper:
         self._wants_loop = number % self._parameters.loop_every == 0
 
     def _show(self) -> None:
-        """Have the local map hold the last places."""
+        """Draw the last places into the local map."""
         count = len(self._places)
         size = self._parameters.scan_buffer_size
         self._places.show(self._local, self.pose[:2], np.arange(max(0, count - size), count))

@@ -13,7 +13,7 @@ from wasd_navigation.records import Grid, Scan
 
 # So many places are drawn in one step.
 PORTION = 2
-# Places that have moved less are not drawn anew [m], [rad].
+# Places that have moved less are not drawn again [m], [rad].
 LEAST_MOVE, LEAST_TURN = 0.01, 0.004
 
 
@@ -79,7 +79,7 @@ class Places:
         return Edges(*(kept[: self._linked].copy() for kept in self._edges))
 
     def show(self, local: LocalMap, middle: np.ndarray, numbers: np.ndarray) -> None:
-        """Have a local map hold what was seen from some of them, around a place [m]."""
+        """Draw into a local map what was seen from some of them, around a place [m]."""
         local.clear(middle)
         add_surfaces(local, self._poses, self._points, self._begins, numbers)
 
@@ -92,7 +92,7 @@ def _doubled(kept: np.ndarray, least: int = 0) -> np.ndarray:
 
 class Drawing:
     """
-    Keeps a finished canvas, and while places are drawn anew a second one.
+    Keeps a finished canvas, and while places are drawn again a second one.
 
     `revision` counts changes of the finished one.
     """
@@ -123,7 +123,7 @@ class Drawing:
         self.revision += 1
 
     def see_moves(self, places: Places) -> None:
-        """Begin to draw anew if places have moved since they were drawn."""
+        """Begin to draw again if places have moved since they were drawn."""
         moved = np.abs(places.poses[: len(self._where)] - self._where)
         if not self._is_anew and (moved > (LEAST_MOVE, LEAST_MOVE, LEAST_TURN)).any():
             self._is_anew = True
@@ -131,7 +131,7 @@ class Drawing:
             self._next_where = np.zeros((0, 3))
 
     def work(self, places: Places) -> None:
-        """Draw some places anew, and show them when all are drawn."""
+        """Draw some places again, and show them when all are drawn."""
         if not self._is_anew:
             return
         end = min(len(places), len(self._next_where) + PORTION)

@@ -78,7 +78,7 @@ class Driver:
         self.cancel()
 
     def cancel(self, reason: str = '') -> None:
-        """Have no goal, and stand."""
+        """Forget the goal, and stand."""
         self.state, self.reason = 'idle', reason
         self._route: Route | None = None
         self._before: Route | None = None

@@ -23,7 +23,7 @@ SLICE, _URGENT = 9000, 1.5
 # of ways longer than this that is not asked [m]. A short one keeps clear by so much, or by as much
 # as the easy one [m], and is shorter by this factor.
 _LONG, _FAR, _CLEAR, _SHORTER = 1.1, 15.0, 0.1, 0.98
-# Values are worked out anew when something changed, but no more often than this [s], and than the
+# Values are worked out again when something changed, but no more often than this [s], and than the
 # latter when the way is blocked.
 _REDRAW, _REDRAW_BLOCKED = 1.0, 0.25
 

@@ -46,7 +46,7 @@ class ObstacleLayer:
         self.is_new = self.is_new or bool(((self.marks > 0) != (before > 0)).any())
 
     def lie_on(self, grid: Grid) -> None:
-        """Have the cells of a grid from now on."""
+        """Use the cells of a grid from now on."""
         old, marks = self._grid, self.marks
         self._grid = grid
         same = old is not None and old.origin == grid.origin
@@ -92,7 +92,7 @@ class ObstacleLayer:
         return hidden
 
     def take(self) -> np.ndarray:
-        """Return which cells are marked, bool; from now on `is_new` looks for changes anew."""
+        """Return which cells are marked, bool; from now on `is_new` looks for changes again."""
         self.is_new = False
         return self.marks > 0
 
@@ -155,7 +155,7 @@ def _shade(
 
 class Surroundings:
     """
-    The map with what the live scan adds; distances are measured anew only when something changed.
+    The map with what the live scan adds; distances are measured again only when something changed.
 
     `revision` counts those changes.
     """

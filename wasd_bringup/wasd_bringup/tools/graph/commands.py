@@ -255,7 +255,7 @@ def _wait_until_ready(graph: RosGraph, client: Any, service: str) -> None:
 
 def _answer(graph: RosGraph, ask: Callable[[], Any], is_there: Callable[[], bool]) -> Any:
     """
-    Return what a call brings, waiting as long as whoever was asked is there.
+    Return what a call brings, waiting as long as the node that was asked is there.
 
     Asks again in between: an answer is lost when the service has not found the asker yet.
     """

@@ -15,7 +15,7 @@ import sys
 from typing import NoReturn
 
 from mujoco_sim.scene import WORLDS as PLAIN
-from mujoco_sim.viewer.server import HOST
+from mujoco_sim.viewer.studio import HOST
 from wasd_cockpit.link import Start
 
 from wasd_bringup.cli.parsers import called
@@ -32,8 +32,8 @@ _WITH_VALUE, _ALONE = ('--world', '--port'), ('--no-open',)
 _MARK = 'WASD_ANEW'
 
 
-class Anew:
-    """What a run may start anew with; `wanted` are the words of the one that was asked for."""
+class Restart:
+    """What a run may start again with; `wanted` are the words of the one that was asked for."""
 
     def __init__(self, options: RunOptions) -> None:
         """Take what the run was started with."""
@@ -57,15 +57,15 @@ class Anew:
         self._page = page
 
     def want(self, robot: str, world: str) -> None:
-        """Have the run end, and start with another robot or in another world."""
+        """End the run, and start one with another robot or in another world."""
         start = self.start
         if not start.refusal and robot in start.robots and world in start.worlds:
             port = self._page.rpartition(':')[2].strip('/')
-            self.wanted = words_anew(self._words, robot, world, port)
+            self.wanted = restart_words(self._words, robot, world, port)
 
 
 def refusal(options: RunOptions) -> str:
-    """Return why a run is not to be started anew by a click."""
+    """Return why a run is not to be started again by a click."""
     if not options.words:
         return 'this run was not started by its command'
     if any((options.record, options.report, options.save_keys, options.save_map)):
@@ -75,7 +75,7 @@ def refusal(options: RunOptions) -> str:
     return 'a script drives this run' if options.scripted else ''
 
 
-def words_anew(words: Sequence[str], robot: str, world: str, port: str) -> tuple[str, ...]:
+def restart_words(words: Sequence[str], robot: str, world: str, port: str) -> tuple[str, ...]:
     """Return words with another robot, whose options are its own, or world, and the same page."""
     kept = kept_words(words) if words[0] == robot else ()
     return (robot, *kept, '--world', world, '--port', port, '--no-open', *words[_end(words) :])

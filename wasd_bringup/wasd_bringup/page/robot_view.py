@@ -22,7 +22,7 @@ class Motion(NamedTuple):
     stances: Numbers = ()
 
 
-class Described:
+class RobotView:
     """A robot's controller as the cockpit shows it; what it changes, it changes by keys."""
 
     feet: tuple[str, ...] = ()

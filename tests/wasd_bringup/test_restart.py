@@ -9,17 +9,17 @@ from mujoco_sim.scene import WORLDS as PLAIN
 import pytest
 from wasd_bringup.cli import make_parser
 from wasd_bringup.cli.options import read_options
-from wasd_bringup.page.anew import Anew, page_port, words_anew, WORLDS
+from wasd_bringup.page.restart import page_port, Restart, restart_words, WORLDS
 from wasd_bringup.run.options import RunOptions
 from wasd_core.output_file import OutputFile
 
 USUAL = RunOptions(robot='go2', description='go2', words=('go2',))
 
 
-def anew(**options: object) -> Anew:
+def anew(**options: object) -> Restart:
     """Return what a run with some options may start anew with."""
     words = {'robot': 'go2', 'description': 'go2', 'words': ('go2',)}
-    found = Anew(RunOptions(**{**words, **options}))  # type: ignore[arg-type]
+    found = Restart(RunOptions(**{**words, **options}))  # type: ignore[arg-type]
     found.is_at('http://127.0.0.1:8083/')
     return found
 
@@ -35,9 +35,9 @@ def anew(**options: object) -> Anew:
     ],
 )
 def test_a_run_starts_anew_with_its_options_in_another_world_on_the_same_page(before, after):
-    words = words_anew(tuple(before.split()), 'go2', 'room', '8083')
+    words = restart_words(tuple(before.split()), 'go2', 'room', '8083')
     assert ' '.join(words) == f'{after} --world room --port 8083 --no-open'
-    again = words_anew(words, 'go2', 'flat', '8083')
+    again = restart_words(words, 'go2', 'flat', '8083')
     assert len(again) == len(words)
     options = read_options(make_parser().parse_args(again))
     assert (options.world, options.port, options.opens_page) == ('flat', 8083, False)
@@ -63,7 +63,7 @@ def test_a_port_that_was_taken_in_between_is_not_insisted_on(monkeypatch, capsys
 
 
 def test_what_is_for_ros_stays_behind_all_options():
-    words = words_anew(('go2', '--ros-args', '-r', '__ns:=/a'), 'go2', 'room', '8083')
+    words = restart_words(('go2', '--ros-args', '-r', '__ns:=/a'), 'go2', 'room', '8083')
     assert words[-3:] == ('--ros-args', '-r', '__ns:=/a')
     assert words.index('--world') < words.index('--ros-args')
 
