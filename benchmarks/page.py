@@ -68,7 +68,7 @@ def _say_alone(name: str, found: dict[str, Any]) -> str:
 
 
 def with_part(result: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return the result on disk with the rows of one part measured again, alone, in their place."""
+    """Return the result on disk with the rows of one part measured again, in their place."""
     last = last_result()
     facts = {key: result[key] for key in ('version', 'date', 'machine', 'quick', 'seconds')}
     parts = [row['part'] for row in last['rows']]
