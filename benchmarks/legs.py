@@ -105,7 +105,7 @@ def in_trouble(sizes: Sizes) -> list[Experiment]:
         pushed(30.0, 0.5, pushing, 0.95, gait='walk'),
         terrain('blind at 0.5 m/s: one 12 cm step', 'step:0.12', many, share=0.9),
         terrain('blind at 0.5 m/s: stairs of 10 cm', 'stairs:0.1', many),
-        terrain('blind at 0.5 m/s: stairs of 12 cm', 'stairs:0.12', many, share=0.6),
+        terrain('blind at 0.5 m/s: stairs of 12 cm', 'stairs:0.12', many, share=0.9),
         terrain('blind at 0.5 m/s: boxes up to 12 cm', 'boxes:0.12', many),
         *(
             terrain(f'blind at 0.5 m/s: {what}, friction 0.8', world, many, friction=0.8)

@@ -10,14 +10,18 @@ from wasd_core.robot_io import GRAVITY
 
 from quadruped_sim.algebra import cross3, put, rotate, rotate_back
 
+# How fast a joint turns whose dry friction counts by three quarters [rad/s]: at rest its sign is
+# that of noise.
+_CREEPING = 0.5
+
 
 class Dynamics(NamedTuple):
     """
     Terms of M dv + h = tau + J' f, with v = (base linear, base angular, legs), base axes.
 
     `mass` (18, 18); `bias` (18,) is h at the present velocity, gravity included; `momentum` (12,)
-    is the legs' part of M v and `momentum_drift` (12,) that of C' v - g. `com` (3,) is the centre
-    of mass in base axes [m], of which the mass matrix knows.
+    is the legs' part of M v and `momentum_drift` (12,) that of C' v - g, less the joints' drag.
+    `com` (3,) is the centre of mass in base axes [m], of which the mass matrix knows.
     """
 
     mass: np.ndarray
@@ -33,8 +37,10 @@ class Bodies(NamedTuple):
 
     Of each joint where its frame is in that of the body before it, `turn` (12, 3, 3) and `place`
     (12, 3) [m], its `axis` (12, 3) there, the leg angle at which it is so, `zero` (12,) [rad], and
-    the inertia of its `rotor` (12,) [kg m^2]. Of the base and each body, in its frame: `mass`
-    (13,) [kg], centre of mass `com` (13, 3) [m], `inertia` (13, 3, 3) about that [kg m^2].
+    the inertia of its `rotor` (12,) [kg m^2], and what it loses as it turns: viscous `damping`
+    (12,) [N m s/rad] and dry `friction` (12,) [N m]. Of the base and each body, in its frame:
+    `mass` (13,) [kg], centre of mass `com` (13, 3) [m], `inertia` (13, 3, 3) about that
+    [kg m^2].
     """
 
     turn: np.ndarray
@@ -42,6 +48,8 @@ class Bodies(NamedTuple):
     axis: np.ndarray
     zero: np.ndarray
     rotor: np.ndarray
+    damping: np.ndarray
+    friction: np.ndarray
     mass: np.ndarray
     com: np.ndarray
     inertia: np.ndarray
@@ -88,6 +96,13 @@ def blank_links() -> Links:
 
 
 @jit
+def drag(bodies: Bodies, joint: int, rate: float) -> float:
+    """Torque [N m] that a joint takes to go on turning at a `rate` [rad/s]."""
+    dry = bodies.friction[joint] * math.tanh(rate / _CREEPING)
+    return float(bodies.damping[joint] * rate + dry)
+
+
+@jit
 def find_dynamics(flat_bodies: np.ndarray, flat_links: np.ndarray, robot: np.ndarray) -> None:
     """Write the dynamics of a flat `RobotState` that knows its joints and how its base moves."""
     bodies, links, state = flat_bodies[0], flat_links[0], robot[0]
@@ -109,9 +124,9 @@ def find_dynamics(flat_bodies: np.ndarray, flat_links: np.ndarray, robot: np.nda
         _add_link(links, 0 if joint % 3 == 0 else joint, joint + 1)
     _write_base(links, state.dynamics)
     for joint in range(12):
-        _write_joint(
-            links, joint, state.joint_velocity[joint], bodies.rotor[joint], state.dynamics
-        )
+        rate = state.joint_velocity[joint]
+        _write_joint(links, joint, rate, bodies.rotor[joint], state.dynamics)
+        state.dynamics.momentum_drift[joint] -= drag(bodies, joint, rate)
 
 
 @jit

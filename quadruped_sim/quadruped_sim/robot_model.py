@@ -133,6 +133,8 @@ class RobotModel:
             self._sign[:, None] * np.array(axes),
             self._zero.copy(),
             np.full(12, REFLECTED_INERTIA * self.scale.of('kg m^2')),
+            np.array([joint.damping for joint in self.quadruped.joints]),
+            np.array([joint.friction for joint in self.quadruped.joints]),
             np.array([body.mass for body in bodies]),
             np.array([body.lever for body in bodies]),
             np.array([body.inertia for body in bodies]),

@@ -58,3 +58,10 @@ def test_slopes_beyond_the_limit_are_not_believed():
     ground = Ground(params)
     settle(ground, on_slope((2.0, 0.0)))
     assert abs(np.hypot(*gradient_of(ground)) - np.tan(params.slope_max)) < 1e-3
+
+
+def test_its_slope_is_the_angle_of_the_plane():
+    ground = Ground(GroundParameters())
+    assert ground.slope == 0.0
+    settle(ground, on_slope((0.3, 0.2)))
+    np.testing.assert_allclose(ground.slope, np.arctan(np.hypot(0.3, 0.2)), atol=1e-3)

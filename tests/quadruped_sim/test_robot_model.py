@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
+from quadruped_sim.dynamics import drag
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.robot_model import JointMap, NO_TORQUE, RobotModel
 from robot_description.description import parse_description
@@ -78,13 +79,35 @@ def test_kinetic_energy_changes_by_the_power_of_gravity_and_torque(model, angles
     assert (energy[0] - energy[1]) / (2.0 * h) == pytest.approx(power, rel=1e-5)
 
 
+def lost(model, rates):
+    """Return the torques (12,) that joints lose at their rates."""
+    return np.array([drag(model.rigid[0][0], joint, rate) for joint, rate in enumerate(rates)])
+
+
+def test_what_a_joint_loses_is_as_the_description_has_it(urdf, model):
+    joint = model.quadruped.joints[0]
+    assert (joint.damping, joint.friction) == (0.1, 0.2)
+    rates = np.linspace(-20.0, 20.0, 12)
+    wanted = joint.damping * rates + joint.friction * np.tanh(rates / 0.5)
+    np.testing.assert_allclose(lost(model, rates), wanted, rtol=1e-12)
+    assert not lost(model, np.zeros(12)).any()
+    assert lost(model, np.full(12, -3.0)) == pytest.approx(-lost(model, np.full(12, 3.0)))
+    tree = ElementTree.fromstring(urdf)
+    for joint in tree.findall('joint'):
+        for dynamics in joint.findall('dynamics'):
+            joint.remove(dynamics)
+    free = make_model(ElementTree.tostring(tree, encoding='unicode'))
+    assert not lost(free, rates).any()
+
+
 def test_joint_momentum_obeys_its_balance(model, angles, rng):
-    """dp/dt = tau + C'v - g, which the contact observer integrates."""
+    """dp/dt = tau + C'v - g - drag, which the contact observer integrates."""
     rates = rng.normal(size=12)
     velocity, omega = rng.normal(size=3), rng.normal(size=3)
     v = np.concatenate((velocity, omega, rates))
     now = model.dynamics(LEVEL, velocity, omega, angles, rates)
     drift, mass, bias = now.momentum_drift.copy(), now.mass.copy(), now.bias.copy()
+    drift += lost(model, rates)
     acceleration = np.linalg.solve(mass, -bias)
     h = 1e-6
     momentum = []
@@ -117,12 +140,13 @@ def test_the_dynamics_are_those_of_pinocchio(urdf, model, rng):
             mass = np.triu(mass) + np.triu(mass, 1).T
             bias = pin.nonLinearEffects(known, data, q, v)
             coriolis = pin.computeCoriolisMatrix(known, data, q, v)
-            drift = (coriolis + coriolis.T) @ v - bias
+            drift = sign * ((coriolis + coriolis.T) @ v - bias)[order]
+            drift[6:] -= lost(robot, velocity[6:])
             wanted = np.outer(sign, sign) * mass[np.ix_(order, order)]
             np.testing.assert_allclose(found.mass, wanted, atol=1e-12)
             np.testing.assert_allclose(found.bias, sign * bias[order], atol=1e-11)
             np.testing.assert_allclose(found.momentum, (sign * (mass @ v)[order])[6:], atol=1e-12)
-            np.testing.assert_allclose(found.momentum_drift, (sign * drift[order])[6:], atol=1e-11)
+            np.testing.assert_allclose(found.momentum_drift, drift[6:], atol=1e-11)
 
 
 def test_the_mass_matrix_knows_the_centre_of_mass(model, angles, rng):

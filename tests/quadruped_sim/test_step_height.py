@@ -69,6 +69,13 @@ def test_rough_ground_is_forgotten_in_its_time(walk):
     assert (height - LOW) / (HIGH - LOW) == pytest.approx(math.exp(-1.0), rel=1e-3)
 
 
+def test_where_it_is_rough_the_trunk_is_higher(walk):
+    walk.step()
+    assert walk.height.raised == 0.0
+    walk.step(force=40.0)
+    assert walk.height.raised == pytest.approx(0.03)
+
+
 def test_after_a_reset_flat_ground_is_expected(walk):
     walk.step(force=40.0)
     walk.height.reset()

@@ -63,6 +63,11 @@ class Ground:
         """Height of the plane at its centre [m]."""
         return float(self.flat['height'][0])
 
+    @property
+    def slope(self) -> float:
+        """How steep the plane is [rad]."""
+        return math.atan(math.hypot(*self._plane.gradient.tolist()))
+
     def rule(self, dt: float) -> PlaneFilter:
         """Return how the plane is followed in ticks of `dt` [s]."""
         params = self.params

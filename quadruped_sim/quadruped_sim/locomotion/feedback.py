@@ -8,6 +8,7 @@ from wasd_core.jit import jit
 from wasd_core.robot_io import GRAVITY, JointCommand
 
 from quadruped_sim.algebra import cross3, invert3, plain, put, rotate, rotate_back
+from quadruped_sim.dynamics import drag
 from quadruped_sim.leg_kinematics import LegGeometry, solve_leg
 from quadruped_sim.locomotion.reference import BaseReference
 from quadruped_sim.locomotion.swing import SwingTargets
@@ -160,25 +161,34 @@ def joint_command(
     """
     Torques `effort` (12,) [N m] with motor-side gains around what the legs should be doing.
 
+    Motors are told, too, what the joints lose as they turn as wanted: of their measured speeds
+    noise would make the sign at rest, and what the damping adds would be taken away.
+
     A standing leg is only damped, about the joint speeds at which the base moves as wanted; a leg
     in the air also has stiffness about its target.
     """
-    parts = np.empty((4, 12))
+    parts = np.empty((5, 12))
     gains = params.swing_kp, params.swing_kd, params.stance_kd
     targets = plain(reference), plain(swing)
-    _find_joint_targets(plain(model.geometry), state.flat, targets, gains, parts)
-    return JointCommand(parts[0], parts[1], effort, parts[2], parts[3])
+    robot = model.rigid[0], state.flat
+    _find_joint_targets(plain(model.geometry), robot, targets, gains, parts)
+    return JointCommand(parts[0], parts[1], effort + parts[4], parts[2], parts[3])
 
 
 @jit
 def _find_joint_targets(
     leg: LegGeometry,
-    robot: np.ndarray,
+    rigid_robot: tuple[np.ndarray, np.ndarray],
     targets: tuple[BaseReference, SwingTargets],
     gains: tuple[float, float, float],
     parts: np.ndarray,
 ) -> None:
-    """Write joint angles and rates, and both gains, (4, 12)."""
+    """
+    Write joint angles and rates, both gains, and what the joints lose at these rates, (5, 12).
+
+    `rigid_robot` are flat `Bodies` and a flat `RobotState`.
+    """
+    bodies, robot = rigid_robot[0][0], rigid_robot[1]
     base, motion = robot[0].base, robot[0].motion
     reference, swing = BaseReference(*targets[0]), SwingTargets(*targets[1])
     swing_kp, swing_kd, stance_kd = gains
@@ -207,5 +217,6 @@ def _find_joint_targets(
         joint_rates = rotate(inverse, relative)
         for k in range(3):
             rates[3 * i + k] = joint_rates[k]
+            parts[4, 3 * i + k] = drag(bodies, 3 * i + k, joint_rates[k])
             parts[2, 3 * i + k] = 0.0 if swing.is_stance[i] else swing_kp
             parts[3, 3 * i + k] = stance_kd if swing.is_stance[i] else swing_kd

@@ -25,6 +25,9 @@ _MID_SWING = (0.15, 0.85)
 # How far the nose is up on rough ground [rad]: while fore feet look for the top of a first high
 # stair, the chin, ahead of them, arrives at the second.
 _NOSE = 0.08
+# How much higher the trunk is there, on the Go2 [m]: where fore feet stub against a first stair,
+# the chin is at the second before they are up.
+_RAISED = 0.03
 # Share of a stance after which a foot has come to rest.
 _SETTLED = 0.15
 # So long a foot that is to stand is waited for before it is led on down [s].
@@ -54,7 +57,7 @@ class StepRule(NamedTuple):
 class StepHeight:
     """
     Steps are low on flat ground, high after a stumble [Focchi2013] or where footholds are uneven;
-    there the nose is up, too.
+    there trunk and nose are up, too.
 
     State: how rough the ground is, from 0 to 1. It is felt at once and forgotten slowly.
     """
@@ -71,10 +74,16 @@ class StepHeight:
         higher = params.rough_step_height - params.step_height
         share = GAITS[params.name].rough
         self._more = share * higher, share * _NOSE
+        self._raised = share * _RAISED * self._scale
 
     def reset(self) -> None:
         """Expect flat ground."""
         self.flat[0] = 0.0
+
+    @property
+    def raised(self) -> float:
+        """How much higher the trunk is than on flat ground [m]."""
+        return self.roughness * self._raised
 
     @property
     def roughness(self) -> float:

@@ -32,6 +32,7 @@ from quadruped_sim.locomotion.reference import (
     blank_reference,
     horizon,
     Reference,
+    STEEP,
     travel,
     turned,
 )
@@ -186,9 +187,10 @@ class Locomotion:
         return math.hypot(ahead - float(command[0]), left - float(command[1]))
 
     def _settle_height(self, dt: float) -> float:
-        """Height of the base above the ground, on its way from that at entry to the nominal."""
+        """Height of the base above the ground, on its way to that which the ground asks for."""
         most = dt * self._height_rate
-        ahead = self._nominal_height - self._height
+        raised = self.step_height.raised * max(1.0 - self.ground.slope / STEEP, 0.0)
+        ahead = self._nominal_height + raised - self._height
         self._height += min(max(ahead, -most), most)
         return self._height
 

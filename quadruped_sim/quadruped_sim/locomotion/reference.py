@@ -19,8 +19,9 @@ _HEIGHT_INTEGRAL_LIMIT = 0.03
 _STEADY_ERROR = 0.3
 # Farthest the desired heading runs ahead of the real one [rad].
 _YAW_LEASH = 0.3
-# Slope on which the nose is no higher than the slope has it [rad]: more would tip the robot over.
-_STEEP = 0.35
+# Slope on which trunk and nose are no higher than the slope has them [rad]: more would tip the
+# robot over.
+STEEP = 0.35
 
 
 class BaseReference(NamedTuple):
@@ -136,7 +137,7 @@ def advance(
     gx, gy = plane.gradient[0], plane.gradient[1]
     wanted.rpy[0], wanted.rpy[1] = math.atan(c * gy - s * gx), -math.atan(c * gx + s * gy)
     if command[0] > 0.0:
-        wanted.rpy[1] -= nose * max(1.0 - abs(wanted.rpy[1]) / _STEEP, 0.0)
+        wanted.rpy[1] -= nose * max(1.0 - abs(wanted.rpy[1]) / STEEP, 0.0)
     wanted.rpy[2] = own.yaw
     position[0], position[1], position[2] = own.xy[0], own.xy[1], level + own.height_integral
     rise = 0.0 if math.isnan(own.height) else (height - own.height) / dt
