@@ -52,6 +52,7 @@ ROSDEP_KEYS = {
     'mujoco': 'python3-mujoco-pip',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
+    'onnxruntime': None,
     'rich': 'python3-rich',
     'trimesh': 'python3-trimesh-pip',
     'yaml': 'python3-yaml',

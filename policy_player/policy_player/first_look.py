@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The first look at a stranger's network: in a process of its own, with bounds.
+
+    python -m policy_player.first_look FILE
+
+What a broken or hostile file does to the library ends here. Prints one line of JSON.
+"""
+
+import json
+from pathlib import Path
+import resource
+import subprocess
+import sys
+import time
+from typing import Any
+
+from policy_player.spec import PolicyError
+
+# Of the child: address space [bytes], processor time and wall time [s].
+MEMORY, PROCESSOR_TIME, PATIENCE = 6_000_000_000, 20, 60.0
+# So often is the network run to find out how long it takes.
+RUNS = 20
+EXTRA = "pip install 'wasd[policy]'"
+
+
+def look(path: Path) -> dict[str, Any]:
+    """
+    Return inputs and outputs of a network, as `[name, shape, type]`, and how long it takes [s].
+
+    Raises:
+        PolicyError: it cannot be run.
+    """
+    words = [sys.executable, '-m', 'policy_player.first_look', str(path)]
+    try:
+        done = subprocess.run(
+            words,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise PolicyError(f'the network does not run within {PATIENCE:g} s') from None
+    lines = done.stdout.decode(errors='replace').splitlines()
+    try:
+        found: dict[str, Any] = json.loads(lines[-1])
+    except (ValueError, IndexError):
+        raise PolicyError(
+            f'the network breaks what runs it (status {done.returncode}): too large, or no ONNX'
+        ) from None
+    if 'error' in found:
+        raise PolicyError(found['error'])
+    return found
+
+
+def _bound() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_TIME, PROCESSOR_TIME))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def open_session(model: bytes | str) -> Any:
+    """
+    Return a session of onnxruntime: one thread, on the processor, the same bits each time.
+
+    Raises:
+        PolicyError: the library is not here, or cannot read the network.
+    """
+    try:
+        import onnxruntime
+    except ImportError:
+        raise PolicyError(f'a network needs onnxruntime: {EXTRA}') from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+    options.log_severity_level = 4
+    onnxruntime.set_default_logger_severity(4)
+    try:
+        return onnxruntime.InferenceSession(model, options, ['CPUExecutionProvider'])
+    except Exception as error:  # its own classes, which say nothing more
+        reason = ' '.join(str(error).split())[:200]
+        raise PolicyError(f'onnxruntime cannot read it: {reason}') from None
+
+
+def describe(session: Any) -> dict[str, Any]:
+    """Return what a session tells, after it has run on zeros."""
+    import numpy as np
+
+    ends = {
+        name: [[end.name, list(end.shape), end.type] for end in ends]
+        for name, ends in (('inputs', session.get_inputs()), ('outputs', session.get_outputs()))
+    }
+    if len(ends['inputs']) != 1 or ends['inputs'][0][2] != 'tensor(float)':
+        return ends  # refused by who asked, by name
+    name, shape, _ = ends['inputs'][0]
+    zeros = np.zeros([size if isinstance(size, int) else 1 for size in shape], np.float32)
+    outputs = session.run(None, {name: zeros})
+    started = time.perf_counter()
+    for _ in range(RUNS):
+        session.run(None, {name: zeros})
+    took = (time.perf_counter() - started) / RUNS
+    for end, output in zip(ends['outputs'], outputs, strict=True):
+        end[1] = list(np.shape(output))
+    return {**ends, 'takes': took}
+
+
+def main() -> None:
+    """Look at the file that is named."""
+    _bound()
+    try:
+        print(json.dumps(describe(open_session(sys.argv[1]))))
+    except PolicyError as error:
+        print(json.dumps({'error': str(error)}))
+    except Exception as error:  # whatever the library raises while it runs
+        reason = ' '.join(str(error).split())[:200] or type(error).__name__
+        print(json.dumps({'error': f'the network cannot be run: {reason}'}))
+
+
+if __name__ == '__main__':
+    main()

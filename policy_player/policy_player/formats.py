@@ -1,0 +1,404 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What each training framework writes of a policy, read into a `PolicySpec`.
+
+mjlab writes metadata into the ONNX file, Isaac Lab and unitree_rl_lab a deploy.yaml, rl_sar a
+config.yaml; legged_gym and MuJoCo Playground write nothing and are presets.
+"""
+
+from collections.abc import Callable, Mapping
+import math
+from typing import Any
+
+from policy_player.spec import (
+    check_numbers,
+    MOTOR_ORDER,
+    NAMES,
+    Numbers,
+    PolicyError,
+    PolicySpec,
+    Term,
+    term_name,
+)
+
+# In deploy.yaml an observation is called by its function: this one is not less the default.
+_ABSOLUTE = 'joint_pos'
+# Of the deploy.yaml's mapping of terms, what are switches.
+_SWITCHES = ('use_gym_history', 'scale_first')
+_FREE = (-math.inf, math.inf)
+_ALL_FREE = ((-math.inf,), (math.inf,))
+USUAL_PERIOD = 0.02
+
+
+def from_metadata(metadata: Mapping[str, str]) -> PolicySpec:
+    """
+    Return what mjlab, or whole_body_tracking, has written into an ONNX file.
+
+    Raises:
+        PolicyError: what is missing or wrong, by its name.
+    """
+
+    def words(key: str) -> list[str]:
+        if key not in metadata:
+            raise PolicyError(f'metadata {key}: it is missing')
+        return [word.strip() for word in metadata[key].split(',') if word.strip()]
+
+    def numbers(key: str, count: int) -> Numbers:
+        found = _floats(words(key), f'metadata {key}')
+        return check_numbers(found * count if len(found) == 1 else found, count, f'metadata {key}')
+
+    joints = tuple(words('joint_names'))
+    count, called = len(joints), words('observation_names')
+    # A network of mjlab sees joints less their default, whatever the term is called.
+    known = {**NAMES, _ABSOLUTE: 'joint_position'}
+    terms = [Term(name=term_name(name, known)) for name in called]
+    extra: dict[str, list[Any]] = {
+        'scale': [(one,) for one in _per_term(metadata, 'scale', called, 1.0)],
+        'clip': _clips(metadata, called),
+        'ages': [
+            tuple(range(max(1, int(n)) - 1, -1, -1))
+            for n in _per_term(metadata, 'history_length', called, 0.0, most=200.0)
+        ],
+    }
+    built = tuple(
+        Term(name=term.name, **{key: values[at] for key, values in extra.items()})
+        for at, term in enumerate(terms)
+    )
+    default = numbers('default_joint_pos', count)
+    return PolicySpec(
+        source="the ONNX file's metadata",
+        joints=joints,
+        stiffness=numbers('joint_stiffness', count),
+        damping=numbers('joint_damping', count),
+        default_position=default,
+        action_scale=numbers('action_scale', count),
+        action_offset=default,
+        terms=built,
+        assumed=(f'a step of {USUAL_PERIOD:g} s',),
+    )
+
+
+def _floats(words: list[str], name: str) -> list[float]:
+    try:
+        return [float(word) for word in words]
+    except ValueError:
+        raise PolicyError(f'{name}: got {",".join(words)[:60]!r}, wanted numbers') from None
+
+
+def _per_term(
+    metadata: Mapping[str, str], key: str, called: list[str], usual: float, most: float = math.inf
+) -> list[float]:
+    name = f'observation_terms_{key}'
+    if name not in metadata:
+        return [usual] * len(called)
+    found = _floats([word.strip() for word in metadata[name].split(',')], f'metadata {name}')
+    if len(found) != len(called) or not all(math.isfinite(n) and n <= most for n in found):
+        raise PolicyError(
+            f'metadata {name}: got {metadata[name][:60]!r}, wanted {len(called)} numbers, '
+            'one an observation'
+        )
+    return found
+
+
+def _clips(metadata: Mapping[str, str], called: list[str]) -> list[tuple[float, float]]:
+    name = 'observation_terms_clip'
+    if name not in metadata:
+        return [_FREE] * len(called)
+    pairs = [part.split(';') for part in metadata[name].split(',')]
+    if len(pairs) != len(called) or any(len(pair) != 2 for pair in pairs):
+        raise PolicyError(f'metadata {name}: wanted {len(called)} pairs low;high')
+    values = [_floats(pair, f'metadata {name}') for pair in pairs]
+    return [(low, high) for low, high in values]
+
+
+def from_deploy(values: Mapping[str, Any]) -> PolicySpec:
+    """
+    Return what Isaac Lab's, or unitree_rl_lab's, deploy.yaml says.
+
+    `stiffness` and `damping` are in the order of the robot's motors, all else in the policy's;
+    `joint_ids_map` leads from this to those.
+
+    Raises:
+        PolicyError: what is missing or wrong, by its name.
+    """
+    order = _need(values, 'joint_ids_map')
+    if not isinstance(order, list) or sorted(map(str, order)) != sorted(
+        str(index) for index in range(len(order))
+    ):
+        raise PolicyError(f'joint_ids_map: got {str(order)[:60]}, wanted each of 0 to n - 1 once')
+    count = len(order)
+    if count not in MOTOR_ORDER:
+        known = ' or '.join(map(str, MOTOR_ORDER))
+        raise PolicyError(
+            f'joint_ids_map: the order of {count} motors is not known, only that of {known}'
+        )
+    motors = [int(index) for index in order]
+    joints = tuple(MOTOR_ORDER[count][index] for index in motors)
+    gains = {
+        name: tuple(check_numbers(_need(values, name), count, name)[index] for index in motors)
+        for name in ('stiffness', 'damping')
+    }
+    default = check_numbers(_need(values, 'default_joint_pos'), count, 'default_joint_pos')
+    actions = _mapping(values, 'actions')
+    if set(actions) != {'JointPositionAction'}:
+        raise PolicyError(
+            f'actions: got {", ".join(actions)[:80] or "none"}, only JointPositionAction is played'
+        )
+    where = 'actions.JointPositionAction'
+    action = _mapping(actions, 'JointPositionAction', where)
+    if action.get('joint_ids') not in (None, list(range(count))):
+        raise PolicyError(f'{where}.joint_ids: wanted all joints in their order')
+    offset = action.get('offset')
+    observations = _mapping(values, 'observations')
+    switches = {name: bool(observations.get(name, False)) for name in _SWITCHES}
+    terms = tuple(
+        _deployed_term(name, said, count, switches['scale_first'])
+        for name, said in observations.items()
+        if name not in _SWITCHES
+    )
+    return PolicySpec(
+        source='deploy.yaml',
+        joints=joints,
+        stiffness=gains['stiffness'],
+        damping=gains['damping'],
+        default_position=default,
+        action_scale=check_numbers(_need(action, 'scale', where), count, f'{where}.scale'),
+        action_offset=default
+        if offset is None
+        else check_numbers(offset, count, f'{where}.offset'),
+        terms=terms,
+        period=check_numbers(_need(values, 'step_dt'), 1, 'step_dt')[0],
+        target_clip=_limits(action.get('clip'), count, f'{where}.clip'),
+        by_time=switches['use_gym_history'],
+        ranges=_ranges(values.get('commands')),
+        assumed=('the order of the motors is the usual one of its maker',),
+    )
+
+
+def _deployed_term(name: str, said: Any, count: int, scales_first: bool) -> Term:
+    where = f'observations.{name}'
+    if name == _ABSOLUTE:
+        raise PolicyError(f'{where}: in doubt, joint_pos_rel is less the default, is it meant?')
+    called = term_name(name)
+    if said is None:
+        said = {}
+    if not isinstance(said, dict):
+        raise PolicyError(f'{where}: wanted scale, clip and history_length, got {str(said)[:40]}')
+    width = count if called.startswith(('joint', 'last')) else 3
+    scale, clip = said.get('scale'), said.get('clip')
+    length = said.get('history_length', 1)
+    if not isinstance(length, int) or not 0 <= length <= 200:
+        raise PolicyError(f'{where}.history_length: got {length!r}, wanted 0 to 200')
+    pair = (-math.inf, math.inf)
+    if clip is not None:
+        low, high = check_numbers(clip, 2, f'{where}.clip')
+        pair = (low, high)
+    return Term(
+        name=called,
+        scale=(1.0,) if scale is None else check_numbers(scale, width, f'{where}.scale'),
+        clip=pair,
+        scales_first=scales_first,
+        ages=tuple(range(max(length, 1) - 1, -1, -1)),
+    )
+
+
+def _limits(clip: Any, count: int, where: str) -> tuple[Numbers, Numbers]:
+    if clip is None:
+        return _ALL_FREE
+    if not isinstance(clip, list) or len(clip) != count:
+        raise PolicyError(f'{where}: wanted {count} pairs')
+    pairs = [check_numbers(pair, 2, where) for pair in clip]
+    return tuple(low for low, _ in pairs), tuple(high for _, high in pairs)
+
+
+def _ranges(commands: Any) -> tuple[tuple[float, float], ...] | None:
+    """Return the ranges of the command in training, or None where they are not told."""
+    velocity = commands.get('base_velocity') if isinstance(commands, dict) else None
+    ranges = velocity.get('ranges') if isinstance(velocity, dict) else None
+    if not isinstance(ranges, dict):
+        return None
+    names = ('lin_vel_x', 'lin_vel_y', 'ang_vel_z')
+    found = []
+    for name in names:
+        low, high = check_numbers(ranges.get(name), 2, f'commands.base_velocity.ranges.{name}')
+        found.append((low, high))
+    return tuple(found)
+
+
+# What rl_sar's terms are scaled by.
+_SCALES = {
+    'linear_velocity': 'lin_vel_scale',
+    'angular_velocity': 'ang_vel_scale',
+    'command': 'commands_scale',
+    'joint_position': 'dof_pos_scale',
+    'joint_velocity': 'dof_vel_scale',
+}
+
+
+def from_rl_sar(values: Mapping[str, Any], base: Mapping[str, Any]) -> PolicySpec:
+    """
+    Return what rl_sar's config.yaml says; `base` are the values of the robot's base.yaml.
+
+    In its `observations_history` 0 is the latest. `joint_mapping` leads from the policy's joints
+    to the robot's, whose order `joint_names` is.
+
+    Raises:
+        PolicyError: what is missing or wrong, by its name.
+    """
+    said = {**_section(base), **_section(values)}
+    count = _need(said, 'num_of_dofs')
+    if not isinstance(count, int) or not 0 < count <= 100:
+        raise PolicyError(f'num_of_dofs: got {count!r}, wanted a number of joints')
+    if said.get('wheel_indices'):
+        raise PolicyError('wheel_indices: wheels are not played')
+    ages = _history(said.get('observations_history'))
+    priority = said.get('observations_history_priority', 'time')
+    if priority not in ('time', 'term'):
+        raise PolicyError(f'observations_history_priority: got {priority!r}, wanted time or term')
+    called = _need(said, 'observations')
+    if not isinstance(called, list) or not all(isinstance(one, str) for one in called):
+        raise PolicyError('observations: wanted a list of names')
+    terms = []
+    for name in map(term_name, called):
+        key = _SCALES.get(name)
+        number = 3 if name == 'command' else 1
+        given = (1.0,) if key is None else check_numbers(_need(said, key), number, key)
+        terms.append(Term(name=name, scale=given, ages=ages))
+    default = check_numbers(_need(said, 'default_dof_pos'), count, 'default_dof_pos')
+    clips = [
+        check_numbers(_need(said, f'clip_actions_{end}'), count, f'clip_actions_{end}')
+        for end in ('lower', 'upper')
+    ]
+    assumed = []
+    step, times = said.get('dt'), said.get('decimation')
+    if step is None or times is None:
+        assumed.append('dt 0.005 s and a decimation of 4: no base.yaml beside says them')
+        step, times = 0.005, 4
+    return PolicySpec(
+        source='config.yaml',
+        joints=_rl_sar_joints(said, count, assumed),
+        stiffness=check_numbers(_need(said, 'rl_kp'), count, 'rl_kp'),
+        damping=check_numbers(_need(said, 'rl_kd'), count, 'rl_kd'),
+        default_position=default,
+        action_scale=check_numbers(_need(said, 'action_scale'), count, 'action_scale'),
+        action_offset=default,
+        terms=tuple(terms),
+        period=math.prod(check_numbers([step, times], 2, 'dt, decimation')),
+        action_clip=(clips[0], clips[1]),
+        observation_clip=check_numbers(_need(said, 'clip_obs'), 1, 'clip_obs')[0],
+        by_time=priority == 'time',
+        begins_with_zeros=True,
+        assumed=tuple(assumed),
+    )
+
+
+def _section(values: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return what stands below the one name at the top, such as `go2/robot_lab`."""
+    inner = [value for value in values.values() if isinstance(value, dict)]
+    return inner[0] if len(values) == 1 and inner else values
+
+
+def _history(ages: Any) -> tuple[int, ...]:
+    if ages in (None, []):
+        return (0,)
+    if not isinstance(ages, list) or not all(isinstance(age, int) for age in ages):
+        raise PolicyError(f'observations_history: got {str(ages)[:60]}, wanted steps ago')
+    return tuple(ages)
+
+
+def _rl_sar_joints(said: Mapping[str, Any], count: int, assumed: list[str]) -> tuple[str, ...]:
+    names = said.get('joint_names')
+    if names is None:
+        if count not in MOTOR_ORDER:
+            raise PolicyError(
+                f'joint_names: it is missing, and {count} joints have no usual order'
+            )
+        names = MOTOR_ORDER[count]
+        assumed.append('the order of the joints is the usual one of its maker')
+    if not isinstance(names, (list, tuple)) or len(names) != count:
+        raise PolicyError(f'joint_names: wanted {count} names')
+    mapping = said.get('joint_mapping')
+    if mapping is None:  # older files: `joint_names` are the policy's own
+        return tuple(map(str, names))
+    if not isinstance(mapping, list) or sorted(map(str, mapping)) != sorted(
+        map(str, range(count))
+    ):
+        raise PolicyError(f'joint_mapping: wanted each of 0 to {count - 1} once')
+    return tuple(str(names[int(index)]) for index in mapping)
+
+
+def _legs(*order: str) -> tuple[str, ...]:
+    return tuple(f'{leg}_{part}_joint' for leg in order for part in ('hip', 'thigh', 'calf'))
+
+
+def legged_gym() -> PolicySpec:
+    """Return what legged_gym's Go2 is trained with by default: 48 numbers, 50 Hz."""
+    default = tuple(
+        angle
+        for side, thigh in ((0.1, 0.8), (-0.1, 0.8), (0.1, 1.0), (-0.1, 1.0))
+        for angle in (side, thigh, -1.5)
+    )
+    return PolicySpec(
+        source='the preset legged_gym',
+        joints=_legs('FL', 'FR', 'RL', 'RR'),
+        stiffness=(20.0,) * 12,
+        damping=(0.5,) * 12,
+        default_position=default,
+        action_scale=(0.25,) * 12,
+        action_offset=default,
+        terms=(
+            Term(name='linear_velocity', scale=(2.0,)),
+            Term(name='angular_velocity', scale=(0.25,)),
+            Term(name='gravity'),
+            Term(name='command', scale=(2.0, 2.0, 0.25)),
+            Term(name='joint_position'),
+            Term(name='joint_velocity', scale=(0.05,)),
+            Term(name='last_action'),
+        ),
+        action_clip=((-100.0,) * 12, (100.0,) * 12),
+        observation_clip=100.0,
+        ranges=((-1.0, 1.0),) * 3,
+        assumed=('all of it: legged_gym writes nothing of a policy',),
+    )
+
+
+def playground() -> PolicySpec:
+    """Return what MuJoCo Playground's joystick tasks are trained with: 48 numbers, 50 Hz."""
+    default = (0.1, 0.9, -1.8, -0.1, 0.9, -1.8) * 2
+    return PolicySpec(
+        source='the preset playground',
+        joints=_legs('FR', 'FL', 'RR', 'RL'),
+        stiffness=(35.0,) * 12,
+        damping=(0.5,) * 12,
+        default_position=default,
+        action_scale=(0.5,) * 12,
+        action_offset=default,
+        terms=tuple(
+            Term(name=name)
+            for name in (
+                *('linear_velocity', 'angular_velocity', 'gravity', 'joint_position'),
+                *('joint_velocity', 'last_action', 'command'),
+            )
+        ),
+        ranges=((-1.5, 1.5), (-0.8, 0.8), (-1.2, 1.2)),
+        assumed=('all of it: MuJoCo Playground writes nothing of a policy',),
+    )
+
+
+PRESETS: dict[str, Callable[[], PolicySpec]] = {
+    'legged_gym': legged_gym,
+    'playground': playground,
+}
+
+
+def _need(values: Mapping[str, Any], key: str, where: str = '') -> Any:
+    if values.get(key) is None:
+        raise PolicyError(f'{where}{"." if where else ""}{key}: it is missing')
+    return values[key]
+
+
+def _mapping(values: Mapping[str, Any], key: str, where: str = '') -> dict[str, Any]:
+    found = _need(values, key)
+    if not isinstance(found, dict):
+        raise PolicyError(f'{where or key}: wanted names with values, got {str(found)[:40]}')
+    return found

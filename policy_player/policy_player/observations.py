@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a network is shown: terms, clipped and scaled, with their past."""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from policy_player.spec import PolicySpec
+
+
+class Senses(NamedTuple):
+    """
+    What a robot knows of itself; joints in the policy's order, (n,).
+
+    Velocities of the base are in its own axes [m/s], [rad/s]; `orientation` is a quaternion w, x,
+    y, z from base to world.
+    """
+
+    orientation: np.ndarray
+    angular_velocity: np.ndarray
+    linear_velocity: np.ndarray
+    joint_position: np.ndarray
+    joint_velocity: np.ndarray
+
+
+def gravity_in_base(orientation: np.ndarray) -> np.ndarray:
+    """Return the unit vector down in base axes: (0, 0, -1) when level."""
+    w, x, y, z = orientation.tolist()
+    return np.array((2.0 * (w * y - x * z), -2.0 * (w * x + y * z), 2.0 * (x * x + y * y) - 1.0))
+
+
+class Observer:
+    """
+    Makes the observation of a `PolicySpec`.
+
+    State: the past of each term. `step` takes an instant and returns all that is shown.
+    """
+
+    def __init__(self, spec: PolicySpec) -> None:
+        self.spec = spec
+        self._default = np.array(spec.default_position)
+        self._scales = [np.array(term.scale) for term in spec.terms]
+        self._past: list[deque[np.ndarray]] = []
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._past = [deque(maxlen=max(term.ages) + 1) for term in self.spec.terms]
+
+    def step(self, senses: Senses, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
+        """Return the observation (width,) float32; `command` is (3,)."""
+        spec = self.spec
+        known = {
+            'linear_velocity': senses.linear_velocity,
+            'angular_velocity': senses.angular_velocity,
+            'gravity': gravity_in_base(senses.orientation),
+            'command': command,
+            'joint_position': senses.joint_position - self._default,
+            'joint_velocity': senses.joint_velocity,
+            'last_action': last_action,
+        }
+        for term, scale, past in zip(spec.terms, self._scales, self._past, strict=True):
+            value = known[term.name]
+            if term.scales_first:
+                value = np.clip(scale * value, *term.clip)
+            else:
+                value = scale * np.clip(value, *term.clip)
+            value = np.clip(value, -spec.observation_clip, spec.observation_clip)
+            if not past:
+                first = np.zeros_like(value) if spec.begins_with_zeros else value
+                past.extend([first] * (past.maxlen or 1))
+            past.append(value)
+        terms = [
+            [past[-1 - age] for age in term.ages]
+            for term, past in zip(spec.terms, self._past, strict=True)
+        ]
+        if spec.by_time:
+            parts = [part for instant in zip(*terms, strict=True) for part in instant]
+        else:
+            parts = [part for ages in terms for part in ages]
+        return np.concatenate(parts).astype(np.float32)

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays a policy: senses and a command in, joint targets and gains out, without ROS or a clock."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from policy_player.observations import Observer, Senses
+from policy_player.policy_file import Policy
+
+# A step that is due within this share of one is taken: sums of floating-point times are not exact.
+_ALMOST = 1e-6
+
+
+class JointTargets(NamedTuple):
+    """Where joints are to be [rad] and with which gains [N m/rad], [N m s/rad]; (n,) each."""
+
+    position: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+
+class Player:
+    """
+    Runs a network at its own period; between its steps targets stay.
+
+    State: the past of the observation, the last action, the time to the next step. Whoever calls
+    `step` applies the targets by torque = stiffness (target - q) - damping dq at every physics
+    step. `failure` says why there are none any more, '' while all is well.
+    """
+
+    def __init__(self, policy: Policy) -> None:
+        self.policy, self.spec = policy, policy.spec
+        self.joints = policy.spec.joints
+        self._observer = Observer(policy.spec)
+        spec = policy.spec
+        self.default = np.array(spec.default_position)
+        self._scale, self._offset = np.array(spec.action_scale), np.array(spec.action_offset)
+        self._action_clip = tuple(np.array(end) for end in spec.action_clip)
+        self._target_clip = tuple(np.array(end) for end in spec.target_clip)
+        self._gains = np.array(spec.stiffness), np.array(spec.damping)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: the next step asks the network."""
+        self._observer.reset()
+        self.action = np.zeros(len(self.joints))
+        self.observation = np.zeros(self.spec.width, np.float32)
+        self._wait = -math.inf
+        self.failure = ''
+        self._targets = self._towards(self.action)
+
+    def step(self, senses: Senses, command: np.ndarray, dt: float) -> JointTargets:
+        """
+        Return the targets for an instant `dt` [s] after the one before; `command` is (3,).
+
+        When the network says what is no number, targets stay and `failure` says so.
+        """
+        self._wait -= dt
+        if self._wait > _ALMOST * self.spec.period or self.failure:
+            return self._targets
+        # Who comes late by a step begins to count anew.
+        late = self._wait if self._wait > -self.spec.period else 0.0
+        self._wait = late + self.spec.period
+        self.observation = self._observer.step(senses, command, self.action)
+        try:
+            action = self.policy.network(self.observation).astype(float)
+        except Exception as error:  # what a library raises in the middle of a run
+            self.failure = f'the network broke: {" ".join(str(error).split())[:100]}'
+            return self._targets
+        if action.shape != self.action.shape or not np.isfinite(action).all():
+            self.failure = 'the network says what is no number'
+            return self._targets
+        self.action = np.clip(action, *self._action_clip)
+        self._targets = self._towards(self.action)
+        return self._targets
+
+    def _towards(self, action: np.ndarray) -> JointTargets:
+        position = np.clip(self._offset + self._scale * action, *self._target_clip)
+        return JointTargets(position, *self._gains)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A policy from its files: the network, and what it was trained with."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from wasd_core.errors import DescriptionError, suggest
+from wasd_core.safe_files import read_file
+
+from policy_player.formats import from_deploy, from_metadata, from_rl_sar, PRESETS
+from policy_player.network import Network, OnnxNetwork
+from policy_player.onnx_file import LARGEST_NETWORK, OnnxFile, read_onnx
+from policy_player.spec import PolicyError, PolicySpec
+from policy_player.torchscript_file import read_torchscript
+from policy_player.yaml_values import read_values
+
+# Where what was trained with is looked for, beside the network and one folder up.
+_BESIDE = (
+    *('deploy.yaml', 'params/deploy.yaml', 'config.yaml'),
+    *('../params/deploy.yaml', '../deploy.yaml'),
+)
+CURE = (
+    'give --policy-config FILE (deploy.yaml of Isaac Lab, config.yaml of rl_sar), or one of '
+    f'{", ".join(PRESETS)}'
+)
+
+
+class Policy(NamedTuple):
+    """A network and how it is to be used; `config` is the file that says so, '' for none."""
+
+    spec: PolicySpec
+    network: Network
+    config: str = ''
+
+
+def read_policy(path: str | Path, config: str | Path | None = None) -> Policy:
+    """
+    Return a policy of an ONNX or TorchScript file.
+
+    `config` is a file that says how it was trained, or a preset; without one the network's own
+    metadata, or a file beside it, does.
+
+    Raises:
+        PolicyError: what is wrong, in one line that begins with the file.
+    """
+    path = Path(path)
+    try:
+        data = read_file(path, LARGEST_NETWORK)
+    except DescriptionError as error:
+        raise PolicyError(str(error)) from None
+    try:
+        file = None if data[:4] == b'PK\x03\x04' else read_onnx(path, data)
+        spec, found = _specification(path, file, config)
+        network: Network = read_torchscript(data) if file is None else OnnxNetwork(file)
+        spec.check_widths(network.takes, network.gives)
+    except _ConfigError as error:
+        raise PolicyError(str(error)) from None
+    except PolicyError as error:
+        raise PolicyError(f'{path}: {error}') from None
+    return Policy(spec, network, found)
+
+
+class _ConfigError(PolicyError):
+    """Something is wrong with the other file; begins with its name."""
+
+
+def _specification(
+    path: Path, file: OnnxFile | None, config: str | Path | None
+) -> tuple[PolicySpec, str]:
+    if config is not None and str(config) in PRESETS:
+        return PRESETS[str(config)](), str(config)
+    if config is not None:
+        return _read_config(Path(config)), str(config)
+    if file is not None and 'joint_names' in file.metadata:
+        return from_metadata(file.metadata), ''
+    for name in _BESIDE:
+        beside = path.parent / name
+        if beside.is_file():
+            return _read_config(beside), str(beside)
+    raise PolicyError(f'nothing says how it was trained: {CURE}')
+
+
+def _read_config(path: Path) -> PolicySpec:
+    try:
+        values = read_values(path)
+    except PolicyError as error:
+        known = f'{error}{suggest(str(path), PRESETS)}' if not path.exists() else str(error)
+        raise _ConfigError(known) from None
+    try:
+        if 'joint_ids_map' in values:
+            return from_deploy(values)
+        inner = next(iter(values.values())) if len(values) == 1 else values
+        if isinstance(inner, dict) and 'rl_kp' in inner:
+            return from_rl_sar(values, _base(path))
+    except PolicyError as error:
+        raise _ConfigError(f'{path}: {error}') from None
+    raise _ConfigError(
+        f'{path}: neither a deploy.yaml (joint_ids_map) nor a config.yaml of rl_sar (rl_kp)'
+    )
+
+
+def _base(path: Path) -> dict[str, object]:
+    """Return the values of the robot's base.yaml, beside or one folder up, if there is one."""
+    for folder in (path.parent, path.parent.parent):
+        base = folder / 'base.yaml'
+        if base.is_file():
+            return read_values(base)
+    return {}

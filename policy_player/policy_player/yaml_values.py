@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""YAML of training frameworks as plain values: a tag that would make something is not obeyed."""
+
+from pathlib import Path
+from typing import Any
+
+from wasd_core.errors import DescriptionError, one_line
+from wasd_core.parameter_file import compose_yaml, construct, LARGEST_YAML
+from wasd_core.safe_files import read_file
+import yaml
+
+from policy_player.spec import PolicyError
+
+_PYTHON = 'tag:yaml.org,2002:python/'
+# What means "all of them", and a list that Python could not change.
+_ALL, _TUPLE = f'{_PYTHON}object/apply:builtins.slice', f'{_PYTHON}tuple'
+
+
+def read_values(path: Path) -> dict[str, Any]:
+    """
+    Return the values of a file: dictionaries, lists, texts, numbers; a slice is None, all of them.
+
+    Raises:
+        PolicyError: it cannot be read, is no YAML, or has a tag that would make something.
+    """
+    try:
+        data = read_file(path, LARGEST_YAML)
+    except DescriptionError as error:
+        raise PolicyError(str(error)) from None
+    try:
+        root = compose_yaml(data.decode('utf-8-sig'))
+        value = None if root is None else _value(root)
+    except PolicyError as error:
+        raise PolicyError(f'{path}{error}') from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise PolicyError(f'{path}: not YAML: {one_line(error)[:200]}') from None
+    if not isinstance(value, dict):
+        raise PolicyError(f'{path}: wanted "name: value" pairs')
+    return value
+
+
+def _value(node: yaml.Node) -> Any:
+    if node.tag.startswith(_PYTHON):
+        if node.tag == _ALL:
+            return None
+        if node.tag != _TUPLE or not isinstance(node, yaml.SequenceNode):
+            tag = node.tag.removeprefix('tag:yaml.org,2002:')
+            raise PolicyError(
+                f':{node.start_mark.line + 1}: !!{tag} is refused, nothing of it was run: '
+                'write the value itself'
+            )
+    if isinstance(node, yaml.MappingNode):
+        pairs = [(str(key.value), _value(value)) for key, value in node.value]
+        names = [name for name, _ in pairs]
+        if len(set(names)) != len(names):
+            raise PolicyError(f':{node.start_mark.line + 1}: a name is there twice')
+        return dict(pairs)
+    if isinstance(node, yaml.SequenceNode):
+        return [_value(item) for item in node.value]
+    value = construct(node)
+    if isinstance(value, str) and isinstance(node, yaml.ScalarNode) and not node.style:
+        try:
+            return float(value)  # 1e-3 is a number to people, not to YAML 1.1
+        except ValueError:
+            return value
+    return value

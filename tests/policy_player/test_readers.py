@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Policies of each framework: observation and target equal an independent reference's."""
+
+import numpy as np
+from policy_files import (
+    constant,
+    deploy,
+    exporter,
+    layers,
+    mjlab,
+    MOTORS,
+    onnx,
+    ORDERS,
+    rl_sar,
+    RL_SAR_BASE,
+    run,
+    TorchModule,
+    torchscript,
+    write,
+)
+from policy_player.observations import Senses
+from policy_player.player import Player
+from policy_player.policy_file import read_policy
+from policy_player.spec import MOTOR_ORDER, PolicyError
+import pytest
+
+pytest.importorskip('onnxruntime')
+STEPS = 9
+G1_ORDER = MOTOR_ORDER[29]
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def moments(rng, joints: tuple[str, ...]) -> list[dict]:
+    """Return what a robot goes through, joints by name; nothing of it in a policy's order."""
+    found = []
+    for _ in range(STEPS):
+        quaternion = rng.normal(size=4)
+        found.append(
+            {
+                'q': quaternion / np.linalg.norm(quaternion),
+                'omega': rng.normal(size=3),
+                'v': rng.normal(size=3),
+                'command': rng.uniform(-1, 1, 3),
+                'position': dict(zip(joints, rng.normal(size=len(joints)), strict=True)),
+                'velocity': dict(zip(joints, 5 * rng.normal(size=len(joints)), strict=True)),
+            }
+        )
+    return found
+
+
+def down(q: np.ndarray) -> np.ndarray:
+    """Return R(q)^T (0, 0, -1) by the rotation matrix."""
+    w, x, y, z = q
+    R = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return R.T @ (0.0, 0.0, -1.0)
+
+
+def play(policy, moments) -> list[tuple[np.ndarray, dict]]:
+    """Return what is shown to the network and the targets by joint, moment by moment."""
+    player, found = Player(policy), []
+    for moment in moments:
+        joints = [
+            np.array([moment[kind][name] for name in player.joints])
+            for kind in ('position', 'velocity')
+        ]
+        senses = Senses(moment['q'], moment['omega'], moment['v'], *joints)
+        targets = player.step(senses, moment['command'], policy.spec.period)
+        named = zip(player.joints, np.array(targets).T, strict=True)
+        found.append((player.observation, dict(named)))
+    return found
+
+
+def compare(policy, moments, reference) -> None:
+    """Compare with `reference(past moments, past actions) -> (shown, action, targets by name)`."""
+    actions = []
+    for at, (shown, targets) in enumerate(play(policy, moments)):
+        wanted, action, wanted_targets = reference(moments[: at + 1], actions)
+        actions.append(action)
+        np.testing.assert_allclose(shown, wanted, atol=1e-6, rtol=1e-6)
+        assert targets.keys() == wanted_targets.keys()
+        for name, target in targets.items():
+            np.testing.assert_allclose(target, wanted_targets[name], atol=1e-6, rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('order', [*ORDERS, 'G1'])
+@pytest.mark.parametrize('length', [0, 4])
+def test_metadata_of_mjlab(tmp_path, rng, order, length):
+    joints = G1_ORDER if order == 'G1' else ORDERS[order]
+    count = len(joints)
+    weights, biases = layers(rng, (9 + 3 * count) * max(length, 1), 32, count)
+    extra = {
+        'observation_terms_scale': '0.5,1,2,1,0.05,1',
+        'observation_terms_clip': '-1;1,-inf;inf,-inf;inf,-inf;inf,-20;20,-inf;inf',
+        'observation_terms_history_length': ','.join([str(length)] * 6),
+    }
+    path = tmp_path / 'walk.onnx'
+    path.write_bytes(onnx(weights, biases, mjlab(joints, **extra)))
+
+    def reference(past, actions):
+        def terms(index):
+            m = past[max(index, 0)]
+            before = actions[index - 1] if index > 0 else np.zeros(count)
+            return [
+                0.5 * np.clip(m['omega'], -1, 1),
+                down(m['q']),
+                2 * m['command'],
+                [m['position'][name] - (0.1 * i - 0.5) for i, name in enumerate(joints)],
+                [0.05 * np.clip(m['velocity'][name], -20, 20) for name in joints],
+                before,
+            ]
+
+        now = len(past) - 1
+        rows = [terms(now - age) for age in range(max(length, 1))][::-1]
+        shown = np.concatenate([row[term] for term in range(6) for row in rows])
+        action = run(weights, biases, shown)
+        targets = {
+            name: (0.1 * i - 0.5 + round(0.2 + 0.01 * i, 3) * action[i], 20 + i, 0.5 + 0.01 * i)
+            for i, name in enumerate(joints)
+        }
+        return shown, action, targets
+
+    compare(read_policy(path), moments(rng, joints), reference)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('order', [*ORDERS, 'G1'])
+@pytest.mark.parametrize(('length', 'by_time'), [(1, False), (5, False), (3, True)])
+def test_deploy_yaml_of_isaac_lab(tmp_path, rng, order, length, by_time):
+    motors = G1_ORDER if order == 'G1' else MOTORS
+    joints = tuple(rng.permutation(G1_ORDER).tolist()) if order == 'G1' else ORDERS[order]
+    count = len(joints)
+    said = deploy(joints, motors)
+    for term in said['observations'].values():
+        term['history_length'] = length
+    said['observations']['joint_vel_rel']['clip'] = [-10.0, 10.0]
+    said['observations'] = {'use_gym_history': by_time, **said['observations']}
+    said['actions']['JointPositionAction']['clip'] = [[-0.6, 0.7]] * count
+    weights, biases = layers(rng, (9 + 3 * count) * length, 24, count)
+    path = tmp_path / 'exported/policy.onnx'
+    path.parent.mkdir()
+    path.write_bytes(onnx(weights, biases))
+    write(tmp_path, 'params/deploy.yaml', said)
+
+    def reference(past, actions):
+        def terms(index):
+            m = past[max(index, 0)]
+            before = actions[index - 1] if index > 0 else np.zeros(count)
+            return [
+                0.2 * m['omega'],
+                down(m['q']),
+                m['command'],
+                [m['position'][name] - (0.1 * i - 0.5) for i, name in enumerate(joints)],
+                [0.05 * np.clip(m['velocity'][name], -10, 10) for name in joints],
+                before,
+            ]
+
+        now = len(past) - 1
+        rows = [terms(now - age) for age in range(length)][::-1]
+        if by_time:
+            shown = np.concatenate([part for row in rows for part in row])
+        else:
+            shown = np.concatenate([row[term] for term in range(6) for row in rows])
+        action = run(weights, biases, shown)
+        targets = {}
+        for i, name in enumerate(joints):
+            motor = motors.index(name)
+            target = np.clip(0.1 * i - 0.45 + (0.25 + 0.01 * i) * action[i], -0.6, 0.7)
+            targets[name] = (target, 20 + motor, 0.5 + 0.01 * motor)
+        return shown, action, targets
+
+    policy = read_policy(path)
+    assert policy.spec.ranges == ((-0.5, 1.0), (-0.3, 0.3), (-0.2, 0.2))
+    compare(policy, moments(rng, joints), reference)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('order', ORDERS)
+@pytest.mark.parametrize(
+    ('ages', 'priority'),
+    [([], 'time'), ([0, 1, 2, 3, 4, 5], 'time'), ([3, 2, 1, 0], 'term'), ([2, 0], 'time')],
+)
+def test_config_yaml_of_rl_sar(tmp_path, rng, order, ages, priority):
+    joints = ORDERS[order]
+    more = {'observations_history': ages, 'observations_history_priority': priority}
+    write(tmp_path, 'base.yaml', RL_SAR_BASE)
+    config = write(tmp_path, 'own/config.yaml', rl_sar(joints, **more))
+    weights, biases = layers(rng, 45 * max(len(ages), 1), 24, 12)
+    biases[-1] *= 30.0  # beyond the clip
+    path = tmp_path / 'own/policy.pt'
+    path.write_bytes(torchscript(exporter(weights, biases)))
+
+    def reference(past, actions):
+        def terms(index):
+            if index < 0:
+                return [np.zeros(3)] * 3 + [np.zeros(12)] * 3
+            m = past[index]
+            before = actions[index - 1] if index > 0 else np.zeros(12)
+            return [
+                0.25 * m['omega'],
+                down(m['q']),
+                m['command'] * (2.0, 2.0, 0.25),
+                [m['position'][name] - (0.1 * i - 0.5) for i, name in enumerate(joints)],
+                [0.05 * m['velocity'][name] for name in joints],
+                before,
+            ]
+
+        now = len(past) - 1
+        rows = [terms(now - age) for age in ages or [0]]
+        if priority == 'time':
+            shown = np.concatenate([part for row in rows for part in row])
+        else:
+            shown = np.concatenate([row[term] for term in range(6) for row in rows])
+        action = np.clip(run(weights, biases, shown), -3.0, 2.5)
+        targets = {
+            name: (0.1 * i - 0.5 + (0.125 + 0.01 * i) * action[i], 20 + i, 0.5 + 0.01 * i)
+            for i, name in enumerate(joints)
+        }
+        return shown, action, targets
+
+    policy = read_policy(path, config)
+    assert policy.spec.joints == joints
+    compare(policy, moments(rng, joints), reference)
+
+
+@pytest.mark.slow
+def test_presets_follow_their_conventions(tmp_path, rng):
+    weights, biases = layers(rng, 48, 24, 12)
+    path = tmp_path / 'walk.onnx'
+    path.write_bytes(onnx(weights, biases, outputs=('continuous_actions',)))
+    moment = moments(rng, MOTORS)[:1]
+    v, omega = moment[0]['v'], moment[0]['omega']
+
+    def angles(order, default):
+        return [moment[0]['position'][name] - default[name] for name in order]
+
+    ((shown, targets),) = play(read_policy(path, 'playground'), moment)
+    home = {name: -1.8 if 'calf' in name else 0.9 for name in MOTORS}
+    home |= {
+        f'{leg}_hip_joint': 0.1 if leg[1] == 'R' else -0.1 for leg in ('FL', 'FR', 'RL', 'RR')
+    }
+    speeds = [moment[0]['velocity'][name] for name in MOTORS]
+    parts = (v, omega, down(moment[0]['q']), angles(MOTORS, home), speeds, np.zeros(12))
+    wanted = np.concatenate([*parts, moment[0]['command']])
+    np.testing.assert_allclose(shown, wanted, atol=1e-6)
+    action = run(weights, biases, wanted)
+    for i, name in enumerate(MOTORS):
+        np.testing.assert_allclose(targets[name][0], home[name] + 0.5 * action[i], atol=1e-5)
+
+    ((shown, targets),) = play(read_policy(path, 'legged_gym'), moment)
+    order = ORDERS['FL first']
+    home = {name: -1.5 if 'calf' in name else 1.0 if name[0] == 'R' else 0.8 for name in order}
+    home |= {
+        f'{leg}_hip_joint': -0.1 if leg[1] == 'R' else 0.1 for leg in ('FL', 'FR', 'RL', 'RR')
+    }
+    speeds = [0.05 * moment[0]['velocity'][name] for name in order]
+    command = moment[0]['command'] * (2.0, 2.0, 0.25)
+    parts = (2 * v, 0.25 * omega, down(moment[0]['q']), command, angles(order, home), speeds)
+    wanted = np.concatenate([*parts, np.zeros(12)])
+    np.testing.assert_allclose(shown, wanted, atol=1e-6)
+    action = run(weights, biases, wanted)
+    for i, name in enumerate(order):
+        np.testing.assert_allclose(targets[name][0], home[name] + 0.25 * action[i], atol=1e-5)
+
+
+def test_a_torchscript_file_normalises_first(tmp_path, rng):
+    weights, biases = layers(rng, 45, 16, 12)
+    mean, deviation = rng.normal(size=(1, 45)), rng.uniform(0.5, 2.0, (1, 45))
+    normal = TorchModule('EmpiricalNormalization', _mean=mean, _std=deviation)
+    path = tmp_path / 'policy.pt'
+    path.write_bytes(torchscript(exporter(weights, biases, normalizer=normal)))
+    config = write(tmp_path, 'config.yaml', rl_sar(MOTORS))
+    policy = read_policy(path, config)
+    shown = rng.normal(size=45).astype(np.float32)
+    wanted = run(weights, biases, (shown - mean[0]) / (deviation[0] + 0.01))
+    np.testing.assert_allclose(policy.network(shown), wanted, atol=1e-5)
+
+
+def test_between_the_steps_of_a_policy_targets_stay(tmp_path, rng):
+    policy = _constant_policy(tmp_path)
+    player = Player(policy)
+    asked = []
+    network = policy.network
+    player.policy = policy._replace(network=lambda shown: asked.append(shown) or network(shown))
+    moment = moments(rng, MOTORS)[0]
+    joints = (np.zeros(12), np.zeros(12))
+    senses = Senses(moment['q'], moment['omega'], moment['v'], *joints)
+    for _ in range(500):  # a second at 500 Hz
+        player.step(senses, np.zeros(3), 0.002)
+    assert len(asked) == 50
+
+
+@pytest.mark.parametrize('bad', [np.nan, np.inf])
+def test_a_network_that_says_no_number_fails_and_its_targets_stay(tmp_path, rng, bad):
+    policy = _constant_policy(tmp_path)
+    player = Player(policy)
+    senses = Senses(np.array((1.0, 0, 0, 0)), *np.zeros((2, 3)), *np.zeros((2, 12)))
+    before = player.step(senses, np.zeros(3), 0.02)
+    player.policy = policy._replace(network=lambda shown: np.full(12, bad))
+    after = player.step(senses, np.zeros(3), 0.02)
+    assert player.failure == 'the network says what is no number'
+    np.testing.assert_array_equal(before.position, after.position)
+    player.reset()
+    assert player.failure == ''
+
+
+def _constant_policy(folder):
+    path = folder / 'policy.pt'
+    path.write_bytes(torchscript(exporter(*constant(45, np.linspace(-1, 1, 12)))))
+    return read_policy(path, write(folder, 'config.yaml', rl_sar(MOTORS)))
+
+
+def test_a_policy_of_two_lengths_cannot_be_stacked_by_time(tmp_path):
+    said = deploy(MOTORS)
+    said['observations']['last_action']['history_length'] = 3
+    said['observations']['use_gym_history'] = True
+    path = tmp_path / 'policy.pt'
+    path.write_bytes(torchscript(exporter(*constant(45, np.zeros(12)))))
+    with pytest.raises(PolicyError, match='stacked by time'):
+        read_policy(path, write(tmp_path, 'deploy.yaml', said))

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of strangers: nothing of them runs, and what is wrong is said in one line."""
+
+import pickle
+import zipfile
+
+import numpy as np
+from policy_files import (
+    constant,
+    deploy,
+    exporter,
+    FORWARD,
+    layers,
+    mjlab,
+    MOTORS,
+    onnx,
+    rl_sar,
+    sparse_file,
+    TorchModule,
+    torchscript,
+    write,
+)
+from policy_player.policy_file import read_policy
+from policy_player.spec import PolicyError
+import pytest
+import yaml
+
+pytest.importorskip('onnxruntime')
+ZERO = constant(45, np.zeros(12))
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+def refusal(path, config=None) -> str:
+    with pytest.raises(PolicyError) as caught:
+        read_policy(path, config)
+    text = str(caught.value)
+    assert '\n' not in text
+    return text
+
+
+@pytest.fixture
+def policy(tmp_path):
+    """A network that fits 45 numbers, without metadata."""
+    path = tmp_path / 'policy.pt'
+    path.write_bytes(torchscript(exporter(*ZERO)))
+    return path
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'observations': {'height_scan': None}}, "'height_scan': this robot does not tell it"),
+        ({'observations': {'joint_pos': None}}, 'observations.joint_pos: in doubt'),
+        ({'observations': {'base_ang_vel': {'scale': [1, 2]}}}, 'base_ang_vel.scale: got 2'),
+        ({'observations': {'base_ang_vel': {'history_length': -1}}}, 'history_length: got -1'),
+        ({'observations': {}}, 'observations: there are none'),
+        ({'joint_ids_map': [0, 0, 1]}, 'joint_ids_map: got'),
+        ({'joint_ids_map': list(range(11))}, 'the order of 11 motors is not known'),
+        ({'stiffness': [20.0] * 11}, 'stiffness: got 11 numbers, wanted 12'),
+        ({'damping': [float('nan')] * 12}, 'damping: got'),
+        ({'stiffness': [0.0] * 12}, 'stiffness: all are zero'),
+        ({'stiffness': [-1.0] * 12}, 'a negative gain'),
+        ({'default_joint_pos': None}, 'default_joint_pos: it is missing'),
+        ({'step_dt': 5.0}, 'period: got 5 s'),
+        ({'actions': {'JointTorqueAction': {}}}, 'only JointPositionAction is played'),
+        ({'actions': 3}, 'actions: wanted names with values'),
+    ],
+)
+def test_a_configuration_in_doubt_is_refused_by_the_name_of_the_term(
+    tmp_path, policy, change, words
+):
+    path = write(tmp_path, 'deploy.yaml', deploy(MOTORS) | change)
+    text = refusal(policy, path)
+    assert words in text
+    assert text.startswith(str(path))
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'observations': ['ang_vel', 'g1_phase']}, "'g1_phase': this robot does not tell it"),
+        ({'observations_history_priority': 'both'}, "got 'both', wanted time or term"),
+        ({'wheel_indices': [3]}, 'wheels are not played'),
+        ({'commands_scale': [1.0]}, 'commands_scale: got 1 numbers, wanted 3'),
+        ({'joint_mapping': [0] * 12}, 'joint_mapping: wanted each of 0 to 11 once'),
+        ({'num_of_dofs': 'twelve'}, 'num_of_dofs'),
+        ({'rl_kd': None}, 'rl_kd: it is missing'),
+    ],
+)
+def test_so_is_one_of_rl_sar(tmp_path, policy, change, words):
+    assert words in refusal(policy, write(tmp_path, 'config.yaml', rl_sar(MOTORS, **change)))
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'joint_stiffness': 'a,b'}, 'metadata joint_stiffness'),
+        ({'observation_names': 'base_ang_vel,motion_anchor_pos_b'}, 'motion_anchor_pos_b'),
+        ({'observation_terms_scale': '1,2'}, 'observation_terms_scale'),
+        ({'observation_terms_clip': '1'}, 'observation_terms_clip'),
+        ({'observation_terms_history_length': '1e9,0,0,0,0,0'}, 'history_length'),
+        ({'action_scale': '1,2'}, 'metadata action_scale: got 2 numbers, wanted 12'),
+        ({'joint_names': ','.join([MOTORS[0]] * 12)}, 'wanted 1 to 100 different names'),
+    ],
+)
+def test_so_is_metadata(tmp_path, change, words):
+    path = tmp_path / 'walk.onnx'
+    path.write_bytes(onnx(*ZERO, mjlab(MOTORS, **change)))
+    assert words in refusal(path)
+
+
+def test_a_missing_history_and_another_width_are_told_by_their_terms(tmp_path):
+    for width, words in ((270, 'a history of 6 steps?'), (48, 'without linear_velocity?')):
+        path = tmp_path / 'policy.pt'
+        path.write_bytes(torchscript(exporter(*constant(width, np.zeros(12)))))
+        text = refusal(path, write(tmp_path, 'deploy.yaml', deploy(MOTORS)))
+        assert f'the network takes {width} numbers, deploy.yaml tells of 45' in text
+        assert words in text
+
+
+def test_who_is_told_nothing_is_told_what_to_give(policy):
+    assert '--policy-config FILE' in refusal(policy)
+    assert 'legged_gym, playground' in refusal(policy)
+
+
+def test_a_tag_of_python_is_never_run(tmp_path, policy):
+    mark = tmp_path / 'mark'
+    text = yaml.safe_dump(deploy(MOTORS), sort_keys=False)
+    evil = f'!!python/object/apply:os.system ["touch {mark}"]'
+    path = tmp_path / 'deploy.yaml'
+    path.write_text(text.replace('joint_ids: null', f'joint_ids: {evil}'))
+    assert 'nothing of it was run' in refusal(policy, path)
+    assert not mark.exists()
+    # The one that Isaac Lab writes means all of them.
+    every = '!!python/object/apply:builtins.slice [null, null, null]'
+    path.write_text(text.replace('joint_ids: null', f'joint_ids: {every}'))
+    assert read_policy(policy, path).spec.width == 45
+
+
+def test_a_pickle_is_never_run(tmp_path):
+    mark = tmp_path / 'mark'
+
+    class Evil:
+        def __reduce__(self):
+            return __import__('os').system, (f'touch {mark}',)
+
+    path = tmp_path / 'policy.pt'
+    config = write(tmp_path, 'config.yaml', rl_sar(MOTORS))
+    with zipfile.ZipFile(path, 'w') as archive:
+        archive.writestr('policy/data.pkl', pickle.dumps(Evil()))
+        archive.writestr('policy/code/__torch__.py', FORWARD)
+    assert 'nothing of it was run' in refusal(path, config)
+    path.write_bytes(pickle.dumps(Evil()))
+    assert 'no ONNX file' in refusal(path, config)
+    assert not mark.exists()
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'rnn': TorchModule('LSTM')}, 'wanted one chain of layers'),
+        ({'normalizer': TorchModule('BatchNorm1d')}, 'BatchNorm1d: not known'),
+    ],
+)
+def test_what_torchscript_has_beside_known_layers_is_refused(tmp_path, change, words):
+    path = tmp_path / 'policy.pt'
+    path.write_bytes(torchscript(exporter(*ZERO, **change)))
+    text = refusal(path, write(tmp_path, 'config.yaml', rl_sar(MOTORS)))
+    assert words in text
+    assert 'export it to ONNX' in text
+
+
+@pytest.mark.parametrize('more', ['torch.tanh(', '2.0 * ('])
+def test_torchscript_that_computes_itself_is_refused(tmp_path, more):
+    path = tmp_path / 'policy.pt'
+    path.write_bytes(torchscript(exporter(*ZERO), FORWARD.replace('return (', f'return {more}(')))
+    text = refusal(path, write(tmp_path, 'config.yaml', rl_sar(MOTORS)))
+    assert 'computes more than its layers do' in text
+
+
+def test_a_zip_bomb_and_a_file_of_two_gigabytes_are_refused_at_once(tmp_path):
+    config = write(tmp_path, 'config.yaml', rl_sar(MOTORS))
+    path = tmp_path / 'policy.pt'
+    with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr('policy/data.pkl', b'\0' * 150_000_000)
+    assert path.stat().st_size < 1_000_000
+    assert 'too much' in refusal(path, config)
+    sparse_file(tmp_path / 'large.onnx', 2_000_000_000)
+    assert '2000.0 MB is too much' in refusal(tmp_path / 'large.onnx', config)
+
+
+def test_weights_outside_its_folder_are_not_read(tmp_path, rng):
+    weights, biases = layers(rng, 45, 12)
+    secret = tmp_path / 'secret.data'
+    secret.write_bytes(weights[0].tobytes())
+    path = tmp_path / 'policy/walk.onnx'
+    path.parent.mkdir()
+    for name in ('../secret.data', str(secret)):
+        path.write_bytes(onnx(weights, biases, mjlab(MOTORS), external=name))
+        assert 'outside its folder: not read' in refusal(path)
+    (path.parent / 'link.data').symlink_to(secret)
+    path.write_bytes(onnx(weights, biases, mjlab(MOTORS), external='link.data'))
+    assert 'outside its folder: not read' in refusal(path)
+    path.write_bytes(onnx(weights, biases, mjlab(MOTORS), external='none.data'))
+    assert 'no such file beside it' in refusal(path)
+
+
+@pytest.mark.slow
+def test_weights_beside_it_are_read(tmp_path, rng):
+    weights, biases = layers(rng, 45, 12)
+    (tmp_path / 'walk.onnx.data').write_bytes(weights[0].tobytes())
+    path = tmp_path / 'walk.onnx'
+    path.write_bytes(onnx(weights, biases, mjlab(MOTORS), external='walk.onnx.data'))
+    shown = rng.normal(size=45).astype(np.float32)
+    wanted = weights[0] @ shown + biases[0]
+    np.testing.assert_allclose(read_policy(path).network(shown), wanted, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_networks_that_cannot_be_played_are_refused_by_what_is_odd(tmp_path):
+    path = tmp_path / 'walk.onnx'
+
+    def refused(**how) -> str:
+        path.write_bytes(onnx(*ZERO, mjlab(MOTORS), **how))
+        return refusal(path)
+
+    assert "2 inputs ('obs', 'h_in')" in refused(inputs=('obs', 'h_in'))
+    assert 'none is called actions' in refused(outputs=('one', 'two'))
+    assert 'onnxruntime cannot read it' in refused(last='NoSuchOperator')
+    path.write_bytes(onnx(*constant(45, np.zeros(11)), mjlab(MOTORS)))
+    assert 'the network gives 11 numbers' in refusal(path)
+
+
+@pytest.mark.slow
+def test_two_hundred_corrupted_files_end_in_a_line_or_a_policy(tmp_path, rng):
+    weights, biases = layers(rng, 45, 16, 12)
+    config = write(tmp_path, 'config.yaml', rl_sar(MOTORS))
+    sources = {
+        'a.onnx': onnx(weights, biases, mjlab(MOTORS)),
+        'a.pt': torchscript(exporter(weights, biases)),
+        'deploy.yaml': yaml.safe_dump(deploy(MOTORS), sort_keys=False).encode(),
+        'b.onnx': onnx(weights, biases),
+    }
+    (tmp_path / 'good.pt').write_bytes(sources['a.pt'])
+    refused = 0
+    for trial in range(200):
+        name = list(sources)[trial % 4]
+        data = bytearray(sources[name])
+        if trial % 3 == 0:
+            del data[rng.integers(len(data)) :]
+        else:  # where the structure is, at the ends, as well as anywhere
+            for _ in range(1 + trial % 5):
+                reach = len(data) if trial % 2 else 200
+                at = int(rng.integers(reach))
+                data[-at if trial % 7 == 0 else at] = int(rng.integers(256))
+        path = tmp_path / name
+        path.write_bytes(bytes(data))
+        asked = (tmp_path / 'good.pt', path) if name == 'deploy.yaml' else (path, config)
+        try:
+            found = read_policy(*asked)
+            found.network(np.zeros(45, np.float32))
+        except PolicyError as error:
+            refused += 1
+            assert '\n' not in str(error)
+    assert refused > 100
