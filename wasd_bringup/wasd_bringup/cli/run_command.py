@@ -89,11 +89,14 @@ class PlainHome:
         """Return the run; what is odd about its robots is said on standard error."""
         log = logging.getLogger('wasd')
         log.addHandler(logging.StreamHandler())
-        log.setLevel(logging.ERROR if options.interactive else logging.INFO)
+        log.setLevel(logging.INFO)
         run = Run(options, reader, visuals)
         for robot in run.robots:
             for note in robot.notes:
                 robot.log.warning('%s: %s', robot.name, note)
+        if options.interactive:
+            # What is said while it runs is in the status line; a log would break that line.
+            log.setLevel(logging.ERROR)
         return run
 
     def close(self) -> None:
