@@ -154,6 +154,17 @@ def test_nothing_but_its_release_ends_a_stop_that_holds(held_of, what):
     assert np.allclose(held.place, place, atol=1e-3)
 
 
+def test_while_a_stop_holds_the_driver_reads_how_it_is_released_and_no_key_to_stand(held_of):
+    held = held_of('go2 trots')
+    held.begin()
+    held.stop('page')
+    for _ in range(20):
+        status = held.robot.status()
+        assert status.state == 'E-STOP'
+        assert status.message == 'ENTER releases E-STOP (by the page)'
+        held.run(0.1)
+
+
 def test_the_service_releases_it(held_of):
     held = held_of('mbot')
     held.stop('service')

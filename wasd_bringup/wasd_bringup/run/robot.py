@@ -194,8 +194,8 @@ class Robot(ABC):
         status = self._status()
         if not self.drivers.stopped_by:
             return status
-        words = status.message or HOLDS.format(self.drivers.stopped_by)
-        return status._replace(state='E-STOP', message=words)
+        # Whatever else is said, such as a key to stand, comes after that.
+        return status._replace(state='E-STOP', message=HOLDS.format(self.drivers.stopped_by))
 
     def press(self, key: str, by: str) -> bool:
         """Press a key for a source, in this instant, and tell listeners; False: it is refused."""
