@@ -12,7 +12,7 @@ from unitree_bridge import topics
 from unitree_bridge.low_level import LowLevel, LowStates, tick_of
 from unitree_bridge.motion import Motion
 from unitree_bridge.remote import read_remote, Remote
-from unitree_bridge.robot import Robot, to_motors
+from unitree_bridge.robot import Robot, Senses, to_motors
 from unitree_bridge.rpc import Leases, serve, Service
 from unitree_bridge.services import (
     MotionSwitcher,
@@ -32,13 +32,14 @@ SPORT_STATE_RATE = 50.0
 LOOK_RATE = 20.0
 # What the remote says holds for so long [s].
 _REMOTE_SILENCE = 0.5
-# A program that answers is waited for so long [s of wall time], then no more until it is back.
+# In sync physics waits so long at a time, and in all for a program that has answered [s of wall
+# time]; commands that are no answer are counted as so long, too.
+HOLD = 0.01
 PATIENCE = 1.0
-# ... and so many commands that are no answer.
-MOST_WRONG = 100
 _NOBODY = Remote()
 SERVICES = ('sport', 'motion_switcher', 'obstacles_avoid', 'robot_state', 'videohub', 'vui')
 LEASED = 'sport'
+MOVING = ('sport', 'obstacles_avoid')
 OUT = (*topics.OUT, *map(topics.response, (*SERVICES, f'{LEASED}_lease')))
 INTO = (*topics.IN, *map(topics.request, (*SERVICES, f'{LEASED}_lease')))
 
@@ -49,8 +50,10 @@ class Bridge:
 
     In each instant `step` comes before our controller, `in_force` after it.
 
-    With `is_synced` it waits in each instant for the command of a program that answers LowStates,
-    at most PATIENCE. `remote` is told to programs as the state of the remote control.
+    With `is_synced` time goes on only when `may_advance` says so: it begins with the first LowCmd,
+    call of a service that moves, or key, and waits in each instant for the LowCmd that answers its
+    LowState; no longer than PATIENCE for a program that has gone. `remote` is told to programs as
+    the state of the remote control.
     """
 
     def __init__(
@@ -74,6 +77,9 @@ class Bridge:
         self._sticks = Watchdog(_REMOTE_SILENCE)
         self._down: frozenset[str] = frozenset()
         self._answers = False  # the program that commands the motors
+        self._has_begun = not is_synced
+        self._told_at = self._held_at = -1.0
+        self._held, self._is_answered = 0.0, False
         self._in_force: JointCommand | None = None
 
     def _make_services(self) -> list[Service]:
@@ -94,15 +100,24 @@ class Bridge:
         """Whether a program moves the robot now."""
         return self.low.is_live or self.motion.is_moving
 
+    def may_advance(self) -> bool:
+        """Return whether time may go on; where it may not, tell of this instant and wait a bit."""
+        if not self._is_synced:
+            return True
+        now = self._robot.time
+        if self._held_at != now:
+            self._held_at, self._held, self._is_answered = now, 0.0, False
+            self._tell(now)
+        self.serve()
+        self._has_begun |= self._robot.state != StateName.PASSIVE
+        if self._is_answered or (self._has_begun and not self._answers):
+            return True
+        return self._await_command(now)
+
     def step(self, dt: float) -> None:
         """Tell of this instant, and take what has come, `dt` [s] after the one before."""
-        time = self._robot.time
-        if self._looks.is_due(time, LOOK_RATE):
-            self._wire.look()
-        self._tell(time)
-        if self._is_synced and self._answers:
-            self._await_command(tick_of(time))
-        else:
+        self._tell(self._robot.time)
+        if not self._is_answered or self._held_at != self._robot.time:
             self._take_command()
         self.serve()
         self._follow_remote(dt)
@@ -121,6 +136,7 @@ class Bridge:
         """Answer requests, also while simulated time stands still."""
         for service in self.services:
             for raw in self._wire.take(topics.request(service.name)):
+                self._has_begun |= service.name in MOVING
                 answer = serve(service, raw, self._say)
                 if answer is not None:
                     self._wire.publish(topics.response(service.name), answer)
@@ -149,21 +165,27 @@ class Bridge:
         self.disarm()
         self.low.reset()
         self.motion.reset()
+        self._has_begun = not self._is_synced
 
     def close(self) -> None:
         """Be gone for all programs."""
         self._wire.close()
 
     def _tell(self, time: float) -> None:
+        """Tell of an instant, once."""
+        if self._told_at == time:
+            return
+        self._told_at = time
         wire = self._wire
+        if self._looks.is_due(time, LOOK_RATE):
+            wire.look()
         wants_sport = self._sport_beat.is_due(time, SPORT_STATE_RATE)
         wants_low = self._low_beat.is_due(time, LOW_STATE_RATE) and wire.is_heard(topics.LOW_STATE)
         wants_sport_state = wants_sport and wire.is_heard(topics.SPORT_MODE_STATE)
         if wants_low or wants_sport_state:
             senses = self._robot.senses()
             if wants_low:
-                raw = self._low_states.write(time, senses, self.remote.in_low_state())
-                wire.publish(topics.LOW_STATE, raw)
+                self._tell_low_state(time, senses)
             if wants_sport_state:
                 raw = self._sport_states.write(self._robot, senses)
                 wire.publish(topics.SPORT_MODE_STATE, raw)
@@ -172,27 +194,40 @@ class Bridge:
         if self._lidar is not None:
             self._lidar.step(wire)
 
+    def _tell_low_state(self, time: float, senses: Senses) -> None:
+        if self._wire.is_heard(topics.LOW_STATE):
+            raw = self._low_states.write(time, senses, self.remote.in_low_state())
+            self._wire.publish(topics.LOW_STATE, raw)
+
     def _take_command(self) -> bool:
         """Take the last LowCmd that has come; return whether it counts."""
         taken = self._wire.take(topics.LOW_CMD)
         was_released = self.low.is_released
         if not taken or not self.low.take(taken[-1], self._robot.take_motors):
             return False
-        self._answers = True
+        self._answers = self._has_begun = True
         if not was_released:
             self._say('LowCmd: an SDK program has the motors; our controller is stopped')
             self.release_motors()
         return True
 
-    def _await_command(self, tick: int) -> None:
-        """Wait for the answer to a tick: a command that names it, or none at all."""
-        for _ in range(MOST_WRONG):
-            if not self._wire.wait(topics.LOW_CMD, PATIENCE):
-                break
-            if self._take_command() and self.low.tick in (0, tick):
-                return
+    def _await_command(self, now: float) -> bool:
+        """Wait for the answer to an instant: a command that names its tick, or none at all."""
+        if self._wire.wait(topics.LOW_CMD, HOLD) and self._take_command():
+            self._is_answered = self.low.tick in (0, tick_of(now))
+        if self._is_answered:
+            return True
+        if not self._has_begun:
+            # Who has come meanwhile has not heard of this instant.
+            self._wire.look()
+            self._tell_low_state(now, self._robot.senses())
+            return False
+        self._held += HOLD
+        if self._held < PATIENCE:
+            return False
         self._say(f'no LowCmd for {PATIENCE:g} s: not waited for any more')
         self._answers = False
+        return True
 
     def _follow_remote(self, dt: float) -> None:
         """Drive as a program says by wirelesscontroller that a hand does."""

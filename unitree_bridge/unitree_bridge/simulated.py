@@ -77,7 +77,8 @@ class SimulatedGo2:
 
     def run(self, stop: Callable[[], bool], duration: float = float('inf')) -> None:
         """Simulate until `stop` or until `duration` [s] of simulated time; answer meanwhile."""
-        self.simulation.run(stop=stop, poll=self._poll, duration=duration)
+        may_advance = self.bridge.may_advance
+        self.simulation.run(stop, self._poll, duration=duration, may_advance=may_advance)
 
     def close(self) -> None:
         """Be gone for all programs."""

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Programs of Unitree's own SDK, in processes of their own, command the simulated Go2."""
+
+import importlib.util
+import json
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.slow
+pytest.importorskip('cyclonedds', reason='needs the extra unitree')
+if importlib.util.find_spec('unitree_sdk2py') is None:
+    pytest.skip("needs Unitree's SDK, unitree-sdk2py-dimos", allow_module_level=True)
+
+PROGRAMS = Path(__file__).parents[1] / 'unitree_sdk_programs.py'
+# Said by the SDK, or by Cyclone, of a message that it cannot read.
+COMPLAINTS = ('deserializ', '[Reader]', '[Writer]', 'raise exception', 'Traceback')
+BUSY = 'while True: pass'
+
+
+@pytest.fixture
+def domain():
+    return os.environ['ROS_DOMAIN_ID']
+
+
+@pytest.fixture
+def simulate(domain):
+    """Start a simulated Go2 in place of the one before; it ends with the test."""
+    started = []
+
+    def end():
+        for process in started:
+            process.terminate()
+            process.wait(30)
+            process.stdout.close()
+        started.clear()
+
+    def start(*options):
+        end()
+        command = [sys.executable, '-m', 'unitree_bridge.bridge_command', '--domain', domain]
+        process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        for line in process.stdout:
+            if line.startswith('Unitree interface'):
+                return process
+        raise AssertionError('it ended')
+
+    yield start
+    end()
+
+
+@pytest.fixture
+def program(domain):
+    def run(name, *words, timeout=180):
+        done = subprocess.run(
+            [sys.executable, PROGRAMS, domain, name, *words],
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+        )
+        said = done.stdout + done.stderr
+        assert done.returncode == 0, said
+        assert not any(word in said for word in COMPLAINTS), said
+        return json.loads(done.stdout.splitlines()[-1])
+
+    return run
+
+
+def test_a_program_stands_the_robot_by_its_motors(simulate, program):
+    simulate()
+    seen = program('stand_by_motors')
+    assert seen['height'] > 0.3
+    assert seen['aim'] < 0.12
+    # Of LowStates a queue of the SDK's may lose some on a busy machine; the wire loses none.
+    assert seen['heard'] > 0.95 * 500 * seen['seconds']
+
+
+def test_a_program_stands_and_moves_it_by_the_sport_service(simulate, program):
+    simulate()
+    seen = program('sport')
+    assert seen['version'] == [0, '1.0.0.1']
+    assert seen['code'] == 0
+    assert seen['height'] > 0.3
+    assert 0.3 < seen['moved'] < 1.2
+    assert max(map(abs, seen['velocity'])) < 0.1
+
+
+def test_every_call_of_the_sport_client_is_answered(simulate, program):
+    simulate()
+    seen = program('calls')
+    assert set(seen['codes'].values()) == {0, 3203}
+    assert len(seen['codes']) == 39
+    assert seen['mode'] == [0, {'form': '0', 'name': 'mcf'}]
+    assert (seen['switch'], seen['select']) == (0, 0)
+    assert seen['avoid'] == [[0, False], 0]
+    assert 'sport_mode' in seen['services']
+
+
+def test_in_sync_a_busy_machine_changes_no_sample(simulate, program):
+    simulate('--sync')
+    quiet = program('in_sync')['samples']
+    loops = [subprocess.Popen([sys.executable, '-c', BUSY]) for _ in range(4)]
+    try:
+        simulate('--sync')
+        busy = program('in_sync')['samples']
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+    assert len(quiet) == 2001
+    assert busy == quiet
+    thighs = np.array(quiet['4000']).reshape(4, 3)[:, 1]
+    assert np.abs(thighs - 0.9).max() < 0.4
+
+
+# Examples of the SDK's package, and the last line of theirs that shows that all went well; one
+# that goes round and round is ended there.
+EXAMPLES = {
+    'robot_service_client_example.py': 'service start sport_mode success. code: 0',
+    'obstacles_avoid_client_example.py': 'switch set success. enable: False',
+    'sport_client_example.py': 'get server api version: 1.0.0.1',
+    'video_client_example.py': 'ImageName:',
+}
+
+
+@pytest.mark.parametrize('name', EXAMPLES)
+def test_an_example_of_the_sdk_s_package_runs_unchanged(name, simulate, domain, tmp_path):
+    package = importlib.util.find_spec('unitree_sdk2py').submodule_search_locations[0]
+    # A copy: one writes a picture beside itself.
+    path = shutil.copy(Path(package) / 'test/client' / name, tmp_path)
+    simulate()
+    command = [sys.executable, '-u', PROGRAMS, domain, 'example', path]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    ) as process:
+        said = ''
+        for line in process.stdout:
+            said += line
+            if line.startswith(EXAMPLES[name]):
+                break
+            if 'get image sample error. code: 3202' in line:
+                pytest.skip('nothing renders here')
+        process.kill()
+    assert EXAMPLES[name] in said
+    assert not any(word in said for word in COMPLAINTS), said
+
+
+def test_all_sockets_hear_the_loopback_alone(domain):
+    look = f"""
+import socket, os
+from unitree_bridge.bridge import INTO, OUT
+from unitree_bridge.connection import open_wire
+from unitree_bridge.loopback import open_sockets
+wire = open_wire({domain}, 'lo', OUT, INTO)
+for number in open_sockets():
+    with socket.socket(fileno=os.dup(number)) as one:
+        device = one.getsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, 16)
+        print(one.getsockname()[0], device.decode().strip(chr(0)))
+wire.close()
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', look], capture_output=True, text=True, check=True, timeout=60
+    )
+    lines = [line.split() for line in done.stdout.splitlines()]
+    assert lines
+    assert {device for _, device in lines} == {'lo'}
+
+
+def test_another_network_than_the_loopback_is_refused():
+    command = [sys.executable, '-m', 'unitree_bridge.bridge_command', '--network']
+    other = next((name for name in os.listdir('/sys/class/net') if name != 'lo'), 'eth0')
+    done = subprocess.run([*command, other], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert done.stderr.startswith('error: network: ')
+    assert done.stderr.count('\n') == 1
