@@ -186,7 +186,7 @@ def round_trip(seconds=4.0):
     """Answer each LowState at once, with its tick."""
     low = LowLevel()
     low.on_state = lambda state: low.send(STANDING, kp=0.0, kd=0.0, reserve=state.tick)
-    time.sleep(seconds)
+    time.sleep(float(seconds))
     return {'heard': len(low.states)}
 
 
