@@ -10,11 +10,12 @@ from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.mapping.occupancy import Canvas
 from wasd_navigation.mapping.places import Drawing, Places
 from wasd_navigation.mapping.search import Pyramid, Search, Window
-from wasd_navigation.mapping.surface import find_surface
+from wasd_navigation.mapping.surface import find_surface, Noise, RangeNoise
 from wasd_navigation.odometry import add_covariance, OdometryGrowth
 from wasd_navigation.records import Grid, Scan
 from wasd_navigation.se2 import compose, inverse
 
+NOISE = Noise(0.012, 0.0)
 NOTHING = Scan(np.zeros(2), np.zeros((0, 2)), np.zeros(0, dtype=np.bool_))
 
 
@@ -40,20 +41,20 @@ def test_a_covariance_that_does_not_grow_leaves_a_little(scale: float) -> None:
 
 def test_walls_face_the_lidar() -> None:
     scan = look(np.zeros(3), np.random.default_rng(0))
-    points = find_surface(scan).points
+    points = find_surface(scan, NOISE).points
     assert len(points) > 0.9 * len(scan.ends)
-    assert np.hypot(*points[:, 2:].T) == pytest.approx(np.ones(len(points)))
-    assert (np.einsum('ij,ij->i', points[:, :2], points[:, 2:]) < 0.0).all()
+    assert np.hypot(*points[:, 2:4].T) == pytest.approx(np.ones(len(points)))
+    assert (np.einsum('ij,ij->i', points[:, :2], points[:, 2:4]) < 0.0).all()
     ahead = points[(points[:, 0] > 2.9) & (np.abs(points[:, 1]) < 0.8)]
     assert np.median(ahead[:, 2]) == pytest.approx(-1.0, abs=0.01)
 
 
 def test_a_canvas_grows_and_keeps_what_it_has() -> None:
     canvas, scan = Canvas(0.05), look(np.zeros(3), np.random.default_rng(0))
-    slants = find_surface(scan).slants
-    canvas.draw(scan, slants, np.zeros(3))
+    surface = find_surface(scan, NOISE)
+    canvas.draw(scan, surface, np.zeros(3))
     before = canvas.grid()
-    canvas.draw(scan, slants, np.array((-30.0, 20.0, 1.0)))
+    canvas.draw(scan, surface, np.array((-30.0, 20.0, 1.0)))
     after = canvas.grid()
     row, column = after.to_cells(before.to_points(np.array(((0, 0),))))[0]
     height, width = before.cells.shape
@@ -63,7 +64,7 @@ def test_a_canvas_grows_and_keeps_what_it_has() -> None:
 def draw_once(ends: np.ndarray, hits: np.ndarray) -> Grid:
     """Return the grid of one scan from the origin."""
     canvas, scan = Canvas(0.05), Scan(np.zeros(2), ends, hits)
-    canvas.draw(scan, find_surface(scan).slants, np.zeros(3))
+    canvas.draw(scan, find_surface(scan, NOISE), np.zeros(3))
     return canvas.grid()
 
 
@@ -123,7 +124,7 @@ def test_places_that_move_are_drawn_anew() -> None:
     random, places, drawing = np.random.default_rng(0), Places(), Drawing(0.05)
     scans = [look(pose, random) for pose in circle(12)]
     for scan, pose in zip(scans, circle(12), strict=True):
-        places.add(scan, find_surface(scan), pose)
+        places.add(scan, find_surface(scan, NOISE), pose)
         drawing.add_last(places)
     expected, revision = drawing.grid, drawing.revision
     shift = np.array((0.5, -0.25, 0.0))  # whole cells: the same picture, moved
@@ -188,8 +189,38 @@ def test_what_noise_hits_before_or_behind_a_wall_is_not_occupied(off: float) -> 
     for _ in range(40):
         lengths = 1.025 / np.cos(angles) + np.where(random.random(len(angles)) < 0.03, off, 0.0)
         scan = Scan(np.zeros(2), rays(angles, lengths), hits)
-        canvas.draw(scan, find_surface(scan).slants, np.zeros(3))
+        canvas.draw(scan, find_surface(scan, NOISE), np.zeros(3))
     grid = canvas.grid()
     occupied = grid.to_points(np.argwhere(grid.cells == 100))
     assert len(occupied) >= 20
     assert occupied[:, 0] == pytest.approx(np.full(len(occupied), 1.025))
+
+
+@pytest.mark.parametrize('share', [0.003, 0.01, 0.03])
+def test_the_noise_of_ranges_is_learnt_as_a_share_of_them(share: float) -> None:
+    """In a room of 9 m by 8 m, where the mean range is 5 m."""
+    angles, random = np.linspace(-math.pi, math.pi, 360), np.random.default_rng(2)
+    walls = np.minimum(4.5 / np.abs(np.cos(angles)), 4.0 / np.abs(np.sin(angles)))
+    noise = RangeNoise(0.005, math.nan)
+    for _ in range(20):
+        ranges = walls * (1.0 + share * random.normal(size=len(angles)))
+        known = noise.step(Scan(np.zeros(2), rays(angles, ranges), np.ones(360, dtype=np.bool_)))
+    # 7200 draws, of which neighbours share two thirds; walls are not quite straight in angles.
+    assert known == (0.005, pytest.approx(share, rel=0.1))
+    noise.reset()
+    assert noise.step(NOTHING) == (0.005, 0.0)
+    assert RangeNoise(0.005, 0.02).step(NOTHING) == (0.005, 0.02)
+
+
+def test_cells_of_a_wall_are_right_however_noisy_far_ranges_are() -> None:
+    """A wall 5 m away, seen with 1 % of noise: nothing more than a cell off it is occupied."""
+    canvas, angles, random = Canvas(0.05), np.arange(-0.4, 0.4, 0.0175), np.random.default_rng(1)
+    hits = np.ones(len(angles), dtype=np.bool_)
+    for _ in range(60):
+        lengths = 5.025 / np.cos(angles) * (1.0 + 0.01 * random.normal(size=len(angles)))
+        scan = Scan(np.zeros(2), rays(angles, lengths), hits)
+        canvas.draw(scan, find_surface(scan, Noise(0.012, 0.01)), np.zeros(3))
+    grid = canvas.grid()
+    occupied = grid.to_points(np.argwhere(grid.cells == 100))
+    assert len(occupied) > 30
+    assert (np.abs(occupied[:, 0] - 5.025) <= 0.051).mean() > 0.98

@@ -107,8 +107,16 @@ class MappingParameters(Parameters):
         0.012,
         minimum=0.001,
         maximum=0.5,
-        doc="Standard deviation of the lidar's ranges",
+        doc="Least standard deviation of the lidar's ranges",
         unit='m',
+        read_only=True,
+    )
+    range_noise_share: float = parameter(
+        math.nan,
+        minimum=0.0,
+        maximum=0.2,
+        doc='Standard deviation as a share of the range, where that is more',
+        nan='what scans show',
         read_only=True,
     )
     minimum_travel_distance: float = parameter(

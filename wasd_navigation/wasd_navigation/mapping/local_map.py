@@ -16,6 +16,8 @@ REACH = 0.15
 LEAST_COSINE = 0.7
 # One in so many points counts until the pose has settled so far [m], [rad]; then all do.
 COARSE, SETTLED = 4, 1e-3
+# What seems told where nothing is, as a share of the most that is told; a turn as a way [m].
+SPURIOUS, ARM = 0.03, 3.0
 # Most surfaces that are kept.
 CAPACITY = 40_000
 
@@ -24,7 +26,7 @@ class LocalMap(NamedTuple):
     """
     Surfaces by cells: up to two in each, which face different ways, as the two sides of a door.
 
-    `slots`, shape (rows, columns, 2), has their row in `sums`, shape (n, 5), or -1: number of
+    `slots`, shape (rows, columns, 2), has their row in `sums`, shape (n, 5), or -1: weight of
     points, their mean x, y [m] and the direction of their normals nx, ny (while points are added:
     the sums of these). `origin`, shape (2,), is the corner of
     the first cell, `used`, shape (1,), the number of rows in use.
@@ -65,8 +67,8 @@ def add_surfaces(
     """
     Put into an empty map what was seen from some places, of which `numbers` are in `poses`.
 
-    `surfaces`, shape (m, 4), has x, y, nx, ny in the frame of their place, those of place i from
-    begins[i] to begins[i + 1].
+    `surfaces`, shape (m, 5), has x, y, nx, ny and the deviation of each in the frame of their
+    place, those of place i from begins[i] to begins[i + 1].
     """
     for number in numbers:
         _add_surface(local, poses[number], surfaces[begins[number] : begins[number + 1]])
@@ -85,7 +87,8 @@ def _add_surface(local: LocalMap, pose: np.ndarray, surface: np.ndarray) -> None
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     rows, columns = local.slots.shape[:2]
     for point in range(surface.shape[0]):
-        px, py, ax, ay = surface[point]
+        px, py, ax, ay, deviation = surface[point]
+        weight = 1.0 / (deviation * deviation)
         x, y = pose[0] + cos * px - sin * py, pose[1] + sin * px + cos * py
         nx, ny = cos * ax - sin * ay, sin * ax + cos * ay
         row = int(math.floor((y - local.origin[1]) / CELL))
@@ -101,15 +104,21 @@ def _add_surface(local: LocalMap, pose: np.ndarray, surface: np.ndarray) -> None
                 local.used[0] += 1
                 local.slots[row, column, slot] = at
                 sums = local.sums[at]
-                sums[0], sums[1], sums[2], sums[3], sums[4] = 1.0, x, y, nx, ny
+                sums[0], sums[1], sums[2], sums[3], sums[4] = (
+                    weight,
+                    weight * x,
+                    weight * y,
+                    weight * nx,
+                    weight * ny,
+                )
                 break
             sums = local.sums[at]
             if nx * sums[3] + ny * sums[4] > 0.5 * math.hypot(sums[3], sums[4]):
-                sums[0] += 1.0
-                sums[1] += x
-                sums[2] += y
-                sums[3] += nx
-                sums[4] += ny
+                sums[0] += weight
+                sums[1] += weight * x
+                sums[2] += weight * y
+                sums[3] += weight * nx
+                sums[4] += weight * ny
                 break
 
 
@@ -175,10 +184,11 @@ def fit_scan(
     rounds: int,
 ) -> Fit:
     """
-    Return where a scan's surface, shape (m, 4), fits the map, near `start`.
+    Return where a scan's surface, shape (m, 5), fits the map, near `start`.
 
-    Gauss-Newton on distances from point to surface, of standard deviation `noise` [m] and with
-    Cauchy's weights, and on the distance from `start`, of information `prior`, shape (3, 3).
+    Gauss-Newton on distances from point to surface, of each point's standard deviation or of
+    `noise` [m] where that is more, with Cauchy's weights, and on the distance from `start`, of
+    information `prior`, shape (3, 3).
     """
     pose, away, step = start.copy(), np.empty(3), np.empty(3)
     information, gradient, inside = np.zeros((3, 3)), np.zeros(3), 0
@@ -195,6 +205,9 @@ def fit_scan(
             gradient[i] *= stride
             for j in range(3):
                 information[i, j] *= stride
+        _weaken(information, gradient)
+        for i in range(3):
+            for j in range(3):
                 known[i, j] = information[i, j] + prior[i, j]
                 gradient[i] += prior[i, j] * away[j]
         inverted = invert(known)
@@ -209,6 +222,60 @@ def fit_scan(
             stride = 1
     pose[2] = (pose[2] + math.pi) % (2.0 * math.pi) - math.pi
     return Fit(pose, information, inside / max(1, surface.shape[0]))
+
+
+@jit
+def _weaken(information: np.ndarray, gradient: np.ndarray) -> None:
+    """
+    Take out what a scan seems to tell where it tells nothing: along walls, around a round room.
+
+    Normals are off by some degrees: of what is told in the best known direction, with turns as
+    ways of `ARM`, so much, `SPURIOUS`, seems told in any other.
+    """
+    A, V = np.empty((3, 3)), np.eye(3)
+    for i in range(3):
+        for j in range(3):
+            A[i, j] = information[i, j] / ((ARM if i == 2 else 1.0) * (ARM if j == 2 else 1.0))
+    _diagonalise(A, V)
+    most = max(A[0, 0], max(A[1, 1], A[2, 2]))
+    if not most > 0.0:
+        return
+    told = np.zeros(3)
+    for k in range(3):
+        kept = max(0.0, 1.0 - SPURIOUS * most / max(A[k, k], 1e-12 * most))
+        for i in range(3):
+            told[k] += V[i, k] * gradient[i] / (ARM if i == 2 else 1.0)
+        told[k] *= kept
+        A[k, k] *= kept
+    for i in range(3):
+        arm = ARM if i == 2 else 1.0
+        gradient[i] = 0.0
+        for k in range(3):
+            gradient[i] += arm * V[i, k] * told[k]
+        for j in range(3):
+            information[i, j] = 0.0
+            for k in range(3):
+                information[i, j] += arm * V[i, k] * A[k, k] * V[j, k] * (ARM if j == 2 else 1.0)
+
+
+@jit
+def _diagonalise(A: np.ndarray, V: np.ndarray) -> None:
+    """Turn a symmetric matrix, shape (3, 3), to its axes, and V with it, by Jacobi's rotations."""
+    for _ in range(6):
+        for p, q in ((0, 1), (0, 2), (1, 2)):
+            if abs(A[p, q]) < 1e-12 * (abs(A[p, p]) + abs(A[q, q])):
+                continue
+            angle = 0.5 * math.atan2(2.0 * A[p, q], A[p, p] - A[q, q])
+            cos, sin = math.cos(angle), math.sin(angle)
+            for k in range(3):
+                first, second = A[k, p], A[k, q]
+                A[k, p], A[k, q] = cos * first + sin * second, cos * second - sin * first
+            for k in range(3):
+                first, second = A[p, k], A[q, k]
+                A[p, k], A[q, k] = cos * first + sin * second, cos * second - sin * first
+            for k in range(3):
+                first, second = V[k, p], V[k, q]
+                V[k, p], V[k, q] = cos * first + sin * second, cos * second - sin * first
 
 
 @jit
@@ -229,15 +296,16 @@ def _weigh_points(
     found, at, facing, jacobian = np.empty(3), np.empty(2), np.empty(2), np.empty(3)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for point in range(surface.shape[0]):
-        px, py, ax, ay = surface[point]
+        px, py, ax, ay, deviation = surface[point]
         rx, ry = cos * px - sin * py, sin * px + cos * py
         at[0], at[1] = pose[0] + rx, pose[1] + ry
         facing[0], facing[1] = cos * ax - sin * ay, sin * ax + cos * ay
         if not _nearest(local, at, facing, found):
             continue
-        error = found[0] / noise
+        deviation = max(deviation, noise)
+        error = found[0] / deviation
         inside += abs(error) < 3.0
-        weight = 1.0 / (1.0 + error * error / 4.0) / (noise * noise)
+        weight = 1.0 / (1.0 + error * error / 4.0) / (deviation * deviation)
         jacobian[0], jacobian[1] = found[1], found[2]
         jacobian[2] = found[2] * rx - found[1] * ry
         for i in range(3):

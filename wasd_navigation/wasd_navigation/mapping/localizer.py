@@ -9,7 +9,7 @@ import numpy as np
 
 from wasd_navigation.mapping.local_map import Fit, fit_scan
 from wasd_navigation.mapping.search import Found, Pyramid, Search, STEP, Window, window_around
-from wasd_navigation.mapping.surface import find_surface, make_grid_map
+from wasd_navigation.mapping.surface import find_surface, make_grid_map, RangeNoise
 from wasd_navigation.odometry import add_covariance, LEAP, OdometryGrowth
 from wasd_navigation.parameters import MappingParameters
 from wasd_navigation.records import Grid, Scan
@@ -119,6 +119,7 @@ class Localizer:
         self._parameters = parameters or MappingParameters()
         self._surfaces = make_grid_map(grid)
         self._pyramid = Pyramid(grid)
+        self._ranges = RangeNoise(self._parameters.range_noise, self._parameters.range_noise_share)
         # Cells are coarser than ranges.
         self._noise = math.hypot(self._parameters.range_noise, 0.3 * grid.resolution)
         self.revision = 0
@@ -160,7 +161,7 @@ class Localizer:
         """
         if not (np.isfinite(odometry).all() and np.isfinite(covariance).all()):
             return
-        surface = find_surface(scan).points
+        surface = find_surface(scan, self._ranges.step(scan)).points
         move, growth = self._growth.step(odometry, covariance)
         self.covariance = add_covariance(self.covariance, self.pose, move, growth)
         self.pose = compose(self.pose, move)

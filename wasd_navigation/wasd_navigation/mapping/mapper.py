@@ -9,15 +9,15 @@ from wasd_navigation.mapping.local_map import Fit, fit_scan, make_local_map
 from wasd_navigation.mapping.places import Drawing, Places
 from wasd_navigation.mapping.pose_graph import Solver
 from wasd_navigation.mapping.search import Pyramid, Search, window_around
-from wasd_navigation.mapping.surface import find_surface, Surface
-from wasd_navigation.odometry import add_covariance, LEAP, OdometryGrowth
+from wasd_navigation.mapping.surface import find_surface, RangeNoise, Surface
+from wasd_navigation.mapping.tracker import ROUNDS, Tracker, TRUST
+from wasd_navigation.odometry import add_covariance, LEAP
 from wasd_navigation.parameters import MappingParameters
 from wasd_navigation.records import Grid, Scan
 from wasd_navigation.se2 import compose, inverse, invert, turn_axes, wrap
 
 # A local map reaches as far as a scan that fits, and as far as places are from each other [m].
 LOCAL_REACH = 14.0
-ROUNDS = 12
 # A scan fits when this share of what it sees lies on what is known; less is not believed. On the
 # way through an unknown flat it is 0.74 at least.
 LEAST_SHARE = 0.55
@@ -25,8 +25,6 @@ LEAST_SHARE = 0.55
 # kept for so many scans; then it is believed that all is new. Fewer points tell nothing.
 SLIP, SLIP_TURN, PATIENCE, FEWEST = 1.0, 0.8, 40, 40
 LEAST_LOOP_SHARE = 0.55
-# What a fit tells is believed by this share: its errors are not independent.
-TRUST = 0.1
 # Loops that are off by less wait for others [m], [rad]; at most so many.
 LOOP_ERROR, MOST_UNSOLVED = np.array((0.004, 0.004, 0.002)), 10
 # How well a place is known before a loop is closed: standard deviations [m], [rad].
@@ -43,19 +41,20 @@ class Mapper:
 
     def __init__(self, parameters: MappingParameters | None = None) -> None:
         self._parameters = parameters or MappingParameters()
+        self._tracker = Tracker(self._parameters.range_noise)
         self._local = make_local_map(LOCAL_REACH)
         self._old = make_local_map(LOCAL_REACH)
         self._drawing = Drawing(self._parameters.resolution)
+        self._noise = RangeNoise(self._parameters.range_noise, self._parameters.range_noise_share)
         self.reset()
 
     def reset(self) -> None:
         """Forget all places; the next scan is the first."""
         self._places = Places()
         self._solver = Solver()
-        self._growth = OdometryGrowth()
+        self._tracker.reset()
         self._drawing.clear()
-        self.pose = np.zeros(3)
-        self.covariance: np.ndarray = np.zeros((3, 3))
+        self._noise.reset()
         self.correction = np.zeros(3)
         self.closures = 0
         self._since = np.zeros((3, 3))  # covariance of the pose since the last place
@@ -63,6 +62,16 @@ class Mapper:
         self._unsolved = 0
         self._misfits = 0
         self._search: Search | None = None
+
+    @property
+    def pose(self) -> np.ndarray:
+        """T_map_base at the last scan, shape (3,)."""
+        return self._tracker.pose
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the pose in the map's axes, shape (3, 3)."""
+        return self._tracker.covariance
 
     @property
     def grid(self) -> Grid:
@@ -88,14 +97,14 @@ class Mapper:
         """
         if not (np.isfinite(odometry).all() and np.isfinite(covariance).all()):
             return
-        surface = find_surface(scan)
+        surface = find_surface(scan, self._noise.step(scan))
         first = not len(self._places)
-        move, growth = self._growth.step(odometry, covariance)
+        move = self._tracker.move(odometry, covariance)
         if first:
-            self.pose = odometry.copy()
+            self._tracker.put(odometry, np.zeros((3, 3)))
             self._keep(scan, surface)
         else:
-            self._follow(scan, surface, move, growth)
+            self._follow(scan, surface, move)
             if self._is_new():
                 self._keep(scan, surface)
             elif self._wants_loop:
@@ -107,33 +116,27 @@ class Mapper:
 
     def take_leap(self, before: np.ndarray, after: np.ndarray) -> None:
         """Stay in place while the pose in the odom frame is another from now on, shapes (3,)."""
-        self._growth = OdometryGrowth()
-        self.covariance = self.covariance + LEAP
+        self._tracker.leap()
         self._since = self._since + LEAP
         self.correction = compose(compose(self.correction, before), inverse(after))
 
-    def _follow(self, scan: Scan, surface: Surface, move: np.ndarray, growth: np.ndarray) -> None:
-        """Move by odometry, then to where the scan fits best, as far as odometry lets it."""
-        expected = compose(self.pose, move)
-        self.covariance = add_covariance(self.covariance, self.pose, move, growth)
-        self._since = add_covariance(self._since, self.pose, move, growth)
-        prior = invert(self.covariance)
-        fit = self._fit(surface.points, expected, prior)
+    def _follow(self, scan: Scan, surface: Surface, move: np.ndarray) -> None:
+        """Be where odometry says, then where the scan fits best, as far as odometry lets it."""
+        tracker = self._tracker
+        before = compose(tracker.pose, inverse(move))
+        self._since = add_covariance(self._since, before, move, tracker.move_growth)
+        fit = tracker.fit(self._local, surface.points)
         is_fit = fit.share >= LEAST_SHARE
         self._misfits = 0 if is_fit or len(surface.points) < FEWEST else self._misfits + 1
         if is_fit:
             self._search = None
-            self._believe(fit, prior)
+            tracker.believe(fit)
+            if tracker.has_slipped:
+                self._since = self._since + tracker.covariance
         else:
-            self.pose = expected
-            self._told = np.zeros((3, 3))
+            tracker.told = np.zeros((3, 3))
             if 1 < self._misfits <= PATIENCE:
                 self._seek(scan, surface, move)
-
-    def _believe(self, fit: Fit, prior: np.ndarray) -> None:
-        self.pose = fit.pose
-        self._told = TRUST * fit.information
-        self.covariance = invert(prior + self._told)
 
     def _seek(self, scan: Scan, surface: Surface, move: np.ndarray) -> None:
         """Search around for where the robot has slipped, or was pushed, to."""
@@ -147,15 +150,13 @@ class Mapper:
             return
         poses, self._search = self._search.found.poses, None
         for pose in poses[:1]:
-            fit = self._fit(surface.points, compose(pose, self._moved), LOOP_PRIOR)
+            at = compose(pose, self._moved)
+            noise = self._parameters.range_noise
+            fit = Fit(*fit_scan(self._local, surface.points, at, LOOP_PRIOR, noise, ROUNDS))
             if fit.share >= LEAST_SHARE:
                 self._misfits = 0
-                self._believe(fit, LOOP_PRIOR)
-
-    def _fit(self, surface: np.ndarray, start: np.ndarray, prior: np.ndarray) -> Fit:
-        return Fit(
-            *fit_scan(self._local, surface, start, prior, self._parameters.range_noise, ROUNDS)
-        )
+                self._tracker.told = TRUST * fit.information
+                self._tracker.put(fit.pose, invert(LOOP_PRIOR + self._tracker.told))
 
     def _is_new(self) -> bool:
         if 0 < self._misfits <= PATIENCE:
@@ -174,7 +175,7 @@ class Mapper:
         places.add(scan, surface, self.pose)
         number = len(places) - 1
         if number:
-            known = self._told + invert(self._since)
+            known = self._tracker.told + invert(self._since)
             before = places.poses[number - 1]
             pose = compose(inverse(before), self.pose)
             places.link((number - 1, number), pose, turn_axes(known, -before[2]), sure=True)
@@ -240,7 +241,6 @@ class Mapper:
         for number in range(count, len(places)):
             places.poses[number] = compose(change, places.poses[number])
         places.poses[:count] = poses
-        self.pose = compose(change, self.pose)
-        self.covariance = turn_axes(self.covariance, float(change[2]))
+        self._tracker.shift(change)
         self._since = turn_axes(self._since, float(change[2]))
         self._drawing.see_moves(places)

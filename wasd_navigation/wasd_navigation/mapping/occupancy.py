@@ -6,6 +6,7 @@ import math
 import numpy as np
 from wasd_core.jit import jit
 
+from wasd_navigation.mapping.surface import Surface
 from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan, UNKNOWN
 
 # Log-odds that a ray adds to the cell that it ends in, a scan to each cell that it looks through,
@@ -21,6 +22,10 @@ NEAR = 0.15
 MARGIN = 0.5
 # ... and lies between two neighbouring rays that are no farther apart there [m].
 WIDEST = 0.15
+# An end of a ray that is known worse than this adds less [cells].
+SURE = 0.4
+# What a hit takes from cells that are as likely to be meant, within two deviations.
+ELSEWHERE = 0.5
 # As far as a cell is believed either way: what has moved is seen after some scans.
 MOST, LEAST = 3.0, -3.0
 # Above and below these a cell is occupied and free.
@@ -41,16 +46,17 @@ class Canvas:
         self._odds = np.zeros((0, 0), dtype=np.float32)
         self._corner = np.zeros(2, dtype=np.int64)  # cell (x, y) of the first column and row
 
-    def draw(self, scan: Scan, slants: np.ndarray, pose: np.ndarray) -> None:
-        """Draw a scan, with the slants of its `Surface`, taken at a pose of the base."""
+    def draw(self, scan: Scan, surface: Surface, pose: np.ndarray) -> None:
+        """Draw a scan with its surface, taken at a pose of the base."""
         self._cover(scan, pose)
         _draw(
             self._odds,
             (self._resolution, int(self._corner[0]), int(self._corner[1])),
             pose,
             scan.begins,
-            scan.ends,
-            np.where(scan.hits, slants, 0.0),
+            surface.ends,
+            np.where(scan.hits, surface.slants, 0.0),
+            surface.deviations,
         )
 
     def grid(self) -> Grid:
@@ -108,11 +114,13 @@ def _draw(
     begins: np.ndarray,
     ends: np.ndarray,
     slants: np.ndarray,
+    deviations: np.ndarray,
 ) -> None:
     """
     Add a scan's rays to log-odds; `frame` is resolution and cell (x, y) of the first one.
 
-    `slants`, shape (n,), of each ray is 0 where nothing was hit.
+    `slants`, shape (n,), of each ray is 0 where nothing was hit; `deviations`, shape (n,), are
+    those of where they end [m].
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     scale = 1.0 / frame[0]
@@ -131,8 +139,14 @@ def _draw(
         )
         far[ray] = length * scale
         if slants[ray] > 0.0:
-            _hit(odds, (first[ray, 0], first[ray, 1]), ahead[ray], far[ray], slants[ray] > STEEP)
-            far[ray] -= MARGIN / max(0.03, slants[ray])
+            deviation = deviations[ray] * scale
+            # Spread over more cells a hit tells less of each.
+            hit = HIT * min(1.0, SURE / deviation)
+            steep = slants[ray] > STEEP
+            _hit(
+                odds, (first[ray, 0], first[ray, 1]), ahead[ray], far[ray], (hit, steep), deviation
+            )
+            far[ray] -= max(MARGIN / max(0.03, slants[ray]), 2.0 * deviation)
     most = WIDEST * scale
     for ray in range(ends.shape[0]):
         after = ray + 1 if ray + 1 < ends.shape[0] else 0
@@ -146,21 +160,49 @@ def _hit(
     begin: tuple[float, float],
     ahead: np.ndarray,
     length: float,
-    is_steep: bool,
+    hit: tuple[float, bool],
+    deviation: float,
 ) -> None:
-    """Add the end of a ray from a place (x, y) [cells], and what is near it on the ray."""
+    """
+    Add the end of a ray from a place (x, y) [cells], and what is near it on the ray.
+
+    `hit` is by how much, and whether it ends on a surface that it meets steeply; `deviation` is
+    that of the end [cells].
+    """
+    more, is_steep = hit
     column, row = -1, -1
     for place in (length - NEAR, length, length + NEAR):
         before = column, row
         x, y = begin[0] + place * ahead[0], begin[1] + place * ahead[1]
         column, row = int(math.floor(x)), int(math.floor(y))
         if (column, row) != before:
-            odds[row, column] = min(MOST, odds[row, column] + HIT)
+            odds[row, column] = min(MOST, odds[row, column] + more)
+    if deviation > SURE:
+        _doubt_band(odds, begin, ahead, (length, 2.0 * deviation + 1.0), more)
     # The cells beside it are hit by noise only; of that behind, no ray goes through to say so.
     _doubt(odds, x, y, ahead[0], ahead[1])
     if is_steep:
         x, y = x - 2.0 * NEAR * ahead[0], y - 2.0 * NEAR * ahead[1]
         _doubt(odds, x, y, -ahead[0], -ahead[1])
+
+
+@jit
+def _doubt_band(
+    odds: np.ndarray,
+    begin: tuple[float, float],
+    ahead: np.ndarray,
+    band: tuple[float, float],
+    more: float,
+) -> None:
+    """Add that a surface is less likely where a ray does not end, but might have [cells]."""
+    for step in range(1, math.ceil(band[1])):
+        for side in (-1.0, 1.0):
+            place = band[0] + side * (step + NEAR)
+            x, y = begin[0] + place * ahead[0], begin[1] + place * ahead[1]
+            column, row = int(math.floor(x)), int(math.floor(y))
+            inside = 0 <= row < odds.shape[0] and 0 <= column < odds.shape[1]
+            if inside and odds[row, column] > DOUBT:
+                odds[row, column] = max(DOUBT, odds[row, column] - ELSEWHERE * more)
 
 
 @jit

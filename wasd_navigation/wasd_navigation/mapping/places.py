@@ -22,8 +22,8 @@ class Places:
     """Nodes of the pose graph with their scans, and its edges."""
 
     scans: list[Scan] = field(default_factory=list)
-    slants: list[np.ndarray] = field(default_factory=list)
-    _points: np.ndarray = field(default_factory=lambda: np.zeros((16_384, 4)))
+    surfaces: list[Surface] = field(default_factory=list)
+    _points: np.ndarray = field(default_factory=lambda: np.zeros((16_384, 5)))
     _begins: np.ndarray = field(default_factory=lambda: np.zeros(65, dtype=np.int64))
     _poses: np.ndarray = field(default_factory=lambda: np.zeros((64, 3)))
     _linked: int = 0
@@ -47,7 +47,7 @@ class Places:
         return poses
 
     def surface(self, number: int) -> np.ndarray:
-        """Return what of a place's scan lies on surfaces: x, y, nx, ny, shape (m, 4)."""
+        """Return what of a place's scan lies on surfaces: as `Surface.points`."""
         points: np.ndarray = self._points[self._begins[number] : self._begins[number + 1]]
         return points
 
@@ -64,7 +64,7 @@ class Places:
         self._points[begin:end] = surface.points
         self._begins[number + 1] = end
         self.scans.append(scan)
-        self.slants.append(surface.slants)
+        self.surfaces.append(surface)
 
     def link(self, pair: tuple[int, int], pose: np.ndarray, known: np.ndarray, sure: bool) -> None:
         """Add that the second has a pose in the first's frame, with an information (3, 3)."""
@@ -146,5 +146,5 @@ class Drawing:
         """Draw places up to `end` and return where all that are drawn were then."""
         poses = places.poses[len(where) : end].copy()
         for number, pose in enumerate(poses, start=len(where)):
-            canvas.draw(places.scans[number], places.slants[number], pose)
+            canvas.draw(places.scans[number], places.surfaces[number], pose)
         return np.concatenate((where, poses))

@@ -16,45 +16,115 @@ REACH = 0.16
 MOST_NEIGHBOURS = 8
 # Variance across a surface over that along it, above which it is none.
 ROUNDEST = 0.12
-# Points this far off their line are no surface: three times the noise of a usual lidar [m].
-ROUGHEST = 0.03
+# Points this far off their line are no surface [m], or so many deviations of a range.
+ROUGHEST, ROUGH_DEVIATIONS = 0.03, 2.0
 # Cosine of the angle between normal and ray where neighbours are too far to know the normal.
 GRAZING = 0.15
+# Noise is learnt of ranges above this [m], of so many at least in a scan, as a mean of so many
+# scans; half of what is normal is within this many deviations. No lidar has more than this share.
+NEAREST, FEWEST, LEARNT, MEDIAN, LARGEST_SHARE = 1.5, 30, 30, 0.6745, 0.05
+# Cosine of the angle between normal and ray from which on a ray's end is known by its neighbours.
+STEEP = 0.3
 # Cells whose nearest free cell is farther than this are inside of something [cells].
 DEPTH = 2
 # Normals are smoothed over neighbours within so many cells.
 SMOOTHED = 3
 
 
+class Noise(NamedTuple):
+    """Standard deviation of ranges: a `least` [m], or a `share` of them where that is more."""
+
+    least: float
+    share: float
+
+
+class RangeNoise:
+    """
+    Learns how noisy ranges are, as a share of them, from how scans waver.
+
+    A range less the mean of its neighbours' has, on whatever surface, a deviation of sqrt(3/2)
+    times that of one range; the median over a scan does not heed the edges of things.
+    """
+
+    def __init__(self, least: float, share: float) -> None:
+        """Take the least deviation [m], and the share if it is known, else NaN."""
+        self._known = Noise(least, share)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was learnt."""
+        self._share, self._scans = 0.0, 0
+
+    def step(self, scan: Scan) -> Noise:
+        """Take in a scan, and return the noise."""
+        if not math.isnan(self._known.share):
+            return self._known
+        seen = _waver(scan.ends, scan.hits, scan.begins)
+        if len(seen) >= FEWEST:
+            self._scans = min(self._scans + 1, LEARNT)
+            share = float(np.median(seen)) / (MEDIAN * math.sqrt(1.5))
+            self._share += (share - self._share) / self._scans
+        return self._known._replace(share=min(self._share, LARGEST_SHARE))
+
+
+@jit
+def _waver(ends: np.ndarray, hits: np.ndarray, begins: np.ndarray) -> np.ndarray:
+    """Return by what shares far ranges differ from the means of their neighbours'."""
+    count = ends.shape[0]
+    ranges = np.zeros(count)
+    for index in range(count):
+        if hits[index]:
+            ranges[index] = math.hypot(
+                ends[index, 0] - begins[index, 0], ends[index, 1] - begins[index, 1]
+            )
+    seen = np.empty(count)
+    found = 0
+    for index in range(1, count - 1):
+        before, here, after = ranges[index - 1], ranges[index], ranges[index + 1]
+        if here > NEAREST and before > 0.0 and after > 0.0:
+            seen[found] = abs(here - 0.5 * (before + after)) / here
+            found += 1
+    return seen[:found].copy()
+
+
 class Surface(NamedTuple):
     """
     What of a scan lies on a surface.
 
-    `points`, shape (m, 4): x, y [m] of each and the normal nx, ny there, of length 1 and to where
-    the lidar is, in the base frame. `slants`, shape (n,), is the cosine of the angle between each
-    of the scan's rays and the normal where it ends, `GRAZING` where that is not known.
+    `points`, shape (m, 5): x, y [m] of each, the normal nx, ny there, of length 1 and
+    to where the lidar is, in the base frame, and the deviation of its place along that [m].
+    `slants`, shape (n,), is the cosine of the angle between each of the scan's rays and the normal
+    where it ends, `GRAZING` where that is not known; `ends`, shape (n, 2), where rays meet the
+    line through their neighbours, or end; `deviations`, shape (n,), of that along the ray [m].
     """
 
     points: np.ndarray
     slants: np.ndarray
+    ends: np.ndarray
+    deviations: np.ndarray
 
 
-def find_surface(scan: Scan) -> Surface:
+def find_surface(scan: Scan, noise: Noise) -> Surface:
     """Return what lies on a surface: on the least squares' line through its neighbours."""
-    return Surface(*_find_surface(scan.ends, scan.hits, scan.begins))
+    return Surface(*_find_surface(scan.ends, scan.hits, scan.begins, (noise.least, noise.share)))
 
 
 @jit
 def _find_surface(
-    ends: np.ndarray, hits: np.ndarray, begins: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    ends: np.ndarray, hits: np.ndarray, begins: np.ndarray, noise: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     count = ends.shape[0]
-    surface, slants = np.empty((count, 4)), np.full(count, GRAZING)
+    surface, slants = np.empty((count, 5)), np.full(count, GRAZING)
+    smooth, deviations = ends.copy(), np.full(count, noise[0])
     found = 0
     for index in range(count):
         if not hits[index]:
             continue
         x, y = ends[index]
+        to_x, to_y = begins[index, 0] - x, begins[index, 1] - y
+        length = max(1e-9, math.hypot(to_x, to_y))
+        deviation = max(noise[0], noise[1] * length)
+        deviations[index] = deviation
         n, sx, sy, sxx, sxy, syy = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for side in (-1, 1):
             for step in range(1, MOST_NEIGHBOURS + 1):
@@ -76,26 +146,37 @@ def _find_surface(
         cxx, cxy, cyy = sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my
         middle, spread = 0.5 * (cxx + cyy), math.hypot(0.5 * (cxx - cyy), cxy)
         along, across = middle + spread, middle - spread
-        if across > ROUNDEST * along or across > ROUGHEST * ROUGHEST:
+        roughest = max(ROUGHEST, ROUGH_DEVIATIONS * deviation)
+        if across > ROUNDEST * along or across > roughest * roughest:
             continue
         # The line has the angle of the largest variance; its normal is a quarter turn on.
         angle = 0.5 * math.atan2(2.0 * cxy, cxx - cyy)
         nx, ny = -math.sin(angle), math.cos(angle)
-        to_x, to_y = begins[index, 0] - x, begins[index, 1] - y
         toward = nx * to_x + ny * to_y
         if toward < 0.0:
-            nx, ny = -nx, -ny
-        slants[index] = abs(toward) / max(1e-9, math.hypot(to_x, to_y))
+            nx, ny, toward = -nx, -ny, -toward
+        slant = toward / length
+        slants[index] = slant
+        # From the point to the line through the mean of its neighbours, along the normal.
+        off = nx * mx + ny * my
         surface[found, 0], surface[found, 1] = x, y
         surface[found, 2], surface[found, 3] = nx, ny
+        surface[found, 4] = max(noise[0], deviation * slant)
         found += 1
-    return surface[:found].copy(), slants
+        if slant > STEEP:
+            smooth[index, 0], smooth[index, 1] = (
+                x + off / slant * to_x / length,
+                y + off / slant * to_y / length,
+            )
+            # Of a mean of n, at an end of the line more.
+            deviations[index] = deviation / math.sqrt(0.5 * n)
+    return surface[:found].copy(), slants, smooth, deviations
 
 
 def make_grid_map(grid: Grid) -> LocalMap:
     """Return the surfaces of a grid: occupied cells near free ones, which they face."""
     cells, normals = _find_facing(grid.cells == OCCUPIED, grid.cells == FREE)
-    points = np.hstack((grid.to_points(cells), normals))
+    points = np.hstack((grid.to_points(cells), normals, np.ones((len(cells), 1))))
     size = grid.resolution * np.array(grid.cells.shape[::-1])
     local = make_local_map(0.5 * float(size.max(initial=1.0)) + 2.0 * CELL, len(points) + 1)
     local.clear(np.array(grid.origin) + 0.5 * size)
