@@ -2,9 +2,12 @@
 """Benchmark of driving to points: random goals in flats that nobody tuned on, and trouble."""
 
 from collections.abc import Callable, Sequence
+import dataclasses
 import math
 import time
 
+from buildings import measure_step
+from gaps import leave_gaps
 from goals_physics import PhysicalRobot
 from goals_trials import Course, Drive, Trouble
 from kinematic import RATE, ROBOTS
@@ -51,7 +54,9 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
         ]
         rows.append(_arrivals(f'{name} with physics, its own lidar', with_physics))
         note(f'goals: {name}, refused and in trouble')
-        rows += [_refusals(name, tries), _troubles(name, tries)]
+        rows += [_refusals(name, tries), _troubles(name, tries), leave_gaps(name, tries)]
+        note(f'goals: {name} in large buildings')
+        rows.append(measure_step(name, 1 if quick else 3))
     return rows
 
 
@@ -116,7 +121,10 @@ def _refusals(name: str, tries: int) -> Row:
     for index in range(tries):
         course = Course(ROBOTS[name], FIRST_SEED + index)
         goal, grid, kind = course.choose_shut_off()
-        driver = Driver(course.robot.limits, course.robot.footprint, course.robot.parameters)
+        robot = course.robot
+        # Nor is a place that is near enough what is looked for here.
+        parameters = dataclasses.replace(robot.parameters, tolerance=0.0)
+        driver = Driver(robot.limits, robot.footprint, parameters)
         driver.set_goal(goal)
         begin, steps = time.thread_time(), 0
         while driver.is_under_way and steps < 100:

@@ -116,7 +116,7 @@ class Course:
 
     def _surroundings(self, grid: Grid) -> Surroundings:
         around = Surroundings(self.robot.footprint, self.robot.parameters)
-        around.take_map(grid, 0)
+        around.take_map(grid, 0, np.zeros(2))
         return around
 
     def shortest(self, goal: np.ndarray) -> float:

@@ -59,7 +59,7 @@ def test_beside_a_wall_a_long_robot_is_not_said_to_have_a_way_through_a_closed_d
         states.append(driver.state)
     assert states[19] == 'driving'
     assert states[-1] == 'recovering'
-    assert 'no way 0.41 m wide' in driver.reason
+    assert driver.reason == 'no way leads to (4.50, 0.60): it is shut off: waiting'
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from wasd_core.errors import UserError
 from wasd_core.parameters import group, parameter, Parameters
 
 # Circles along the edge of a rectangle reach inward so far [m].
-_DEPTH = 0.16
+_DEPTH = 0.11
 navigator = Executable(
     name='navigator',
     module='wasd_navigation.navigator_node',
@@ -63,7 +63,7 @@ class Footprint:
         Circles that cover its edge, rows (x, y, radius) [m], shape (n, 3); one for a circle.
 
         What comes from outside meets one of them first. They reach beyond a rectangle by at most
-        0.21 of their depth: 3.5 cm.
+        0.21 of their depth: 2.3 cm.
         """
         if self.is_circle:
             return np.array(((0.0, 0.0, self.radius),))
@@ -219,6 +219,13 @@ class PlanningParameters(Parameters):
         minimum=0.005,
         maximum=3.2,
         doc='Largest difference of heading that counts as there',
+    )
+    tolerance: float = parameter(
+        0.3,
+        unit='m',
+        minimum=0.0,
+        maximum=5.0,
+        doc='Where there is no room at the goal, the nearest place within this will do',
     )
     margin: float = parameter(
         0.04,

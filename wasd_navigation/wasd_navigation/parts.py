@@ -17,6 +17,7 @@ from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.navigator import Locator
 from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.planning.driver import Driver
+from wasd_navigation.planning.goal_field import flood
 from wasd_navigation.records import FREE, Grid, OCCUPIED, read_scan, Scan
 
 Parts = tuple[Locator, Driver]
@@ -25,6 +26,8 @@ NOTICE = 'compiling, once: the navigator, which takes up to a minute of a core'
 # that ends so far ahead and behind, to the left and to the right [m].
 WARM_UP_STEPS = 120
 TOUR, ROOM, RESOLUTION = 1.0, (3.0, 2.5, 1.5), 0.05
+# And then in a hall of so much [m] each way.
+HALL = 24.0
 
 
 def make_parts(settings: NavigatorParameters, say: Callable[[str], Any]) -> Parts:
@@ -68,6 +71,12 @@ def warm_up(locator: Locator, pilot: Driver) -> None:
             scan = _look(here[0], 1.0 if revision < 3 else 0.6)
             pilot.step(grid, revision, here, np.zeros(3), scan, 0.3)
     pilot.reset()
+    hall = _draw_hall()
+    pilot.set_goal(np.array([HALL - 2.0, HALL - 2.0, 0.0]))
+    for _ in range(12):
+        pilot.step(hall, 0, np.array([2.0, 2.0, 0.0]), np.zeros(3), None, 0.05)
+    pilot.reset()
+    flood(np.zeros(2, np.int64), np.ones((4, 4), np.float32), 0.5)
 
 
 def _look(x: float, scale: float) -> Scan:
@@ -86,6 +95,14 @@ def _draw_room() -> Grid:
     cells = np.full(shape, OCCUPIED, np.int8)
     cells[1:-1, 1:-1] = FREE
     return Grid(cells, RESOLUTION, (-length - RESOLUTION, -right - RESOLUTION))
+
+
+def _draw_hall() -> Grid:
+    """Return a map that is too large to be looked at as a whole."""
+    count = round(HALL / RESOLUTION)
+    cells = np.full((count, count), OCCUPIED, np.int8)
+    cells[1:-1, 1:-1] = FREE
+    return Grid(cells, RESOLUTION, (0.0, 0.0))
 
 
 class _Notice:

@@ -9,10 +9,10 @@ import numpy as np
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
 from wasd_navigation.planning.docking import Docking
 from wasd_navigation.planning.motion import base_of, clearance, PoseFilter
-from wasd_navigation.planning.route import is_shut_off, refusal, Route
+from wasd_navigation.planning.route import AT_ONCE, is_shut_off, no_way, refusal, Route, SLICE
 from wasd_navigation.planning.sampling import is_safe, Sampler, Scene
 from wasd_navigation.planning.surroundings import Surroundings
-from wasd_navigation.records import Grid, Scan
+from wasd_navigation.records import FEWEST, Grid, Scan
 from wasd_navigation.se2 import wrap
 
 # From so much left on it is looked whether the goal is there straight away [m].
@@ -26,6 +26,10 @@ _HOLD = 0.15
 # Recoveries in all are no more than so many times those in a row.
 _IN_ALL = 3
 _SHARES = (1.0, 0.5, 0.25)
+# Of the margin, what all motions keep; and where there is hardly more [m].
+_KEPT, _KEPT_IN_GAP, _NOISE = 0.5, 0.25, 0.005
+# How the reason ends for which it stands.
+_WAITING = ': waiting'
 # So long it goes on to the goal before while the way to the next one is drawn [s].
 _BRIDGE = 1.0
 
@@ -155,8 +159,8 @@ class Driver:
         return self.state in ('driving', 'turning', 'recovering')
 
     def _no_way(self, goal: np.ndarray) -> str:
-        width = 2.0 * (self._footprint.inscribed + self._parameters.margin)
-        return f'no way {width:.2f} m wide leads to ({goal[0]:.2f}, {goal[1]:.2f})'
+        assert self._pose is not None
+        return no_way(goal, self._pose, self._around, self._footprint, self._parameters)
 
     def step(
         self,
@@ -176,7 +180,7 @@ class Driver:
         known = bool(np.isfinite(pose).all() and np.isfinite(velocity).all())
         if known:
             self._filter.step(pose, velocity, dt)
-            self._around.take_map(grid, revision)
+            self._around.take_map(grid, revision, pose[:2])
             if scan is not None:
                 self._around.see(scan, pose)
         if not self.is_under_way:
@@ -220,7 +224,12 @@ class Driver:
 
     def _scene(self, route: Route) -> Scene:
         assert route.values is not None
-        keep = (self._parameters.margin, self._parameters.comfort)
+        assert self._pose is not None
+        margin, circles = self._parameters.margin, self._footprint.circles
+        room = clearance(self._around.distances, circles, self._pose, margin)
+        # In a gap, noise may show less room than there was when it drove in.
+        share = _KEPT if room > _KEPT * margin + _NOISE else _KEPT_IN_GAP
+        keep = (share * margin, self._parameters.comfort)
         return Scene(
             self._around.distances,
             route.values,
@@ -239,6 +248,8 @@ class Driver:
         self._before = None
         # What has been drawn in a first step is enough for it.
         left = route.keep_up(self._around, state[:3], 0.0 if was_new else dt)
+        if self._docking is not None and (self._docking.goal != route.goal).any():
+            self._docking = None
         if self._manoeuvre is not None:
             return self._recover(dt)
         if left == math.inf:
@@ -276,7 +287,10 @@ class Driver:
         # Each step does one thing: whoever presses a key meanwhile must not wait for all of them.
         if not self._is_checked:
             self._is_checked = True
-            reason = refusal(route.goal, self._around, self._footprint, self._parameters)
+            reason = refusal(route.asked, self._around, self._footprint, self._parameters)
+            if reason is not None and self._may_aim(route.asked):
+                route.aim(self._around, pose)
+                reason = reason if route.off == 0.0 else None
             if reason is None and is_shut_off(route.goal, pose, self._around, self._footprint):
                 reason = self._no_way(route.goal)
             if reason is not None:
@@ -285,7 +299,7 @@ class Driver:
         if route.values is None and not route.is_drawing:
             route.draw(self._around)
         if route.is_drawing:
-            route.work(pose)
+            route.work(pose, round(AT_ONCE * SLICE))
             if route.is_drawing or not route.is_settled:
                 return False
         elif not route.settle(self._around, pose):
@@ -296,6 +310,12 @@ class Driver:
             return False
         return True
 
+    def _may_aim(self, goal: np.ndarray) -> bool:
+        """Whether a place near a goal, which is none, may be one: it is on the map."""
+        grid = self._around.grid
+        is_map = grid is not None and min(grid.cells.shape) >= FEWEST
+        return is_map and bool(np.isfinite(goal).all()) and self._around.whole_.has(goal[:2])
+
     def _may_dock(self, state: np.ndarray) -> Docking | None:
         """Return what leads straight to the goal, where nothing is in between."""
         assert self._route is not None
@@ -303,13 +323,18 @@ class Driver:
         tolerances = parameters.xy_goal_tolerance, parameters.yaw_goal_tolerance
         docking = Docking(self._route.goal, self._base, tolerances)
         around = scene.distances, scene.circles
-        return docking if docking.is_free(state, around, parameters.margin) else None
+        return docking if docking.is_free(state, around, _KEPT * parameters.margin) else None
 
     def _dock(self, docking: Docking, state: np.ndarray, dt: float) -> np.ndarray:
         velocity = docking.step(state, dt)
         self.local_path = np.stack((state[:2], docking.goal[:2]))
         self.state, self.reason = ('driving' if docking.is_going else 'turning'), ''
-        return self._end('arrived', '') if docking.is_there else velocity
+        if not docking.is_there:
+            return velocity
+        assert self._route is not None
+        off = self._route.off
+        words = f'as near as one may be: {off:.2f} m from it' if off > 0.0 else ''
+        return self._end('arrived', words)
 
     def _end(self, state: str, reason: str) -> np.ndarray:
         self.state, self.reason = state, reason
@@ -359,13 +384,14 @@ class Driver:
         assert route is not None
         self._docking = None
         self.local_path = np.empty((0, 2))
-        self.state, self.reason = 'recovering', f'{self._no_way(route.goal)} any more: waiting'
+        if self.state != 'recovering' or not self.reason.endswith(_WAITING):
+            self.state, self.reason = 'recovering', f'{self._no_way(route.goal)}{_WAITING}'
         self._no_nearer += dt
         if self._no_nearer <= _WAIT:
             return np.zeros(3)
         self._no_nearer = 0.0
         self._around.layer.forget()
-        self._begin_recovery(f'{self._no_way(route.goal)} any more')
+        self._begin_recovery(self.reason.removesuffix(_WAITING))
         if not self._is_hemmed_in():
             self._manoeuvre = None
         return np.zeros(3)

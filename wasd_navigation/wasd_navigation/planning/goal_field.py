@@ -20,6 +20,8 @@ from wasd_navigation.planning.surroundings import Surroundings
 _DISC = 3
 # Ways through cells where nobody may stand cost so much more; only who stands there takes them.
 _ESCAPE_PRICE = 20.0
+# All cells of a map.
+WHOLE = 1 << 40
 # Beyond all that is reached [m].
 _BEYOND = 10.0
 # A way has no more points than this.
@@ -86,14 +88,22 @@ class DiscField:
 
     is_done = True
 
-    def __init__(self, goal: np.ndarray, around: Surroundings, reach: float) -> None:
+    def __init__(
+        self,
+        goal: np.ndarray,
+        around: Surroundings,
+        reach: float,
+        border: np.ndarray | None = None,
+    ) -> None:
         self._goal = goal
         distances = around.distances.values[0]
         row, column = map(int, around.map_.to_cells(goal[None, :2])[0])
         # Nearer than this, it is the obstacle that is wrong where the robot is.
         escape = (distances < reach) & (distances > 0.5 * reach)
         price = around.price_of(distances - reach)
-        values, self.beyond = march_from((row, column), price, escape, around.map_.resolution)
+        values, self.beyond = march_from(
+            (row, column), price, escape, around.map_.resolution, border
+        )
         self.values = around.field_of(values[None])
 
     def work(self, _: np.ndarray, __: int) -> bool:
@@ -112,27 +122,34 @@ class DiscField:
 
 
 def march_from(
-    goal: tuple[int, int], price: np.ndarray, escape: np.ndarray, resolution: float
+    goal: tuple[int, int],
+    price: np.ndarray,
+    escape: np.ndarray,
+    resolution: float,
+    border: np.ndarray | None = None,
 ) -> tuple[np.ndarray, float]:
     """
     Return values [m of free way], shape (rows, columns), float32, and what none reached exceeds.
 
     `goal` is its cell (row, column). `price`, float32 of the same shape, says what a metre
     costs in a cell, infinite where nobody may be. `escape`, bool, are cells where nobody may
-    be, but from which one finds out; what is reached through them only does not count.
+    be, but from which one finds out; what is reached through them only does not count. `border`,
+    float32, is what is left from cells beyond which a way goes on, infinite elsewhere.
     """
     rows, columns = price.shape
     values = np.full((rows, columns), np.inf, np.float32)
     heap = make_heap(4 * rows * columns + 64)
-    if np.isfinite(price[goal]):
-        _begin(values, heap, price, goal, resolution)
-        _march(values, heap, price, resolution, -1)
+    # There may be room at the goal, but not in the middle of its cell.
+    start_at(values, heap, price, goal, resolution)
+    if border is not None:
+        start_along(values, heap, price, border)
+    _march(values, heap, price, resolution, -1, WHOLE)
     reached = values < np.inf
     most = float(values[reached].max()) if reached.any() else 0.0
     out = np.where(escape & ~reached, np.float32(_ESCAPE_PRICE), np.float32(np.inf))
     heap.held[0] = 0
     _begin_at_edge(values, heap, out)
-    _march(values, heap, out, resolution, -1)
+    _march(values, heap, out, resolution, -1, WHOLE)
     beyond = most + _BEYOND
     values[~(values < beyond)] = beyond
     return values, beyond
@@ -154,10 +171,42 @@ def shortest(goal: np.ndarray, pose: np.ndarray, around: Surroundings, reach: fl
     values = np.full((rows, columns), np.inf, np.float32)
     heap = make_heap(4 * rows * columns + 64)
     resolution = 2.0 * around.map_.resolution
-    _begin(values, heap, price, (int(ends[0, 0]), int(ends[0, 1])), resolution)
+    start_at(values, heap, price, (int(ends[0, 0]), int(ends[0, 1])), resolution)
     row, column = map(int, ends[1])
-    _march(values, heap, price, resolution, row * columns + column)
+    _march(values, heap, price, resolution, row * columns + column, WHOLE)
     return float(values[row, column])
+
+
+@jit
+def flood(start: np.ndarray, distances: np.ndarray, reach: float) -> np.ndarray:
+    """
+    Return which cells a disc gets to, bool, from a cell (row, column) or what is next to it.
+
+    Its middle stays at least `reach` [m] away from what `distances` are to.
+    """
+    rows, columns = distances.shape
+    seen = np.zeros((rows, columns), np.bool_)
+    waiting = np.empty(rows * columns, np.int32)
+    held = 0
+    for row in range(max(start[0] - _DISC, 0), min(start[0] + _DISC + 1, rows)):
+        for column in range(max(start[1] - _DISC, 0), min(start[1] + _DISC + 1, columns)):
+            if distances[row, column] >= reach:
+                seen[row, column] = True
+                waiting[held] = row * columns + column
+                held += 1
+    while held > 0:
+        held -= 1
+        row, column = waiting[held] // columns, waiting[held] % columns
+        for turn in range(4):
+            to_row = row + (turn == 0) - (turn == 1)
+            to_column = column + (turn == 2) - (turn == 3)
+            if not (0 <= to_row < rows and 0 <= to_column < columns):
+                continue
+            if not seen[to_row, to_column] and distances[to_row, to_column] >= reach:
+                seen[to_row, to_column] = True
+                waiting[held] = to_row * columns + to_column
+                held += 1
+    return seen
 
 
 @jit
@@ -201,15 +250,27 @@ def reaches(
 
 
 @jit
-def _begin(
+def start_at(
     values: np.ndarray, heap: Heap, price: np.ndarray, goal: tuple[int, int], resolution: float
 ) -> None:
+    """Give what is around a goal, a cell (row, column), its straight distance."""
     rows, columns = values.shape
     for row in range(max(goal[0] - _DISC, 0), min(goal[0] + _DISC + 1, rows)):
         for column in range(max(goal[1] - _DISC, 0), min(goal[1] + _DISC + 1, columns)):
             if price[row, column] < math.inf:
                 distance = math.hypot(row - goal[0], column - goal[1]) * resolution
                 values[row, column] = distance * price[row, column]
+                push(heap, values[row, column], row * columns + column)
+
+
+@jit
+def start_along(values: np.ndarray, heap: Heap, price: np.ndarray, border: np.ndarray) -> None:
+    """Begin at free cells from which it is known what is left."""
+    rows, columns = values.shape
+    for row in range(rows):
+        for column in range(columns):
+            if border[row, column] < values[row, column] and price[row, column] < math.inf:
+                values[row, column] = border[row, column]
                 push(heap, values[row, column], row * columns + column)
 
 
@@ -227,12 +288,22 @@ def _begin_at_edge(values: np.ndarray, heap: Heap, price: np.ndarray) -> None:
 
 
 @jit
+def march(
+    values: np.ndarray, heap: Heap, price: np.ndarray, resolution: float, budget: int
+) -> bool:
+    """Spread values, from up to so many cells; return whether all are known."""
+    _march(values, heap, price, resolution, -1, budget)
+    return bool(heap.held[0] == 0)
+
+
+@jit
 def _march(
-    values: np.ndarray, heap: Heap, price: np.ndarray, resolution: float, until: int
+    values: np.ndarray, heap: Heap, price: np.ndarray, resolution: float, until: int, budget: int
 ) -> None:
     """Spread values until that of a cell, by its number, is known; -1: all of them."""
     rows, columns = values.shape
-    while heap.held[0] > 0:
+    while heap.held[0] > 0 and budget > 0:
+        budget -= 1
         value, cell = pop(heap)
         if cell == until:
             return

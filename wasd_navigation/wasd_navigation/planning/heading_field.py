@@ -14,7 +14,7 @@ from wasd_core.jit import jit
 
 from wasd_navigation.planning.distances import Field
 from wasd_navigation.planning.goal_field import Heap, make_heap, pop, push
-from wasd_navigation.planning.motion import Base
+from wasd_navigation.planning.motion import Base, HARD
 from wasd_navigation.planning.surroundings import Surroundings
 
 HEADINGS = 16  # a power of 2
@@ -34,8 +34,15 @@ _BEYOND = 10.0
 # A way is good when all is known that is nearer to the goal than what is left from the robot and
 # this [m]: it may go around. What is farther is drawn while it drives.
 _AROUND = 1.5
+# A place's prices take as long as so many states.
+_PRICED = 4
 # A way has no more points than this, and so often each is moved to the mean of its neighbours.
 _MOST_POINTS, _SMOOTHINGS = 4000, 3
+
+
+# In a gap a place stands for the pose near it that has most room: up to so many of these to the
+# left [m], and of the heading [rad], each found in steps half as large as the last.
+_SHIFTS, _MOST_SHIFT = (0.0125, math.pi / HEADINGS / 8.0), 4
 
 
 class Taste(NamedTuple):
@@ -56,13 +63,16 @@ class Lattice(NamedTuple):
     `values` and `price`, shape (headings, rows, columns), float32: what is left [m of free way],
     and what a metre costs; infinite where nobody can be, negative where nobody may be, but from
     which one finds out, at so much: no way leads through. `escapes`, uint8, the same shape: steps
-    that lead out from there. `moves`, shape (m, 3): change of heading, row, column. `costs`, shape
-    (headings, m): what each costs at a price of 1.
+    that lead out from there. `shifts`, int8, shape (headings / 2, rows, columns, 2): how far to
+    the left of the place and of the heading the pose is that it stands for, in _SHIFTS. `moves`,
+    shape (m, 3): change of heading, row, column. `costs`, shape (headings, m): what each costs at
+    a price of 1.
     """
 
     values: np.ndarray
     price: np.ndarray
     escapes: np.ndarray
+    shifts: np.ndarray
     moves: np.ndarray
     costs: np.ndarray
     heap: Heap
@@ -71,6 +81,7 @@ class Lattice(NamedTuple):
 class Prices(NamedTuple):
     """What makes the price of a place: room wanted, and what less of it costs."""
 
+    least: float  # what every pose must have [m]
     margin: float  # [m]
     comfort: float  # [m]
     lack: float  # what a metre costs more without any comfort
@@ -107,13 +118,15 @@ class Covers(NamedTuple):
     `cells`, shape (headings / 2, n, 2): rows and columns from the footprint's middle to the lowest
     of the four cells around a circle's middle; `shares`, shape (headings / 2, n, 4): what each of
     them counts there, by rows; `radii`, shape (n,) [m]; `reach`: from the footprint's middle to
-    the end of the farthest circle [m].
+    the end of the farthest circle [m]; and what they were made from.
     """
 
     cells: np.ndarray
     shares: np.ndarray
     radii: np.ndarray
     reach: float
+    circles: np.ndarray
+    resolution: float
 
 
 def cover(circles: np.ndarray, resolution: float) -> Covers:
@@ -128,7 +141,9 @@ def cover(circles: np.ndarray, resolution: float) -> Covers:
         (1.0 - above) * (1.0 - right), (1.0 - above) * right, above * (1.0 - right), above * right
     )  # fmt: skip
     reach = float((np.hypot(x, y) + radii).max())
-    return Covers(cells.astype(np.int64), np.stack(shares, axis=-1), radii.copy(), reach)
+    shared = np.stack(shares, axis=-1)
+    whole = np.ascontiguousarray(circles)
+    return Covers(cells.astype(np.int64), shared, radii.copy(), reach, whole, resolution)
 
 
 @jit
@@ -147,6 +162,7 @@ def set_prices(
     """
     columns = lattice.price.shape[2]
     enough = prices.margin + prices.comfort + covers.reach
+    shift = np.zeros(2, np.int64)
     for place in range(places[0], places[1]):
         row, column = place // columns, place % columns
         more = prices.unseen * is_unseen[row, column]
@@ -155,9 +171,14 @@ def set_prices(
             price = 1.0
             if not is_free:
                 room = _room(distances, covers, (COARSE * row, COARSE * column), heading)
+                if -_DEEPEST < room < prices.least:
+                    cell = (COARSE * row, COARSE * column)
+                    room = _shift_in_gap(distances, covers, cell, heading, prices.least, shift)
+                    lattice.shifts[heading, row, column, 0] = shift[0]
+                    lattice.shifts[heading, row, column, 1] = shift[1]
                 lack = min(max(1.0 - (room - prices.margin) / prices.comfort, 0.0), 1.0)
                 price += prices.lack * lack * lack
-                if room < prices.margin:
+                if room < prices.least:
                     price = -_ESCAPE_PRICE if room > -_DEEPEST else math.inf
             price += more if price > 0.0 else 0.0
             for at in (heading, heading + HEADINGS // 2):
@@ -181,6 +202,74 @@ def _room(distances: np.ndarray, covers: Covers, cell: tuple[int, int], heading:
     return least
 
 
+@jit
+def _shift_in_gap(
+    distances: np.ndarray,
+    covers: Covers,
+    cell: tuple[int, int],
+    heading: int,
+    least: float,
+    shift: np.ndarray,
+) -> float:
+    """
+    Return the most room [m] of a pose near a place, and write its `shift` to the left and turn.
+
+    Only in a gap: where there is room beside it, the place there will do.
+    """
+    shift[0] = shift[1] = 0
+    best = _room_near(distances, covers, cell, heading, 0, 0)
+    for side in (-2 * _MOST_SHIFT, 2 * _MOST_SHIFT):
+        if _room_near(distances, covers, cell, heading, side, 0) >= least:
+            return best
+    step = _MOST_SHIFT
+    while step > 0:
+        is_better = True
+        while is_better:
+            is_better = False
+            for kind in range(4):
+                left = shift[0] + (step if kind == 0 else -step if kind == 1 else 0)
+                turn = shift[1] + (step if kind == 2 else -step if kind == 3 else 0)
+                if max(abs(left), abs(turn)) > _MOST_SHIFT:
+                    continue
+                room = _room_near(distances, covers, cell, heading, left, turn)
+                if room > best + 1e-6:
+                    best, is_better = room, True
+                    shift[0], shift[1] = left, turn
+        step //= 2
+    return best
+
+
+@jit
+def _room_near(
+    distances: np.ndarray,
+    covers: Covers,
+    cell: tuple[int, int],
+    heading: int,
+    left: int,
+    turn: int,
+) -> float:
+    """Return the clearance [m] of a footprint that is shifted off a cell's middle."""
+    most_row, most_column = distances.shape[0] - 1.001, distances.shape[1] - 1.001
+    yaw = 2.0 * math.pi / HEADINGS * heading
+    aside = left * _SHIFTS[0] / covers.resolution
+    up, right = cell[0] + math.cos(yaw) * aside, cell[1] - math.sin(yaw) * aside
+    yaw += turn * _SHIFTS[1]
+    cos, sin = math.cos(yaw) / covers.resolution, math.sin(yaw) / covers.resolution
+    least = math.inf
+    for index in range(covers.radii.shape[0]):
+        x, y = covers.circles[index, 0], covers.circles[index, 1]
+        row = min(max(up + sin * x + cos * y, 0.0), most_row)
+        column = min(max(right + cos * x - sin * y, 0.0), most_column)
+        low, first = int(row), int(column)
+        above, across = row - low, column - first
+        there = (1.0 - above) * (1.0 - across) * distances[low, first]
+        there += (1.0 - above) * across * distances[low, first + 1]
+        there += above * (1.0 - across) * distances[low + 1, first]
+        there += above * across * distances[low + 1, first + 1]
+        least = min(least, there - covers.radii[index])
+    return least
+
+
 class HeadingField:
     """What is left to a goal (x, y, yaw) for a robot that is long; drawn in slices."""
 
@@ -192,19 +281,23 @@ class HeadingField:
         base: Base,
         margin: float,
         taste: Taste = EASY,
+        border: np.ndarray | None = None,
     ) -> None:
+        self._border = None if border is None else border[::COARSE, ::COARSE]
         # What is around may be another by the time that all is drawn.
         self._distances = around.distances.values[0]
         self._is_unseen = around.is_unseen[::COARSE, ::COARSE]
         comfort, lack, unseen = around.prices
-        self._prices = Prices(margin, taste.comfort * comfort, lack, unseen)
+        self._prices = Prices(HARD * margin, margin, taste.comfort * comfort, lack, unseen)
         self._covers = cover(circles, around.distances.resolution)
         shape = (HEADINGS, *self._is_unseen.shape)
         values, price = np.empty(shape, np.float32), np.empty(shape, np.float32)
         self.values = around.field_of(values, COARSE)
         moves, costs = make_moves(base, self.values.resolution, taste)
         escapes = np.zeros(shape, np.uint8)
-        self._lattice = Lattice(values, price, escapes, moves, costs, make_heap(8 * price.size))
+        shifts = np.zeros((HEADINGS // 2, *shape[1:], 2), np.int8)
+        heap = make_heap(8 * price.size)
+        self._lattice = Lattice(values, price, escapes, shifts, moves, costs, heap)
         self._goal, self._turning = goal, _turn_price(base, taste)
         self._priced = 0  # places
         self.is_done = False
@@ -214,7 +307,7 @@ class HeadingField:
         """
         Look at up to so many states; return whether the way from a pose is among them.
 
-        To give a place its prices takes as long as to look at a state, and counts as one.
+        To give a place its prices takes as long as to look at some, and counts as these.
         """
         if self.is_done:
             return True
@@ -232,15 +325,17 @@ class HeadingField:
         return True
 
     def _set_prices(self, most: int) -> int:
-        """Give up to so many places their prices, after the last the goal its value; say many."""
-        places = (self._priced, min(self._priced + most, self._is_unseen.size))
+        """Give places their prices, after the last the goal its value; return what that costs."""
+        places = (self._priced, min(self._priced + most // _PRICED, self._is_unseen.size))
         if places[0] < places[1]:
             around = (self._distances, self._is_unseen, self._covers)
             set_prices(self._lattice, *around, self._prices, places)
             self._priced = places[1]
             if self._priced == self._is_unseen.size:
                 _begin(self._lattice, self._goal, self.values, self._turning)
-        return places[1] - places[0]
+                if self._border is not None:
+                    _begin_along(self._lattice, np.ascontiguousarray(self._border))
+        return _PRICED * (places[1] - places[0])
 
     def _nearest(self, pose: np.ndarray) -> tuple[int, int, int]:
         """Return the state with the least value around a pose: heading, row, column."""
@@ -268,6 +363,13 @@ class HeadingField:
         way[1:-1, 0] = places.x + states[:count, 2] * places.resolution
         way[1:-1, 1] = places.y + states[:count, 1] * places.resolution
         way[1:-1, 2] = states[:count, 0] * 2.0 * math.pi / HEADINGS
+        at = states[:count].astype(int)
+        shifts = self._lattice.shifts[at[:, 0] % (HEADINGS // 2), at[:, 1], at[:, 2]] * _SHIFTS
+        # A half turn on, what was to the left is to the right.
+        side = np.where(at[:, 0] < HEADINGS // 2, 1.0, -1.0) * shifts[:, 0]
+        way[1:-1, 0] -= np.sin(way[1:-1, 2]) * side
+        way[1:-1, 1] += np.cos(way[1:-1, 2]) * side
+        way[1:-1, 2] += shifts[:, 1]
         way[:, 2] = np.unwrap(way[:, 2])
         return _smoothed(way)
 
@@ -309,6 +411,23 @@ def _begin(lattice: Lattice, goal: np.ndarray, places: Field, turning: float) ->
                 value = away + turning * off
                 lattice.values[at, at_row, at_column] = value
                 push(lattice.heap, float(value), (at * rows + at_row) * columns + at_column)
+
+
+@jit
+def _begin_along(lattice: Lattice, border: np.ndarray) -> None:
+    """Begin at places from which it is known what is left, whichever way the robot looks."""
+    headings, rows, columns = lattice.values.shape
+    for row in range(rows):
+        for column in range(columns):
+            if not border[row, column] < math.inf:
+                continue
+            for heading in range(headings):
+                price = lattice.price[heading, row, column]
+                is_less = border[row, column] < lattice.values[heading, row, column]
+                if 0.0 < price < math.inf and is_less:
+                    lattice.values[heading, row, column] = border[row, column]
+                    item = (heading * rows + row) * columns + column
+                    push(lattice.heap, float(border[row, column]), item)
 
 
 @jit

@@ -13,6 +13,8 @@ from wasd_navigation.se2 import compose, wrap
 # Time constant in which a pose that the velocity does not explain is believed [s]; and the
 # difference [m or rad] that is no noise, but another place.
 _TIME, _JUMP = 0.3, 0.15
+# Of the margin, what a way and a motion must have everywhere; with less than all they are dear.
+HARD = 0.75
 
 
 class Base(NamedTuple):

@@ -2,14 +2,16 @@
 """Whether a goal can be reached, and the way there from wherever the robot is."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from wasd_navigation.parameters import Footprint, PlanningParameters
 from wasd_navigation.planning.distances import Field
-from wasd_navigation.planning.goal_field import DiscField, reaches, shortest
+from wasd_navigation.planning.goal_field import DiscField, flood, reaches, shortest
 from wasd_navigation.planning.heading_field import EASY, HeadingField, SHORT
-from wasd_navigation.planning.motion import Base, clearance, least_clearance
+from wasd_navigation.planning.motion import Base, clearance, HARD, least_clearance
+from wasd_navigation.planning.overview import Overview, Rooms
 from wasd_navigation.planning.sampling import value_at
 from wasd_navigation.planning.surroundings import Surroundings
 from wasd_navigation.records import FEWEST
@@ -17,8 +19,8 @@ from wasd_navigation.records import FEWEST
 # The robot is on its way up to so far from it [m], and passes no more points of it at once.
 _OFF_WAY, _PASSED = 0.15, 20
 # So much of a field is drawn in one step: 3 ms, or 6 on a slow host; of one that is wanted soon
-# more, by this share.
-SLICE, _URGENT = 9000, 1.5
+# more, by this share, and at once, before the robot drives.
+SLICE, _URGENT, AT_ONCE = 9000, 1.5, 2.5
 # A way longer than the shortest by this factor is drawn once more, to be short rather than easy;
 # of ways longer than this that is not asked [m]. A short one keeps clear by so much, or by as much
 # as the easy one [m], and is shorter by this factor.
@@ -39,29 +41,60 @@ class Route:
     `draw` begins to work it out for what is around now, each `work` goes on with it; until that is
     good enough the last drawing holds, and `keep_up` sees to it that it is not too old. `settle`
     looks whether the way is a long one; `is_settled` says that it need not look. `way`, shape
-    (n, 3), are places and headings.
+    (n, 3), are places and headings. `goal` is the pose nearest to the one that was `asked` for
+    where there is room: see `aim`.
     """
 
     def __init__(
         self, goal: np.ndarray, footprint: Footprint, base: Base, parameters: PlanningParameters
     ) -> None:
-        self.goal = goal
+        self.asked = self.goal = goal
         self._footprint, self._base, self._parameters = footprint, base, parameters
         self._now: Drawing | None = None
         self._next: Drawing | None = None
         self._drawn, self._since_drawn = -1, 0.0  # revision of what is around, and its age [s]
         self._is_urgent = False
+        self._rooms = Rooms()
+        self._overview: Overview | None = None
+        self._is_cut_off = False  # within what is looked at of a large map
         self._taste = EASY
+        self._around: Surroundings | None = None  # what was drawn last
         self._easy: Drawing | None = None  # while there may be one that is short
         self.is_settled = footprint.is_circle  # the way is not made shorter
         self.way = np.empty((0, 3))
 
+    @property
+    def off(self) -> float:
+        """How far the goal is from where it was asked to be [m]."""
+        return math.dist(self.goal[:2], self.asked[:2])
+
+    def aim(self, around: Surroundings, pose: np.ndarray) -> None:
+        """Take the pose nearest to what was asked for where there is room, as seen from a pose."""
+        found = nearest_free(self.asked, pose, around, self._footprint, self._parameters)
+        if found is not None:
+            self.goal = found
+
     def draw(self, around: Surroundings) -> None:
         """Begin to work the values out for what is around now."""
+        self._drawn, self._since_drawn = around.revision, 0.0
+        self._next, self._around = None, around
+        if self._needs_overview(around):
+            reach = self._footprint.inscribed + HARD * self._parameters.margin
+            self._overview = Overview(self.goal, around, self._rooms, reach)
+        else:
+            self._overview = None
+            self._draw_near(around)
+
+    def _needs_overview(self, around: Surroundings) -> bool:
+        return around.is_windowed and (self._is_cut_off or not around.map_.has(self.goal[:2]))
+
+    def _draw_near(self, around: Surroundings) -> None:
+        """Begin to draw what is looked at."""
         footprint, parameters = self._footprint, self._parameters
+        border = None if self._overview is None else border_of(around, self._overview)
         if footprint.is_circle:
-            reach = footprint.inscribed + parameters.margin
-            self._next = DiscField(self.goal, around, reach)
+            reach = footprint.inscribed + HARD * parameters.margin
+            self._next = DiscField(self.goal, around, reach, border)
         else:
             self._next = HeadingField(
                 self.goal,
@@ -70,17 +103,40 @@ class Route:
                 self._base,
                 parameters.margin,
                 self._taste,
+                border,
             )
-        self._drawn, self._since_drawn = around.revision, 0.0
 
     def work(self, pose: np.ndarray, budget: int = SLICE) -> None:
         """Go on with it, for a robot at a pose."""
-        if self._next is not None:
+        if self._overview is not None and not self._overview.is_done:
+            if self._overview.work() and self._around is not None:
+                self._draw_near(self._around)
+        elif self._next is not None:
             if self._next.work(pose, budget):
                 self._now, self._next = self._next, None
                 self.way = self.way[:0]
+                self._look_beyond(pose)
         elif self._now is not None and not self._now.is_done:
             self._now.work(pose, budget)
+
+    def _look_beyond(self, pose: np.ndarray) -> None:
+        """Where no way leads within what is looked at, draw once more: one may lead around."""
+        around = self._around
+        if around is None or not around.is_windowed or self._overview is not None:
+            return
+        self._is_cut_off = self.left(pose) == math.inf
+        if self._is_cut_off:
+            self.draw(around)
+
+    def _way_from(self, drawing: Drawing, pose: np.ndarray) -> np.ndarray:
+        """Return a way from a pose by a drawing; beyond what is looked at, by the overview."""
+        way = drawing.way_from(pose)
+        overview, around = self._overview, self._around
+        if overview is None or around is None or around.map_.has(self.goal[:2]) or len(way) < 2:
+            return way
+        places = overview.way_from(way[-2, :2])
+        far = np.column_stack((places, np.full(len(places), way[-2, 2])))
+        return np.concatenate((way[:-1], far, way[-1:]))
 
     def settle(self, around: Surroundings, pose: np.ndarray) -> bool:
         """
@@ -90,20 +146,21 @@ class Route:
         """
         if self.is_settled or self._now is None or self.left(pose) == math.inf:
             return True
-        way = self._now.way_from(pose)
+        way = self._way_from(self._now, pose)
         length = _length(way)
         if self._easy is None:
             width = self._footprint.inscribed
-            if length > _FAR or length <= _LONG * shortest(self.goal, pose, around, width):
+            is_far = length > _FAR or not around.map_.has(self.goal[:2])
+            if is_far or length <= _LONG * shortest(self.goal, pose, around, width):
                 self.is_settled = True
                 return True
             self._easy, self._taste = self._now, SHORT
             self.draw(around)
             return False
         easy, self._easy, self.is_settled = self._easy, None, True
-        clear = min(_CLEAR, self._clearance(around, easy.way_from(pose), _CLEAR))
+        clear = min(_CLEAR, self._clearance(around, self._way_from(easy, pose), _CLEAR))
         is_near = self._clearance(around, way, _CLEAR) < clear
-        if is_near or length > _SHORTER * _length(easy.way_from(pose)):
+        if is_near or length > _SHORTER * _length(self._way_from(easy, pose)):
             self._now, self._taste = easy, EASY
         return True
 
@@ -116,6 +173,7 @@ class Route:
         if is_stale and is_free and self._since_drawn >= _REDRAW_BLOCKED:
             is_bad = self.is_blocked(around) or self.left(pose) == math.inf
             if is_bad or (self._since_drawn >= _REDRAW and not self.is_drawing):
+                self.aim(around, pose)
                 self.draw(around)
                 self._is_urgent = is_bad
         # A step that has measured all distances draws no more than it has to.
@@ -129,7 +187,7 @@ class Route:
     @property
     def is_drawing(self) -> bool:
         """Whether there will be better values soon."""
-        return self._next is not None
+        return self._next is not None or not (self._overview is None or self._overview.is_done)
 
     @property
     def values(self) -> Field | None:
@@ -151,7 +209,7 @@ class Route:
             if apart[nearest] < _OFF_WAY:
                 self.way = self.way[nearest:]
                 return
-        self.way = self._now.way_from(pose)
+        self.way = self._way_from(self._now, pose)
 
     def is_blocked(self, around: Surroundings) -> bool:
         """Whether something is in the way that was not there when the way was drawn."""
@@ -168,13 +226,38 @@ def _length(way: np.ndarray) -> float:
     return float(np.hypot(*np.diff(way[:, :2], axis=0).T).sum())
 
 
+def border_of(around: Surroundings, overview: Overview) -> np.ndarray:
+    """
+    Return what is left from the cells at the border of what is looked at of a map, float32.
+
+    It is infinite of all others, and where the map ends, too.
+    """
+    shape, all_ = around.map_.cells.shape, around.whole_.cells.shape
+    border = np.full(shape, np.inf, np.float32)
+    row, column = around.corner
+    # Two cells, as a lattice has every other one.
+    for at in (0, 1):
+        sides: tuple[tuple[bool, Any], ...] = (
+            (row > 0, (at, slice(None))),
+            (row + shape[0] < all_[0], (shape[0] - 1 - at, slice(None))),
+            (column > 0, (slice(None), at)),
+            (column + shape[1] < all_[1], (slice(None), shape[1] - 1 - at)),
+        )
+        for goes_on, cells in sides:
+            if goes_on:
+                border[cells] = 0.0
+    begun = np.argwhere(border == 0.0)
+    border[tuple(begun.T)] = overview.at(around.map_.to_points(begun))
+    return border
+
+
 def refusal(
     goal: np.ndarray, around: Surroundings, footprint: Footprint, parameters: PlanningParameters
 ) -> str | None:
     """Return why a goal (x, y, yaw) is none, before any way is looked for; None: it may be one."""
     if not np.isfinite(goal).all():
         return f'the goal must be finite numbers, got ({goal[0]}, {goal[1]}, {goal[2]})'
-    grid = around.grid
+    grid = around.whole
     if grid is None or min(grid.cells.shape) < FEWEST:
         return 'there is no map yet: drive around first, or give one'
     place = f'({goal[0]:.2f}, {goal[1]:.2f})'
@@ -186,8 +269,13 @@ def refusal(
             f'{place} is outside the map, which goes from ({low[0]:.1f}, {low[1]:.1f}) to '
             f'({high[0]:.1f}, {high[1]:.1f})'
         )
+    if not around.map_.has(goal[:2]):
+        around = around.at(goal)
+        cell = around.map_.to_cells(goal[None, :2])
+    elif around.is_windowed:
+        cell = around.map_.to_cells(goal[None, :2])
     state = np.append(goal, np.zeros(3))
-    needed = parameters.margin
+    needed = HARD * parameters.margin
     room = clearance(around.distances, footprint.circles, state, needed)
     if room < needed:
         what = 'is in an obstacle' if room < -footprint.inscribed else 'is too near an obstacle'
@@ -198,11 +286,80 @@ def refusal(
     return None
 
 
+def nearest_free(
+    goal: np.ndarray,
+    pose: np.ndarray,
+    around: Surroundings,
+    footprint: Footprint,
+    parameters: PlanningParameters,
+) -> np.ndarray | None:
+    """
+    Return the pose nearest to a goal (x, y, yaw) where the robot has room; None: there is none.
+
+    It is no farther than the tolerance, where the map is known, and on this side of all walls: a
+    disc as wide as the robot gets there from a pose.
+    """
+    if around.is_windowed and not around.map_.has(goal[:2]):
+        around = around.at(goal)
+    field, grid, needed = around.distances, around.map_, HARD * parameters.margin
+    count = int(parameters.tolerance / grid.resolution)
+    steps = np.arange(-count, count + 1) * grid.resolution
+    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    away = np.hypot(offsets[:, 0], offsets[:, 1])
+    near = np.argsort(away, kind='stable')
+    places = goal[:2] + offsets[near[away[near] <= parameters.tolerance + 1e-9]]
+    inside = grid.covers(grid.to_cells(places))
+    places, cells = places[inside], grid.to_cells(places[inside])
+    is_known = ~around.is_unknown[tuple(cells.T)]
+    is_reached: np.ndarray | None = None
+    for place, cell in zip(places[is_known], cells[is_known], strict=True):
+        state = np.array((*place, goal[2], 0.0, 0.0, 0.0))
+        if clearance(field, footprint.circles, state, needed) < needed:
+            continue
+        if is_reached is None:
+            if (place == goal[:2]).all():
+                return goal
+            if not grid.has(pose[:2]):
+                return state[:3]  # far away: its way will show
+            is_reached = flood(
+                grid.to_cells(pose[None, :2])[0], field.values[0], footprint.inscribed
+            )
+        if is_reached[tuple(cell)]:
+            return state[:3]
+    return None
+
+
+def no_way(
+    goal: np.ndarray,
+    pose: np.ndarray,
+    around: Surroundings,
+    footprint: Footprint,
+    parameters: PlanningParameters,
+) -> str:
+    """Return in words that no way leads to a goal, and how wide the widest one is [m]."""
+    needed = footprint.inscribed + HARD * parameters.margin
+    begins = f'no way leads to ({goal[0]:.2f}, {goal[1]:.2f})'
+    grid, distances = around.map_, around.distances.values[0]
+    if not grid.has(goal[:2]) or not grid.has(pose[:2]):
+        return begins
+    ends = grid.to_cells(np.stack((goal[:2], pose[:2])))
+    low, high = 0.0, 2.0 * needed
+    if not flood(ends[1], distances, low)[tuple(ends[0])]:
+        return f'{begins}: it is shut off'
+    while high - low > 0.005:
+        middle = 0.5 * (low + high)
+        is_wide = flood(ends[1], distances, middle)[tuple(ends[0])]
+        low, high = (middle, high) if is_wide else (low, middle)
+    if low >= needed:
+        return f'{begins}: the robot, which is long, cannot turn where it would have to'
+    return f'{begins}: the widest is about {2.0 * low:.2f} m wide, {2.0 * needed:.2f} are needed'
+
+
 def is_shut_off(
     goal: np.ndarray, pose: np.ndarray, around: Surroundings, footprint: Footprint
 ) -> bool:
     """Whether not even the middle of a long robot could come to a goal, however it turns."""
-    if footprint.is_circle:
+    if footprint.is_circle or around.is_windowed:
         return False  # that is what its route is drawn for
     field, grid = around.distances, around.map_
     row, column = map(int, grid.to_cells(goal[None, :2])[0])

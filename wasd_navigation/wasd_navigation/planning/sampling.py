@@ -43,7 +43,7 @@ class Scene(NamedTuple):
     values: Field
     circles: np.ndarray
     way: np.ndarray
-    keep: tuple[float, float]  # margin and comfort [m]
+    keep: tuple[float, float]  # what all motions keep, and comfort [m]
 
 
 class Sampler:
@@ -147,14 +147,14 @@ def value_at(values: Field, state: np.ndarray) -> float:
 @fast
 def _price(state: np.ndarray, scene: Scene, base: Base) -> float:
     """Return what a step costs that ends in a state."""
-    margin, comfort = scene.keep
+    least, comfort = scene.keep
     room = clearance(scene.distances, scene.circles, state, comfort)
     cost: float = _TURNING * abs(state[5]) * STEP
     cost += _LENGTH * math.hypot(state[3], state[4]) * STEP
     if room < 0.0:
         cost += _TOUCHES * (1.0 - 10.0 * room)
-    if room < margin:
-        cost += _TOO_NEAR * (1.0 + (margin - room) / max(margin, 0.01))
+    if room < least:
+        cost += _TOO_NEAR * (1.0 + (least - room) / max(least, 0.01))
     if room < comfort:
         cost += _DISCOMFORT * (1.0 - room / comfort) ** 2 * STEP
     if state[3] < 0.0:
@@ -209,10 +209,10 @@ def is_safe(state: np.ndarray, asked: np.ndarray, scene: Scene, base: Base, time
     """
     Whether the robot can ask for a velocity for a time [s] and then stop, and touch nothing.
 
-    Where it is nearer than half the margin to something already, it may go away from it.
+    Where it is nearer to something than all motions keep, it may go away from it.
     """
     state = state.copy()
-    least = 0.5 * scene.keep[0]
+    least = scene.keep[0]
     room = min(clearance(scene.distances, scene.circles, state, least), least)
     stop = np.zeros(3)
     passed = 0.0

@@ -11,6 +11,9 @@ from wasd_navigation.planning.distances import Field, measure_distances
 from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan, UNKNOWN
 from wasd_navigation.se2 import transform
 
+# Of a map that is larger than this and both edges, so much around the robot is looked at [m];
+# another part once the robot is so near to an edge of it [m]. It begins at such a cell.
+WINDOW, EDGE, STEP = 14.0, 4.5, 4
 # A mark is gone after so many scans whose rays go through it.
 _LIFE = 3
 # What is nearer to an obstacle of the map is that obstacle, by noise of scan and pose [m]; more is
@@ -153,11 +156,30 @@ def _shade(
                 hidden[row, column] = True
 
 
+def crop(grid: Grid, place: np.ndarray) -> tuple[Grid, tuple[int, int]]:
+    """Return what of a large map is around a place, shape (2,), and its first cell there."""
+    size = round(WINDOW / grid.resolution)
+    if max(grid.cells.shape) <= size + round(2.0 * EDGE / grid.resolution):
+        return grid, (0, 0)
+    cell = grid.to_cells(place[None, :2])[0]
+    # In step with the places of an overview.
+    begins = [
+        int(min(max(at - size // 2, 0), max(all_ - size, 0))) // STEP * STEP
+        for at, all_ in zip(cell, grid.cells.shape, strict=True)
+    ]
+    row, column = begins
+    x, y = grid.origin
+    origin = x + column * grid.resolution, y + row * grid.resolution
+    cells = grid.cells[row : row + size, column : column + size]
+    return Grid(np.ascontiguousarray(cells), grid.resolution, origin), (row, column)
+
+
 class Surroundings:
     """
     The map with what the live scan adds; distances are measured again only when something changed.
 
-    `revision` counts those changes.
+    `revision` counts those changes. Of a map that is large, `whole`, only what is around the robot
+    is looked at: `grid`, whose first cell (row, column) is `corner`.
     """
 
     def __init__(self, footprint: Footprint, parameters: PlanningParameters) -> None:
@@ -165,18 +187,51 @@ class Surroundings:
         self.layer = ObstacleLayer()
         self.revision = 0
         self.grid: Grid | None = None
+        self.whole: Grid | None = None
+        self.corner = (0, 0)
         self._grid_revision: int | None = None
         self._of_map = np.zeros((0, 0), np.float32)
         self._distances: Field | None = None
 
-    def take_map(self, grid: Grid, revision: int) -> None:
-        """Take the map, which is another one only when its revision is."""
-        if self.grid is not None and revision == self._grid_revision:
+    def take_map(self, grid: Grid, revision: int, place: np.ndarray) -> None:
+        """
+        Take the map, which is another one only when its revision is.
+
+        Of a large one, what is around a place, shape (2,) [m].
+        """
+        is_same = self.whole is not None and revision == self._grid_revision
+        if is_same and not self._is_near_edge(place):
             return
-        self.grid, self._grid_revision = grid, revision
+        self.whole, self._grid_revision = grid, revision
+        self.grid, self.corner = crop(grid, place)
         self._of_map = measure_distances(self._is_wall, grid.resolution)
-        self.layer.lie_on(grid)
+        self.layer.lie_on(self.grid)
         self._distances = None
+
+    @property
+    def is_windowed(self) -> bool:
+        """Whether there is more of the map than is looked at."""
+        return self.grid is not self.whole
+
+    def _is_near_edge(self, place: np.ndarray) -> bool:
+        """Whether a place is near where the map goes on beyond what is looked at."""
+        assert self.whole is not None
+        if not self.is_windowed:
+            return False
+        near = EDGE / self.whole.resolution
+        cell = self.whole.to_cells(place[None, :2])[0]
+        sizes = zip(cell, self.corner, self.map_.cells.shape, self.whole.cells.shape, strict=True)
+        return any(
+            (low > 0 and at - low < near) or (low + size < all_ and low + size - at < near)
+            for at, low, size, all_ in sizes
+        )
+
+    def at(self, place: np.ndarray) -> 'Surroundings':
+        """Return what is around another place of the map, without what was seen."""
+        assert self.whole is not None
+        there = Surroundings(self._footprint, self._parameters)
+        there.take_map(self.whole, 0, place)
+        return there
 
     def see(self, scan: Scan, pose: np.ndarray) -> None:
         """Take a scan from a pose in the map, shape (3,)."""
@@ -234,9 +289,20 @@ class Surroundings:
 
     @property
     def map_(self) -> Grid:
-        """The map, where there is one."""
+        """What is looked at of the map, where there is one."""
         assert self.grid is not None
         return self.grid
+
+    @property
+    def whole_(self) -> Grid:
+        """All of the map, where there is one."""
+        assert self.whole is not None
+        return self.whole
+
+    @property
+    def occupied(self) -> int:
+        """The occupancy from which on a cell is an obstacle."""
+        return self._parameters.occupied
 
     def price_of(self, room: np.ndarray) -> np.ndarray:
         """
