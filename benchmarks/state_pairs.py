@@ -26,6 +26,8 @@ TO_STAND, TO_STATE, LOOKED_AT = 3.5, 2.5, 3.0
 # How long the sticks lean a robot, and a velocity drives one [s].
 LEANT, DRIVEN = 0.5, 2.5
 DRIVES = (StateName.TROTTING, StateName.MOVE_BASE)
+# A policy's state needs a network, whose steps are its own.
+STATES = tuple(state for state in StateName if state is not StateName.POLICY)
 KEY_OF = {state: key for key, state in STATE_KEYS.items()}
 DOCS = Path(__file__).resolve().parents[1] / 'docs'
 RESULT, PAGE = DOCS / 'state_pairs.json', DOCS / 'state_pairs.md'
@@ -55,7 +57,7 @@ def tour(source: StateName, how: str, seed: int) -> Tour:
     """Return the run from a state into all others, standing up between them."""
     chance = random.Random(f'{source} {how} {seed}')
     keys, twists, pushes, times, now = [], ['0 0 0 0'], [], {}, 0.2
-    for wanted in (state for state in StateName if state is not source):
+    for wanted in (state for state in STATES if state is not source):
         for key, wait in _ways_to(source, wanted, chance):
             keys.append(f'{now:.3f} {key}')
             now += wait
@@ -105,7 +107,7 @@ def _ways_to(
 
 def pairs(how: str, seeds: Sequence[int]) -> Experiment:
     """Go from each state into each other one; nothing falls, whatever follows whatever."""
-    tours = [tour(source, how, seed) for seed in seeds for source in StateName]
+    tours = [tour(source, how, seed) for seed in seeds for source in STATES]
     by_run = {tried.run: tried for tried in tours}
 
     def trial(trace: Trace) -> Trial:
@@ -124,7 +126,7 @@ def counts(trials: Sequence[Trial]) -> dict[str, list[int]]:
     """Return of each pair how often it held and was tried; what follows a fall is not counted."""
     found: dict[str, list[int]] = {}
     for trial in trials:
-        for wanted in StateName:
+        for wanted in STATES:
             pair = f'{trial["from"]} to {wanted.value}'
             if wanted.value == trial['from']:
                 continue
@@ -145,9 +147,9 @@ def page(result: dict[str, Any]) -> str:
         held, tried = (sum(count[k] for count in found['pairs'].values()) for k in (0, 1))
         seen = f'seeds from {found["seeds"][0]} on, {len(found["seeds"])} of each, {found["date"]}'
         lines.append(f'- {how}: {held} of {tried} ({seen})')
-    lines += ['', f'| from, to | {" | ".join(StateName)} |', '|---' * (len(StateName) + 1) + '|']
-    for source in StateName:
-        cells = [_cell(result, f'{source.value} to {wanted.value}') for wanted in StateName]
+    lines += ['', f'| from, to | {" | ".join(STATES)} |', '|---' * (len(STATES) + 1) + '|']
+    for source in STATES:
+        cells = [_cell(result, f'{source.value} to {wanted.value}') for wanted in STATES]
         lines.append(f'| {source.value} | {" | ".join(cells)} |')
     return HEAD.format(looked=LOOKED_AT) + '\n'.join(lines) + '\n'
 

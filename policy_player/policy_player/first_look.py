@@ -12,21 +12,18 @@ from pathlib import Path
 import resource
 import subprocess
 import sys
-import time
 from typing import Any
 
 from policy_player.spec import PolicyError
 
 # Of the child: address space [bytes], processor time and wall time [s].
 MEMORY, PROCESSOR_TIME, PATIENCE = 6_000_000_000, 20, 60.0
-# So often is the network run to find out how long it takes.
-RUNS = 20
 EXTRA = "pip install 'wasd[policy]'"
 
 
 def look(path: Path) -> dict[str, Any]:
     """
-    Return inputs and outputs of a network, as `[name, shape, type]`, and how long it takes [s].
+    Return inputs and outputs of a network that runs, as `[name, shape, type]`.
 
     Raises:
         PolicyError: it cannot be run.
@@ -96,13 +93,9 @@ def describe(session: Any) -> dict[str, Any]:
     name, shape, _ = ends['inputs'][0]
     zeros = np.zeros([size if isinstance(size, int) else 1 for size in shape], np.float32)
     outputs = session.run(None, {name: zeros})
-    started = time.perf_counter()
-    for _ in range(RUNS):
-        session.run(None, {name: zeros})
-    took = (time.perf_counter() - started) / RUNS
     for end, output in zip(ends['outputs'], outputs, strict=True):
         end[1] = list(np.shape(output))
-    return {**ends, 'takes': took}
+    return ends
 
 
 def main() -> None:

@@ -74,8 +74,21 @@ def from_metadata(metadata: Mapping[str, str]) -> PolicySpec:
         action_scale=numbers('action_scale', count),
         action_offset=default,
         terms=built,
+        phase_period=_floats([metadata.get('phase_period', '0')], 'metadata phase_period')[0],
+        ranges=_told_ranges(metadata),
         assumed=(f'a step of {USUAL_PERIOD:g} s',),
     )
+
+
+def _told_ranges(metadata: Mapping[str, str]) -> tuple[tuple[float, float], ...] | None:
+    """Return the ranges of the command, as our own files tell them: low;high of each."""
+    if 'command_ranges' not in metadata:
+        return None
+    pairs = [part.split(';') for part in metadata['command_ranges'].split(',')]
+    if len(pairs) != 3 or any(len(pair) != 2 for pair in pairs):
+        raise PolicyError('metadata command_ranges: wanted 3 pairs low;high')
+    found = [_floats(pair, 'metadata command_ranges') for pair in pairs]
+    return tuple((low, high) for low, high in found)
 
 
 def _floats(words: list[str], name: str) -> list[float]:

@@ -50,7 +50,6 @@ class OnnxNetwork:
         self._input, self._shape = name, [size if isinstance(size, int) else 1 for size in shape]
         self.takes = int(np.prod(self._shape))
         self.gives = int(np.prod({end[0]: end[1] for end in outputs}[self._output]))
-        self.duration = float(found['takes'])
         model: bytes | str = str(file.path) if file.external else file.data
         self._session = first_look.open_session(model)
 

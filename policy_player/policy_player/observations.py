@@ -2,26 +2,12 @@
 """What a network is shown: terms, clipped and scaled, with their past."""
 
 from collections import deque
-from typing import NamedTuple
+import math
 
 import numpy as np
+from wasd_core.robot_io import Senses
 
 from policy_player.spec import PolicySpec
-
-
-class Senses(NamedTuple):
-    """
-    What a robot knows of itself; joints in the policy's order, (n,).
-
-    Velocities of the base are in its own axes [m/s], [rad/s]; `orientation` is a quaternion w, x,
-    y, z from base to world.
-    """
-
-    orientation: np.ndarray
-    angular_velocity: np.ndarray
-    linear_velocity: np.ndarray
-    joint_position: np.ndarray
-    joint_velocity: np.ndarray
 
 
 def gravity_in_base(orientation: np.ndarray) -> np.ndarray:
@@ -34,7 +20,8 @@ class Observer:
     """
     Makes the observation of a `PolicySpec`.
 
-    State: the past of each term. `step` takes an instant and returns all that is shown.
+    State: the past of each term, and how many steps there were. `step` takes an instant and
+    returns all that is shown.
     """
 
     def __init__(self, spec: PolicySpec) -> None:
@@ -46,11 +33,14 @@ class Observer:
 
     def reset(self) -> None:
         """Forget the past."""
+        self._steps = 0
         self._past = [deque(maxlen=max(term.ages) + 1) for term in self.spec.terms]
 
     def step(self, senses: Senses, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
         """Return the observation (width,) float32; `command` is (3,)."""
         spec = self.spec
+        turn = 2.0 * math.pi * self._steps * spec.period / (spec.phase_period or 1.0)
+        self._steps += 1
         known = {
             'linear_velocity': senses.linear_velocity,
             'angular_velocity': senses.angular_velocity,
@@ -58,6 +48,7 @@ class Observer:
             'command': command,
             'joint_position': senses.joint_position - self._default,
             'joint_velocity': senses.joint_velocity,
+            'phase': np.array((math.sin(turn), math.cos(turn))),
             'last_action': last_action,
         }
         for term, scale, past in zip(spec.terms, self._scales, self._past, strict=True):

@@ -2,23 +2,15 @@
 """Plays a policy: senses and a command in, joint targets and gains out, without ROS or a clock."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
+from wasd_core.robot_io import JointTargets, Senses
 
-from policy_player.observations import Observer, Senses
+from policy_player.observations import Observer
 from policy_player.policy_file import Policy
 
 # A step that is due within this share of one is taken: sums of floating-point times are not exact.
 _ALMOST = 1e-6
-
-
-class JointTargets(NamedTuple):
-    """Where joints are to be [rad] and with which gains [N m/rad], [N m s/rad]; (n,) each."""
-
-    position: np.ndarray
-    stiffness: np.ndarray
-    damping: np.ndarray
 
 
 class Player:
@@ -32,7 +24,7 @@ class Player:
 
     def __init__(self, policy: Policy) -> None:
         self.policy, self.spec = policy, policy.spec
-        self.joints = policy.spec.joints
+        self.joints, self.ranges = policy.spec.joints, policy.spec.ranges
         self._observer = Observer(policy.spec)
         spec = policy.spec
         self.default = np.array(spec.default_position)

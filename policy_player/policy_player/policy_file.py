@@ -2,8 +2,10 @@
 """A policy from its files: the network, and what it was trained with."""
 
 from pathlib import Path
+import time
 from typing import NamedTuple
 
+import numpy as np
 from wasd_core.errors import DescriptionError, suggest
 from wasd_core.safe_files import read_file
 
@@ -23,6 +25,10 @@ CURE = (
     'give --policy-config FILE (deploy.yaml of Isaac Lab, config.yaml of rl_sar), or one of '
     f'{", ".join(PRESETS)}'
 )
+
+
+# So often a network is run to find out how long it takes.
+RUNS = 10
 
 
 class Policy(NamedTuple):
@@ -53,11 +59,31 @@ def read_policy(path: str | Path, config: str | Path | None = None) -> Policy:
         spec, found = _specification(path, file, config)
         network: Network = read_torchscript(data) if file is None else OnnxNetwork(file)
         spec.check_widths(network.takes, network.gives)
+        _check_speed(network, spec.period)
     except _ConfigError as error:
         raise PolicyError(str(error)) from None
     except PolicyError as error:
         raise PolicyError(f'{path}: {error}') from None
     return Policy(spec, network, found)
+
+
+def duration_of(network: Network) -> float:
+    """Return how long a step of a network takes on this machine [s]: the least of some."""
+    shown, took = np.zeros(network.takes, np.float32), []
+    for _ in range(RUNS):
+        started = time.perf_counter()
+        network(shown)
+        took.append(time.perf_counter() - started)
+    return min(took)
+
+
+def _check_speed(network: Network, period: float) -> None:
+    duration = duration_of(network)
+    if duration > period:
+        raise PolicyError(
+            f'the network takes {1e3 * duration:.0f} ms a step, which is to last '
+            f'{1e3 * period:.0f} ms: it is too slow for this machine'
+        )
 
 
 class _ConfigError(PolicyError):

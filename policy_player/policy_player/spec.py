@@ -16,6 +16,7 @@ WIDTHS = {
     'command': 3,  # ahead, left [m/s], turn [rad/s]
     'joint_position': 0,  # less the default position [rad]
     'joint_velocity': 0,  # [rad/s]
+    'phase': 2,  # sine and cosine of a clock that begins with the policy
     'last_action': 0,  # what the network said last, within its clip
 }
 # What training frameworks call them.
@@ -36,6 +37,7 @@ NAMES = {
     'joint_vel_rel': 'joint_velocity',
     'joint_vel': 'joint_velocity',
     'dof_vel': 'joint_velocity',
+    'phase': 'phase',
     'last_action': 'last_action',
     'actions': 'last_action',
 }
@@ -97,6 +99,8 @@ class PolicySpec:
     each with all its ages, or with `by_time` all terms of an age, then those of the next. Before
     there is a past it is the first observation, or zeros with `begins_with_zeros`.
 
+    `phase_period` is that of the clock of the term phase [s]; 0: there is none.
+
     `ranges` are those of the command's three numbers in training. `source` says where it was
     read, `assumed` what no file said.
     """
@@ -110,6 +114,7 @@ class PolicySpec:
     action_offset: Numbers
     terms: tuple[Term, ...]
     period: float = 0.02
+    phase_period: float = 0.0
     action_clip: tuple[Numbers, Numbers] = ((-math.inf,), (math.inf,))
     target_clip: tuple[Numbers, Numbers] = ((-math.inf,), (math.inf,))
     observation_clip: float = math.inf
@@ -148,6 +153,8 @@ class PolicySpec:
     def _check_term(self, term: Term) -> None:
         if term.name not in WIDTHS:
             raise PolicyError(f'observation {term.name!r}: not known{suggest(term.name, WIDTHS)}')
+        if term.name == 'phase' and not self.phase_period > 0.0:
+            raise PolicyError('observation phase: phase_period is missing, in seconds')
         width = self.width_of(term)
         if len(term.scale) not in (1, width) or not all(map(math.isfinite, term.scale)):
             raise PolicyError(

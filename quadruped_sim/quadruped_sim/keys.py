@@ -11,7 +11,7 @@ from quadruped_sim.presets import VelocityLimits
 
 
 class StateName(StrEnum):
-    """unitree_guide's eight states and three of ours, in words."""
+    """unitree_guide's eight states and four of ours, in words."""
 
     PASSIVE = 'passive'
     FIXED_STAND = 'fixed stand'
@@ -24,6 +24,7 @@ class StateName(StrEnum):
     GET_UP = 'get up'
     LIE_DOWN = 'lie down'
     JUMP = 'jump'
+    POLICY = 'policy'
 
 
 STATE_KEYS = {
@@ -38,12 +39,13 @@ STATE_KEYS = {
     '6': StateName.GET_UP,
     '7': StateName.LIE_DOWN,
     'v': StateName.JUMP,
+    'p': StateName.POLICY,
 }
 
 # Keys that leave each state.
 TRANSITIONS = {
     StateName.PASSIVE: '26',
-    StateName.FIXED_STAND: '13450987v',
+    StateName.FIXED_STAND: '13450987vp',
     StateName.FREE_STAND: '1247',
     StateName.TROTTING: '127',
     StateName.MOVE_BASE: '127',
@@ -53,6 +55,7 @@ TRANSITIONS = {
     StateName.GET_UP: '1',
     StateName.LIE_DOWN: '12',
     StateName.JUMP: '1',
+    StateName.POLICY: '127',
 }
 # States that end by themselves, and what follows.
 SUCCESSORS = {
@@ -211,6 +214,7 @@ PURPOSES = {
     StateName.GET_UP: 'to get up',
     StateName.LIE_DOWN: 'to lie down',
     StateName.JUMP: 'to jump',
+    StateName.POLICY: 'for the policy',
 }
 _LEAN = {
     ('ly', 1): 'nose down',
@@ -245,6 +249,7 @@ _EFFECTS = {
 LONGEST_NAME = 20
 # The sticks that drive a trot.
 _DRIVING = ('lx', 'ly', 'rx')
+_DRIVEN = (StateName.TROTTING, StateName.POLICY)
 # What a stranger tries, and the sticks' keys that mean it.
 ARROWS = {'UP': 'w', 'DOWN': 's', 'LEFT': 'j', 'RIGHT': 'l'}
 
@@ -311,9 +316,9 @@ class KeyWords:
             return None if key == STOP_KEY else self._to_drive(state, key)
         axis, direction = axis_and_direction(key)
         name = self._called(key)
-        if state is StateName.TROTTING and axis in _DRIVING:
+        if state in _DRIVEN and axis in _DRIVING:
             return None if has_moved else f'{name}: full stick'
-        if state is StateName.TROTTING:
+        if state in _DRIVEN:
             return f'{name} moves in 3 (press 2, then 3 to lean)'
         effect = _EFFECTS.get(state, {}).get((axis, direction))
         if effect is None:

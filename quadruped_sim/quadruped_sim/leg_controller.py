@@ -34,13 +34,20 @@ from quadruped_sim.states import ControllerParts, make_states
 from quadruped_sim.states.driving import damping_command, Passive
 from quadruped_sim.states.jump import highest
 from quadruped_sim.states.lying import obstacle
+from quadruped_sim.states.policy import Policy, Walker
 
 _UP = np.array((0.0, 0.0, 1.0))
+# What is told who presses p without a policy.
+NO_POLICY = 'start with --policy FILE (there is no policy to play)'
+# States that velocities drive.
+_DRIVEN = (StateName.MOVE_BASE, StateName.POLICY)
 # States that need no fresh readings, and keys that lead to them.
 _HELD = (StateName.PASSIVE, StateName.FIXED_STAND, StateName.LIE_DOWN, StateName.GET_UP)
 _HELD_KEYS = '127'
 # How high the base of a Go2 is that lies [m], and how fast its estimate sinks to that [m/s].
 _LYING_HEIGHT, _SINKING_SPEED = 0.06, 0.5
+# A robot that is slower is at rest [m/s].
+_AT_REST = 0.1
 # A leg is sprawled whose thigh is farther than this from its folded angle; of a robot that stands
 # it is 0.7 away [rad].
 _SPRAWLED = 1.0
@@ -54,7 +61,7 @@ class LegController:
     robot. Joints are leg angles, see `robot_description.morphology`.
     `estimator` is 'kalman' (IMU and joints only) or 'truth' (the base's state is told with each
     reading).
-    While there is a `hindrance` it stands still, or lies.
+    While there is a `hindrance` it stands still, or lies. A `walker` walks in the state policy.
     Never raises for bad data: it falls back to damping and says so in `event`.
     """
 
@@ -63,6 +70,7 @@ class LegController:
         model: RobotModel,
         params: LegControllerParameters | None = None,
         estimator: str = 'kalman',
+        walker: Walker | None = None,
     ) -> None:
         if estimator not in ('kalman', 'truth'):
             raise UserError(f"estimator must be 'kalman' or 'truth', got {estimator!r}")
@@ -97,6 +105,9 @@ class LegController:
         )
         self._passive = Passive(self._parts)
         self._states = make_states(self._parts, self._passive)
+        self.has_policy = walker is not None
+        if walker is not None:
+            self._states[StateName.POLICY] = Policy(self._parts, walker)
         self._robot, self._geometry = RobotState.blank(), plain(model.geometry)
         # As bytes: NumPy copies a record field by field, which takes 7 us.
         self._robot_bytes = self._robot.flat.view(np.uint8)
@@ -118,6 +129,11 @@ class LegController:
         self._touch_rules = self._rules_of_touch()
         self._kalman.tune(own.kalman)
         self._heading.params = own.kalman
+
+    def take_remark(self) -> str:
+        """Return what the present state has to tell the driver, once; '' for nothing."""
+        remark, self._parts.remark = self._parts.remark, ''
+        return remark
 
     @property
     def gait(self) -> str:
@@ -230,6 +246,8 @@ class LegController:
         if self._lies_fallen and (self.obstacle or key not in GET_UP_KEYS) and key != '1':
             return self.words.to_fallen(self.obstacle)
         state, meant = self._machine.coming, self._meaning(key)
+        if STATE_KEYS[meant] is StateName.POLICY and not self.has_policy:
+            return NO_POLICY
         if self.hindrance and meant not in _HELD_KEYS:
             return self.hindrance
         is_legal = state is not STATE_KEYS[meant] and meant in TRANSITIONS[state]
@@ -266,7 +284,7 @@ class LegController:
 
     def set_velocity(self, vx: float, vy: float, yaw_rate: float) -> str | None:
         """Velocity command for move base [m/s, m/s, rad/s]; a text when not driven so."""
-        if self._machine.state is not StateName.MOVE_BASE:
+        if self._machine.state not in _DRIVEN:
             if vx == vy == yaw_rate == 0.0:
                 return None  # it moves as it is asked to
             if self._lies_fallen:
@@ -355,6 +373,7 @@ class LegController:
             if self._machine.state is not StateName.PASSIVE:
                 self.event = None
             self.sticks.zero()
+            self._parts.walks_on = self._entered is StateName.POLICY and _is_moving(robot)
             self._states[self._machine.state].enter(robot)
             self._entered = self._machine.state
         if is_let_go:
@@ -453,3 +472,9 @@ class LegController:
         self._kalman.reset(position, position + relative)
         self._heading.reset()
         self._is_started = True
+
+
+def _is_moving(robot: RobotState) -> bool:
+    """Whether a robot moves so that stiff legs would tip it over, or has a foot in the air."""
+    speed = float(np.abs(robot.base.velocity).max() + 0.2 * np.abs(robot.base.omega).max())
+    return speed > _AT_REST or not robot.is_contact.all()

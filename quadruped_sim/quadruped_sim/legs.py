@@ -14,6 +14,7 @@ from quadruped_sim.keys import StateName, StickValues
 from quadruped_sim.leg_controller import LegController
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.robot_model import JointMap, RobotModel
+from quadruped_sim.states.policy import Walker
 
 
 class Legs:
@@ -30,17 +31,22 @@ class Legs:
         description: Description,
         settings: LegNodeParameters | None = None,
         inform: Callable[[str], None] = lambda text: None,
+        walker: Walker | None = None,
     ) -> None:
         """
         Take a robot, and compile its controller where that has not been done; `inform` is told.
 
+        A `walker` walks in the state policy.
+
         Raises:
+            UserError: the walker is another robot's.
             RobotModelError: the description is no quadruped that can be walked; says which file.
             Stopped: a signal came while the controller was being compiled.
         """
         self.base_frame = description.robot.base
         # Before anything else calls a compiled function; loading is no part of the first tick.
         self.model = compile_once(lambda: _warm_model(description), inform, stop_requested)
+        self._walker = walker
         self.notice = Notice()
         self.answers = True  # keys, in words: not where nobody pressed those that come
         self.on_said: Callable[[str], None] = lambda text: None
@@ -49,7 +55,7 @@ class Legs:
     def configure(self, settings: LegNodeParameters) -> None:
         """Begin with settings, also with those that only hold from the start."""
         self.settings = settings
-        self.controller = LegController(self.model, settings, settings.estimator)
+        self.controller = LegController(self.model, settings, settings.estimator, self._walker)
         self._names: tuple[tuple[str, ...], tuple[str, ...]] = (), ()
         self._state = self.controller.state
         self._refusal: str | None = None
@@ -99,6 +105,8 @@ class Legs:
             self._names = joint_names, motor_names
             self._joints = JointMap(self.model.quadruped, joint_names, motor_names)
         command = self.controller.step(self._joints.reading(reading), dt, truth)
+        if remark := self.controller.take_remark():
+            self.say(remark)
         if self.controller.state != self._state:
             self._state = self.controller.state
             if self.controller.event is not None and self._state == StateName.PASSIVE:
@@ -119,7 +127,7 @@ class Legs:
     def forget_velocity(self) -> bool:
         """Follow the last velocity no more; return whether it was moving the robot."""
         asked = self.controller.command_filter
-        was_driven = self.state == StateName.MOVE_BASE and not asked.is_silent
+        was_driven = self.state in (StateName.MOVE_BASE, StateName.POLICY) and not asked.is_silent
         asked.forget_request()
         return was_driven
 

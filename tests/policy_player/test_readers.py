@@ -18,11 +18,11 @@ from policy_files import (
     torchscript,
     write,
 )
-from policy_player.observations import Senses
 from policy_player.player import Player
 from policy_player.policy_file import read_policy
 from policy_player.spec import MOTOR_ORDER, PolicyError
 import pytest
+from wasd_core.robot_io import Senses
 
 pytest.importorskip('onnxruntime')
 STEPS = 9

@@ -25,6 +25,8 @@ from policy_player.spec import PolicyError
 import pytest
 import yaml
 
+from policy_player import policy_file
+
 pytest.importorskip('onnxruntime')
 ZERO = constant(45, np.zeros(12))
 
@@ -233,6 +235,12 @@ def test_networks_that_cannot_be_played_are_refused_by_what_is_odd(tmp_path):
     assert 'onnxruntime cannot read it' in refused(last='NoSuchOperator')
     path.write_bytes(onnx(*constant(45, np.zeros(11)), mjlab(MOTORS)))
     assert 'the network gives 11 numbers' in refusal(path)
+
+
+def test_a_network_slower_than_its_period_is_refused(tmp_path, policy, monkeypatch):
+    config = write(tmp_path, 'deploy.yaml', deploy(MOTORS))
+    monkeypatch.setattr(policy_file, 'duration_of', lambda network: 0.031)
+    assert 'takes 31 ms a step, which is to last 20 ms' in refusal(policy, config)
 
 
 @pytest.mark.slow

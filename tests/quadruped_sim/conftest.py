@@ -9,7 +9,7 @@ from quadruped_sim.leg_kinematics import ContactPoints, find_contact_points, Leg
 from quadruped_sim.robot_model import RobotModel
 from quadruped_sim.robot_state import RobotState
 from robot_description.description import Description, parse_description
-from wasd_core.robot_io import BaseState, ImuReading, JointStates, Reading
+from wasd_core.robot_io import BaseState, ImuReading, JointStates, JointTargets, Reading, Senses
 import xacro
 
 _XACRO = Path(__file__).parents[2] / 'robot_description/robot_description/urdf/go2/go2.urdf.xacro'
@@ -28,6 +28,27 @@ def go2(urdf: str) -> Description:
 @pytest.fixture(scope='session')
 def model(go2: Description) -> RobotModel:
     return RobotModel(go2)
+
+
+class StandingWalker:
+    """What holds its pose in the state policy."""
+
+    ranges = None
+    failure = ''
+
+    def __init__(self, joints: tuple[str, ...]) -> None:
+        self.joints, self.default = joints, np.tile((0.0, 0.8, -1.6), 4)
+
+    def reset(self) -> None:
+        pass
+
+    def step(self, senses: Senses, command: np.ndarray, dt: float) -> JointTargets:
+        return JointTargets(self.default, np.full(12, 60.0), np.full(12, 3.0))
+
+
+@pytest.fixture(scope='session')
+def walker(model: RobotModel) -> StandingWalker:
+    return StandingWalker(model.quadruped.joint_names)
 
 
 @pytest.fixture

@@ -40,8 +40,8 @@ LEGAL = {(state, key) for state, keys in TRANSITIONS.items() for key in keys}
 
 
 @pytest.fixture(scope='module')
-def legs(model):
-    return LegController(model, estimator='truth')
+def legs(model, walker):
+    return LegController(model, estimator='truth', walker=walker)
 
 
 @pytest.fixture
@@ -67,7 +67,8 @@ def answers(in_state):
 
 
 def test_no_key_is_answered_by_silence_unless_it_acts(in_state):
-    drives = {(StateName.TROTTING, key) for key in 'wsadjlWSADJL'}
+    driven = (StateName.TROTTING, StateName.POLICY)
+    drives = {(state, key) for state in driven for key in 'wsadjlWSADJL'}
     silent = {(state, key) for state, key, text in answers(in_state) if not text}
     assert silent == LEGAL | drives
 
@@ -86,7 +87,7 @@ def test_every_text_fits_a_line_of_80_columns_beside_state_and_time(in_state):
 
 def test_every_text_is_whole_at_120_columns(in_state):
     for state, key, text in answers(in_state):
-        if state not in (StateName.TROTTING, StateName.MOVE_BASE):
+        if state not in (StateName.TROTTING, StateName.MOVE_BASE, StateName.POLICY):
             assert text is None or text in status_line(Status(state.value, (), text), CLOCK, 119)
         else:
             line = status_line(Status(state.value, (COMMAND,), text or ''), CLOCK, 119)
@@ -94,7 +95,10 @@ def test_every_text_is_whole_at_120_columns(in_state):
             assert COMMAND in line
 
 
-@pytest.mark.parametrize('state', [s for s in STATES if s is not StateName.TROTTING])
+DRIVEN = (StateName.TROTTING, StateName.POLICY)
+
+
+@pytest.mark.parametrize('state', [s for s in STATES if s not in DRIVEN])
 def test_w_says_which_keys_lead_to_a_trot_and_they_do(in_state, state):
     said = in_state(state).press('w')
     keys = [word for word in said.replace(':', ' ').split() if word in STATE_KEYS]
@@ -121,6 +125,7 @@ def test_w_in_the_states_one_meets_first(in_state):
         StateName.GET_UP: 'press 4 to trot when it stands',
         StateName.LIE_DOWN: 'press 2 to stand, then 4 to trot',
         StateName.JUMP: 'press 4 to trot when it stands',
+        StateName.POLICY: '',
     }
 
 
@@ -167,7 +172,7 @@ def test_a_fallen_robot_gets_up_at_these_keys_and_never_stands_up_as_it_lies(in_
 def test_cmd_vel_says_which_keys_lead_to_move_base(in_state):
     for state in STATES:
         said = in_state(state).set_velocity(0.1, 0.0, 0.0)
-        if state is StateName.MOVE_BASE:
+        if state in (StateName.MOVE_BASE, StateName.POLICY):
             assert said is None
         else:
             assert said.startswith(f'press {keys_between(state, StateName.MOVE_BASE)[0]} ')

@@ -13,7 +13,7 @@ from typing import Any
 from mujoco_sim.parameters import NOTHING, Untold
 from mujoco_sim.pictures import take_picture, Viewpoint
 import numpy as np
-from quadruped_sim.keys import STATE_KEYS
+from quadruped_sim.keys import STATE_KEYS, StateName
 from wasd_bringup.robots import GO2, MBOT
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.robot import Velocity
@@ -21,6 +21,8 @@ from wasd_bringup.run.worlds import build_robots
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry, BaseState
 
+# States that follow `drive`.
+DRIVEN = (StateName.MOVE_BASE, StateName.POLICY)
 # Where a picture is taken from: distance as a multiple of the robot's [m], angles [degrees].
 AZIMUTH, ELEVATION = 130.0, -20.0
 
@@ -179,8 +181,9 @@ class Go2(Robot):
 
     `drive` commands a velocity in the state move base. `estimator` is `kalman` (IMU with noise
     and legs) or `truth`; `limits` is `sport`, `guide` or `race`, what full stick means; `gait`
-    is the order in which the feet step. The controller is not told of `untold`: friction, payload,
-    and how much the robot differs at random.
+    is the order in which the feet step. `policy` is the file of a network that walks in the state
+    policy (2, then p), `policy_config` what says how it was trained. The controller is not told
+    of `untold`: friction, payload, and how much the robot differs at random.
 
     Raises:
         UserError: what is wrong with the description, the world or an option, in one line.
@@ -197,6 +200,8 @@ class Go2(Robot):
         estimator: str = 'kalman',
         limits: str = 'sport',
         gait: str = 'trot',
+        policy: str | os.PathLike[str] | None = None,
+        policy_config: str | os.PathLike[str] | None = None,
         untold: Untold = NOTHING,
     ) -> None:
         super().__init__(
@@ -211,6 +216,8 @@ class Go2(Robot):
                 estimator=estimator,
                 limits=limits,
                 gait=gait,
+                policy=None if policy is None else os.fspath(policy),
+                policy_config=None if policy_config is None else os.fspath(policy_config),
                 untold=untold,
                 speed=0.0,
             )
@@ -257,7 +264,9 @@ class Go2(Robot):
 
     def drive(self, vx: float, vy: float = 0.0, wz: float = 0.0) -> None:
         """
-        Command a velocity [m/s], [m/s], [rad/s] in the state move base, until the next or its end.
+        Command a velocity [m/s], [m/s], [rad/s] until the next, or the end of the state.
+
+        It is followed in the states move base and policy.
 
         Raises:
             UserError: not finite, or the robot is in another state.
@@ -265,14 +274,14 @@ class Go2(Robot):
         if not np.isfinite((vx, vy, wz)).all():
             raise UserError(f'drive: got {(vx, vy, wz)}, wanted finite numbers')
         with self._alone('drive'):
-            if self._robot.legs.controller.coming_state != 'move base':
+            if self._robot.legs.controller.coming_state not in DRIVEN:
                 raise UserError(f'drive: needs the state move base (2, then 5), not {self.state}')
             self._velocity = (vx, vy, wz)
 
     def _repeat(self) -> None:
-        if self._robot.legs.controller.coming_state != 'move base':
-            self._velocity = None  # who comes back to move base stands until it is driven
-        if self.state == 'move base':
+        if self._robot.legs.controller.coming_state not in DRIVEN:
+            self._velocity = None  # who comes back to such a state stands until it is driven
+        if self.state in DRIVEN:
             super()._repeat()
 
 

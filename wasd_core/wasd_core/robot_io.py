@@ -84,6 +84,29 @@ class ImuReading(NamedTuple):
     linear_acceleration: np.ndarray
 
 
+class Senses(NamedTuple):
+    """
+    What a robot knows of itself, as a walker is told it; joints in the walker's order, (n,).
+
+    `orientation` is a quaternion w, x, y, z from base to world; velocities of the base are in its
+    own axes [m/s], [rad/s]; joints [rad], [rad/s].
+    """
+
+    orientation: np.ndarray
+    angular_velocity: np.ndarray
+    linear_velocity: np.ndarray
+    joint_position: np.ndarray
+    joint_velocity: np.ndarray
+
+
+class JointTargets(NamedTuple):
+    """Where joints are to be [rad] and with which gains [N m/rad], [N m s/rad]; (n,) each."""
+
+    position: np.ndarray
+    stiffness: np.ndarray
+    damping: np.ndarray
+
+
 class Reading(NamedTuple):
     """Everything measured in one instant; `imu` is None for a robot without one."""
 

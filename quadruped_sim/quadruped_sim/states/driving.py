@@ -36,7 +36,8 @@ class ControllerParts:
     """
     What states use of the controller; made once and shared. `params` may be replaced.
 
-    `is_fed_slowly` tells that readings come too slowly for a trot.
+    `is_fed_slowly` tells that readings come too slowly for a trot. `remark` is what a state has to
+    tell the driver. `walks_on` says that a walker other than the gait is left while it moves.
     """
 
     model: RobotModel
@@ -45,6 +46,8 @@ class ControllerParts:
     command_filter: CommandFilter
     sticks: Sticks
     is_fed_slowly: bool = False
+    remark: str = ''
+    walks_on: bool = False
 
 
 class State(ABC):
@@ -246,6 +249,9 @@ class AfterTrot(State):
         moves = self._parts.locomotion.gait.is_stepping or self._parts.is_fed_slowly
         self._halting = _HALT_TIME_MAX if moves else 0.0
         self._squatting = 0.0
+        if self._parts.walks_on and is_up(self._parts.model, robot):
+            self.trust = robot.is_contact.astype(float)
+            self._start_steps(robot)
 
     def step(self, robot: RobotState, dt: float) -> JointCommand:
         """One tick of the way to a halt, or of what follows."""

@@ -450,6 +450,19 @@ OPTIONS = (
         how={'metavar': 'FILE'},
     ),
     Option(
+        word='--policy',
+        help='a network walks in the state policy (2, then p): an ONNX or TorchScript file',
+        of=LEGS_ALONE,
+        how={'metavar': 'FILE'},
+    ),
+    Option(
+        word='--policy-config',
+        help='how it was trained: deploy.yaml of Isaac Lab, config.yaml of rl_sar, legged_gym or '
+        'playground; else its metadata, or such a file beside it',
+        of=LEGS_ALONE,
+        how={'metavar': 'FILE'},
+    ),
+    Option(
         word='--mode',
         help='fake: no physics, wheels do as told; sim: physics, a PID loop turns the wheels '
         '(float; default); arbotix: physics, and the integer loop of the ArbotiX board',

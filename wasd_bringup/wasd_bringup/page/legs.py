@@ -2,15 +2,7 @@
 """A quadruped in the cockpit: its states as buttons, the stick by the keys of its sticks."""
 
 import numpy as np
-from quadruped_sim.keys import (
-    GAIT_KEYS,
-    STATE_KEYS,
-    StateName,
-    STEP,
-    STICK_KEYS,
-    StickValues,
-    ZERO_KEYS,
-)
+from quadruped_sim.keys import GAIT_KEYS, StateName, STEP, STICK_KEYS, StickValues, ZERO_KEYS
 from quadruped_sim.leg_kinematics import LEGS
 from quadruped_sim.presets import GAITS
 from quadruped_sim.robot_state import RobotState
@@ -65,7 +57,9 @@ class LegsView(RobotView):
 
     def keys(self) -> tuple[KeyCap, ...]:
         """Return the keymap."""
-        states = tuple(KeyCap(self._named(key), state.value) for key, state in STATE_KEYS.items())
+        states = tuple(
+            KeyCap(self._named(choice.key), choice.state) for choice in self._robot.choices()
+        )
         if self._robot.logic is not None:
             caps = keymap_caps(self._robot.logic.keymap)
             taken = {cap.key for cap in caps}
@@ -85,6 +79,8 @@ class LegsView(RobotView):
         controller, state = self._controller, self._controller.state
         limits = controller.command_filter.limits
         full = (limits.forward, limits.lateral, limits.yaw)
+        if state == StateName.POLICY:
+            return StickUse(full, 'drives the policy')
         if self._drives_by_velocity or state == StateName.TROTTING:
             return StickUse(full, f'drives, gait {controller.gait}')
         wanted = controller.words.drive

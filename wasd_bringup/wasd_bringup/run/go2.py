@@ -13,9 +13,11 @@ from quadruped_sim.leg_kinematics import LegGeometry
 from quadruped_sim.legs import Legs
 from quadruped_sim.parameters import LegNodeParameters
 from quadruped_sim.presets import LIMITS
+from quadruped_sim.states.policy import Walker
 from robot_description.description import Description
 from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
 from teleop_keyboard.keymap import on_layout, on_qwerty
+from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 from wasd_core.timing import is_press, STOP_KEY
@@ -27,8 +29,9 @@ from wasd_bringup.run.report import Sample, TrunkWatch
 from wasd_bringup.run.robot import Robot, StateChoice, Velocity
 
 # States in which the robot is being driven.
-DRIVEN = ('trotting', 'move base')
-# The key that lets go of the legs.
+DRIVEN = (StateName.TROTTING, StateName.MOVE_BASE, StateName.POLICY)
+# The key that has the policy walk, and the one that lets go of the legs.
+POLICY = next(key for key, state in STATE_KEYS.items() if state is StateName.POLICY)
 PASSIVE = next(key for key, state in STATE_KEYS.items() if state is StateName.PASSIVE)
 
 
@@ -47,7 +50,8 @@ class Go2(Robot):
         self, options: RunOptions, loaded: Description, world: World, simulation: Simulation
     ) -> None:
         super().__init__(options, loaded, world, simulation)
-        self.legs = Legs(loaded, leg_settings(self.given), inform=self.log.info)
+        walker = load_walker(options)
+        self.legs = Legs(loaded, leg_settings(self.given), self.log.info, walker)
         quadruped = self.legs.model.quadruped
         self._touching = (*quadruped.feet, *quadruped.trunk)
         size = self.legs.model.scale.of('m')
@@ -90,7 +94,7 @@ class Go2(Robot):
 
     @property
     def _refusal(self) -> str:
-        if self.state == StateName.MOVE_BASE:
+        if self.state in (StateName.MOVE_BASE, StateName.POLICY):
             return ''
         first = '' if self.state == StateName.FIXED_STAND else '2 to stand, then '
         return f'press {first}5 to move: it is {self.state}'
@@ -116,9 +120,15 @@ class Go2(Robot):
     def help_lines(self) -> tuple[str, ...]:
         """The keys, for the terminal and the page."""
         lines = unitree_help(self.layout)
+        if self.legs.controller.has_policy:
+            lines = (*lines[:2], f'{self._policy_key} policy, from the stand', *lines[2:])
         if self.logic is None:
             return lines
         return (*self.logic.keymap.help_lines, *lines[:2], 'First 2, then 5, then drive.')
+
+    @property
+    def _policy_key(self) -> str:
+        return on_layout(POLICY, self.layout)
 
     @property
     def first_keys(self) -> str:
@@ -168,6 +178,7 @@ class Go2(Robot):
         return tuple(
             StateChoice(key, state.value, state.value == self.state, controller.refusal(key))
             for key, state in STATE_KEYS.items()
+            if controller.has_policy or state is not StateName.POLICY
         )
 
     def command(self, velocity: Velocity) -> None:
@@ -253,7 +264,7 @@ class Go2(Robot):
         self.legs.press(legs_key)
         super()._press(key, is_pressed)
         is_ours = legs_key not in STATE_KEYS and is_press(key)
-        if self._hints and self.state == StateName.MOVE_BASE and is_ours and is_pressed:
+        if self._hints and self.state in DRIVEN[1:] and is_ours and is_pressed:
             self.notice.say(self._hints.press(key))
 
     def _key_words(self) -> KeyWords:
@@ -276,6 +287,24 @@ def leg_settings(given: dict[str, Any]) -> LegNodeParameters:
         InvalidParameter: what is wrong with one, with its line where a file has it.
     """
     return read_leg_file(given.get('controller', '')).changed(given)
+
+
+def load_walker(options: RunOptions) -> Walker | None:
+    """
+    Return the network that walks in the state policy, if one is asked for.
+
+    Raises:
+        UserError: why it cannot be played, in one line.
+    """
+    if options.policy is None:
+        if options.policy_config is not None:
+            raise UserError('--policy-config: it tells of a network, give it by --policy FILE')
+        return None
+    # Here, because few runs play one.
+    from policy_player.player import Player
+    from policy_player.policy_file import read_policy
+
+    return Player(read_policy(options.policy, options.policy_config))
 
 
 def _feet(legs: LegGeometry) -> np.ndarray:

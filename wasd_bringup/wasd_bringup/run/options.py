@@ -64,6 +64,8 @@ class RunOptions:
     gait: str | None = None
     mode: str | None = None
     controller: Path | None = None
+    policy: str | None = None  # the file of a network that walks
+    policy_config: str | None = None  # what says how it was trained
     gamepad: str | None = None  # None: no pad; '': the first that comes
     foxglove: int | None = None  # the port
     # The map to localise in; '' makes one, None does neither.

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A walker from outside, as a neural network, in place of the gait: key p."""
+
+from typing import Protocol
+
+import numpy as np
+from wasd_core.errors import suggest, UserError
+from wasd_core.robot_io import JointCommand, JointTargets, Senses
+
+from quadruped_sim.robot_model import NO_TORQUE
+from quadruped_sim.robot_state import RobotState
+from quadruped_sim.states.driving import ControllerParts, smooth, stiff_command, Trotting
+
+# From the stand to the pose in which a walker begins [s].
+SETTLE_TIME = 1.0
+# A command is not followed if for so long [s] less than this share of it comes out, of one that
+# is above the least [m/s], [m/s], [rad/s].
+NOT_FOLLOWED_TIME, SHARE = 2.0, 0.4
+LEAST = np.array((0.1, 0.1, 0.15))
+AXES = (('ahead', 'm/s'), ('left', 'm/s'), ('turn', 'rad/s'))
+# Averages of what comes out, over the steps of a gait [s].
+AVERAGE_TIME = 0.5
+# A foot that touches is trusted wholly after so long [s].
+TRUST_TIME = 0.03
+
+
+class Walker(Protocol):
+    """
+    What walks in place of the gait; joints are in its own order.
+
+    `default` (n,) is the pose in which it begins [rad]. `ranges` are those of the velocities that
+    it knows, or None. `failure` says why it cannot go on, '' while it can.
+    """
+
+    joints: tuple[str, ...]
+    default: np.ndarray
+    ranges: tuple[tuple[float, float], ...] | None
+    failure: str
+
+    def reset(self) -> None:
+        """Forget the past."""
+
+    def step(self, senses: Senses, command: np.ndarray, dt: float) -> JointTargets:
+        """Return joint targets, `dt` [s] after the step before; `command` (3,) is a velocity."""
+
+
+class Policy(Trotting):
+    """
+    The walker drives the legs; sticks and velocity commands drive the walker.
+
+    It begins in its own pose. It knows what a robot knows: joints, IMU, estimated velocity.
+    """
+
+    def __init__(self, parts: ControllerParts, walker: Walker) -> None:
+        """
+        Take a walker whose joints are this robot's.
+
+        Raises:
+            UserError: they are not.
+        """
+        super().__init__(parts)
+        self._walker = walker
+        quadruped = parts.model.quadruped
+        names = list(quadruped.joint_names)
+        for name in walker.joints:
+            if name not in names:
+                raise UserError(
+                    f'policy: joint {name} is none of this robot{suggest(name, names)}'
+                )
+        if len(walker.joints) != len(names):
+            raise UserError(f'policy: got {len(walker.joints)} joints, wanted {len(names)}')
+        # From the robot's joints to the walker's, and back.
+        self._theirs = np.array([names.index(name) for name in walker.joints])
+        self._ours = np.argsort(self._theirs)
+        self._sign, self._zero = quadruped.sign, quadruped.zero
+        self._default = self._sign * walker.default[self._ours] + self._zero
+        self._low, self._high = -np.full(3, np.inf), np.full(3, np.inf)
+        if walker.ranges is not None:
+            self._low, self._high = np.array(walker.ranges).T
+
+    @property
+    def failure(self) -> str | None:
+        """Why the walker cannot go on."""
+        return self._walker.failure or None
+
+    def enter(self, robot: RobotState) -> None:
+        """Go to the walker's pose first; the command starts at zero."""
+        self.trust = np.ones(4)
+        self._parts.command_filter.reset()
+        self._parts.locomotion.gait.reset()
+        self._walker.reset()
+        self._start = robot.joint_position.copy()
+        self._time = 0.0
+        self._used_sticks = False
+        self._moved = np.zeros(3)  # what comes out, averaged
+        self._behind = np.zeros(3)  # for how long a command has not been followed [s]
+        self._is_told = [False, False, False]
+
+    def step(self, robot: RobotState, dt: float) -> JointCommand:
+        """Go to the pose, or have the walker walk."""
+        self._time += dt
+        if self._time < SETTLE_TIME:
+            share = smooth(self._time / SETTLE_TIME)
+            pose = self._start + share * (self._default - self._start)
+            return stiff_command(self._parts.model, pose)
+        self._find_trust(robot, dt)
+        self._read_command()
+        asked = self._parts.command_filter
+        asked.velocity = None
+        command = np.clip(asked.step(dt), self._low, self._high)
+        self._watch(robot, command, dt)
+        position = self._sign * (robot.joint_position - self._zero)
+        velocity = self._sign * robot.joint_velocity
+        senses = Senses(
+            robot.orientation,
+            robot.base.omega,
+            robot.base.velocity @ robot.base.R,
+            position[self._theirs],
+            velocity[self._theirs],
+        )
+        targets = self._walker.step(senses, command, dt)
+        position, kp, kd = (part[self._ours] for part in targets)
+        return NO_TORQUE._replace(position=self._sign * position + self._zero, kp=kp, kd=kd)
+
+    def _read_command(self) -> None:
+        """Ask for what the sticks say once they have been moved; else cmd_vel asks."""
+        sticks = self._parts.sticks.values
+        is_held = any((sticks.lx, sticks.ly, sticks.rx))
+        if is_held or self._used_sticks:
+            super()._read_command()
+        self._used_sticks = is_held
+
+    def _find_trust(self, robot: RobotState, dt: float) -> None:
+        """Trust feet that touch, more with time: no schedule says which stand."""
+        risen = np.minimum(self.trust + dt / TRUST_TIME, 1.0)
+        self.trust = np.where(robot.is_contact, risen, 0.0)
+
+    def _watch(self, robot: RobotState, command: np.ndarray, dt: float) -> None:
+        """Say once of each direction that the walker does not follow it."""
+        vx, vy, _ = (robot.base.velocity @ robot.base.R).tolist()
+        now = np.array((vx, vy, float(robot.base.omega[2])))
+        self._moved += min(dt / AVERAGE_TIME, 1.0) * (now - self._moved)
+        follows = self._moved * np.sign(command) >= SHARE * np.abs(command)
+        is_behind = (np.abs(command) > LEAST) & ~follows
+        self._behind = np.where(is_behind, self._behind + dt, 0.0)
+        for axis in np.flatnonzero(self._behind > NOT_FOLLOWED_TIME).tolist():
+            if not self._is_told[axis]:
+                self._is_told[axis] = True
+                self._parts.remark = self._words(axis, float(command[axis]))
+
+    def _words(self, axis: int, command: float) -> str:
+        name, unit = AXES[axis]
+        known = ''
+        if self._walker.ranges is not None:
+            known = '; trained for {:g} to {:g}'.format(*self._walker.ranges[axis])
+        return (
+            f'the policy does not follow {name} {command:+.2f} {unit}: '
+            f'{self._moved[axis]:+.2f}{known}'
+        )

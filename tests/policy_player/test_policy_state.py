@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The state policy: p from the stand, 2 and 1 back, and what lets go."""
+
+import dataclasses
+
+import numpy as np
+from policy_files import constant, exporter, MOTORS, rl_sar, torchscript, write
+import pytest
+from quadruped_sim.states.policy import SETTLE_TIME
+import wasd
+
+HOME = [0.0, 0.8, -1.6] * 4
+
+
+@pytest.fixture(scope='module')
+def standing(tmp_path_factory):
+    """A policy that holds its pose: what it says is always zero."""
+    folder = tmp_path_factory.mktemp('standing')
+    path = folder / 'policy.pt'
+    path.write_bytes(torchscript(exporter(*constant(45, np.zeros(12)))))
+    config = write(
+        folder,
+        'config.yaml',
+        rl_sar(MOTORS, default_dof_pos=HOME, rl_kp=[60.0] * 12, rl_kd=[3.0] * 12),
+    )
+    return path, config
+
+
+@pytest.fixture
+def dog(standing):
+    dog = wasd.Go2(seed=1, policy=standing[0], policy_config=standing[1])
+    dog.press('2')
+    dog.run(2.5)
+    return dog
+
+
+def player(dog):
+    return dog._robot.legs.controller._states['policy']._walker
+
+
+def say(dog, action):
+    """Have the network say something else from now on."""
+    walker = player(dog)
+    walker.policy = walker.policy._replace(network=lambda shown: np.asarray(action))
+
+
+@pytest.mark.slow
+def test_p_plays_from_the_stand_2_stands_again_and_1_lets_go(dog):
+    dog.press('p')
+    dog.run(SETTLE_TIME + 1.0)
+    assert dog.state == 'policy'
+    np.testing.assert_allclose(dog._robot.world.joints().position, HOME, atol=0.15)
+    dog.press('2')
+    dog.run(3.0)
+    assert dog.state == 'fixed stand'
+    assert dog.truth.tilt < 0.05
+    dog.press('p')
+    dog.run(2.0)
+    dog.press('1')
+    dog.run(1.5)
+    assert dog.state == 'passive'
+    assert dog.truth.tilt < 0.3
+
+
+@pytest.mark.slow
+def test_p_leads_from_nowhere_but_the_stand_and_needs_a_policy(dog):
+    dog.press('4')
+    dog.run(0.5)
+    with pytest.raises(wasd.UserError, match='press 2 to stand'):
+        dog.press('p')
+    other = wasd.Go2(seed=1)
+    other.press('2')
+    other.run(2.2)
+    with pytest.raises(wasd.UserError, match='--policy FILE'):
+        other.press('p')
+    assert 'policy' not in [choice.state for choice in other._robot.choices()]
+    assert 'policy' in [choice.state for choice in dog._robot.choices()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('bad', [np.full(12, np.nan), np.zeros(11)])
+def test_a_network_that_says_no_number_ends_in_damping_and_a_line(dog, bad):
+    dog.press('p')
+    dog.run(2.0)
+    height = dog.truth.position[2]
+    say(dog, bad)
+    dog.run(0.03)
+    assert dog.state == 'passive'
+    assert 'the network says what is no number' in dog._robot.legs.notice.text
+    lowest = [height]
+    for _ in range(20):
+        dog.run(0.1)
+        lowest.append(dog.truth.linear_velocity[2])
+        assert dog.truth.tilt < 0.5
+    assert min(lowest) > -1.2  # it sinks, and does not drop: 0.3 m of free fall end at 2.4 m/s
+    dog.press('2')
+    dog.run(3.5)
+    assert dog.state == 'fixed stand'
+
+
+@pytest.mark.slow
+def test_an_e_stop_and_a_fall_let_go_as_ever(dog):
+    dog.press('p')
+    dog.run(2.0)
+    dog._robot.e_stop('page')
+    assert dog.state == 'passive'
+    dog._robot.end_e_stop()
+    dog.run(1.0)
+    dog.press('2')
+    dog.run(3.0)
+    dog.press('p')
+    dog.run(2.0)
+    say(dog, np.where(np.arange(12) // 3 % 2, 2.5, -3.0) * (np.arange(12) % 3 == 0) * 8)
+    dog.push((0.0, 900.0, 0.0), 0.2)
+    dog.run(2.0)
+    assert dog.state == 'passive'
+    assert dog._robot.legs.controller.is_fallen
+
+
+@pytest.mark.slow
+def test_commands_reach_the_network_by_ramps_and_end_when_nobody_repeats_them(dog):
+    dog.press('p')
+    dog.run(2.0)
+    shown = []
+    walker = player(dog)
+    say(dog, np.zeros(12))
+    network = walker.policy.network
+    walker.policy = walker.policy._replace(
+        network=lambda seen: shown.append(seen[6:9] / (2.0, 2.0, 0.25)) or network(seen)
+    )
+    dog.drive(0.5, 0.1, -0.2)
+    dog.run(2.0)
+    assert np.abs(np.diff([one[0] for one in shown])).max() < 0.1
+    np.testing.assert_allclose(shown[-1], (0.5, 0.1, -0.2), atol=1e-6)
+    dog._velocity = None  # who drives falls silent
+    dog.run(2.0)
+    np.testing.assert_allclose(shown[-1], 0.0, atol=1e-6)
+    for _ in range(10):
+        dog.press('w')
+    dog.run(2.0)
+    assert shown[-1][0] > 0.3
+    dog.press(' ')
+    dog.run(2.0)
+    np.testing.assert_allclose(shown[-1], 0.0, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_a_command_that_is_not_followed_is_told_once_with_its_range(dog):
+    policy = dog._robot.legs.controller._states['policy']
+    policy._walker.ranges = ((-0.5, 1.0), (-0.3, 0.3), (-0.2, 0.2))
+    dog.press('p')
+    dog.run(2.0)
+    said = []
+    dog._robot.legs.on_said = said.append
+    dog.drive(0.5)
+    dog.run(5.0)
+    assert len(said) == 1
+    assert said[0].startswith('the policy does not follow ahead +0.50 m/s')
+    assert said[0].endswith('trained for -0.5 to 1')
+
+
+@pytest.mark.slow
+def test_a_policy_of_another_robot_is_refused_by_its_joint(tmp_path, standing):
+    names = [name.replace('joint', 'motor') for name in MOTORS]
+    said = rl_sar(MOTORS, joint_names=names)
+    config = write(tmp_path, 'config.yaml', said)
+    with pytest.raises(wasd.UserError, match='FR_hip_motor is none of this robot'):
+        wasd.Go2(policy=standing[0], policy_config=config)
+
+
+@pytest.mark.slow
+def test_any_joint_order_stands_alike(tmp_path, standing):
+    heights = []
+    for name, order in (('a', MOTORS), ('b', tuple(reversed(MOTORS)))):
+        home = dict(zip(MOTORS, np.round(np.array(HOME) + 0.02 * np.arange(12), 3), strict=True))
+        said = rl_sar(
+            order,
+            default_dof_pos=[float(home[joint]) for joint in order],
+            rl_kp=[60.0] * 12,
+            rl_kd=[3.0] * 12,
+        )
+        config = write(tmp_path / name, 'config.yaml', said)
+        dog = wasd.Go2(seed=1, policy=standing[0], policy_config=config)
+        dog.press('2')
+        dog.run(2.5)
+        dog.press('p')
+        dog.run(2.0)
+        heights.append(dog._robot.world.joints().position)
+    np.testing.assert_array_equal(*heights)
+    assert dataclasses.is_dataclass(player(dog).spec)
