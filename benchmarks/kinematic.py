@@ -46,7 +46,7 @@ def shipped(name: str, sway: float = 0.0) -> Robot:
     kind = NodeKind('navigator', 'the navigator')
     given = read_parameters(str(path), NavigatorParameters, kind)
     settings = NavigatorParameters.from_mapping(given)
-    ((lidar,), _), _ = read_sensor_tags(load_robot(name).robot)
+    ((lidar,), *_), _ = read_sensor_tags(load_robot(name).robot)
     assert isinstance(lidar, LidarTag)
     return Robot(settings.footprint, settings.limits, settings.planning, lidar, sway)
 

@@ -121,7 +121,7 @@ def sensors(scans: int) -> list[Row]:
     """Measure the wall ahead with lidar and depth camera, and how long pictures take."""
     loaded = load_robot('mbot')
     world = build_world(loaded, 'room')
-    ((lidar_tag,), (colour_tag, depth_tag)), _ = read_sensor_tags(loaded.robot)
+    ((lidar_tag,), (colour_tag, depth_tag), _), _ = read_sensor_tags(loaded.robot)
     site = Site(world, loaded.robot)
     lidar = Lidar(lidar_tag, site)
     wall = 0.5 * ROOM_SIZE

@@ -150,8 +150,10 @@ def drive(name: str, value: Any, seed: int, *, by_file: bool) -> str:
         robot.drive(ahead, turn)
         robot.run(seconds)
         if leg == 0 and not by_file:
-            robot._unit.parameters = robot._unit.parameters.changed({name: value})
-    kept, truth = robot._unit.parameters.value(name), robot.truth
+            robot._robot.drive_unit.parameters = robot._robot.drive_unit.parameters.changed(
+                {name: value}
+            )
+    kept, truth = robot._robot.drive_unit.parameters.value(name), robot.truth
     if kept != value and not (kept != kept and value != value):
         return f'CHANGED: {kept} in place of {value}'
     known = (*robot.odometry[:3], *truth.position, *truth.planar_velocity)

@@ -24,14 +24,14 @@ def drive_mbot(seed: int, length: float) -> Log:
     way = drive(make_flat(seed), length, seed)[:, :2]
     robot = wasd.Mbot(world=f'flat:{seed}', seed=seed)
     loaded = load_robot('mbot')
-    ((tag,), _), _ = read_sensor_tags(loaded.robot)
+    ((tag,), *_), _ = read_sensor_tags(loaded.robot)
     lidar, random = Lidar(tag, Site(robot._world, loaded.robot)), np.random.default_rng(seed)
     ticks: list[tuple[float, np.ndarray, np.ndarray, np.ndarray]] = []
     turns: list[tuple[float, np.ndarray]] = []
     at, begin = 0, -math.inf
     while at < len(way) - 1:
         pose, state = where(robot), robot.odometry
-        known = as_matrix(robot._unit.controller.covariance)
+        known = as_matrix(robot._robot.drive_unit.controller.covariance)
         ticks.append((robot.time, pose, np.array((state.x, state.y, state.yaw)), known))
         if robot.time - begin >= 1.0 / tag.rate - 1e-9:
             begin = robot.time

@@ -65,12 +65,14 @@ TOPICS = {
     'kinect/depth/image_raw': 'depth [m] from mbot_kinect, 32FC1',
     'kinect/rgb/camera_info': 'the lens of the colour camera of mbot_kinect',
     'kinect/rgb/image_raw': 'colour from mbot_kinect, rgb8',
+    'points': 'the cloud of the lidar of points: see [sensors](sensors.md)',
     'scan': 'ranges of the lidar by REP 117',
     'selected': 'name of the source that drives, or nothing',
     'state': "the controller's state: passive, fixed stand, trotting, ...",
     'stop_closing_loop': 'lock of the mux: true stops what is below 200',
     'tab_vel': 'velocity from a tablet',
     'twist_marker': 'the velocity as an arrow for RViz',
+    'utlidar/cloud': 'the same as `points`, by the name it has on a Go2',
     'wheel_slip': 'how much each wheel slips: ratio as `position`, [m/s] as `velocity`',
 }
 SERVICES = {

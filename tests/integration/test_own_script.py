@@ -141,7 +141,7 @@ def test_the_go2_walks_one_foot_after_the_other():
     feet = []
     for _ in range(40):
         dog.run(0.05)
-        feet.append(dog._controller.locomotion.is_stance.sum())
+        feet.append(dog._robot.legs.controller.locomotion.is_stance.sum())
     assert (dog.truth.position[0] - start) / 2.0 == pytest.approx(0.5, rel=0.1)
     assert dog.state == 'move base'
     assert min(feet) >= 3

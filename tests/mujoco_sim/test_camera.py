@@ -57,7 +57,7 @@ def make(kinect, scene):
     """Return a function that puts the Kinect, changed as wanted, on the robot."""
 
     def make(scale=1.0, **changes):
-        (_, (tag,)), _ = read_sensor_tags(kinect.robot)
+        (_, (tag,), _), _ = read_sensor_tags(kinect.robot)
         return Camera(replace(tag, **changes), Site(scene, kinect.robot, scale))
 
     return make

@@ -30,7 +30,7 @@ def make(loaded):
     """Return a function that puts mbot's lidar, changed as wanted, into a world."""
 
     def make(world, robot=loaded, **changes):
-        ((tag,), _), _ = read_sensor_tags(robot.robot)
+        ((tag,), *_), _ = read_sensor_tags(robot.robot)
         return Lidar(replace(tag, **changes), Site(world, robot.robot))
 
     return make
@@ -205,7 +205,7 @@ def test_a_go2_that_stoops_sees_the_floor_where_its_rays_meet_it(go2, make):
 @pytest.mark.slow
 def test_on_a_trotting_go2_it_sees_the_walls_as_a_level_one_would(make):
     robot = wasd.Go2(world='flat:3')
-    lidar = make(robot._world, robot._loaded)
+    lidar = make(robot._world, robot._robot.description)
     robot.press('2')
     robot.run(3.0)
     robot.press('5')

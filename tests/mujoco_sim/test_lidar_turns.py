@@ -26,7 +26,7 @@ PANE = """
 
 @pytest.fixture
 def tag(loaded):
-    ((tag,), _), _ = read_sensor_tags(loaded.robot)
+    ((tag,), *_), _ = read_sensor_tags(loaded.robot)
     return tag
 
 

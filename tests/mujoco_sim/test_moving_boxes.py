@@ -22,7 +22,7 @@ def world():
 
 def ranges(world):
     robot = robot_named('mbot').robot
-    ((tag,), _), _ = read_sensor_tags(robot)
+    ((tag,), *_), _ = read_sensor_tags(robot)
     lidar = Lidar(tag, Site(world, robot))
     return lambda: lidar.true_ranges()
 

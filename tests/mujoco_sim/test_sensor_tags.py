@@ -36,7 +36,7 @@ def mbot():
 
 @pytest.mark.slow
 def test_mbots_lidar_is_the_courses(mbot):
-    ((lidar,), _), _ = mbot
+    ((lidar,), *_), _ = mbot
     assert (lidar.topic, lidar.frame, lidar.rate, lidar.samples) == (
         'scan',
         'laser_link',
@@ -51,7 +51,7 @@ def test_mbots_lidar_is_the_courses(mbot):
 
 
 def test_the_go2_has_a_lidar_that_looks_all_around():
-    ((lidar,), _), notes = read_sensor_tags(robot_named('go2').robot)
+    ((lidar,), *_), notes = read_sensor_tags(robot_named('go2').robot)
     assert not notes
     assert (lidar.topic, lidar.frame, lidar.rate) == ('scan', 'laser_link', 10.0)
     step = (lidar.max_angle - lidar.min_angle) / (lidar.samples - 1)
@@ -60,7 +60,7 @@ def test_the_go2_has_a_lidar_that_looks_all_around():
 
 
 def test_mbots_camera_is_the_courses_with_depth_beside_it(mbot):
-    (_, (colour, depth)), _ = mbot
+    (_, (colour, depth), _), _ = mbot
     assert (colour.colour_topic, colour.colour_info_topic) == (
         'camera/image_raw',
         'camera/camera_info',
@@ -79,7 +79,7 @@ def test_mbots_camera_is_the_courses_with_depth_beside_it(mbot):
 
 def test_a_kinect_has_colour_and_depth():
     loaded = robot_named('mbot_kinect')
-    (_, (kinect,)), _ = read_sensor_tags(loaded.robot)
+    (_, (kinect,), _), _ = read_sensor_tags(loaded.robot)
     assert kinect.colour_topic == 'kinect/rgb/image_raw'
     assert kinect.colour_info_topic == 'kinect/rgb/camera_info'
     assert kinect.depth_topic == 'kinect/depth/image_raw'
@@ -88,7 +88,7 @@ def test_a_kinect_has_colour_and_depth():
 @pytest.mark.slow
 def test_a_robot_without_sensors_has_none():
     loaded = robot_named('mbot_bare')
-    assert read_sensor_tags(loaded.robot) == ([[], []], [])
+    assert read_sensor_tags(loaded.robot) == ([[], [], []], [])
 
 
 @pytest.mark.parametrize(
@@ -120,19 +120,19 @@ def test_a_robot_without_sensors_has_none():
     ],
 )
 def test_a_lidar_is_read_in_gazebos_dialects(kind, word, plugin, topic, frame):
-    ((found,), _), _ = read(lidar(kind, word, plugin, yaw=math.pi / 2))
+    ((found,), *_), _ = read(lidar(kind, word, plugin, yaw=math.pi / 2))
     assert (found.topic, found.frame, found.samples) == (topic, frame, 3)
     np.testing.assert_allclose(found.pose.position, [0.0, 0.0, 0.1])
     np.testing.assert_allclose(found.pose.rotation[:, 0], [0.0, 1.0, 0.0], atol=1e-12)
 
 
 def test_two_lidars_of_one_topic_are_kept_apart_by_their_names():
-    (lidars, _), _ = read(lidar(name='left') + lidar(name='right'))
+    (lidars, *_), _ = read(lidar(name='left') + lidar(name='right'))
     assert [found.topic for found in lidars] == ['left/scan', 'right/scan']
 
 
 def test_a_camera_without_a_plugin_is_called_as_its_sensor():
-    (_, (found,)), _ = read('<sensor type="rgbd_camera" name="eye"><camera/></sensor>')
+    (_, (found,), _), _ = read('<sensor type="rgbd_camera" name="eye"><camera/></sensor>')
     assert (found.colour_topic, found.depth_topic) == ('eye/image_raw', 'eye/depth/image_raw')
     assert (found.colour_info_topic, found.depth_info_topic) == (
         'eye/camera_info',
@@ -142,7 +142,7 @@ def test_a_camera_without_a_plugin_is_called_as_its_sensor():
 
 def test_other_sensors_are_left_to_others():
     assert read('<sensor type="imu" name="imu"/><sensor type="contact" name="c"/>') == (
-        [[], []],
+        [[], [], []],
         [],
     )
 
@@ -186,7 +186,7 @@ BROKEN = {
 
 @pytest.mark.parametrize('words', BROKEN)
 def test_a_broken_sensor_is_left_out_with_one_line_and_the_others_stay(words):
-    (lidars, cameras), notes = read(BROKEN[words] + lidar(name='whole'))
+    (lidars, cameras, _), notes = read(BROKEN[words] + lidar(name='whole'))
     assert [found.name for found in lidars] == ['whole']
     assert not cameras
     (note,) = notes
@@ -196,7 +196,7 @@ def test_a_broken_sensor_is_left_out_with_one_line_and_the_others_stay(words):
 
 
 def test_limits_that_are_exchanged_are_taken_the_other_way_round_and_said():
-    ((found,), _), notes = read(scan(min_angle=2.27, max_angle=-2.27, min=30, max=0.1))
+    ((found,), *_), notes = read(scan(min_angle=2.27, max_angle=-2.27, min=30, max=0.1))
     assert (found.min_angle, found.max_angle) == (-2.27, 2.27)
     assert (found.min_range, found.max_range) == (0.1, 30.0)
     assert notes == [
@@ -207,27 +207,27 @@ def test_limits_that_are_exchanged_are_taken_the_other_way_round_and_said():
 
 
 def test_a_rate_of_zero_is_that_of_a_sensor_which_names_none():
-    ((found,), _), notes = read(scan(update_rate=0))
+    ((found,), *_), notes = read(scan(update_rate=0))
     assert (found.rate, notes) == (10.0, [])
 
 
 def test_a_sensor_on_no_link_is_left_out_and_said_so():
     assert read(lidar(), link='tail') == (
-        [[], []],
+        [[], [], []],
         ["sensor 'eye' is on 'tail', which is no link: left out"],
     )
 
 
 def test_of_a_lidar_with_many_rows_one_is_simulated_and_that_is_said():
     rows = '<vertical><samples>16</samples></vertical></scan>'
-    (found, _), notes = read(lidar().replace('</scan>', rows))
+    (found, *_), notes = read(lidar().replace('</scan>', rows))
     assert len(found) == 1
     assert notes == ["sensor 'eye': of its rows of rays, one is simulated"]
 
 
 def test_topics_are_made_of_what_ros_allows():
     plugin = '<plugin><topicName>/2d lidar//front-left</topicName></plugin>'
-    ((found,), _), _ = read(lidar(plugin=plugin))
+    ((found,), *_), _ = read(lidar(plugin=plugin))
     assert found.topic == '_2d_lidar/front_left'
-    (_, (camera,)), _ = read('<sensor type="camera" name="front-camera"><camera/></sensor>')
+    (_, (camera,), _), _ = read('<sensor type="camera" name="front-camera"><camera/></sensor>')
     assert camera.colour_topic == 'front_camera/image_raw'

@@ -115,8 +115,8 @@ def test_a_test_that_is_asked_for_on_the_ground_begins_once_it_stands(test):
 
 def narrowest(dog: Go2) -> float:
     """Return the smallest radius of the incircles of three feet [m]."""
-    assert dog._controller.robot is not None
-    feet = dog._controller.robot.feet
+    assert dog._robot.legs.controller.robot is not None
+    feet = dog._robot.legs.controller.robot.feet
     return min(room_inside(corners_of(feet, np.arange(4) != lifted)) for lifted in range(4))
 
 

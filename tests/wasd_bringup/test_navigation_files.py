@@ -71,7 +71,7 @@ def test_frames_are_the_robots_and_the_lidars_range_is_its_own(robot):
     loaded, found = robot_named(robot), parameters(*ROBOTS[robot])
     bases = {value for name, value in found.items() if name.split('.')[-1] in BASES}
     assert bases == {loaded.robot.root}
-    ((lidar,), _), _ = read_sensor_tags(loaded.robot)
+    ((lidar,), *_), _ = read_sensor_tags(loaded.robot)
     assert found['slam_toolbox.max_laser_range'] == lidar.max_range
     # No scan is to be left out.
     assert found['slam_toolbox.minimum_time_interval'] < 1.0 / lidar.rate

@@ -208,8 +208,13 @@ class Lidar:
         )
         return np.where(self._hits >= 0, self._distances, np.inf)
 
-    def begin(self, late: float = 0.0) -> None:
-        """Begin a revolution, which its first ray has done `late` [s] ago."""
+    @property
+    def is_turning(self) -> bool:
+        """Whether a revolution is being measured."""
+        return self._elapsed is not None
+
+    def begin(self, number: int = 0, late: float = 0.0) -> None:
+        """Begin the revolution of a number, which its first ray has done `late` [s] ago."""
         self._count, self._elapsed = 0, late
 
     def forget(self) -> None:
@@ -285,6 +290,10 @@ class Lidar:
     def measure(self, wanted: Collection[str], random: Random) -> Iterator[tuple[str, Fields]]:
         """Yield the fields of a sensor_msgs/LaserScan; all rays are of one instant."""
         yield 'topic', self.fields(self.scan(random))
+
+    def measured(self, ranges: np.ndarray, random: Random) -> Iterator[tuple[str, Fields]]:
+        """Yield the fields of a sensor_msgs/LaserScan of a revolution's true ranges [m]."""
+        yield 'topic', self.fields(self.tag.err(ranges, random))
 
     def fields(self, ranges: np.ndarray) -> Fields:
         """Return the fields of a sensor_msgs/LaserScan with these ranges [m]."""

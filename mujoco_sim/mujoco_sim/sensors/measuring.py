@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measures what the sensors of a robot see, each at its rate, for who listens."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from robot_description.description import Description
 from wasd_core.timing import Beat
 
-from mujoco_sim.parameters import AS_DESCRIBED, SimulatorParameters
-from mujoco_sim.sensors.lidar import Lidar, LidarTag, with_model
+from mujoco_sim.parameters import AS_DESCRIBED, IDEAL, SimulatorParameters
+from mujoco_sim.sensors.cloud import CloudTag, idealised
+from mujoco_sim.sensors.lidar import LidarTag, with_model
 from mujoco_sim.sensors.mount import Fields, Site
-from mujoco_sim.sensors.table import read_sensor_tags, Sensor, SENSORS
+from mujoco_sim.sensors.table import read_sensor_tags, Sensor, SENSORS, Turning
 from mujoco_sim.sensors.tags import SensorTag
 from mujoco_sim.world import World
 
@@ -68,6 +69,8 @@ class Sensors:
                 own = replace(tag, frame=world.prefix + tag.frame)
                 if isinstance(own, LidarTag) and settings.lidar != AS_DESCRIBED:
                     own = with_model(own, settings.lidar)
+                elif isinstance(own, CloudTag) and settings.lidar == IDEAL:
+                    own = idealised(own)
                 self._sensors.append(_SensorTopics(own, kind.build(own, self._site), kind.topics))
         self.reset()
 
@@ -88,34 +91,34 @@ class Sensors:
         dt, self._stepped = now - self._stepped, now
         for index, (beat, one) in enumerate(zip(self._beats, self._sensors, strict=True)):
             before, is_due = beat.number, beat.is_due(now - self._start, one.rate)
-            if isinstance(one.sensor, Lidar) and one.sensor.tag.turns:
+            if one.turns:
                 self._turn(index, one, dt, (before, beat.number))
             elif is_due and (wanted := one.wanted()):
-                for topic, fields in one.sensor.measure(wanted, self._random(index, beat.number)):
-                    for receive in wanted[topic]:
-                        receive(now, fields)
+                sensor = cast(Sensor, one.sensor)
+                _tell(now, sensor.measure(wanted, self._random(index, beat.number)), wanted)
 
     def _turn(self, index: int, one: '_SensorTopics', dt: float, numbers: tuple[int, int]) -> None:
         """
-        Let a lidar turn by a step of `dt` [s], and begin a revolution where its number is new.
+        Let a sensor turn by a step of `dt` [s], and begin to measure where its number is new.
 
         What it has measured is told with the time of its first ray. It turns while somebody
-        listens; who comes later waits for the next revolution.
+        listens; who comes later waits for the next measurement.
         """
-        lidar, number = one.sensor, numbers[0]
-        assert isinstance(lidar, Lidar)
-        wanted = one.wanted()
-        if not wanted:
-            lidar.forget()
+        sensor, number = cast(Turning, one.sensor), numbers[0]
+        whole = sensor.step(dt) if sensor.is_turning else None
+        is_new = numbers[1] != number
+        if whole is None and not is_new:
             return
-        ranges = lidar.step(dt)
-        if ranges is not None:
-            fields = lidar.fields(lidar.tag.err(ranges, self._random(index, number)))
-            for receive in wanted['topic']:
-                receive(self._start + number / one.rate, fields)
-        if numbers[1] != number:
-            lidar.begin(max(0.0, self._world.time - self._start - numbers[1] / one.rate))
-            lidar.step(0.0)
+        wanted = one.wanted()
+        if whole is not None:
+            began = self._start + number / one.rate
+            _tell(began, sensor.measured(whole, self._random(index, number)), wanted)
+        if not wanted:
+            sensor.forget()
+        elif is_new:
+            late = max(0.0, self._world.time - self._start - numbers[1] / one.rate)
+            sensor.begin(numbers[1], late)
+            sensor.step(0.0)
 
     def _random(self, index: int, number: int) -> np.random.Generator | None:
         """Return what the noise of a measurement of a sensor is drawn with."""
@@ -127,8 +130,8 @@ class Sensors:
         self._start = self._stepped = self._world.time
         self._beats = [Beat() for _ in self._sensors]
         for one in self._sensors:
-            if isinstance(one.sensor, Lidar):
-                one.sensor.forget()
+            if one.turns:
+                cast(Turning, one.sensor).forget()
 
     def tune(self, settings: SimulatorParameters) -> None:
         """Set whether there is noise, and the share of the described size that pictures have."""
@@ -140,11 +143,21 @@ class Sensors:
         self._site.close()
 
 
+def _tell(
+    now: float, measured: Iterable[tuple[str, Fields]], wanted: dict[str, list[Receive]]
+) -> None:
+    """Give what is measured at a time [s] to who wants it."""
+    for topic, fields in measured:
+        for receive in wanted.get(topic, ()):
+            receive(now, fields)
+
+
 class _SensorTopics:
     """A sensor and its topics; two of one name, as of a lens that two pictures share, are one."""
 
-    def __init__(self, tag: SensorTag, sensor: Sensor, topics: dict[str, str]) -> None:
+    def __init__(self, tag: SensorTag, sensor: Sensor | Turning, topics: dict[str, str]) -> None:
         self.rate = tag.rate
+        self.turns: bool = getattr(tag, 'turns', False)
         self.sensor = sensor
         self.topics: dict[str, SensorTopic] = {}  # by the fields of the tag
         names: set[str] = set()

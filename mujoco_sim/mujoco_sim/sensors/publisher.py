@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Publishes what sensors measure, for who has subscribed."""
 
+import array
+
+import numpy as np
 from rclpy.node import Node
 import sensor_msgs.msg
+from sensor_msgs.msg import PointField
 from std_msgs.msg import Header
 from wasd_core.messages import to_stamp
 from wasd_core.streams import visible
@@ -26,6 +30,7 @@ def publish_sensors(node: Node, sensors: Sensors) -> None:
 def _publish_topic(node: Node, topic: SensorTopic) -> None:
     # Who is listened to holds the listener: that must not hold the topic.
     is_large, frame = topic.kind in LARGE, topic.frame
+    topic_kind = topic.kind
     message_type = getattr(sensor_msgs.msg, topic.kind)
     publisher = node.create_publisher(message_type, topic.name, RELIABLE)
 
@@ -34,6 +39,31 @@ def _publish_topic(node: Node, topic: SensorTopic) -> None:
 
     def publish(now: float, fields: Fields) -> None:
         header = Header(stamp=to_stamp(now), frame_id=frame)
+        if topic_kind == 'PointCloud2':
+            fields = to_cloud_fields(fields['points'])
         publisher.publish(message_type(header=header, **fields))
 
     topic.listen(publish, is_wanted)
+
+
+# What PointCloud2 calls numpy's types.
+_DATATYPES = {'f4': PointField.FLOAT32, 'u2': PointField.UINT16}
+
+
+def to_cloud_fields(points: np.ndarray) -> Fields:
+    """Return the fields of a PointCloud2 of an array of points, one row of them."""
+    described = points.dtype.fields
+    assert described is not None
+    return {
+        'height': 1,
+        'width': len(points),
+        'fields': [
+            PointField(name=name, offset=offset, datatype=_DATATYPES[kind.str[1:]], count=1)
+            for name, (kind, offset, *_) in described.items()
+        ],
+        'is_bigendian': False,
+        'point_step': points.dtype.itemsize,
+        'row_step': points.dtype.itemsize * len(points),
+        'data': array.array('B', points.tobytes()),
+        'is_dense': True,
+    }

@@ -9,6 +9,7 @@ from robot_description.robot import Robot
 from robot_description.sensor_tags import CAMERA_TYPES, LIDAR_TYPES
 
 from mujoco_sim.sensors.camera import Camera, read_camera
+from mujoco_sim.sensors.cloud import is_cloud, PointLidar, read_cloud
 from mujoco_sim.sensors.lidar import Lidar, read_lidar
 from mujoco_sim.sensors.mount import Fields, Random, Site
 from mujoco_sim.sensors.tags import legal_topic, SensorTag, TagReader
@@ -16,7 +17,7 @@ from robot_description import sensor_tags
 
 
 class Sensor(Protocol):
-    """What measures."""
+    """What measures in one instant; one that turns is a `Turning`."""
 
     def measure(self, wanted: Collection[str], random: Random) -> Iterator[tuple[str, Fields]]:
         """
@@ -27,26 +28,56 @@ class Sensor(Protocol):
         """
 
 
+class Turning(Protocol):
+    """What measures as time goes on: `step` returns what is measured when it is whole."""
+
+    @property
+    def is_turning(self) -> bool:
+        """Whether it measures now."""
+
+    def begin(self, number: int = 0, late: float = 0.0) -> None:
+        """Begin the measurement of a number, `late` [s] after it should have."""
+
+    def forget(self) -> None:
+        """Break a measurement off."""
+
+    def step(self, dt: float) -> Any:
+        """Measure for `dt` [s]."""
+
+    def measured(self, whole: Any, random: Random) -> Iterator[tuple[str, Fields]]:
+        """Yield the topic's field, and what its message says of what `step` has returned."""
+
+
 class SensorKind(NamedTuple):
     """
     A row of SENSORS.
 
     `types` are the words of `<sensor type="...">`; `read` makes a tag of one, `build` a sensor of
     a tag and a site. `topics` has the fields of the tag that name topics, and the type of
-    sensor_msgs that is published there; one that is empty in a tag is not.
+    sensor_msgs that is published there; one that is empty in a tag is not. `takes` tells rows of
+    the same types apart.
     """
 
     types: tuple[str, ...]
     read: Callable[[TagReader], SensorTag]
-    build: Callable[[Any, Site], Sensor]
+    build: Callable[[Any, Site], Sensor | Turning]
     topics: dict[str, str]
+    takes: Callable[[TagReader], bool] = lambda reader: True
 
 
 _IMAGES = {'colour_topic': 'Image', 'depth_topic': 'Image'}
+_CLOUDS = {'topic': 'PointCloud2', 'alias': 'PointCloud2'}
 _LENSES = {'colour_info_topic': 'CameraInfo', 'depth_info_topic': 'CameraInfo'}
 SENSORS = [
-    SensorKind(LIDAR_TYPES, read_lidar, Lidar, {'topic': 'LaserScan'}),
+    SensorKind(
+        LIDAR_TYPES,
+        read_lidar,
+        Lidar,
+        {'topic': 'LaserScan'},
+        takes=lambda reader: not is_cloud(reader),
+    ),
     SensorKind(CAMERA_TYPES, read_camera, Camera, {**_IMAGES, **_LENSES}),
+    SensorKind(LIDAR_TYPES, read_cloud, PointLidar, _CLOUDS, takes=is_cloud),
 ]
 
 
@@ -75,7 +106,7 @@ def read_sensor_tags(robot: Robot) -> SensorTags:
                 found.notes.append(f'sensor {reader.name!r} {why}: left out')
                 continue
             for kind, tags in zip(SENSORS, found.kinds, strict=True):
-                if reader.kind in kind.types:
+                if reader.kind in kind.types and kind.takes(reader):
                     tags.append(kind.read(reader))
     pairs = zip(found.kinds, SENSORS, strict=True)
     return found._replace(kinds=[_separate(tags, kind.topics) for tags, kind in pairs])

@@ -34,7 +34,7 @@ class ControllerFace:
     ) -> None:
         """Take a robot, and the node of its controller, which has `cmd_vel`."""
         self.robot, namespace = robot, robot.options.namespace
-        self.node: Any = node or _PlainNode(robot)
+        self.node: Any = node or _plain_node(robot)
         self.nodes: list[Node] = [self.node]
         self.key_inputs: list[LoopbackSubscription[String]] = []
         if robot.logic is not None:
@@ -97,16 +97,15 @@ class ControllerFace:
         return twist
 
 
-class _PlainNode(Node):
-    """Takes cmd_vel for a robot whose controller has no node."""
+def _plain_node(robot: Robot) -> Any:
+    """Return a node that takes cmd_vel for a robot whose controller has none."""
+    node: Any = Node(robot.kind.controller, namespace=robot.options.namespace)
 
-    def __init__(self, robot: Robot) -> None:
-        super().__init__(robot.kind.controller, namespace=robot.options.namespace)
-        self.cmd_vel = LoopbackSubscription(self, Twist, 'cmd_vel', self._on_twist)
-        self._robot = robot
+    def on_twist(twist: Twist) -> None:
+        robot.command((twist.linear.x, twist.linear.y, twist.angular.z))
 
-    def _on_twist(self, twist: Twist) -> None:
-        self._robot.command((twist.linear.x, twist.linear.y, twist.angular.z))
+    node.cmd_vel = LoopbackSubscription(node, Twist, 'cmd_vel', on_twist)
+    return node
 
 
 class LegsFace(ControllerFace):
