@@ -79,7 +79,7 @@ def test_scans_are_of_the_room_and_repeat_with_the_seed(
     for stamp, scan in scans.items():
         np.testing.assert_array_equal(scan.ranges, again[stamp].ranges)
         assert np.isfinite(scan.ranges).mean() > 0.95  # an A1 loses one in a hundred
-    assert np.mean(scans[0, 0].ranges[175:185]) == pytest.approx(3.0, abs=0.05)
+    assert np.mean(scans[0, 0].ranges[175:185]) == pytest.approx(3.0, abs=0.05)  # 3 cm each
 
 
 def test_nobody_films_because_of_a_recording(first: Path) -> None:
