@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Velocity commands to wheel speeds: age, time-out, limits, kinematics, odometry."""
 
+from collections.abc import Callable
 import math
 from typing import NamedTuple
 
@@ -82,6 +83,8 @@ class DiffDriveController:
         self._ramp = PlanarRamp(geometry)
         self._command_age = Watchdog(parameters.cmd_vel_timeout)
         self.parameters = parameters
+        # What a guard leaves of the command in force.
+        self.hold_back: Callable[[Velocity], Velocity] = lambda velocity: velocity
         self.refused_commands = 0
         self.lowered: tuple[Velocity, Velocity] | None = None
         self.reset()
@@ -192,6 +195,7 @@ class DiffDriveController:
         target = self._slow_down(limited)
         if target != limited:
             self.lowered = limited, target
+        target = self.hold_back(target)
         self.velocity = Velocity(*self._ramp.step(*target, self._ramp_time(dt)))
         return self.geometry.wheel_speeds(*self.velocity)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Makes any velocity command one the robot can follow: clamp, ramp, watchdog, no NaN."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 from operator import mul
 
@@ -58,6 +58,8 @@ class CommandFilter:
         gait: str = 'trot',
     ) -> None:
         self._robot = scale, agility, turning
+        # What a guard leaves of the request in force, shape (3,).
+        self.hold_back: Callable[[np.ndarray], np.ndarray] = lambda velocity: velocity
         self.refused = 0
         self._age = Watchdog(params.timeout)
         self._request = np.zeros(3)
@@ -158,7 +160,7 @@ class CommandFilter:
         self.pass_time(dt)
         self._is_new = False
         goes = may_go and not self.is_silent
-        target = self._request.tolist() if goes else (0.0, 0.0, 0.0)
+        target = self.hold_back(self._request).tolist() if goes else (0.0, 0.0, 0.0)
         slow = self.grip * dt
         plane = slow * self._share(target)
         # In plain numbers: numpy takes ten times as long for three of them.

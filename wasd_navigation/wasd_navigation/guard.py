@@ -33,6 +33,8 @@ STRIDE = 0.02
 REST, NO_NEARER = 1e-3, 1e-6
 # Who cannot stop in time goes on no faster than this [m/s].
 SLOW = 0.1
+# What is left of a command is nothing when it is less than this [m/s], [rad/s].
+LEAST = np.array((0.01, 0.01, 0.02))
 # Of all that is asked for, what is tried, most first; between two it is looked so often once more.
 SHARES, HALVINGS = (1.0, 0.7, 0.4, 0.2, 0.08), 3
 
@@ -181,8 +183,8 @@ class Guard:
             is_far = time_to_collision(points, keep, body, turned, horizon)[0] >= horizon
             if is_far and self._stoppable(points, keep, odometry.velocity, turned, 1.0) == 1.0:
                 velocity = turned
-        if not velocity.any():
-            action = 'stop'
+        if (np.abs(velocity) < LEAST).all():
+            velocity, action = np.zeros(3), 'stop'
         return Guarded(velocity, action or 'approach', _say(points[nearest], body))
 
     def _near(self, asked: np.ndarray, odometry: Odometry) -> np.ndarray:

@@ -316,6 +316,11 @@ OPTIONS = (
         how=FLAG,
     ),
     Option(
+        word='--guard',
+        help='no key, stick or program drives into what the lidar sees: it slows down, then stops',
+        how=FLAG,
+    ),
+    Option(
         word='--gamepad',
         help='a gamepad drives, too (default: the first /dev/input/js*, whenever it comes)',
         how={'nargs': '?', 'const': '', 'metavar': 'DEVICE'},

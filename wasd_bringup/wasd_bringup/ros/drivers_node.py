@@ -60,6 +60,7 @@ def to_status(state: DriverState, name: str) -> DiagnosticStatus:
         'right': state.right,
         'asks': ' '.join(name.replace(' ', '_') for name in state.asks),
         'stopped_by': state.stopped_by,
+        'guard': state.guard,
     }
     message.values = [KeyValue(key=key, value=value) for key, value in values.items()]
     return message

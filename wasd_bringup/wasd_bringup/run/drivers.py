@@ -51,13 +51,18 @@ class Held(NamedTuple):
 
 
 class DriverState(NamedTuple):
-    """Who drives ('' for nobody), since when [s], by which right; who asks; who stopped it."""
+    """
+    Who drives ('' for nobody), since when [s], by which right; who asks; who stopped it.
+
+    `guard` is what a guard does to what is asked for: '' for nothing, `approach`, `stop`, ...
+    """
 
     driver: str = ''
     since: float = 0.0
     right: str = ''
     asks: tuple[str, ...] = ()
     stopped_by: str = ''
+    guard: str = ''
 
 
 @dataclass
@@ -108,6 +113,8 @@ class Drivers:
         self._holds: dict[str, _Hold] = {}
         self._driver, self._since = '', 0.0
         self.stopped_by = ''  # the source of a stop that holds
+        # What a guard does to what is asked for.
+        self.guard: Callable[[], str] = lambda: ''
         self.time = 0.0  # simulated [s], told by who steps the run
         # Told of each change of driver before it drives: what drives by itself gives way.
         self.on_take: list[Callable[[Take], None]] = []
@@ -121,8 +128,9 @@ class Drivers:
         hold = self._holds.get(self._driver)
         # A key without releases may be pressed again until it was silent for long enough.
         if hold is None or not (any(hold.held) or hold.ages):
-            return DriverState(asks=self._asking())
-        return DriverState(self._driver, self._since, right_of(self._driver), self._asking())
+            return DriverState(asks=self._asking(), guard=self.guard())
+        right = right_of(self._driver)
+        return DriverState(self._driver, self._since, right, self._asking(), guard=self.guard())
 
     def moves(self, source: str) -> bool:
         """Whether a source moves the robot by a key that is down or latched, or by a velocity."""

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robot of a run that drives on two wheels: keys and velocities in, wheel speeds out."""
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
+from diff_drive_sim.controller import DiffDriveController
+from diff_drive_sim.controller import Velocity as DriveVelocity
 from diff_drive_sim.drive import DiffDrive
 from diff_drive_sim.odometry import DiffDriveGeometry
 from diff_drive_sim.parameters import DiffDriveParameters
@@ -120,6 +123,31 @@ class Mbot(Robot):
             'yaw_acceleration': (3.0, angular.speed_up, angular.slow_down),
         }
         return {name: min(limits) for name, limits in most.items()}
+
+    @property
+    def braking(self) -> tuple[float, float, float]:
+        """What it is sure to slow down by: its ramps, where motors are as strong."""
+        linear = self.settings.linear_limits()
+        angular = self.settings.angular_limits(self.geometry.wheel_separation)
+        ahead = min(linear.slow_down, linear.slow_down_backward, 1.0)
+        return (ahead, 1.0, min(angular.slow_down, angular.slow_down_backward, 5.0))
+
+    def hold_back(self, limit: Callable[[Sequence[float]], np.ndarray]) -> None:
+        """
+        Have the controller follow only what a guard leaves of a velocity (vx, vy, wz).
+
+        Raises:
+            UserError: the loops are those of the old firmware.
+        """
+        controller = self.drive_unit.controller
+        if not isinstance(controller, DiffDriveController):
+            raise UserError('--guard: with legacy loops nothing can be held back: leave one out')
+
+        def held(velocity: DriveVelocity) -> DriveVelocity:
+            vx, _, wz = limit((velocity.linear, 0.0, velocity.angular)).tolist()
+            return DriveVelocity(vx, wz)
+
+        controller.hold_back = held
 
     @property
     def geometry(self) -> DiffDriveGeometry:

@@ -6,34 +6,22 @@ from collections.abc import Callable, Sequence
 import logging
 from typing import Any
 
-from mujoco_sim.robot_parts import outline_of
-from mujoco_sim.sensors.lidar import LidarTag
-from mujoco_sim.sensors.table import read_sensor_tags
 import numpy as np
-from robot_description.robot import Robot as RobotTree
 from wasd_cockpit.link import Navigation, PlanarPose
-from wasd_core.errors import UserError
 from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.parameters import NavigatorParameters
-from wasd_navigation.records import Grid, Ranges
+from wasd_navigation.records import Grid
 from wasd_navigation.robot_navigator import RobotNavigator
 
 from wasd_bringup.run.drivers import Take
 from wasd_bringup.run.inputs import TWIST_RATE
 from wasd_bringup.run.robot import Robot
+from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, size_of
 
 # By this name it takes the robot.
 SOURCE = 'navigator'
-# The topic of the lidar that is used where there are several.
-SCAN = 'scan'
-# A robot whose corners stand out no farther than this is called round.
-ROUND = 1.1
 # The page gets a new map so often at most [s].
 PICTURE_PERIOD = 1.0
-SENSOR_NEEDED = (
-    '--map: {robot} has no planar lidar: give its description a <gazebo reference="LINK">'
-    '<sensor type="ray">'
-)
 
 
 class NavigationDriver:
@@ -69,14 +57,7 @@ class NavigationDriver:
         self.unit.refusal = lambda: robot.refusal
         robot.simulation.on_reset += [self._forget_goals, self.unit.reset]
         robot.drivers.on_take.append(self._give_way)
-        prefix = robot.world.prefix
-        for joint in robot.description.robot.joints.values():
-            if joint.kind == 'fixed':
-                child, parent = prefix + joint.child, prefix + joint.parent
-                self.unit.senses.place_frame(child, parent, joint.pose)
-        self._frame = f'{prefix}{tag.link} of the lidar'
-        self.unit.senses.place_frame(self._frame, prefix + tag.link, tag.pose)
-        robot.sensors.listen(tag.topic, self._take_scan)
+        listen_to_lidar(robot, tag, self.unit.senses, self._tell_odometry)
 
     def prepare(self) -> None:
         """Settle what follows from the settings, before anything is scheduled."""
@@ -223,11 +204,6 @@ class NavigationDriver:
             now = self.robot.world.time
             self.unit.take_odometry(now, odometry, self.robot.frames)
 
-    def _take_scan(self, now: float, fields: dict[str, Any]) -> None:
-        self._tell_odometry()
-        said = Ranges(*(fields[name] for name in Ranges._fields))
-        self.unit.take_scan(now, said, self._frame)
-
     def _on_end(self, outcome: Outcome) -> None:
         self._is_of_page = False
         if outcome.state == 'cancelled':
@@ -249,40 +225,13 @@ class NavigationDriver:
         )
 
 
-def lidar_of(robot: RobotTree) -> LidarTag:
-    """
-    Return the lidar to map with: the one that publishes `scan`, or else the first.
-
-    Raises:
-        UserError: there is none.
-    """
-    tags = [tag for kind in read_sensor_tags(robot).kinds for tag in kind]
-    lidars = [tag for tag in tags if isinstance(tag, LidarTag)]
-    if not lidars:
-        raise UserError(SENSOR_NEEDED.format(robot=robot.name))
-    return next((tag for tag in lidars if tag.topic == SCAN), lidars[0])
-
-
-def _footprint(robot: Robot) -> dict[str, float]:
-    """Return the navigator's parameters of a robot's size [m]; of legs only the feet count."""
-    feet = robot.feet
-    world = robot.world
-    outline = outline_of(world.model, world.data, world.root, is_whole=not len(feet))
-    points = np.concatenate((outline, feet))
-    half_length, half_width = np.abs(points).max(axis=0).tolist()
-    radius = float(np.hypot(points[:, 0], points[:, 1]).max())
-    if radius <= ROUND * min(half_length, half_width):
-        return {'robot_radius': radius}
-    return {'footprint_length': 2.0 * half_length, 'footprint_width': 2.0 * half_width}
-
-
 def _settings(robot: Robot) -> dict[str, Any]:
     """Return the navigator's parameters, by their names."""
     options = robot.options
     values: dict[str, Any] = {
         'map': options.map or '',
         'control_frequency': TWIST_RATE,
-        **_footprint(robot),
+        **size_of(robot),
         **{f'limits.{name}': most for name, most in robot.drive_limits.items()},
     }
     if robot.world.prefix:

@@ -73,6 +73,7 @@ class RunOptions:
     save_map: str | None = None  # without .yaml
     goals: tuple[Goal, ...] = ()
     latched: bool = False  # whether an e-stop holds until it is released
+    guard: bool = False  # whether no source drives into what the lidar sees
     interactive: bool = False
     words: tuple[str, ...] = ()  # of the command line, where there is one
     # Of a recording: the descriptions by namespace, and the commands in place of all others.

@@ -2,7 +2,7 @@
 """One robot of a run, without ROS: its part of the world, its controller, who drives it."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import dataclasses
 import functools
 import logging
@@ -19,6 +19,7 @@ from robot_description.description import Description
 from teleop_keyboard.dashboard import Status
 from teleop_keyboard.keymap_file import load_preset
 from teleop_keyboard.keys_to_twist import KeysToTwist
+from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
 from wasd_core.timing import Notice, STOP_KEY
 
@@ -88,6 +89,8 @@ class Robot(ABC):
         simulation.on_reset += [self.sensors.reset, self.reset, self.drivers.reset]
         self.on_key: list[Callable[[str], None]] = []
         self.on_velocity: list[Callable[[FullVelocity], None]] = []
+        # What a guard does to the command in force, '' where there is none.
+        self.guard_words: Callable[[], str] = lambda: ''
         self._recorder = Recorder(world, keep=options.keeps_samples)
         self._pushes = Player(options.pushes)
         self._script: TwistPlayer | None = None
@@ -157,6 +160,20 @@ class Robot(ABC):
         return {}
 
     @property
+    def braking(self) -> tuple[float, float, float]:
+        """What it is sure to slow down by, ahead, to the side [m/s^2] and in a turn [rad/s^2]."""
+        return (1.0, 1.0, 3.0)
+
+    def hold_back(self, limit: Callable[[Sequence[float]], np.ndarray]) -> None:
+        """
+        Have the controller follow only what a guard leaves of a velocity (vx, vy, wz).
+
+        Raises:
+            UserError: this controller cannot be held back.
+        """
+        raise UserError(f'--guard: {self.name} has no controller that can be held back')
+
+    @property
     def stop_key(self) -> str:
         """The key that ends every motion that keys have set going."""
         return STOP_KEY
@@ -193,7 +210,7 @@ class Robot(ABC):
         """Return what a driver wants to see."""
         status = self._status()
         if not self.drivers.stopped_by:
-            return status
+            return status._replace(message=status.message or self.guard_words())
         # Whatever else is said, such as a key to stand, comes after that.
         return status._replace(state='E-STOP', message=HOLDS.format(self.drivers.stopped_by))
 

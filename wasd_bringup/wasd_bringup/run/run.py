@@ -40,6 +40,7 @@ from wasd_bringup.run.show import show_robot
 from wasd_bringup.run.worlds import build_robots
 
 if TYPE_CHECKING:
+    from wasd_bringup.run.guarding import RobotGuard
     from wasd_bringup.run.navigation import NavigationDriver
 
 
@@ -101,10 +102,25 @@ class Run:
         self.face = make_face(self) if make_face is not None else Face()
         for robot in self.robots:
             robot.prepare()
+        self.guards = self._make_guards()
         self.navigations = self._make_navigations()
         self._drivers: list[Driver] = list(self.navigations)
         self.face.begin()
         self._schedule()
+
+    def _make_guards(self) -> 'list[RobotGuard]':
+        """
+        Return a guard of each robot, where that was asked for.
+
+        Raises:
+            UserError: one has no lidar, or cannot be held back.
+        """
+        if not self.options.guard:
+            return []
+        # Here, because who does not ask for it does without.
+        from wasd_bringup.run.guarding import RobotGuard
+
+        return [RobotGuard(robot) for robot in self.robots]
 
     def _make_navigations(self) -> 'list[NavigationDriver]':
         """

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--guard`: no source drives a robot of a run into what its lidar sees."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from wasd_navigation.guard import Guard, warm_up
+from wasd_navigation.odometry import Odometry
+from wasd_navigation.parameters import footprint_of
+from wasd_navigation.records import Scan
+from wasd_navigation.senses import Senses
+
+from wasd_bringup.run.robot import Robot
+from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, size_of
+
+# A command that stays the same is looked at again after so long [s].
+PERIOD = 0.02
+# What it did longer ago says nothing of now [s].
+FRESH = 0.2
+
+
+class RobotGuard:
+    """
+    Limits what the controller is asked for, in simulated time, whichever source asks.
+
+    Raises:
+        UserError: the robot has no lidar, or its controller cannot be held back.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        tag = lidar_of(robot.description.robot, '--guard')
+        size = {'robot_radius': 0.0, 'footprint_length': 0.0, 'footprint_width': 0.0}
+        footprint = footprint_of(*(size | size_of(robot)).values())
+        warm_up(footprint)
+        self._robot = robot
+        self.unit = Guard(footprint, np.array(robot.braking))
+        self._senses = Senses()
+        self._senses.on_scan = self._see
+        self._odometry: Odometry | None = None
+        self._asked: tuple[float, ...] | None = None
+        self._stepped_at = robot.world.time
+        robot.hold_back(self._limit)
+        robot.guard_words = lambda: self.words
+        robot.drivers.guard = lambda: self.action
+        robot.simulation.on_reset.append(self._reset)
+        listen_to_lidar(robot, tag, self._senses, self._take_odometry)
+
+    @property
+    def words(self) -> str:
+        """What it does to the command in force, and why; '' where it does nothing."""
+        action = self.action
+        return f'guard, {action}: {self.unit.last.why}' if action else ''
+
+    @property
+    def action(self) -> str:
+        """What it does to the command in force, in a word; '' for nothing."""
+        is_fresh = self._robot.world.time - self._stepped_at < FRESH
+        return self.unit.last.action if is_fresh else ''
+
+    def _limit(self, asked: Sequence[float]) -> np.ndarray:
+        """Return how much of a velocity (vx, vy, wz) to follow now."""
+        now, wanted = self._robot.world.time, tuple(asked)
+        dt = now - self._stepped_at
+        if wanted != self._asked or dt >= PERIOD - 1e-9:
+            self._asked, self._stepped_at = wanted, now
+            self._take_odometry()
+            self.unit.step(np.array(wanted), self._odometry, dt)
+        return self.unit.last.velocity
+
+    def _take_odometry(self) -> None:
+        base = self._robot.odometry
+        if base is None:
+            return
+        now = self._robot.world.time
+        odometry = self._senses.read_odometry(now, base, self._robot.frames)
+        if odometry is not None:
+            self._odometry = odometry
+            self._senses.add_odometry(now, odometry)
+
+    def _see(self, scan: Scan, odometry: Odometry, age: float, _: float) -> None:
+        self.unit.see(scan, odometry, age)
+
+    def _reset(self) -> None:
+        self._senses.reset()
+        self.unit.reset()
+        self._odometry = self._asked = None

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a navigator and a guard get of a robot of a run: its lidar, its odometry, its size."""
+
+from collections.abc import Callable
+from typing import Any
+
+from mujoco_sim.robot_parts import outline_of
+from mujoco_sim.sensors.lidar import LidarTag
+from mujoco_sim.sensors.table import read_sensor_tags
+import numpy as np
+from robot_description.robot import Robot as RobotTree
+from wasd_core.errors import UserError
+from wasd_navigation.records import Ranges
+from wasd_navigation.senses import Senses
+
+from wasd_bringup.run.robot import Robot
+
+# The topic of the lidar that is used where there are several.
+SCAN = 'scan'
+# A robot whose corners stand out no farther than this is called round.
+ROUND = 1.1
+SENSOR_NEEDED = (
+    '{option}: {robot} has no planar lidar: give its description a <gazebo reference="LINK">'
+    '<sensor type="ray">'
+)
+
+
+def lidar_of(robot: RobotTree, option: str = '--map') -> LidarTag:
+    """
+    Return the lidar to map with: the one that publishes `scan`, or else the first.
+
+    Raises:
+        UserError: there is none, which the `option` needs.
+    """
+    tags = [tag for kind in read_sensor_tags(robot).kinds for tag in kind]
+    lidars = [tag for tag in tags if isinstance(tag, LidarTag)]
+    if not lidars:
+        raise UserError(SENSOR_NEEDED.format(option=option, robot=robot.name))
+    return next((tag for tag in lidars if tag.topic == SCAN), lidars[0])
+
+
+def listen_to_lidar(robot: Robot, tag: LidarTag, senses: Senses, first: Callable[[], Any]) -> None:
+    """Give `senses` what a robot's lidar measures; `first` is called before each scan."""
+    prefix = robot.world.prefix
+    for joint in robot.description.robot.joints.values():
+        if joint.kind == 'fixed':
+            senses.place_frame(prefix + joint.child, prefix + joint.parent, joint.pose)
+    frame = f'{prefix}{tag.link} of the lidar'
+    senses.place_frame(frame, prefix + tag.link, tag.pose)
+
+    def take(now: float, fields: dict[str, Any]) -> None:
+        first()
+        senses.take_scan(now, Ranges(*(fields[name] for name in Ranges._fields)), frame)
+
+    robot.sensors.listen(tag.topic, take)
+
+
+def size_of(robot: Robot) -> dict[str, float]:
+    """Return the navigator's parameters of a robot's size [m]; of legs only the feet count."""
+    feet = robot.feet
+    world = robot.world
+    outline = outline_of(world.model, world.data, world.root, is_whole=not len(feet))
+    points = np.concatenate((outline, feet))
+    half_length, half_width = np.abs(points).max(axis=0).tolist()
+    radius = float(np.hypot(points[:, 0], points[:, 1]).max())
+    if radius <= ROUND * min(half_length, half_width):
+        return {'robot_radius': radius}
+    return {'footprint_length': 2.0 * half_length, 'footprint_width': 2.0 * half_width}
