@@ -11,9 +11,9 @@ from wasd_navigation.planning.distances import Field, measure_distances
 from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan, UNKNOWN
 from wasd_navigation.se2 import transform
 
-# Of a map that is larger than this and both edges, so much around the robot is looked at [m];
+# Of a map that is larger than the last of these, so much around the robot is looked at [m];
 # another part once the robot is so near to an edge of it [m]. It begins at such a cell.
-WINDOW, EDGE, STEP = 14.0, 4.5, 4
+WINDOW, EDGE, STEP, LARGE = 14.0, 4.5, 4, 17.0
 # A mark is gone after so many scans whose rays go through it.
 _LIFE = 3
 # What is nearer to an obstacle of the map is that obstacle, by noise of scan and pose [m]; more is
@@ -159,7 +159,7 @@ def _shade(
 def crop(grid: Grid, place: np.ndarray) -> tuple[Grid, tuple[int, int]]:
     """Return what of a large map is around a place, shape (2,), and its first cell there."""
     size = round(WINDOW / grid.resolution)
-    if max(grid.cells.shape) <= size + round(2.0 * EDGE / grid.resolution):
+    if max(grid.cells.shape) * grid.resolution <= LARGE + 1e-6:
         return grid, (0, 0)
     cell = grid.to_cells(place[None, :2])[0]
     # In step with the places of an overview.
