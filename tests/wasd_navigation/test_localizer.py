@@ -178,3 +178,20 @@ def test_odometry_that_is_set_anew_leaves_the_robot_where_it_is(grid: Grid) -> N
         robot.go(pose)
     assert robot.localizer.is_found
     assert is_near(robot.localizer.pose, poses[39])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('angle', np.linspace(0.3, 2.0 * math.pi, 5, endpoint=False))
+def test_a_push_is_found_out_and_it_does_not_get_lost(grid: Grid, angle: float) -> None:
+    poses = circle(240)
+    robot = Robot(grid, poses[40])
+    robot.localizer.start(poses[40], np.diag((0.01, 0.01, 0.01)))
+    for pose in poses[40:60]:
+        robot.go(pose)
+    assert robot.localizer.is_found
+    push = np.array((0.18 * math.cos(angle), 0.18 * math.sin(angle), 0.1))
+    robot.pose = compose(robot.pose, inverse(push))  # which odometry does not see
+    for pose in poses[60:76]:
+        robot.go(pose)
+        assert robot.localizer.is_found
+    assert is_near(robot.localizer.pose, poses[75])

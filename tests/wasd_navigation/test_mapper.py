@@ -103,3 +103,47 @@ def test_odometry_that_is_set_anew_leaves_map_and_robot_where_they_are() -> None
         # With it a step of the robot is lost, which the scan tells.
         assert np.hypot(*(mapper.pose - pose)[:2]) < 0.03
     assert compose(mapper.correction, odometry) == pytest.approx(mapper.pose)
+
+
+def test_a_robot_that_is_carried_away_says_so_draws_nothing_and_finds_itself_again() -> None:
+    mapper, random, poses = Mapper(), np.random.default_rng(7), circle(120)
+    for index, pose in enumerate(poses[:60]):
+        mapper.step(look(pose, random), pose, index * 1e-5 * np.eye(3))
+    known, before = len(mapper.places), mapper.grid.cells.copy()
+    # To the other end of the room, turned; odometry has not seen it.
+    there = np.array((2.2, -1.2, poses[59][2] + 2.4))
+    said = []
+    for index in range(60):
+        mapper.step(look(there, random), poses[59], (60 + index) * 1e-5 * np.eye(3))
+        said.append(mapper.notice)
+        if not mapper.is_found:
+            assert len(mapper.places) == known
+            np.testing.assert_array_equal(mapper.grid.cells, before)
+    told = [index for index, words in enumerate(said) if 'moved by hand' in words]
+    assert told and told[0] <= 11  # two seconds of 5.5 scans
+    assert mapper.is_found and mapper.notice == ''
+    assert np.hypot(*(mapper.pose - there)[:2]) < 0.03
+    for index in range(40):  # it drives on, and the map stays true
+        pose = compose(there, np.array((0.0, 0.0, 0.1 * index)))
+        odometry = compose(poses[59], np.array((0.0, 0.0, 0.1 * index)))
+        mapper.step(look(pose, random), odometry, (120 + index) * 1e-5 * np.eye(3))
+    assert np.hypot(*(mapper.pose - pose)[:2]) < 0.03
+    occupied = mapper.grid.to_points(np.argwhere(mapper.grid.cells == 100))
+    assert (occupied > np.array(ROOM[:2]) - 0.1).all()
+    assert (occupied < np.array(ROOM[2:]) + 0.1).all()
+
+
+def test_a_robot_whose_wheels_spin_says_that_it_is_stuck_and_stays_where_it_is() -> None:
+    """It drives at 0.3 m/s and meets a sill; three seconds are 16 scans."""
+    mapper, random, said = Mapper(), np.random.default_rng(8), []
+    for index in range(50):
+        x = -1.0 + 0.3 / 5.5 * index
+        pose = np.array((min(x, 0.2), 0.0, 0.0))
+        odometry = np.array((x, 0.0, 0.0))
+        mapper.step(look(pose, random), odometry, index * 1e-5 * np.eye(3))
+        if x > 0.2:
+            said.append(mapper.is_stuck and mapper.notice.startswith('stuck'))
+        else:
+            assert mapper.notice == ''
+        assert np.hypot(*(mapper.pose - pose)[:2]) < 0.05
+    assert said.index(True) <= 16

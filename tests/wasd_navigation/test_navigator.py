@@ -276,3 +276,20 @@ def test_reset_forgets_map_goal_and_pose():
     assert not driven.is_placed
     assert driven.locator.steps == []
     assert driven.state == 'idle'
+
+
+def test_a_goal_fails_once_the_robot_has_been_stuck_on_the_way_to_it():
+    driven, ended = navigator(), []
+    driven.pilot.end = ('driving', '')
+    driven.on_end.append(ended.append)
+    driven.locator.is_stuck, driven.locator.notice = True, 'stuck: the wheels turn'
+    driven.set_goal(GOAL)
+    time = 0.0
+    while not ended:
+        driven.see(scan((2.0, 0.0)), odometry(0.0, 0.0, 0.0))
+        driven.move(odometry(0.0, 0.0, 0.0))
+        driven.step(DT)
+        time += DT
+        assert time < 3.0
+    assert time > 2.0  # what happened before it came is not its fault
+    assert ended[0] == ('failed', 'stuck: the wheels turn')

@@ -21,6 +21,8 @@ SILENCE = 0.5
 PATIENCE = 10.0
 # The driver plans on a map that is at most so old [s]: drawing one takes as long as 20 steps.
 LOOK_PERIOD = 1.0
+# Who is stuck has been so on the way to this goal, not to the one before [s].
+STUCK_AFTER = 2.5
 # Odometry that has moved more than this, and than so fast, has been set again [m], [rad], [m/s].
 LEAP, LEAP_TURN, LEAP_RATE = 1.0, 2.0, 10.0
 NOWHERE = np.full(3, math.nan)
@@ -195,6 +197,10 @@ class Navigator:
             self._wait(missing, dt)
             return np.zeros(3)
         self._waited, self._was_placed = 0.0, True
+        if self.elapsed > STUCK_AFTER and getattr(self.locator, 'is_stuck', False):
+            self.pilot.cancel()
+            self._end(Outcome('failed', self.notice))
+            return np.zeros(3)
         grid = self._look()
         velocity = self.pilot.step(
             grid, self._revision, pose, self._odometry.velocity, self._take_scan(), dt

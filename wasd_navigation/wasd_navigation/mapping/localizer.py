@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from wasd_navigation.mapping.local_map import Fit, fit_scan
-from wasd_navigation.mapping.search import Found, Pyramid, Search, STEP, Window, window_around
+from wasd_navigation.mapping.search import Found, Pyramid, Search, Window, window_around
 from wasd_navigation.mapping.surface import find_surface, make_grid_map, RangeNoise
 from wasd_navigation.odometry import add_covariance, LEAP, OdometryGrowth
 from wasd_navigation.parameters import MappingParameters
@@ -28,7 +28,10 @@ ROUNDS = 12
 # What a fit tells is believed by this share: its errors are not independent.
 TRUST = 0.1
 # A scan of which a smaller share fits speaks against the pose; so many in a row are enough.
-LEAST_SHARE, MOST_MISFITS = 0.55, 4
+LEAST_SHARE, MOST_MISFITS = 0.55, 8
+# After so many, or when suddenly less fits, it is searched for around its pose [m], [rad]: wheels
+# slip, and robots are pushed.
+PUSHED, PUSH, PUSH_TURN = 2, 0.6, 0.5
 # When by so much less of a scan fits than of those before, as often, all of the map is searched
 # for where by half of that more fits; by this share a scan what has fitted before is forgotten.
 SUDDEN, FORGOTTEN = 0.1, 0.05
@@ -127,6 +130,9 @@ class Localizer:
         self._misfits = 0
         self._search: Search | None = None
         self._moved = np.zeros(3)  # since the search began
+        self._near: Search | None = None  # around the pose
+        self._came = np.zeros(3)  # since that began
+        self._pushed = 0  # scans in a row that fit less than before
         # How much of a scan fits as a rule, and how many in a row have fitted less.
         self._usual, self._drops = 0.0, 0
         self.reset()
@@ -186,6 +192,10 @@ class Localizer:
             self._moved = compose(self._moved, move)
         prior = invert(self.covariance)
         fit = self._fit(surface, self.pose, prior)
+        is_less = fit.share < max(LEAST_SHARE, self._usual - SUDDEN)
+        self._pushed = self._pushed + 1 if is_less else 0
+        if self._pushed >= PUSHED and self._seek(scan, surface, move, fit.share):
+            return
         if fit.share < LEAST_SHARE:
             self._misfits += 1
             if self._misfits >= MOST_MISFITS:
@@ -196,17 +206,40 @@ class Localizer:
         self.covariance = invert(prior + TRUST * fit.information)
         self._compare(scan, surface, fit.share)
 
+    def _seek(self, scan: Scan, surface: np.ndarray, move: np.ndarray, share: float) -> bool:
+        """Search a little around where it is believed to be; return whether it is elsewhere."""
+        if self._near is None:
+            window = window_around(self.pose, np.full(2, PUSH), PUSH_TURN)
+            self._near = Search(self._pyramid, scan.points, window)
+            self._came = np.zeros(3)
+        else:
+            self._came = compose(self._came, move)
+        if not self._near.work() or self._near.found is None:
+            return False
+        poses, self._near = self._near.found.poses, None
+        for pose in poses[:1]:
+            fit = self._fit(surface, compose(pose, self._came), PRIOR)
+            if fit.share > max(LEAST_SHARE, share + 0.5 * SUDDEN):
+                self.pose = fit.pose
+                self.covariance = invert(PRIOR + TRUST * fit.information)
+                self._misfits = self._pushed = self._drops = 0
+                self._search, self.notice = None, None
+                return True
+        return False
+
     def _compare(self, scan: Scan, surface: np.ndarray, share: float) -> None:
         """See whether suddenly less fits, and if so, whether more does anywhere else."""
         self._usual += FORGOTTEN * (share - self._usual)
         self._drops = self._drops + 1 if share < self._usual - SUDDEN else 0
+        if self._drops == 0:
+            self._near = None
         if self._search is None:
             if self._drops >= MOST_MISFITS:
                 self.notice = (
                     f'may have been moved by hand: {100 * share:.0f} % of what the lidar sees '
                     f'fits the map, before it was {100 * self._usual:.0f} %'
                 )
-                self._search = Search(self._pyramid, scan.points, self._everywhere())
+                self._search = Search(self._pyramid, scan.points, self._pyramid.everywhere)
                 self._moved = np.zeros(3)
             return
         if not self._search.work() or self._search.found is None:
@@ -224,15 +257,12 @@ class Localizer:
             'the map; searching all of it'
         )
 
-    def _everywhere(self) -> Window:
-        pyramid = self._pyramid
-        return Window(pyramid.low, pyramid.high, -math.pi, round(2.0 * math.pi / STEP))
-
     def _lose(self, window: Window | None) -> None:
         """Search a window, or everywhere."""
-        self._misfits = 0
+        self._misfits = self._pushed = 0
+        self._near = None
         self._is_near = window is not None
-        self._window = window or self._everywhere()
+        self._window = window or self._pyramid.everywhere
         self._search = None
         self._hypotheses: Hypotheses | None = Hypotheses()
 

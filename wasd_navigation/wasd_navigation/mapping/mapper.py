@@ -21,10 +21,14 @@ LOCAL_REACH = 14.0
 # A scan fits when this share of what it sees lies on what is known; less is not believed. On the
 # way through an unknown flat it is 0.74 at least.
 LEAST_SHARE = 0.55
-# If not, the robot is searched for within this of where odometry says [m], [rad], and no place is
-# kept for so many scans; then it is believed that all is new. Fewer points tell nothing.
-SLIP, SLIP_TURN, PATIENCE, FEWEST = 1.0, 0.8, 40, 40
+# If not, no place is kept, and the robot is searched for within this of where odometry says [m],
+# [rad]; after so many scans in all of the map: then somebody has carried it. Fewer points tell
+# nothing.
+SLIP, SLIP_TURN, PATIENCE, FEWEST = 1.0, 0.8, 10, 40
 LEAST_LOOP_SHARE = 0.55
+# What is not known of the way on which somebody has carried it [m^2], [rad^2].
+CARRIED = np.diag((1e2, 1e2, 1e1))
+STUCK = 'stuck: the wheels turn, the robot does not move'
 # Loops that are off by less wait for others [m], [rad]; at most so many.
 LOOP_ERROR, MOST_UNSOLVED = np.array((0.004, 0.004, 0.002)), 10
 # How well a place is known before a loop is closed: standard deviations [m], [rad].
@@ -61,7 +65,29 @@ class Mapper:
         self._wants_loop = False
         self._unsolved = 0
         self._misfits = 0
+        self._share = 1.0  # of the last scan that has fitted
         self._search: Search | None = None
+        self._recent: list[int] = []  # places that scans are matched against
+
+    @property
+    def is_found(self) -> bool:
+        """Whether it is known where the robot is."""
+        return self._misfits <= PATIENCE
+
+    @property
+    def is_stuck(self) -> bool:
+        """Whether the wheels turn and the robot does not come along."""
+        return self._tracker.is_stuck
+
+    @property
+    def notice(self) -> str:
+        """What there is to say, '' where all is well."""
+        if not self.is_found:
+            return (
+                f'was moved by hand: {100 * self._share:.0f} % of what the lidar sees fits the '
+                'map; searching all of it, nothing is drawn meanwhile'
+            )
+        return STUCK if self.is_stuck else ''
 
     @property
     def pose(self) -> np.ndarray:
@@ -135,14 +161,18 @@ class Mapper:
                 self._since = self._since + tracker.covariance
         else:
             tracker.told = np.zeros((3, 3))
-            if 1 < self._misfits <= PATIENCE:
+            self._share = fit.share
+            if self._misfits > 1:
                 self._seek(scan, surface, move)
 
     def _seek(self, scan: Scan, surface: Surface, move: np.ndarray) -> None:
-        """Search around for where the robot has slipped, or was pushed, to."""
+        """Search around for where the robot has slipped to, or everywhere, if it is not there."""
         if self._search is None:
+            pyramid = Pyramid(self.grid)
             window = window_around(self.pose, np.full(2, SLIP), SLIP_TURN)
-            self._search = Search(Pyramid(self.grid), scan.points, window)
+            self._search = Search(
+                pyramid, scan.points, window if self.is_found else pyramid.everywhere
+            )
             self._moved = np.zeros(3)
         else:
             self._moved = compose(self._moved, move)
@@ -152,14 +182,26 @@ class Mapper:
         for pose in poses[:1]:
             at = compose(pose, self._moved)
             noise = self._parameters.range_noise
-            fit = Fit(*fit_scan(self._local, surface.points, at, LOOP_PRIOR, noise, ROUNDS))
+            near = self._nearest(at)
+            self._places.show(self._old, at[:2], near)
+            fit = Fit(*fit_scan(self._old, surface.points, at, LOOP_PRIOR, noise, ROUNDS))
             if fit.share >= LEAST_SHARE:
+                self._recent = near.tolist()
                 self._misfits = 0
                 self._tracker.told = TRUST * fit.information
                 self._tracker.put(fit.pose, invert(LOOP_PRIOR + self._tracker.told))
+                # How it came here from the last place nobody knows; the map does.
+                self._since = self._since + CARRIED
+                self._show()
+
+    def _nearest(self, pose: np.ndarray) -> np.ndarray:
+        """Return the numbers of the places nearest to a pose, in their order."""
+        away = np.hypot(*(self._places.poses[:, :2] - pose[:2]).T)
+        near = np.argsort(away, kind='stable')[: self._parameters.scan_buffer_size]
+        return np.sort(near)
 
     def _is_new(self) -> bool:
-        if 0 < self._misfits <= PATIENCE:
+        if self._misfits:
             return False
         last = self._places.poses[-1]
         away = math.hypot(self.pose[0] - last[0], self.pose[1] - last[1])
@@ -180,15 +222,15 @@ class Mapper:
             pose = compose(inverse(before), self.pose)
             places.link((number - 1, number), pose, turn_axes(known, -before[2]), sure=True)
         self._since = np.zeros((3, 3))
+        self._recent.append(number)
         self._show()
         self._drawing.add_last(places)
         self._wants_loop = number % self._parameters.loop_every == 0
 
     def _show(self) -> None:
-        """Draw the last places into the local map."""
-        count = len(self._places)
-        size = self._parameters.scan_buffer_size
-        self._places.show(self._local, self.pose[:2], np.arange(max(0, count - size), count))
+        """Draw places into the local map: the last, or those around where it was found again."""
+        self._recent = self._recent[-self._parameters.scan_buffer_size :]
+        self._places.show(self._local, self.pose[:2], np.array(self._recent))
 
     def _close_loop(self) -> None:
         """See whether the last place lies where the robot was long ago, and link the two."""

@@ -68,6 +68,11 @@ class Pyramid:
             levels.append(_widen(levels[-1], 1 << level))
         self.levels = np.stack(levels)
 
+    @property
+    def everywhere(self) -> Window:
+        """All poses in the grid."""
+        return Window(self.low, self.high, -math.pi, round(2.0 * math.pi / STEP))
+
 
 @jit
 def _blur(places: np.ndarray, rows: int, columns: int) -> np.ndarray:
