@@ -8,6 +8,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
+COMMAND = 'wasd'
 INDEX = 'share/ament_index/resource_index/packages'
 # Beside the manifest and the mark, where ROS tools look for them; and inside the import package.
 SHARED = ('package.xml', 'config', 'foxglove', 'launch', 'rviz')
@@ -39,7 +40,11 @@ class Executables(MetadataHookInterface):
 
     def update(self, metadata: dict[str, Any]) -> None:
         """Set the wheel's scripts."""
-        metadata['scripts'] = scripts(Path(self.root))
+        metadata['scripts'] = found = scripts(Path(self.root))
+        # What `uvx wasd-robots` and `pipx run wasd-robots` start; not in ROS, where each
+        # package's executables are its own.
+        if COMMAND in found:
+            found[metadata['name']] = found[COMMAND]
 
 
 def scripts(root: Path) -> dict[str, str]:

@@ -40,6 +40,7 @@ from success import draw_success
 from table import describe_machine, format_table, Row
 import teleop
 from wasd_bringup.cli.parsers import version
+from wasd_core.extras import install_line
 
 PARTS = {
     'mbot': mbot.measure,
@@ -167,7 +168,7 @@ def main() -> int:
         if not legs.experiments(arguments.quick, text):
             parser.error(f'--only {text!r}: no row of legs has that in its name')
     if arguments.dask and importlib.util.find_spec('distributed') is None:
-        parser.error("--dask: no `distributed` here: .venv/bin/pip install -e '.[cluster]'")
+        parser.error(f'--dask needs: {install_line("cluster")}')
     begin = time.monotonic()
     names = [arguments.part] if arguments.part else list(PARTS)
     try:

@@ -62,7 +62,7 @@ def make(kind: Callable[..., Node], **values: Any) -> Callable[[], Node]:
 
 def nodes_of_programs() -> dict[Callable[[], Node], str]:
     """Return the nodes that the project's programs run, and the package of each."""
-    scripts = metadata.distribution('wasd').entry_points.select(group='console_scripts')
+    scripts = metadata.distribution('wasd-robots').entry_points.select(group='console_scripts')
     nodes: dict[Callable[[], Node], str] = {}
     for home in sorted({script.module for script in scripts}):
         for program in vars(import_module(home)).values():

@@ -2,6 +2,7 @@
 # Installs the project into the environment; `wasd` reads this where there is none that will do.
 
 LOG=install.log
+NEEDED=needed.txt  # what pip is asked for where it chooses versions itself
 # Of Python 3, the oldest minor version that pyproject.toml asks for.
 OLDEST=$(sed -n 's/^requires-python = ">=3\.\([0-9]*\)"$/\1/p' "$here/pyproject.toml")
 CANDIDATES="python3 /usr/bin/python3 python3.14 python3.13 python3.12 python3.$OLDEST"
@@ -76,7 +77,7 @@ make_environment() {
   fi
   find "$venv" -mindepth 1 -maxdepth 1 ! -name "$MARKER" -exec rm -rf {} +
   size='1.7 GB'
-  [ -n "$extras" ] || size='0.9 GB'  # a sourced ROS has what is large
+  case $without in *pin*) size='0.9 GB' ;; esac  # a sourced ROS has what is large
   say "making '$venv' with $("$python" -I --version), once: one to three minutes, $size"
   inherit=
   # ROS' own Python packages (and those of Debian that they use) stay visible.
@@ -88,9 +89,10 @@ make_environment() {
 # With "$1" `test` also what the tests need, which pip looks for at once.
 install_project() {
   say "installing the project and what it needs; what pip does is in '$venv/$LOG'"
-  wanted=$extras
-  [ "$1" != test ] || wanted=$(with_tests)
-  run_pip "$wanted"
+  rm -f "$venv/$LOG"
+  install_needed "$1"
+  # What its wheel would bring on top, interfaces that are built, is built here.
+  run_pip --no-deps --no-build-isolation -e "$here"
   : >"$venv/$UNCOMPILED"
   { identity && contents; } >"$venv/$STAMP.new"
   mv "$venv/$STAMP.new" "$venv/$STAMP"
@@ -116,29 +118,46 @@ compile_all() {
 
 install_tests() {
   say 'installing what the tests need, once'
-  run_pip "$(with_tests)"
+  rm -f "$venv/$LOG"
+  install_needed test
   { identity && contents; } >"$venv/$TESTS"
 }
 
-with_tests() {
-  case $extras in
-    '') echo '[test]' ;;
-    *) echo "${extras%]},test]" ;;
+# Installs what runs, and with "$1" `test` what the tests need, too: versions that were tried, each
+# file by its hash. Beside a sourced ROS, and for a newer Python, pip chooses within the project's
+# ranges.
+install_needed() {
+  if is_locked; then
+    [ "$1" = test ] && set -- -r "$here/requirements/test.txt" || set --
+    run_pip --require-hashes -r "$here/requirements/run.txt" "$@"
+    return
+  fi
+  case $without in *pin*) numpy='import numpy; print("numpy==" + numpy.__version__)' ;; *) numpy= ;; esac
+  {
+    "$venv/bin/python" -I "$here/requirements/lock.py" --ranges ${1:+"$1"} --without $without
+    [ -z "$numpy" ] || "$venv/bin/python" -P -c "$numpy"
+  } >"$venv/$NEEDED"
+  run_pip -r "$venv/$NEEDED"
+}
+
+# Whether there are versions that were tried, for the Python of the environment.
+is_locked() {
+  [ "$home" = wheels ] || return 1
+  version=$("$venv/bin/python" -I -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+  case $(sed -n 1p "$here/requirements/run.txt") in
+    *" $version, "* | *" $version on "*) ;;
+    *) return 1 ;;
   esac
 }
 
-# Installs the project with the extras "$1". pip says what goes wrong on standard error; what it
-# turns on the other, with a log to write, is not meant for readers. Bytecode it would make by one
-# processor, of tests, too.
+# Has pip install. It says what goes wrong on standard error; what it turns on the other, with a
+# log to write, is not meant for readers. Bytecode it would make by one processor, of tests, too.
 run_pip() {
-  rm -f "$venv/$LOG"
-  numpy='import numpy; print("numpy==" + numpy.__version__)'
-  [ -z "$extras" ] && numpy=$("$venv/bin/python" -P -c "$numpy") || numpy=
   show_progress 9>&- &
   progress=$!
   # A pip set up to install elsewhere (PIP_USER) would refuse an environment.
   PIP_USER=0 "$venv/bin/python" -P -m pip install --quiet --progress-bar off --disable-pip-version-check --no-input \
-    --no-compile --log "$venv/$LOG" -e "$here$1" $numpy >/dev/null || explain_failure
+    --no-compile --log "$venv/$LOG" "$@" >/dev/null || explain_failure
   end_progress
 }
 

@@ -14,11 +14,12 @@ import subprocess
 import sys
 from typing import Any
 
+from wasd_core.extras import install_line
+
 from policy_player.spec import PolicyError
 
 # Of the child: address space [bytes], processor time and wall time [s].
 MEMORY, PROCESSOR_TIME, PATIENCE = 6_000_000_000, 20, 60.0
-EXTRA = "pip install 'wasd[policy]'"
 
 
 def look(path: Path) -> dict[str, Any]:
@@ -67,7 +68,7 @@ def open_session(model: bytes | str) -> Any:
     try:
         import onnxruntime
     except ImportError:
-        raise PolicyError(f'a network needs onnxruntime: {EXTRA}') from None
+        raise PolicyError(f'a network needs onnxruntime: {install_line("policy")}') from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL

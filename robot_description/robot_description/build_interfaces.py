@@ -2,10 +2,12 @@
 """
 Builds and installs interfaces that are not among ROS' wheels, see PACKAGES.
 
-`./wasd` runs this once; by hand: `python -m robot_description.build_interfaces`.
+`./wasd` runs this once, where no wheel of them came; by hand:
+`python -m robot_description.build_interfaces`. With `--wheel DIR` it makes that wheel.
 """
 
-from collections.abc import Callable
+import base64
+from collections.abc import Callable, Sequence
 import contextlib
 import hashlib
 import importlib
@@ -15,6 +17,7 @@ import io
 import json
 import os
 from pathlib import Path
+import re
 import shutil
 import subprocess
 import sys
@@ -22,8 +25,10 @@ import sysconfig
 import tempfile
 import time
 from typing import Any, NamedTuple
+import zipfile
 
 import numpy as np
+from wasd_core.command_line import OneLineParser
 from wasd_core.errors import UserError
 from wasd_core.network import is_sourced
 
@@ -84,6 +89,12 @@ assert deserialize_message(serialize_message(goal), type(goal)) == goal
 )
 PREFIX = Path(sys.prefix)
 HEADER = Path(sysconfig.get_path('include')) / 'Python.h'
+# The newest symbols of a platform that ROS' own wheels are built for, as auditwheel has them.
+MANYLINUX_2_28 = {'GLIBC': (2, 28), 'GLIBCXX': (3, 4, 24), 'CXXABI': (1, 3, 11)}
+DESCRIPTION_TEXT = """The package `tf2_msgs` of ROS 2 Jazzy and of `nav2_msgs` the action
+`NavigateToPose`, built by ROS' own generators for the wheels of rclpy. It is a part of
+`wasd-robots`.
+"""
 # What rmw_fastrtps asks for: the first to (de)serialise, the second to describe the type.
 TYPE_SUPPORTS = ['rosidl_typesupport_fastrtps_c', 'rosidl_typesupport_introspection_c']
 DESCRIPTION = 'rosidl_generator_type_description'
@@ -106,11 +117,20 @@ RUNTIME = (
     'rosidl_typesupport_fastrtps_cpp',
     'rosidl_typesupport_introspection_c',
 )
-# Where the package is installed: libraries and index entries, and the Python code.
-TARGET = PREFIX
-SITE_PACKAGES = Path(sysconfig.get_path('purelib'))
+# The wheel with all packages; raise the version when one of them changes.
+DISTRIBUTION, VERSION = 'wasd-interfaces', '0.1.0'
 # What the installed package was made of; also the mark that it is ours.
 STAMP = 'made_of.txt'
+
+
+class Place(NamedTuple):
+    """Where packages are installed: the prefix of libraries and index entries, and the code."""
+
+    prefix: Path
+    site: Path
+
+
+HERE = Place(PREFIX, Path(sysconfig.get_path('purelib')))
 
 
 class CannotBuild(UserError):
@@ -239,12 +259,12 @@ def fingerprint(package: Package) -> str:
         for found in importlib.metadata.distributions()
         if found.name.startswith('ros-')
     )
-    return '\n'.join([digest.hexdigest(), sys.version, *wheels, ''])
+    return '\n'.join([digest.hexdigest(), str(sys.implementation.cache_tag), *wheels, ''])
 
 
 def state(package: Package) -> str:
     """Return `current`, `stale` or `missing`; `foreign` when the package is somebody else's."""
-    stamp = SITE_PACKAGES / package.name / STAMP
+    stamp = HERE.site / package.name / STAMP
     if stamp.is_file():
         return 'current' if stamp.read_text() == fingerprint(package) else 'stale'
     return 'foreign' if is_importable(package.name) else 'missing'
@@ -255,9 +275,9 @@ def is_importable(name: str) -> bool:
     return importlib.util.find_spec(name) is not None
 
 
-def build(package: Package) -> None:
+def build(package: Package, place: Place) -> None:
     """
-    Make a package and install it into this environment; until it is complete none is there.
+    Make a package and install it into an environment; until it is complete none is there.
 
     Raises:
         CannotBuild: no compiler, no headers, or no wheels to build against.
@@ -268,7 +288,7 @@ def build(package: Package) -> None:
         generate(package, made)
         compile_libraries(package, made, compiler)
         check(package, made)
-        install(package, made)
+        install(package, made, place)
 
 
 def check(package: Package, made: Path) -> None:
@@ -291,18 +311,21 @@ def check(package: Package, made: Path) -> None:
         raise CannotBuild(f'what was built does not work: {why}')
 
 
-def install(package: Package, made: Path) -> None:
+def install(package: Package, made: Path, place: Place) -> None:
     """Put libraries, interface files and index entries into place, and the package last."""
     name, source = package.name, Path(package.interface)
-    code, arriving = SITE_PACKAGES / name, SITE_PACKAGES / f'.{name}.new'
+    code, arriving = place.site / name, place.site / f'.{name}.new'
     shutil.rmtree(code, ignore_errors=True)
     for path in (made / 'lib').iterdir():
-        _place(path, TARGET / 'lib' / path.name)
-    share, index = TARGET / 'share' / name, TARGET / 'share/ament_index/resource_index'
-    _place(package.source / 'package.xml', share / 'package.xml')
+        _put(path, place.prefix / 'lib' / path.name)
+    share = place.prefix / 'share' / name
+    index = place.prefix / 'share/ament_index/resource_index'
+    _put(package.source / 'package.xml', share / 'package.xml')
     for folder in (package.source, made / 'idl' / name, made / DESCRIPTION / name):
         for path in folder.glob(f'{source.with_suffix("")}.*'):
-            _place(path, share / source.parent / path.name)
+            _put(path, share / source.parent / path.name)
+    for kind in ('packages', 'rosidl_interfaces'):
+        (index / kind).mkdir(parents=True, exist_ok=True)
     (index / 'packages' / name).touch()
     (index / 'rosidl_interfaces' / name).write_text(f'{source.with_suffix(".idl")}\n{source}\n')
     shutil.rmtree(arriving, ignore_errors=True)
@@ -311,7 +334,7 @@ def install(package: Package, made: Path) -> None:
     arriving.rename(code)
 
 
-def _place(path: Path, target: Path) -> None:
+def _put(path: Path, target: Path) -> None:
     """Copy a file so that nobody who has it open, or stops us, sees half of it."""
     target.parent.mkdir(parents=True, exist_ok=True)
     arriving = target.with_name(f'.{target.name}.new')
@@ -319,8 +342,130 @@ def _place(path: Path, target: Path) -> None:
     arriving.replace(target)
 
 
-def main() -> int:
-    """Build the packages that are missing or stale; return the exit status."""
+def make_wheel(folder: Path) -> Path:
+    """
+    Build all packages for this Python, and return the wheel of them in a folder.
+
+    Raises:
+        CannotBuild: no compiler, no headers, or no wheels to build against.
+    """
+    with tempfile.TemporaryDirectory(prefix='wheel-') as name:
+        tree = Path(name)
+        data = tree / f'{_file_name()}.data/data'
+        for package in PACKAGES:
+            build(package, Place(data, tree))
+        tag = f'{_python_tag()}-{_platform_tag(tree)}'
+        facts = tree / f'{_file_name()}.dist-info'
+        facts.mkdir()
+        (facts / 'METADATA').write_text(_metadata())
+        kind = f'Generator: {Path(__file__).stem}\nRoot-Is-Purelib: false\nTag: {tag}'
+        (facts / 'WHEEL').write_text(f'Wheel-Version: 1.0\n{kind}\n')
+        record(tree, facts, _files(tree))
+        path = folder / f'{_file_name()}-{tag}.whl'
+        folder.mkdir(parents=True, exist_ok=True)
+        with zipfile.ZipFile(path, 'w', zipfile.ZIP_DEFLATED) as wheel:
+            for file in _files(tree):
+                # Of the same time always, so that equal contents make equal wheels.
+                entry = zipfile.ZipInfo(file.relative_to(tree).as_posix())
+                entry.external_attr = (0o755 if file.suffix == '.so' else 0o644) << 16
+                entry.compress_type = zipfile.ZIP_DEFLATED
+                wheel.writestr(entry, file.read_bytes())
+        return path
+
+
+def register(place: Place) -> None:
+    """Tell pip that the packages are there, and which files they are."""
+    facts = place.site / f'{_file_name()}.dist-info'
+    facts.mkdir(exist_ok=True)
+    (facts / 'METADATA').write_text(_metadata())
+    (facts / 'INSTALLER').write_text('wasd\n')
+    files: list[Path] = []
+    for package in PACKAGES:
+        files += _files(place.site / package.name) + _files(place.prefix / 'share' / package.name)
+        files += sorted((place.prefix / 'lib').glob(f'lib{package.name}__*.so'))
+        index = place.prefix / 'share/ament_index/resource_index'
+        files += sorted(index.glob(f'*/{package.name}'))
+    record(place.site, facts, files)
+
+
+def record(root: Path, facts: Path, files: Sequence[Path]) -> None:
+    """Write the list of files, and of those that say so, by their paths from a folder."""
+    listed = facts / 'RECORD'
+    listed.touch()
+    lines = []
+    for file in dict.fromkeys((*files, *_files(facts))):
+        name = Path(os.path.relpath(file, root)).as_posix()
+        digest = base64.urlsafe_b64encode(hashlib.sha256(file.read_bytes()).digest())
+        row = f'sha256={digest.decode().rstrip("=")},{file.stat().st_size}'
+        lines.append(f'{name},{"," if file == listed else row}\n')
+    listed.write_text(''.join(lines))
+
+
+def _files(folder: Path) -> list[Path]:
+    found = (path for path in folder.rglob('*') if path.is_file())
+    return sorted(path for path in found if '__pycache__' not in path.parts)
+
+
+def _file_name() -> str:
+    return f'{DISTRIBUTION.replace("-", "_")}-{VERSION}'
+
+
+def _python_tag() -> str:
+    version = f'cp{sys.version_info.major}{sys.version_info.minor}'
+    return f'{version}-{version}'
+
+
+def _platform_tag(tree: Path) -> str:
+    """Return the oldest platform of ROS' own wheels if what was built runs there."""
+    machine = sysconfig.get_platform().replace('-', '_').replace('.', '_')
+    text = b''.join(path.read_bytes() for path in tree.rglob('*.so'))
+    for symbol, newest in MANYLINUX_2_28.items():
+        for version in re.findall(rb'\b%s_([0-9.]+)' % symbol.encode(), text):
+            if tuple(map(int, version.split(b'.'))) > newest:
+                return machine
+    return machine.replace('linux_', 'manylinux_2_28_')
+
+
+def _metadata() -> str:
+    """Return what a package index and pip are told."""
+    minor = f'{sys.version_info.major}.{sys.version_info.minor}'
+    names = sorted({f'ros-{name.replace("_", "-")}' for each in PACKAGES for name in each.below})
+    needs = [(name, importlib.metadata.version(name)) for name in names]
+    lines = [
+        'Metadata-Version: 2.4',
+        f'Name: {DISTRIBUTION}',
+        f'Version: {VERSION}',
+        'Summary: tf2_msgs and the action navigate_to_pose, built for the wheels of ROS 2 Jazzy',
+        'Author: the wasd contributors',
+        'License-Expression: Apache-2.0',
+        'Classifier: Operating System :: POSIX :: Linux',
+        f'Classifier: Programming Language :: Python :: {minor}',
+        f'Requires-Python: =={minor}.*',
+        # Interfaces do not change within a distribution of ROS.
+        *(f'Requires-Dist: {name}~={version}' for name, version in needs),
+        'Description-Content-Type: text/markdown',
+        '',
+        DESCRIPTION_TEXT,
+    ]
+    return '\n'.join(lines)
+
+
+def main(words: Sequence[str] = ()) -> int:
+    """Build the packages that are missing or stale, or their wheel; return the exit status."""
+    parser = OneLineParser(prog=f'python -m robot_description.{Path(__file__).stem}')
+    parser.add_argument('--wheel', type=Path, metavar='DIR', help='make a wheel of them in DIR')
+    folder = parser.parse_args(words).wheel
+    if folder is not None:
+        try:
+            print(make_wheel(folder))
+        except (UserError, OSError) as error:
+            print(f'error: {error}', file=sys.stderr)
+            return 2
+        return 0
+    return _build_missing()
+
+
+def _build_missing() -> int:
     left = list(PACKAGES)
     while left:
         package = left[0]
@@ -329,7 +474,7 @@ def main() -> int:
             if state(package) in ('current', 'foreign'):
                 print(f'{package.name} is there')
             else:
-                build(package)
+                build(package, HERE)
                 print(f'{package.name} built in {time.monotonic() - started:.1f} s')
         except (UserError, OSError) as error:
             # What keeps one from being built keeps those after it, too.
@@ -337,6 +482,8 @@ def main() -> int:
             _say_missing(lacks, error)
             return 2
         del left[0]
+    if all(state(package) == 'current' for package in PACKAGES):
+        register(HERE)
     return 0
 
 
@@ -352,4 +499,4 @@ def _say_missing(packages: list[Package], error: Exception) -> None:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
+from wasd_core.extras import import_extra
 from wasd_core.streams import unguarded, visible
 
 from robot_description.description import Description, DIFF_DRIVE, OTHER, QUADRUPED
@@ -262,6 +263,7 @@ def check_kinematics(
 
     Raises:
         DescriptionError: a library cannot read the robot.
+        UserError: one of them is not installed.
     """
     from robot_description.pinocchio_model import bare_urdf
 
@@ -324,8 +326,7 @@ def _in_pinocchio(description: Description) -> LinkPlaces:
 
 
 def _in_yourdfpy(urdf: str) -> LinkPlaces:
-    import yourdfpy
-
+    yourdfpy = import_extra('yourdfpy', 'compare', 'describe info --check')
     logging.getLogger('yourdfpy.urdf').setLevel(logging.ERROR)
     model = yourdfpy.URDF.load(io.BytesIO(urdf.encode()), load_meshes=False)
 

@@ -42,9 +42,11 @@ def test_the_first_start_installs_and_then_runs_the_command_with_all_arguments(c
     assert len(result.stderr.splitlines()) <= 6
     assert 'Collecting' not in result.stderr
     assert 'Getting' not in result.stderr + result.stdout
-    (pip,) = checkout.calls('-m pip')
-    assert f'-e {checkout.folder}[ros,pinocchio]' in pip
-    assert '--quiet --progress-bar off' in pip  # with a log, quiet alone leaves the bars
+    needed, project = checkout.calls('-m pip')
+    assert needed.endswith(f'--require-hashes -r {checkout.folder}/requirements/run.txt')
+    # All that is built or fetched has a hash: nothing else comes, not even what builds.
+    assert project.endswith(f'--no-deps --no-build-isolation -e {checkout.folder}')
+    assert '--quiet --progress-bar off' in needed  # with a log, quiet alone leaves the bars
 
 
 def test_on_a_terminal_one_line_says_where_the_install_is(checkout):
@@ -79,7 +81,8 @@ def test_the_tests_bring_what_they_need_once(checkout):
     result = checkout.run('test', '--quick')
     assert 'what the tests need' in result.stderr
     assert result.stdout.splitlines()[:2] == ['argument: test', 'argument: --quick']
-    assert f'-e {checkout.folder}[ros,pinocchio,test]' in checkout.calls('-m pip')[0]
+    (pip,) = checkout.calls('-m pip')
+    assert pip.endswith(f'-r {checkout.folder}/requirements/test.txt')
     again = checkout.run('test')
     assert (again.stderr, checkout.calls('-m pip')) == ('', [])
     assert checkout.run('go2').stderr == ''
@@ -88,9 +91,22 @@ def test_the_tests_bring_what_they_need_once(checkout):
 def test_a_first_start_that_tests_installs_all_of_it(checkout):
     result = checkout.run('test')
     assert (result.returncode, result.stdout.splitlines()[0]) == (0, 'argument: test')
-    (pip,) = checkout.calls('-m pip')
-    assert f'-e {checkout.folder}[ros,pinocchio,test]' in pip
+    needed, _ = checkout.calls('-m pip')
+    run, test = (f'-r {checkout.folder}/requirements/{name}.txt' for name in ('run', 'test'))
+    assert needed.endswith(f'--require-hashes {run} {test}')
     assert checkout.run('test').stderr == ''
+
+
+def test_a_python_that_nobody_has_tried_takes_what_the_ranges_allow(checkout):
+    checkout.set_locked('3.9', '3.10')
+    assert checkout.run('test').returncode == 0
+    asked = checkout.calls()
+    (ranges,) = (call for call in asked if 'lock.py' in call)
+    assert ranges.endswith('/requirements/lock.py --ranges test --without')
+    pip = [call for call in asked if '-m pip' in call]
+    assert (len(pip), 'hash' in pip[0]) == (2, False)
+    assert pip[0].endswith(f'-r {checkout.venv}/needed.txt')
+    assert (checkout.venv / 'needed.txt').read_text().startswith('range==1 ')
 
 
 def test_an_installation_compiles_libraries_messages_legs_and_navigator(checkout):
@@ -175,6 +191,7 @@ def test_a_later_start_says_nothing_and_starts_no_other_python(checkout):
     'changed',
     [
         'pyproject.toml',
+        'requirements/run.txt',
         'package/package.xml',
         'package/setup.cfg',
         'package/package/build_interfaces.py',
@@ -226,7 +243,7 @@ def test_of_two_first_starts_one_installs_and_the_other_waits_for_it(checkout):
     for process, name in ((first, 'first'), (second, 'second')):
         result = checkout.finish(process)
         assert (result.returncode, result.stdout.splitlines()[0]) == (0, f'argument: {name}')
-    assert len(checkout.calls('-m pip')) == 1
+    assert len(checkout.calls('-m venv')) == 1
 
 
 def test_a_moved_checkout_gets_a_new_environment(checkout):
@@ -317,7 +334,9 @@ def test_a_sourced_jazzy_brings_its_own_rclpy(checkout):
     asked = checkout.calls()
     assert any('-m venv --system-site-packages' in call for call in asked)
     # That there are versions which fit is what tests/jazzy tries with a real pip.
-    assert any(call.endswith(f'-e {checkout.folder}[pinocchio]') for call in asked)
+    (ranges,) = (call for call in asked if 'lock.py' in call)
+    assert ranges.endswith('--ranges --without ros-jazzy')
+    assert not any('--require-hashes' in call for call in asked)
 
 
 def test_a_sourced_pinocchio_is_used_with_the_numpy_beside_it(checkout):
@@ -334,7 +353,9 @@ def test_a_sourced_pinocchio_is_used_with_the_numpy_beside_it(checkout):
     assert (result.returncode, '0.9 GB' in result.stderr) == (0, True), result.stderr
     asked = checkout.calls()
     assert [call for call in asked if '-m venv' in call]
-    assert any(call.endswith(f'-e {checkout.folder} numpy==1.26.4') for call in asked)
+    (ranges,) = (call for call in asked if 'lock.py' in call)
+    assert ranges.endswith('--without ros-jazzy pin')
+    assert (checkout.folder / '.venv.jazzy/needed.txt').read_text().endswith('numpy==1.26.4\n')
     assert checkout.run(**sourced).stderr == ''
 
 

@@ -105,7 +105,7 @@ def test_without_the_extra_a_cluster_is_refused_in_a_line(
     monkeypatch.setattr('sys.argv', ['bench', 'legs', '--dask', 'tcp://10.0.0.1:8786'])
     with pytest.raises(SystemExit):
         run.main()
-    assert capsys.readouterr().err.endswith("pip install -e '.[cluster]'\n")
+    assert capsys.readouterr().err.endswith("pip install 'wasd-robots[cluster]'\n")
 
 
 @pytest.mark.parametrize(

@@ -70,5 +70,7 @@ def test_a_run_without_a_terminal_says_where_it_serves_and_what_it_waits_for(was
 
 def test_without_the_extra_one_line_says_how_it_comes(monkeypatch):
     monkeypatch.setitem(sys.modules, 'foxglove', None)
-    with pytest.raises(UserError, match=r"foxglove-sdk is not installed: .* '\.\[foxglove\]'$"):
+    with pytest.raises(
+        UserError, match=r"^--foxglove needs: .*pip install 'wasd-robots\[foxglove\]'$"
+    ):
         load_sdk()

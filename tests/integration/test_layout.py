@@ -56,7 +56,6 @@ ROSDEP_KEYS = {
     'rich': 'python3-rich',
     'trimesh': 'python3-trimesh-pip',
     'yaml': 'python3-yaml',
-    'yourdfpy': None,
 }
 # What only some want, by the name of the extra that brings it; rosdep installs none of it.
 EXTRAS = {'cyclonedds': 'unitree'}
@@ -263,7 +262,9 @@ def test_what_rosdep_does_not_install_the_documented_pip_line_does():
     left |= {root for root, key in ROSDEP_KEYS.items() if key in skipped}
     assert left <= {name.replace('-', '_') for name in asked}
     # No other version than that of the wheels' home.
-    pinned = {re.split('[=<>]', word)[0]: word for word in PROJECT['project']['dependencies']}
+    lines = (ROOT / 'requirements/run.txt').read_text().splitlines()
+    words = (line.split()[0] for line in lines if '==' in line)
+    pinned = {word.partition('==')[0]: word for word in words}
     same = {name: word for name, word in asked.items() if name in pinned and '=' in word}
     assert same == {name: pinned[name] for name in same}
     assert {'mujoco', 'daqp', 'example-robot-data'} <= set(same)
@@ -273,7 +274,7 @@ def test_all_packages_have_one_version_and_the_installed_one():
     versions = {package: manifest(package).findtext('version') for package in PACKAGES}
     assert len(set(versions.values())) == 1, versions
     try:
-        installed = importlib.metadata.version('wasd')
+        installed = importlib.metadata.version('wasd-robots')
     except importlib.metadata.PackageNotFoundError:
         pytest.skip('the project is on the path but not installed')
     assert installed == versions['wasd_bringup']

@@ -62,9 +62,11 @@ def test_the_wheel_holds_the_executables_and_nothing_foreign(wheel):
     (listed,) = (name for name in wheel.namelist() if name.endswith('entry_points.txt'))
     parser = configparser.ConfigParser()
     parser.read_string(wheel.read(listed).decode())
-    assert dict(parser['console_scripts']) == SCRIPTS
+    # The distribution's own name starts the command, too: `uvx wasd-robots go2`.
+    also = {'wasd-robots': SCRIPTS['wasd']}
+    assert dict(parser['console_scripts']) == SCRIPTS | also
     tops = {name.partition('/')[0] for name in wheel.namelist()}
-    assert {top for top in tops if not top.startswith('wasd-')} == {*PACKAGES, 'wasd'}
+    assert {top for top in tops if not top.startswith('wasd_robots-')} == {*PACKAGES, 'wasd'}
 
 
 def test_a_controller_of_another_kind_is_its_package_and_a_name_in_one_list(tmp_path):
@@ -93,6 +95,6 @@ def test_a_controller_of_another_kind_is_its_package_and_a_name_in_one_list(tmp_
         'share/spin_sim/config/spin.yaml',
         'share/ament_index/resource_index/packages/spin_sim',
     } <= names
-    assert wheel.read('wasd-1.0.dist-info/entry_points.txt') == (
+    assert wheel.read('wasd_robots-1.0.dist-info/entry_points.txt') == (
         b'[console_scripts]\nspin = spin_sim.go:main\n'
     )

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Interfaces made from the wheels' generators: types are ROS' own, and an install is whole."""
 
+from importlib.metadata import Distribution
 import json
 import os
 from pathlib import Path
@@ -52,10 +53,8 @@ class Prefix:
         self.site = folder / 'site-packages'
         for made in (self.site, folder / 'lib'):
             made.mkdir()
-        for kind in ('packages', 'rosidl_interfaces'):
-            (folder / 'share/ament_index/resource_index' / kind).mkdir(parents=True)
-        monkeypatch.setattr(build_interfaces, 'TARGET', folder)
-        monkeypatch.setattr(build_interfaces, 'SITE_PACKAGES', self.site)
+        self.place = build_interfaces.Place(folder, self.site)
+        monkeypatch.setattr(build_interfaces, 'HERE', self.place)
         # What this Python has is not what the new environment has.
         monkeypatch.setattr(build_interfaces, 'is_importable', lambda name: False)
 
@@ -110,6 +109,32 @@ def test_what_is_built_is_ros_own_message_and_is_built_once(prefix, capfd):
     assert 'share/nav2_msgs/action/NavigateToPose.action' in before
     used = prefix.run(FIELDS)
     assert used.stdout.splitlines() == NAVIGATE_TO_POSE, used.stderr
+    # pip knows of it, as if it had come as a wheel, and could remove all of it.
+    known = Distribution.at(next(prefix.site.glob('*.dist-info')))
+    assert known.name == 'wasd-interfaces'
+    listed = {Path(file.locate()).resolve() for file in known.files or ()}
+    assert listed == {(prefix.folder / name).resolve() for name in before if '.pyc' not in name}
+
+
+@can_build
+def test_the_wheel_brings_all_that_a_build_installs(prefix, tmp_path_factory, capfd):
+    folder = tmp_path_factory.mktemp('wheel')
+    assert build_interfaces.main(['--wheel', str(folder)]) == 0
+    (path,) = folder.glob('*.whl')
+    assert capfd.readouterr().out == f'{path}\n'
+    assert path.name.endswith('-manylinux_2_28_x86_64.whl')  # as ROS' own
+    words = ('install', '--quiet', '--no-deps', '--ignore-installed', '--prefix')
+    subprocess.run(
+        [sys.executable, '-m', 'pip', *words, str(prefix.folder), str(path)], check=True
+    )
+    (site,) = prefix.folder.glob('lib/python*/site-packages')
+    by_pip = {p.relative_to(site) for p in site.rglob('*') if p.is_file()}
+    assert build_interfaces.main() == 0
+    built = {p.relative_to(prefix.site) for p in prefix.site.rglob('*') if p.is_file()}
+    assert built <= by_pip
+    prefix.site = site
+    used = prefix.run(FIELDS)
+    assert used.stdout.splitlines() == NAVIGATE_TO_POSE, used.stderr
 
 
 @can_build
@@ -125,10 +150,10 @@ def test_an_interrupted_install_leaves_nothing_that_can_be_imported(
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(shutil, 'copytree', interrupted)
-        build_interfaces.install(TF2_MSGS, made)
+        build_interfaces.install(TF2_MSGS, made, prefix.place)
     assert list(prefix.site.iterdir()) == []
     assert build_interfaces.state(TF2_MSGS) == 'missing'
-    build_interfaces.install(TF2_MSGS, made)
+    build_interfaces.install(TF2_MSGS, made, prefix.place)
     assert build_interfaces.state(TF2_MSGS) == 'current'
 
 

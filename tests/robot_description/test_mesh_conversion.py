@@ -6,7 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_description.meshes.load import load_mesh
+from robot_description.description import load_robot
+from robot_description.meshes.load import Detail, load_mesh
+from robot_description.mujoco import geoms
+from robot_description.mujoco.builder import to_mujoco
 
 # One triangle, in no symmetric place.
 POINTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 3.0]])
@@ -161,7 +164,7 @@ def test_a_process_killed_while_it_writes_leaves_no_broken_mesh(tmp_path, cache)
 def test_a_thinned_surface_keeps_its_shape_and_has_no_gaps(tmp_path, cache):
     import trimesh
 
-    thin = load_mesh(big_mesh(tmp_path), most_faces=2000)
+    thin = load_mesh(big_mesh(tmp_path), Detail(0.01, 2000, 3000))
     assert 1900 <= len(thin.faces) <= 2000
     surface = trimesh.Trimesh(*thin, process=False)
     assert surface.is_watertight
@@ -172,7 +175,21 @@ def test_a_thinned_surface_keeps_its_shape_and_has_no_gaps(tmp_path, cache):
 @pytest.mark.slow
 def test_a_thinned_surface_and_the_whole_one_are_both_cached(tmp_path, cache):
     path = big_mesh(tmp_path)
-    counts = [len(load_mesh(path, most).faces) for most in (None, 2000, None, 2000)]
+    few = Detail(0.5, 100, 2000)
+    counts = [len(load_mesh(path, most).faces) for most in (None, few, None, few)]
     assert counts[0] == counts[2] == 20480
     assert counts[1] == counts[3] < 2001
     assert len(list(cache.iterdir())) == 2
+
+
+def test_a_detail_is_a_share_within_bounds_and_never_more_than_there_is():
+    detail = Detail(0.5, 100, 1000)
+    assert [detail.of(n) for n in (40, 150, 300, 1500, 9000)] == [40, 100, 150, 750, 1000]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(('has_card', 'count'), [(True, 15_000), (False, 5000)])
+def test_the_trunk_of_the_go2_is_drawn_whole_by_a_graphics_card(has_card, count, monkeypatch):
+    monkeypatch.setattr(geoms, 'has_graphics_card', lambda: has_card)
+    model = to_mujoco(load_robot('go2').robot, visuals=True).compile()
+    assert count < model.mesh_facenum.max() < 1.1 * count

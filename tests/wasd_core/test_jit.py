@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What numba compiled is kept for as long as no file of its package, or of wasd_core, changes."""
+"""What numba compiled is kept for each state of its package, for all environments that have it."""
 
 import os
 from pathlib import Path
@@ -40,7 +40,8 @@ class Kernels:
         self.set_size(1)
         self.package.joinpath('size.py').write_text(KERNELS)
         folder.joinpath('use.py').write_text(USE)
-        self.environment = dict(os.environ)
+        self.environment = {**os.environ, 'XDG_CACHE_HOME': str(folder / 'cache')}
+        self.environment.pop('NUMBA_CACHE_DIR', None)
 
     def set_size(self, size: int) -> None:
         """Change a file that the kernel is compiled of, beside its own."""
@@ -66,7 +67,7 @@ class Kernels:
 
     def kept(self) -> list[str]:
         """Return what is kept for the kernel, in any folder."""
-        return sorted(path.name for path in self.folder.rglob('size*.nb[ci]'))
+        return sorted(path.name for path in self.folder.rglob('*size*.nb[ci]'))
 
 
 def call(process: 'subprocess.Popen[str]') -> str:
@@ -90,34 +91,62 @@ def test_a_kernel_knows_the_other_files_of_its_package_under_any_name_of_it(kern
     assert kernels.use() == '1'
     assert kernels.use('install') == '1 1'
     assert kernels.use() == '1 1'
-    # An editor's lock is no module, and goes nowhere; another program's files are none of ours.
+    # An editor's lock is no module, and goes nowhere.
     (kernels.package / '.#numbers.py').symlink_to('somebody@host.123')
-    (kernels.package / '__pycache__/theirs.step-7.py311.nbi').touch()
     assert kernels.use() == '1 1'
     kernels.set_size(22)
     assert kernels.use() == '22'
-    assert len(kernels.kept()) == 2  # an index and one function: what is stale is removed
     (kernels.package / 'gait').mkdir()
     (kernels.package / 'gait/moved.py').touch()
     assert kernels.use() == '22'
-    assert (kernels.package / '__pycache__/theirs.step-7.py311.nbi').exists()
+
+
+def test_a_state_that_comes_back_is_still_compiled_until_many_others_came(kernels):
+    assert kernels.use() == '1'
+    kernels.set_size(22)
+    assert kernels.use() == '22'
+    kernels.set_size(1)
+    assert kernels.use() == '1 1'
+    for digits in range(2, 2 + 8):
+        kernels.set_size(int('3' * digits))
+        assert kernels.use() == '3' * digits
+    kernels.set_size(1)
+    assert kernels.use() == '1'
+    assert len(kernels.kept()) == 2 * 8  # an index and one function of each
+
+
+def test_an_installation_elsewhere_of_the_same_files_compiles_nothing(kernels):
+    assert kernels.use() == '1'
+    other = kernels.folder / 'another environment'
+    other.mkdir()
+    for name in ('kernels', 'use.py'):
+        kernels.folder.joinpath(name).rename(other / name)
+    for path in other.rglob('*.py'):
+        os.utime(path, (0.0, 0.0))  # as each installation writes them at its own time
+    assert kernels.use('another environment') == '1 1'
+
+
+def test_nothing_is_written_beside_the_code(kernels):
+    kernels.environment['PYTHONDONTWRITEBYTECODE'] = '1'
+    before = sorted(kernels.package.rglob('*'))
+    assert kernels.use() == '1'
+    assert sorted(kernels.package.rglob('*')) == before
+    assert (kernels.folder / 'cache/wasd').stat().st_mode & 0o777 == 0o700
 
 
 @pytest.mark.parametrize('place', ['told', 'home'])
 def test_a_kernel_knows_them_where_it_is_kept_elsewhere(place, kernels):
-    """As where the package cannot be written."""
-    kernels.environment.pop('NUMBA_CACHE_DIR', None)
     kernels.environment.pop('XDG_CACHE_HOME', None)
     if place == 'told':
         kernels.environment['NUMBA_CACHE_DIR'] = str(kernels.folder / 'cache')
     else:
         kernels.environment['HOME'] = str(kernels.folder / 'home')
-        (kernels.package / '__pycache__').touch()  # no folder can be made here, not even by root
     assert kernels.use() == '1'
     assert len(kernels.kept()) == 2
+    assert (kernels.folder / ('cache' if place == 'told' else 'home/.cache/wasd')).is_dir()
     kernels.set_size(22)
     assert kernels.use() == '22'
-    assert len(kernels.kept()) == 2
+    assert kernels.use() == '22 1'
 
 
 def test_a_kernel_knows_the_files_of_wasd_core(kernels):
@@ -143,8 +172,8 @@ def test_what_an_older_process_compiles_after_a_change_is_not_used(kernels):
 @pytest.fixture
 def refused(kernels, tmp_path):
     """Return a function that says what is said, and the value, where NUMBA_CACHE_DIR is bad."""
+    kernels.environment.pop('XDG_CACHE_HOME')
     kernels.environment['HOME'] = str(kernels.folder / 'home')
-    (kernels.package / '__pycache__').touch()  # there is no place but the one that is told
 
     def use(place: Path) -> tuple[str, str]:
         kernels.environment['NUMBA_CACHE_DIR'] = str(place)
@@ -205,16 +234,6 @@ def test_a_file_of_the_cache_that_others_may_write_is_not_read(kernels, refused)
         assert refused(cache) == ('1 1', '')
 
 
-def test_beside_the_code_the_cache_may_be_as_open_as_the_code_and_no_more(kernels):
-    assert kernels.use() == '1'
-    beside = kernels.package / '__pycache__'
-    beside.chmod(0o777)
-    kernels.environment['HOME'] = str(kernels.folder / 'home')
-    assert kernels.use() == '1'
-    kernels.package.chmod(0o777)
-    assert kernels.use() == '1 1'
-
-
 @pytest.mark.skipif(os.geteuid() != 0, reason='only root gives folders away')
 def test_a_cache_of_another_user_is_not_used(kernels, refused):
     cache = kernels.folder / 'cache'
@@ -222,24 +241,3 @@ def test_a_cache_of_another_user_is_not_used(kernels, refused):
     os.chown(cache, 1234, 1234)
     assert f'{cache} belongs to user 1234' in refused(cache)[1]
     assert refused(cache)[0] == '1 1'  # from the home
-
-
-# What the numba 0.58 of Ubuntu 24.04 calls the places of caches.
-OLD_NAMES = """
-from numba.core import caching
-for name in ('UserProvidedCacheLocator', 'InTreeCacheLocator', 'UserWideCacheLocator'):
-    if hasattr(caching, name):
-        setattr(caching, f'_{name}', caching.__dict__.pop(name))
-from kernels.size import size
-print(size(), *size.stats.cache_misses.values())
-print(size._cache.cache_path)
-"""
-
-
-def test_the_numba_of_ubuntu_keeps_what_it_compiled_as_a_newer_one_does(tmp_path):
-    kernels = Kernels(tmp_path)
-    words = [sys.executable, '-c', OLD_NAMES]
-    done = subprocess.run(
-        words, cwd=tmp_path, env=kernels.environment, capture_output=True, text=True
-    )
-    assert done.stdout == f'1 1\n{kernels.package}/__pycache__\n', done.stderr

@@ -5,15 +5,11 @@ from collections.abc import Iterable
 import importlib.util
 
 from wasd_core.errors import UserError
+from wasd_core.extras import install_line
 
 from unitree_bridge.loopback import check_loopback
 from unitree_bridge.topics import Topic
 from unitree_bridge.wire import Wire
-
-NOT_INSTALLED = (
-    "Unitree's interface needs cyclonedds, which is not installed "
-    "(python -m pip install 'cyclonedds==11.0.1')"
-)
 
 
 def open_wire(domain: int, network: str, out: Iterable[Topic], into: Iterable[Topic]) -> Wire:
@@ -25,7 +21,7 @@ def open_wire(domain: int, network: str, out: Iterable[Topic], into: Iterable[To
     """
     check_loopback(network)
     if importlib.util.find_spec('cyclonedds') is None:
-        raise UserError(NOT_INSTALLED)
+        raise UserError(f"Unitree's interface needs: {install_line('unitree')}")
     # Here, because who does not ask for it does without.
     from unitree_bridge.dds import DdsWire
 

@@ -6,20 +6,22 @@ import contextlib
 import functools
 import glob
 import hashlib
+import inspect
 from pathlib import Path
 import sys
 from typing import Any, cast, ParamSpec, TypeVar
 
 # First, for it sees to what numba reads.
-from wasd_core.own_numba import OwnCache  # isort: skip
+from wasd_core.own_numba import folder_of, OwnCache  # isort: skip
 
 import numba
 from numba.core import event
+import numpy as np
 
 _P = ParamSpec('_P')
 _R = TypeVar('_R')
-# How long a name of a state is; what stands before it in the name of a file.
-_DIGITS, _OF = 16, 'of-'
+# How long the name of a state is.
+_DIGITS = 16
 
 
 def jit(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
@@ -35,8 +37,9 @@ def jit(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
     kernel = numba.njit(**options)(function)
     if not hasattr(kernel, '_cache'):  # numba is told to compile nothing
         return cast('Callable[_P, _R]', kernel)
-    with contextlib.suppress(RuntimeError):  # there is no place that only we can write
-        kernel._cache = _keep_of_state(function)
+    kept = _keep(function)
+    if kept is not None:  # else there is no place that only we can write
+        kernel._cache = kept
     return cast('Callable[_P, _R]', kernel)
 
 
@@ -58,54 +61,37 @@ class _Listener(event.Listener):
         """Nothing to do."""
 
 
-def _keep_of_state(function: Callable[..., Any]) -> OwnCache:
+def _keep(function: Callable[..., Any]) -> OwnCache | None:
     """
-    Return a function's cache, which uses files of its own for each state of what it compiles.
+    Return a function's cache, in a folder for each state of what it compiles; None for no cache.
 
     numba looks at the file of a function alone: not at those of the functions that it calls,
     which are compiled into it, nor whether a class that its cache names has moved. A process that
     began before a file changed keeps what it compiles from those that began later.
     """
     package = function.__module__.partition('.')[0]
-    cache = OwnCache(function)
-    cache.name_files(f'{_OF}{_state_of(package)}')
-    _forget_once(cache.cache_path, package)
-    return cache
+    folder = _folder_of(package, inspect.getfile(function))
+    return None if folder is None else OwnCache(function, folder)
 
 
-def _folder_of(package: str) -> Path | None:
-    """Return the folder of a package; None for a single file."""
+@functools.cache
+def _folder_of(package: str, file: str) -> Path | None:
     places = getattr(sys.modules.get(package), '__path__', None)
-    return Path(places[0]) if places else None
+    text = ''.join(_text_of(Path(place)) for place in (Path(__file__).parent, *(places or [file])))
+    versions = f'{numba.__version__} {np.__version__}'
+    digest = hashlib.sha256(f'{versions}{text}'.encode()).hexdigest()
+    return folder_of(digest[:_DIGITS], package)
 
 
 @functools.cache
-def _state_of(package: str) -> str:
-    folder = _folder_of(package)
-    text = _files_of(Path(__file__).parent) + ('' if folder is None else _files_of(folder))
-    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
-
-
-@functools.cache
-def _files_of(package: Path) -> str:
-    """Return the files of a package, and when they were written."""
+def _text_of(package: Path) -> str:
+    """Return the names of a package's files and what is in them; likewise of a single file."""
+    if not package.is_dir():
+        return package.read_text()
     lines = []
     # A package may have several names: colcon's workspace has links to the checkout.
     for name in sorted(glob.glob('**/[!.]*.py', root_dir=package, recursive=True)):
         # What an editor has just replaced is looked at by the next start.
         with contextlib.suppress(OSError):
-            stat = (package / name).stat()
-            lines.append(f'{name} {stat.st_mtime_ns} {stat.st_size}')
+            lines.append(f'{name}\n{(package / name).read_text()}')
     return '\n'.join(lines)
-
-
-@functools.cache
-def _forget_once(cache: str, package: str) -> None:
-    """Remove what was compiled of another state of a package from a folder."""
-    if _folder_of(package) is None:
-        return  # beside a single file are those of others
-    # What cannot be removed is not used either.
-    with contextlib.suppress(OSError):
-        for compiled in Path(cache).glob(f'*.{_OF}*.nb[ci]'):
-            if f'.{_OF}{_state_of(package)}.' not in compiled.name:
-                compiled.unlink(missing_ok=True)

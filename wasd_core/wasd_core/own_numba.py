@@ -7,15 +7,19 @@ and unpickles what lies in its cache: either one runs the code of the user who w
 """
 
 from collections.abc import Sequence
+import contextlib
 import functools
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 import os
+from pathlib import Path
+import shutil
 import sys
 from types import CodeType, ModuleType
 from typing import Any
 
-from wasd_core.ownership import OPEN, others_can_write, why_foreign
+from wasd_core.cache import cache_folder, say_once, why_unfit
+from wasd_core.ownership import others_can_write
 
 CONFIG, CONFIG_FILE = 'numba.core.config', '.numba_config.yaml'
 
@@ -63,127 +67,103 @@ _import_numba()
 
 from numba.core import caching  # noqa: E402
 
-
-@functools.cache
-def _say(text: str) -> None:
-    """Say something on standard error, once in a process."""
-    print(f'wasd: {text}', file=sys.stderr, flush=True)
+# So many states of a package are kept: those of several checkouts, and of several versions.
+MOST_KEPT = 8
 
 
-def _place(name: str) -> type:
-    """Return numba's class of a place; the numba of Ubuntu 24.04 has an underscore before it."""
-    found: type = getattr(caching, name, None) or getattr(caching, f'_{name}')
-    return found
+def folder_of(state: str, name: str) -> Path | None:
+    """
+    Return where is kept what is compiled of one state of a package; None where nothing is kept.
+
+    It is a folder of $NUMBA_CACHE_DIR, or of the user's caches: the same for every environment
+    that has this state. `name` is the package's; of older states of it some are kept.
+    """
+    told = os.environ.get('NUMBA_CACHE_DIR')
+    if told:
+        folder = Path(os.path.realpath(told)) / f'{name}-{state}'
+        why = why_unfit(folder)
+        if not why:
+            return _used(folder, name)
+        say_once(f'what numba compiles is not kept: {why}')
+    kept = cache_folder('numba')
+    if kept is None or why_unfit(kept / f'{name}-{state}'):
+        return None
+    return _used(kept / f'{name}-{state}', name)
 
 
-class _Guarded:
-    """A place of a cache that is none where another user can write."""
-
-    _cache_path: str
-
-    def ensure_cache_path(self) -> None:
-        """
-        Make the folder.
-
-        Raises:
-            OSError: it cannot be written, or by others, too; numba goes on to the next place.
-        """
-        self._cache_path = os.path.realpath(self._cache_path)
-        self._refuse()
-        super().ensure_cache_path()  # type: ignore[misc]
-        self._refuse()  # somebody may have made it first
-
-    def _refuse(self) -> None:
-        reason = self._why_foreign()
-        if reason:
-            _say(f'what numba compiles is not kept: {reason}')
-            raise PermissionError(reason)
-
-    def _why_foreign(self) -> str:
-        return why_foreign(self._cache_path)
-
-    def is_ours(self, file: str) -> bool:
-        """Whether a file of the cache is ours, or not there."""
-        try:
-            return not others_can_write(os.stat(file))
-        except FileNotFoundError:
-            return True
+def _used(folder: Path, name: str) -> Path:
+    """Mark a folder as the last that was used, and forget those that were not for long."""
+    with contextlib.suppress(OSError):
+        os.utime(folder)
+        states = sorted(folder.parent.glob(f'{name}-*'), key=lambda path: path.stat().st_mtime)
+        for old in states[:-MOST_KEPT]:
+            shutil.rmtree(old, ignore_errors=True)
+    return folder
 
 
-class _Told(_Guarded, _place('UserProvidedCacheLocator')):  # type: ignore[misc]
-    """Where NUMBA_CACHE_DIR says."""
+class _Place(caching._CacheLocator):
+    """The place of one function: files of its name in a folder of one state of its package."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def from_function(self, function: Any, file: str) -> '_Place':  # type: ignore[override]
+        """Return the place of a function."""
+        self._py_file = file  # of which numba warns
+        self._name = f'{function.__module__}-{function.__code__.co_firstlineno}'
+        return self
+
+    def get_cache_path(self) -> str:
+        """Return the folder."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """Return the state that the folder is of: of that nothing in it is stale."""
+        return self._folder.name
+
+    def get_disambiguator(self) -> str:
+        """Return what tells functions of one name apart."""
+        return self._name
 
 
-class _InHome(_Guarded, _place('UserWideCacheLocator')):  # type: ignore[misc]
-    """The user's folder of caches."""
+class _Impl(caching.CompileResultCacheImpl):
+    """Keeps the functions in a folder."""
 
-
-class _BesideCode(_Guarded, _place('InTreeCacheLocator')):  # type: ignore[misc]
-    """Beside the code: who can write that needs no cache, so it may be as open, and no more."""
-
-    def _why_foreign(self) -> str:
-        source = os.path.realpath(os.path.dirname(self._py_file))
-        if os.path.dirname(self._cache_path) != source:  # a link leads away
-            return why_foreign(self._cache_path)
-        return self._more_open_than_code(self._cache_path)
-
-    def is_ours(self, file: str) -> bool:
-        return not self._more_open_than_code(file)
-
-    def _more_open_than_code(self, path: str) -> str:
-        code = os.stat(os.path.dirname(self._py_file))
-        try:
-            status = os.stat(path)
-        except FileNotFoundError:
-            return ''
-        owners = (code.st_uid, os.stat(self._py_file).st_uid)
-        reason = others_can_write(status, *owners)
-        is_as_open = status.st_uid in (0, os.geteuid(), *owners) and status.st_gid == code.st_gid
-        if is_as_open and not status.st_mode & OPEN & ~code.st_mode:
-            return ''
-        return reason and f'it {reason}'
+    def __init__(self, folder: Path, function: Any) -> None:
+        self._locator_classes = [_Place(folder)]  # type: ignore[list-item]
+        super().__init__(function)
 
 
 class _Files(caching.IndexDataCacheFile):
     """A function's files, which count as missing where another user could have written them."""
 
-    def __init__(self, locator: _Guarded, *rest: Any) -> None:
-        super().__init__(*rest)
-        self._locator = locator
-
     def _load_index(self) -> dict[Any, str]:
-        index: dict[Any, str] = super()._load_index() if self._can_load(self._index_path) else {}
+        index: dict[Any, str] = super()._load_index() if _can_load(self._index_path) else {}
         return index
 
     def _load_data(self, name: str) -> Any:
         path = self._data_path(name)
-        if not self._can_load(path):
+        if not _can_load(path):
             raise FileNotFoundError(path)  # it is then compiled, and written over
         return super()._load_data(name)
 
-    def _can_load(self, path: str) -> bool:
-        is_ours = self._locator.is_ours(path)
-        if not is_ours:
-            _say(f'what numba compiled is not read from {path}: another user can write it')
-        return is_ours
 
-
-class _Impl(caching.CompileResultCacheImpl):
-    _locator_classes = [_Told, _BesideCode, _InHome]
+def _can_load(path: str) -> bool:
+    try:
+        is_ours = not others_can_write(os.stat(path))
+    except FileNotFoundError:
+        return True
+    if not is_ours:
+        say_once(f'what numba compiled is not read from {path}: another user can write it')
+    return is_ours
 
 
 class OwnCache(caching.FunctionCache):
-    """
-    A function's cache in a place where no other user can write.
+    """A function's cache in a folder of one state of its package, see `folder_of`."""
 
-    Raises:
-        RuntimeError: there is no such place.
-    """
-
-    _impl_class = _Impl
-
-    def name_files(self, mark: str) -> None:
-        """Name the files after a mark, too."""
-        name = f'{self._impl.filename_base}.{mark}'
-        locator, stamp = self._impl.locator, self._cache_file._source_stamp
-        self._cache_file = _Files(locator, self.cache_path, name, stamp)
+    def __init__(self, function: Any, folder: Path) -> None:
+        self._impl_class = functools.partial(_Impl, folder)  # type: ignore[assignment]
+        super().__init__(function)
+        self._cache_file = _Files(
+            self.cache_path, self._impl.filename_base, self._impl.locator.get_source_stamp()
+        )

@@ -17,6 +17,7 @@ import xml.etree.ElementTree as ElementTree
 import zipfile
 
 import numpy as np
+from wasd_core.cache import cache_folder
 from wasd_core.errors import one_line
 
 from robot_description.robot import Robot, Shape
@@ -80,23 +81,39 @@ class Extent(NamedTuple):
 Cached = TypeVar('Cached', Mesh, Extent)
 
 
-def load_mesh(path: Path, most_faces: int | None = None) -> Mesh:
+class Detail(NamedTuple):
+    """
+    How many triangles a surface keeps: a share of its own, and at least and at most so many.
+
+    Large plain shapes lose less by that than small ones that are full of edges.
+    """
+
+    share: float
+    least: int
+    most: int
+
+    def of(self, count: int) -> int:
+        """Return how many are kept of `count`."""
+        return min(count, self.most, max(self.least, round(self.share * count)))
+
+
+def load_mesh(path: Path, detail: Detail | None = None) -> Mesh:
     """
     Return the triangles of a mesh file in metres, z up, from the cache when it is there.
 
-    What its nodes place and scale is where it belongs. A surface of more than `most_faces`
-    triangles is thinned to about so many. Several processes may share the cache.
+    What its nodes place and scale is where it belongs. With a `detail` its surface is thinned to
+    about so many triangles. Several processes may share the cache.
 
     Raises:
         OSError, ValueError: the file cannot be read as a mesh.
     """
     _check_beginning(path)
-    cached = _cache_folder() / f'{_digest(path, most_faces)}.npz'
+    cached = _cache_file(_digest(path, detail))
     mesh = _read_cache(cached, Mesh)
     if mesh is None:
         mesh = _decoded(path, _digest(path))
-        if most_faces is not None and len(mesh.faces) > most_faces:
-            mesh = _thin(mesh, most_faces)
+        if detail is not None and detail.of(len(mesh.faces)) < len(mesh.faces):
+            mesh = _thin(mesh, detail.of(len(mesh.faces)))
         _write_cache(cached, mesh)
     return mesh
 
@@ -111,7 +128,7 @@ def extent(path: Path) -> Extent:
     _check_beginning(path)
     status = path.stat()
     key = f'{CACHE_VERSION} {path.absolute()} {status.st_mtime_ns} {status.st_size}'
-    cached = _cache_folder() / f'{hashlib.sha256(os.fsencode(key)).hexdigest()[:32]}.npz'
+    cached = _cache_file(hashlib.sha256(os.fsencode(key)).hexdigest()[:32])
     found = _read_cache(cached, Extent)
     if found is None:
         vertices, faces = _decoded(path, _digest(path))
@@ -239,17 +256,19 @@ def _gltf_generator(path: Path) -> str:
     return str(json.loads(data).get('asset', {}).get('generator', ''))
 
 
-def _digest(path: Path, most_faces: int | None = None) -> str:
-    kind = f'{CACHE_VERSION}{path.suffix.lower()}{most_faces or ""}'.encode()
+def _digest(path: Path, detail: Detail | None = None) -> str:
+    kind = f'{CACHE_VERSION}{path.suffix.lower()}{detail or ""}'.encode()
     return hashlib.sha256(kind + path.read_bytes()).hexdigest()[:32]
 
 
-def _cache_folder() -> Path:
-    root = os.environ.get('XDG_CACHE_HOME') or os.path.join(os.path.expanduser('~'), '.cache')
-    return Path(root) / 'wasd' / 'meshes'
+def _cache_file(name: str) -> Path | None:
+    folder = cache_folder('meshes')
+    return folder and folder / f'{name}.npz'
 
 
-def _read_cache(path: Path, kind: type[Cached]) -> Cached | None:
+def _read_cache(path: Path | None, kind: type[Cached]) -> Cached | None:
+    if path is None:
+        return None
     try:
         with np.load(path) as arrays:
             return kind(**{name: arrays[name] for name in kind._fields})
@@ -257,10 +276,11 @@ def _read_cache(path: Path, kind: type[Cached]) -> Cached | None:
         return None
 
 
-def _write_cache(path: Path, what: Mesh | Extent) -> None:
+def _write_cache(path: Path | None, what: Mesh | Extent) -> None:
     """Write whole or not at all; a cache that cannot be written is none."""
+    if path is None:
+        return
     with contextlib.suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, suffix='.part')
         try:
             with os.fdopen(handle, 'wb') as file:

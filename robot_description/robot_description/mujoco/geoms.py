@@ -11,14 +11,16 @@ import numpy as np
 from wasd_core.errors import DescriptionError
 from wasd_core.rotations import Origin
 
-from robot_description.meshes.load import load_mesh
+from robot_description.meshes.load import Detail, load_mesh
+from robot_description.mujoco.renderer import has_graphics_card
 from robot_description.robot import Colour, Link, Robot, Shape
 
 # Without a handler Python writes warnings to standard error, a line each.
 LOGGER = logging.getLogger(__name__)
-# A visual mesh is thinned to so many triangles: a picture of a robot whose meshes have ten times
-# as many takes three times as long where there is no graphics card, and looks the same.
-PICTURE_FACES = 3000
+# A visual mesh is drawn whole by a graphics card, unless it is huge. Without one, a picture of a
+# robot whose meshes have ten times as many triangles takes three times as long; these keep the
+# letters on a Go2's trunk and the edges of its shell.
+WHOLE, THINNED = Detail(1.0, 20_000, 20_000), Detail(0.35, 3000, 6000)
 # A flat mesh collides as a plate of this thickness [m]; flat is what is thinner than this share of
 # its size.
 PLATE, FLAT = 1e-3, 1e-5
@@ -53,6 +55,7 @@ class Meshes:
     def __init__(self, spec: mujoco.MjSpec, files: Mapping[str, Path]) -> None:
         self._spec = spec
         self._files = files
+        self._detail = WHOLE if has_graphics_card() else THINNED
         self._names: dict[tuple[object, ...], str | MissingMesh] = {}
 
     def name_of(self, shape: Shape) -> str:
@@ -75,7 +78,7 @@ class Meshes:
         if path is None or not all(shape.scale):
             return MissingMesh(f'mesh {shape.url} not found')
         try:
-            mesh = load_mesh(path, None if shape.collides else PICTURE_FACES)
+            mesh = load_mesh(path, None if shape.collides else self._detail)
         except (OSError, ValueError) as error:
             if not shape.collides:
                 LOGGER.warning('description: visual mesh left out: %s', error)

@@ -59,3 +59,8 @@ def choose_renderer() -> bool:
     if name is not None:
         os.environ['MUJOCO_GL'] = name
     return name is not None
+
+
+def has_graphics_card() -> bool:
+    """Whether this machine has a card that draws; those that look at its page likely have, too."""
+    return any(Path('/dev').glob('dri/renderD*')) or Path('/dev/nvidia0').exists()

@@ -13,7 +13,7 @@ from wasd_bringup.run.inputs import KEY_LINE, SWITCH_LINE
 Examples = tuple[tuple[str, str], ...]
 
 # One wheel holds all packages; in a ROS workspace each is by itself.
-DISTRIBUTIONS = ('wasd', 'wasd_bringup')
+DISTRIBUTIONS = ('wasd-robots', 'wasd_bringup')
 EXAMPLES = (
     ('go2', 'stand, trot and walk a Unitree Go2'),
     ('mbot --preset wasd', 'drive a small wheeled robot'),

@@ -2,7 +2,6 @@
 """`--foxglove`: a run's topics by WebSocket, and its clients' messages as cmd_vel and keys."""
 
 from collections.abc import Callable, Iterable, Sequence
-from importlib import import_module
 import json
 import logging
 import os
@@ -16,6 +15,7 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 from wasd_core.errors import one_line, UserError
+from wasd_core.extras import import_extra
 from wasd_core.streams import visible
 from wasd_core.timing import Beat
 from wasd_core.topics import FOLLOWED
@@ -95,14 +95,8 @@ def load_sdk() -> Any:
     Raises:
         UserError: it is not installed; says how it comes.
     """
-    try:
-        sdk = import_module(SDK)
-        import_module(f'{SDK}.websocket')
-    except ImportError:
-        raise UserError(
-            '--foxglove: foxglove-sdk is not installed: .venv/bin/python -m pip install -e '
-            "'.[foxglove]'"
-        ) from None
+    sdk = import_extra(SDK, 'foxglove', '--foxglove')
+    import_extra(f'{SDK}.websocket', 'foxglove', '--foxglove')
     if not logging.root.handlers and logging.lastResort is not None:
         # Without a handler the library adds its own: to the error stream of now, in its own words.
         logging.root.addHandler(logging.lastResort)

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an installation lacks is asked for by the name of its extra, and each such name is one."""
+
+import ast
+
+import pytest
+from source_trees import nodes, PROJECT, ROOT
+from wasd_core.errors import UserError
+from wasd_core.extras import import_extra
+
+# Where calls name an extra.
+ARGUMENT = {'import_extra': 1, 'install_line': 0}
+
+
+def test_what_is_missing_is_asked_for_in_a_line_that_can_be_typed():
+    said = r"^--dance needs: \S+ -m pip install 'wasd-robots\[ballet\]'$"
+    with pytest.raises(UserError, match=said):
+        import_extra('no_such_module', 'ballet', '--dance')
+    assert import_extra('json', 'ballet', '--dance').loads('1') == 1
+
+
+def test_every_extra_that_is_asked_for_exists():
+    asked = set()
+    for path in [*ROOT.glob('*_*/*_*/**/*.py'), *ROOT.glob('benchmarks/*.py')]:
+        for node in nodes(path):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) in ARGUMENT:
+                extra = node.args[ARGUMENT[ast.unparse(node.func)]]
+                asked |= {ast.literal_eval(extra)} if isinstance(extra, ast.Constant) else set()
+    assert {'compare', 'foxglove', 'cluster'} <= asked
+    assert asked <= set(PROJECT['project']['optional-dependencies'])
