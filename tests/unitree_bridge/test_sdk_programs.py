@@ -81,6 +81,15 @@ def test_a_program_stands_the_robot_by_its_motors(simulate, program):
     assert seen['heard'] > 0.95 * 500 * seen['seconds']
 
 
+def test_programs_come_and_go(simulate, program):
+    process = simulate()
+    for _ in range(3):
+        assert program('round_trip', '1')['heard'] > 0
+        assert process.poll() is None
+    assert set(program('calls')['codes'].values()) == {0, 3203}
+    assert process.poll() is None
+
+
 def test_a_program_stands_and_moves_it_by_the_sport_service(simulate, program):
     simulate()
     seen = program('sport')

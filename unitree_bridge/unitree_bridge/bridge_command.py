@@ -7,11 +7,9 @@ import sys
 
 from wasd_core.command_line import OneLineParser
 from wasd_core.errors import Stopped, UserError
+from wasd_core.network import LAST_DOMAIN
 from wasd_core.signals import last_status, StopSignals
 from wasd_core.streams import lost_output, never_wait, OutputLost, prepare_streams, print_error
-
-# Those of DDS that have ports [OMG DDSI-RTPS 2.5, 9.6.1].
-LAST_DOMAIN = 232
 
 
 def make_parser() -> argparse.ArgumentParser:

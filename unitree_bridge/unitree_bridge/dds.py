@@ -136,11 +136,13 @@ class _Raw:
     def deserialize(cls, data: bytes, *_: Any, **__: Any) -> '_Raw':
         return cls(data)
 
+    deserialize_key = deserialize  # of the word that a writer has gone
+
 
 def raw_type(shape: Shape) -> Any:
     """Return Cyclone's type of a shape, whose messages are bytes."""
     made = _to_struct(shape)
-    for name in ('__init__', 'serialize', 'deserialize'):
+    for name in ('__init__', 'serialize', 'deserialize', 'deserialize_key'):
         setattr(made, name, _Raw.__dict__[name])
     return made
 

@@ -38,7 +38,7 @@ class Commands:
 
     press: Callable[[str], bool]
     drive: Callable[[Velocity], bool]
-    release: Callable[[], None] = lambda: None
+    release: Callable[[], object] = lambda: None
     take_motors: Callable[[], bool] = lambda: True
     guard: Callable[[bool], bool] = lambda is_on: False
 

@@ -22,6 +22,7 @@ from quadruped_sim.presets import GAITS, LIMITS
 from teleop_keyboard.key_script import parse_key_script
 from teleop_keyboard.keymap import LAYOUTS
 from wasd_core.errors import DescriptionError, one_line, UserError
+from wasd_core.network import LAST_DOMAIN
 from wasd_core.output_file import check_apart, OutputFile
 from wasd_core.safe_files import read_file
 
@@ -448,6 +449,31 @@ OPTIONS = (
         how={'choices': LIMITS},
     ),
     Option(
+        word='--interface',
+        help="unitree: programs of Unitree's SDK command it, high level and low",
+        of=LEGS,
+        how={'choices': ('unitree',)},
+    ),
+    Option(
+        word='--domain',
+        help='DDS domain of the interface: 0 as on the robot (default), 1 as in unitree_mujoco',
+        of=LEGS,
+        read=partial(read_whole, LAST_DOMAIN),
+        how={'type': int, 'metavar': 'N'},
+    ),
+    Option(
+        word='--network',
+        help='loopback of the interface (default: lo); no other network is used',
+        of=LEGS,
+        how={'metavar': 'NAME'},
+    ),
+    Option(
+        word='--sync',
+        help='time waits for the LowCmd that answers each LowState of the interface',
+        of=LEGS,
+        how=FLAG,
+    ),
+    Option(
         word='--controller',
         help="YAML with the leg controller's parameters",
         of=LEGS_ALONE,
@@ -521,6 +547,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
         fields['duration'] = AFTERGLOW + max(times, default=0.0)
     _check_outputs(arguments, options)
     _check_navigation(options)
+    _check_interface(arguments, options)
     return RunOptions(robot=robot, untold=options.untold, **fields)
 
 
@@ -538,6 +565,14 @@ def _check_navigation(options: RunOptions) -> None:
             '--map FILE, --save-map and --goal are for one robot: wasd go2, or wasd mbot '
             '(wasd both takes --map alone: each robot makes a map of its own)'
         )
+
+
+def _check_interface(arguments: argparse.Namespace, options: RunOptions) -> None:
+    if options.interface is not None:
+        return
+    for word in ('domain', 'network', 'sync'):
+        if getattr(arguments, word, None):
+            raise UserError(f'--{word} is for --interface unitree')
 
 
 def _check_outputs(arguments: argparse.Namespace, options: RunOptions) -> None:

@@ -2,7 +2,7 @@
 """A quadruped of a run: keys as states and sticks, or as velocities where a preset asks."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 from mujoco_sim.simulation import Simulation
 from mujoco_sim.viewer.page import CameraView
@@ -19,7 +19,7 @@ from robot_description.description import Description
 from teleop_keyboard.dashboard import Axis, driving_keys, HELP_KEY, KeyHints, Status
 from teleop_keyboard.keymap import on_layout, on_qwerty
 from wasd_core.errors import UserError
-from wasd_core.robot_io import BaseOdometry
+from wasd_core.robot_io import BaseOdometry, JointCommand
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 from wasd_core.timing import is_press, STOP_KEY
 
@@ -28,6 +28,17 @@ from wasd_bringup.run.inputs import RESET_KEY
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.report import Sample, TrunkWatch
 from wasd_bringup.run.robot import Robot, StateChoice, Velocity
+
+
+class Outside(Protocol):
+    """Something outside our controller that may have the motors."""
+
+    def step(self, dt: float) -> None:
+        """Take what has come before our controller does, `dt` [s] after the step before."""
+
+    def motors(self) -> JointCommand | None:
+        """Return the motors' command, None where our controller has them."""
+
 
 # States in which the robot is being driven.
 DRIVEN = (StateName.TROTTING, StateName.MOVE_BASE, StateName.POLICY)
@@ -60,6 +71,7 @@ class Go2(Robot):
         self._hints = None if self.logic is None else KeyHints(self.logic, HELP_KEY)
         self.notice = self.legs.notice
         self._trunk = TrunkWatch()
+        self.outside: Outside | None = None
 
     def prepare(self) -> None:
         """Settle what follows from the settings, before anything is scheduled."""
@@ -201,7 +213,11 @@ class Go2(Robot):
         world = self.world
         truth = world.base_since_start() if self.estimator == 'truth' else None
         names = world.joint_names, world.motor_names
-        world.apply(self.legs.control(world.read(), *names, self.period, truth))
+        if self.outside is not None:
+            self.outside.step(self.period)
+        own = self.legs.control(world.read(), *names, self.period, truth)
+        theirs = None if self.outside is None else self.outside.motors()
+        world.apply(own if theirs is None else theirs)
 
     def stop(self) -> None:
         """Command standstill, now and in the last word on cmd_vel, until the next key."""

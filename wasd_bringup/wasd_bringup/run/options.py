@@ -68,6 +68,10 @@ class RunOptions:
     policy_config: str | None = None  # what says how it was trained
     gamepad: str | None = None  # None: no pad; '': the first that comes
     foxglove: int | None = None  # the port
+    interface: str | None = None  # beside our own: 'unitree'
+    domain: int = 0  # of DDS, for that interface
+    network: str = 'lo'
+    sync: bool = False  # whether time waits for the programs that command motors
     # The map to localise in; '' makes one, None does neither.
     map: str | None = None
     save_map: str | None = None  # without .yaml
@@ -104,7 +108,8 @@ class RunOptions:
     @property
     def has_guests(self) -> bool:
         """Whether somebody may drive who comes and goes."""
-        return self.gamepad is not None or self.foxglove is not None
+        given = (self.gamepad, self.foxglove, self.interface)
+        return any(each is not None for each in given)
 
     @functools.cached_property
     def drive_file(self) -> 'ControllerFile | None':

@@ -42,6 +42,7 @@ from wasd_bringup.run.worlds import build_robots
 if TYPE_CHECKING:
     from wasd_bringup.run.guarding import RobotGuard
     from wasd_bringup.run.navigation import NavigationDriver
+    from wasd_bringup.run.unitree import UnitreeDriver
 
 
 @dataclass
@@ -99,12 +100,13 @@ class Run:
         self.switch = KeySwitch(len(self.robots))
         self._writer = KeyScriptWriter(options.save_keys) if options.save_keys else None
         self._is_scheduled = False
+        self._gates: list[Callable[[], bool]] = []  # all must open before time goes on
         self.face = make_face(self) if make_face is not None else Face()
         for robot in self.robots:
             robot.prepare()
         self.guards = self._make_guards()
         self.navigations = self._make_navigations()
-        self._drivers: list[Driver] = list(self.navigations)
+        self._drivers: list[Driver] = [*self.navigations, *self._make_interfaces()]
         self.face.begin()
         self._schedule()
 
@@ -140,6 +142,26 @@ class Run:
             navigation.prepare()
         self.switch.on_leave.append(lambda left: made[left].leave())
         return made
+
+    def _make_interfaces(self) -> 'list[UnitreeDriver]':
+        """
+        Return Unitree's interface of each robot with legs, where it was asked for.
+
+        Raises:
+            UserError: its domain cannot be joined.
+        """
+        if self.options.interface is None:
+            return []
+        # Here, because who does not ask for it does without.
+        from wasd_bringup.run.go2 import Go2
+        from wasd_bringup.run.unitree import UnitreeDriver
+
+        made = [UnitreeDriver(robot) for robot in self.robots if isinstance(robot, Go2)]
+        self._gates += [driver.may_advance for driver in made]
+        return made
+
+    def _may_advance(self) -> bool:
+        return all(gate() for gate in self._gates)
 
     @property
     def active(self) -> int:
@@ -185,6 +207,7 @@ class Run:
                 poll=self._poll,
                 each_second=self._each_second,
                 duration=self.options.duration,
+                may_advance=self._may_advance,
             )
         finally:
             self._wall_time += time.monotonic() - started

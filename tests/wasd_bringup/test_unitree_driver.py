@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Programs of Unitree's SDK are one source of several: `Drivers` says that they drive."""
+
+import json
+
+import numpy as np
+import pytest
+from unitree_bridge.cdr import decode
+from unitree_bridge.shapes import RESPONSE
+from unitree_bridge.topics import LOW_STATE
+from unitree_rig import low_cmd, positions, request, STANDING, TableWire
+from wasd_bringup.run.drivers import SILENCE
+from wasd_bringup.run.options import RunOptions
+from wasd_bringup.run.run import Run
+from wasd_bringup.run.unitree import UnitreeDriver
+from wasd_core.errors import UserError
+
+pytestmark = pytest.mark.slow
+STAND_UP, MOVE = 1004, 1008
+
+
+class Commanded:
+    """A run whose Go2 programs command over a wire that is two tables."""
+
+    def __init__(self, **options):
+        asked = RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0, **options)
+        self.session = Run(asked)
+        self.robot = self.session.robot
+        self.wire = TableWire()
+        self.driver = UnitreeDriver(self.robot, self.wire)
+        self.session.join(self.driver)
+
+    def run(self, seconds):
+        """Simulate for so long [s]."""
+        simulation = self.session.simulation
+        end = self.robot.world.time + seconds - 1e-6
+        while self.robot.world.time < end:
+            simulation.advance(simulation.schedule.stride)
+
+    def call(self, api_id, service='sport', **parameter):
+        """Ask a service, and return its code."""
+        name = f'rt/api/{service}'
+        self.wire.come[f'{name}/request'].append(request(1, api_id, json.dumps(parameter)))
+        self.run(0.002)
+        answer = decode(RESPONSE, self.wire.told[f'{name}/response'][-1])
+        return answer['header']['status']['code']
+
+    def move(self, seconds):
+        """Ask for 0.3 m/s as long [s] as a program does that repeats it."""
+        for _ in range(round(seconds / 0.1)):
+            self.call(MOVE, x=0.3, y=0.0, z=0.0)
+            self.run(0.098)
+
+    def hold_by_motors(self, seconds):
+        """Rise within a second by LowCmds, and hold the stand; return how many counted."""
+        self.run(0.002)
+        low, start = self.driver.bridge.low, positions(self.wire.last(LOW_STATE))
+        refused = low.refused
+        for tick in range(round(500 * seconds)):
+            share = min(tick / 500.0, 1.0)
+            aims = (1.0 - share) * start + share * STANDING
+            self.wire.come['rt/lowcmd'].append(low_cmd(aims, kp=60.0, kd=5.0))
+            self.run(0.002)
+        return round(500 * seconds) - (low.refused - refused)
+
+    @property
+    def height(self):
+        return float(self.robot.world.base().position[2])
+
+    @property
+    def speed(self):
+        return float(np.hypot(*self.robot.world.base().linear_velocity[:2]))
+
+
+@pytest.fixture
+def run():
+    return Commanded()
+
+
+@pytest.fixture
+def walking(run):
+    run.call(STAND_UP)
+    run.run(3.0)
+    run.move(2.0)
+    assert run.speed > 0.2
+    return run
+
+
+def test_drivers_say_that_a_program_drives_and_since_when(walking):
+    state = walking.robot.drivers.state
+    assert (state.driver, state.right) == ('unitree', 'program')
+    assert state.since == pytest.approx(0.0, abs=0.01)
+
+
+def test_drivers_say_that_a_program_has_the_motors(run):
+    assert run.hold_by_motors(1.0) == 500
+    assert run.robot.drivers.state.driver == 'unitree'
+    run.run(SILENCE + 0.2)
+    assert run.robot.drivers.state.driver == ''
+
+
+def test_a_key_takes_over_from_a_program_that_has_fallen_silent(walking):
+    walking.session.press('2')
+    walking.run(3.0)
+    assert walking.robot.state == 'fixed stand'
+    assert walking.speed < 0.02
+    assert not walking.driver.bridge.motion.is_moving
+
+
+@pytest.mark.parametrize('by', ['page', 'keys', 'service e_stop'])
+def test_an_e_stop_ends_what_a_program_moves(by, walking):
+    walking.session.e_stop(by)
+    assert walking.robot.state == 'passive'
+    walking.run(4.0)
+    assert (walking.robot.state, walking.height < 0.15) == ('passive', True)
+
+
+def test_an_e_stop_takes_the_motors_from_a_program_that_goes_on(run):
+    assert run.hold_by_motors(2.0) == 1000
+    assert run.height > 0.3
+    run.session.e_stop('page')
+    assert run.hold_by_motors(3.0) == 0
+    assert run.height < 0.15
+    # Whoever has let go, and takes the motors again, has them.
+    run.run(SILENCE + 0.2)
+    assert run.hold_by_motors(2.0) == 1000
+    assert run.height > 0.3
+
+
+def test_a_latched_e_stop_holds_until_it_is_released():
+    run = Commanded(latched=True)
+    assert run.hold_by_motors(1.0) == 500
+    run.session.e_stop('page')
+    run.run(SILENCE + 0.5)
+    assert run.hold_by_motors(0.5) == 0
+    run.call(STAND_UP)
+    run.run(1.0)
+    assert run.robot.state == 'passive'
+    run.session.end_e_stop()
+    run.run(SILENCE + 0.5)
+    assert run.hold_by_motors(2.0) == 1000
+    assert run.height > 0.3
+
+
+def test_keys_do_not_move_a_robot_whose_motors_a_program_has(run):
+    run.hold_by_motors(2.0)
+    run.session.press('4')
+    assert run.hold_by_motors(0.5) == 250
+    assert (run.robot.state, run.height > 0.3) == ('passive', True)
+
+
+def test_back_at_the_start_our_controller_has_the_motors(run):
+    run.hold_by_motors(1.0)
+    run.session.simulation.reset()
+    run.run(0.1)
+    assert not run.driver.bridge.low.is_released
+    run.session.press('2')
+    run.run(3.0)
+    assert run.robot.state == 'fixed stand'
+
+
+def test_a_run_that_is_paused_answers(run):
+    run.session.simulation.paused = True
+    run.wire.come['rt/api/motion_switcher/request'].append(request(5, 1001))
+    run.driver.look()
+    assert len(run.wire.told['rt/api/motion_switcher/response']) == 1
+
+
+def test_in_sync_time_waits_for_a_program():
+    run = Commanded(sync=True)
+    assert not run.driver.may_advance()
+    run.wire.come['rt/lowcmd'].append(low_cmd(kd=1.0))
+    assert run.driver.may_advance()
+    assert 'time begins with a program' in run.driver.first_line
+
+
+def test_another_network_is_refused():
+    options = RunOptions(
+        robot='go2', description='go2', preset='unitree', interface='unitree', network='nowhere'
+    )
+    with pytest.raises(UserError, match="network: got 'nowhere', wanted the loopback"):
+        Run(options)

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`--interface unitree`: programs of Unitree's SDK drive the robot, as any other source does."""
+
+from functools import partial
+
+from teleop_keyboard.keymap import on_layout
+from unitree_bridge.bridge import Bridge, INTO, OUT
+from unitree_bridge.connection import open_wire
+from unitree_bridge.legs_robot import Commands, LegsRobot
+from unitree_bridge.robot import SOURCE
+from unitree_bridge.topics import LIDAR_OUT, LIDAR_SWITCH
+from unitree_bridge.utlidar import LidarTopics
+from unitree_bridge.wire import Wire
+from wasd_core.robot_io import JointCommand
+
+from wasd_bringup.run.drivers import Take
+from wasd_bringup.run.go2 import Go2
+
+# What a program presses that commands the motors themselves: no key of a keyboard.
+MOTORS = 'LowCmd'
+SCAN = 'scan'
+
+
+class UnitreeDriver:
+    """
+    Serves Unitree's interface over a Go2 of a run.
+
+    Programs press its keys, drive it, or have its motors, while `Drivers` says that they count.
+    Whoever else drives ends what they asked our controller for; the motors they keep until an
+    E-STOP. It is stepped by the robot, before our controller.
+    """
+
+    def __init__(self, robot: Go2, wire: Wire | None = None) -> None:
+        """
+        Join the domain of the robot's options, unless there is a wire already.
+
+        Raises:
+            UserError: it cannot be joined.
+        """
+        self.robot, options = robot, robot.options
+        self._where = f'domain {options.domain} on {options.network}'
+        self._wire = wire or open_wire(
+            options.domain, options.network, (*OUT, *LIDAR_OUT), (*INTO, LIDAR_SWITCH)
+        )
+        commands = Commands(
+            press=lambda key: robot.press(on_layout(key, robot.layout), SOURCE),
+            drive=partial(robot.drive, by=SOURCE),
+            release=lambda: robot.release(SOURCE),
+            take_motors=self._take_motors,
+        )
+        self._legs = LegsRobot(robot.legs, robot.world, commands)
+        self.bridge = Bridge(
+            self._legs,
+            self._wire,
+            self._say,
+            is_synced=options.sync,
+            lidar=self._make_lidar(),
+        )
+        self.may_advance = self.bridge.may_advance
+        robot.outside = self
+        robot.drivers.on_take.append(self._give_way)
+        robot.simulation.on_reset.append(self.bridge.reset)
+
+    @property
+    def first_line(self) -> str:
+        """What a driver must know to begin."""
+        waits = '; time begins with a program' if self.robot.options.sync else ''
+        return f'Unitree SDK: {self._where}{waits}'
+
+    def step(self, dt: float) -> None:
+        """Take and tell what is due, `dt` [s] after the step before."""
+        self.bridge.step(dt)
+
+    def motors(self) -> JointCommand | None:
+        """Return the motors' command of a program, None where our controller has them."""
+        command = self.bridge.in_force
+        return None if command is None else self._legs.motors(command)
+
+    def look(self) -> None:
+        """Answer also while simulated time stands still."""
+        if self.robot.simulation.paused:
+            self.bridge.serve()
+
+    def repeat(self) -> None:
+        """Nothing: the robot steps it."""
+
+    def disarm(self) -> None:
+        """Let nothing that a program commands now count."""
+        self.bridge.disarm()
+
+    def close(self) -> None:
+        """Be gone for all programs."""
+        self.robot.outside = None
+        self.bridge.close()
+        self._legs.close()
+
+    def _take_motors(self) -> bool:
+        return self.robot.drivers.take(SOURCE, key=MOTORS, what='an SDK program (LowCmd)')
+
+    def _give_way(self, taken: Take) -> None:
+        if taken.source != SOURCE:
+            self.bridge.give_way()
+
+    def _say(self, text: str) -> None:
+        self.robot.say(text)
+        self.robot.log.info('unitree: %s', text)
+
+    def _make_lidar(self) -> LidarTopics | None:
+        scans = [topic for topic in self.robot.sensors.topics if topic.name == SCAN]
+        if not scans:
+            return None
+        lidar = LidarTopics(self._legs)
+        scans[0].listen(lidar.take_scan, lambda: lidar.wants_scans)
+        return lidar
