@@ -102,7 +102,7 @@ def write_ids():
         said = {key: value for key, value in vars(module).items() if key.isupper()}
         (service,) = (value for key, value in said.items() if key.endswith('_SERVICE_NAME'))
         (version,) = (value for key, value in said.items() if key.endswith('_API_VERSION'))
-        known = sorted(value for key, value in said.items() if '_API_ID_' in key)
+        known = {key.split('_API_ID_')[1]: n for key, n in said.items() if '_API_ID_' in key}
         ids[service] = {'version': version, 'ids': known}
     (FOLDER / 'ids.json').write_text(json.dumps(ids) + '\n')
 

@@ -3,7 +3,9 @@
 
 import json
 import math
+from pathlib import Path
 import random
+import re
 
 import numpy as np
 import pytest
@@ -19,6 +21,8 @@ from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 
 from unitree_bridge import topics
 
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / 'docs/unitree.md').read_text()
 SDK = json.loads((GOLDEN / 'ids.json').read_text())
 # What asks for nothing but an answer, and parameters that please all others.
 PARAMETERS = {'x': 0.0, 'y': 0.0, 'z': 0.0, 'yaw': 0.0, 'mode': 0, 'data': 1, 'enable': 1}
@@ -46,6 +50,24 @@ def test_all_services_that_the_sdk_has_clients_of_are_here():
         assert {f'rt/api/{service}/request', f'rt/api/{service}/response'} <= names
 
 
+def test_the_page_names_every_call_of_the_sport_service_that_is_no_trick():
+    (row,) = (line for line in PAGE.splitlines() if line.startswith('| `sport` |'))
+    listed = re.sub(r'\([^)]*\)', '', row.split('|')[2]).replace(' and Get', ', AutoRecoveryGet')
+    names = {name.strip().upper().replace('SET', '_SET') for name in listed.split(',')}
+    names = {name.replace('RECOVERYGET', 'RECOVERY_GET') for name in names}
+    known = {name for name, api_id in SDK['sport']['ids'].items() if api_id not in TRICKS}
+    assert names | {'FREEAVOID', 'SWITCHAVOIDMODE'} == known
+
+
+def test_the_remappings_are_of_our_topics():
+    text = (ROOT / 'unitree_bridge/config/go2_ros2_sdk.remap').read_text()
+    rules = [line.removeprefix('-r ').split(':=') for line in text.splitlines() if line[0] != '#']
+    topics = (ROOT / 'docs/topics.md').read_text()
+    assert rules
+    for ours, _ in rules:
+        assert f'`{ours}`' in topics
+
+
 @pytest.mark.slow
 def test_every_id_of_the_sdk_is_answered_at_once(rig, monkeypatch):
     # A picture needs a renderer, which not every machine has.
@@ -53,7 +75,7 @@ def test_every_id_of_the_sdk_is_answered_at_once(rig, monkeypatch):
     codes = {}
     for service, said in SDK.items():
         assert rig.call(service, 1)[:2] == (OK, said['version'])
-        for api_id in said['ids']:
+        for api_id in said['ids'].values():
             # `call` simulates 2 ms, and finds the one answer after them.
             codes[service, api_id] = rig.call(service, api_id, **PARAMETERS)[0]
     assert set(codes.values()) == {OK, NOT_IMPLEMENTED}

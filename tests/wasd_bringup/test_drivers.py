@@ -130,7 +130,8 @@ def test_the_page_says_who_drives_by_which_right_and_how_long_a_silence_is():
     rows = dict(line.strip('| ').split(' | ') for line in page.splitlines() if ' | ' in line)
     assert rows['keys, page, gamepad'] == right_of('keys') == right_of('page') == 'hand'
     assert right_of('gamepad') == 'hand'
-    assert rows["scripts, topics, Foxglove's clients, programs of your own"] == right_of('script')
+    programs = "scripts, topics, Foxglove's clients, Unitree's SDK, programs of your own"
+    assert rows[programs] == right_of('script') == right_of('unitree')
     assert right_of('foxglove 3') == right_of('topic') == right_of('sine') == 'program'
     assert rows['navigator'].startswith(f'{right_of("navigator")}:')
     assert rows['a stop that holds'].startswith(f'{right_of(E_STOP)}:')

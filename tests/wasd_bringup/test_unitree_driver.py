@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from unitree_bridge.cdr import decode
 from unitree_bridge.shapes import RESPONSE
-from unitree_bridge.topics import LOW_STATE
+from unitree_bridge.topics import LOW_STATE, REMOTE
 from unitree_rig import low_cmd, positions, request, STANDING, TableWire
 from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.options import RunOptions
@@ -147,6 +147,17 @@ def test_keys_do_not_move_a_robot_whose_motors_a_program_has(run):
     run.session.press('4')
     assert run.hold_by_motors(0.5) == 250
     assert (run.robot.state, run.height > 0.3) == ('passive', True)
+
+
+def test_keys_move_the_sticks_that_programs_see(run):
+    run.session.press('2')
+    run.run(2.5)
+    for key in '4wwl':
+        run.session.press(key)
+        run.run(0.02)
+    run.run(0.1)
+    remote = run.wire.last(REMOTE)
+    assert (remote['ly'], remote['rx'], remote['lx']) == pytest.approx((0.1, 0.05, 0.0))
 
 
 def test_back_at_the_start_our_controller_has_the_motors(run):

@@ -36,7 +36,6 @@ _REMOTE_SILENCE = 0.5
 # time]; commands that are no answer are counted as so long, too.
 HOLD = 0.01
 PATIENCE = 1.0
-_NOBODY = Remote()
 SERVICES = ('sport', 'motion_switcher', 'obstacles_avoid', 'robot_state', 'videohub', 'vui')
 LEASED = 'sport'
 MOVING = ('sport', 'obstacles_avoid')
@@ -52,8 +51,7 @@ class Bridge:
 
     With `is_synced` time goes on only when `may_advance` says so: it begins with the first LowCmd,
     call of a service that moves, or key, and waits in each instant for the LowCmd that answers its
-    LowState; no longer than PATIENCE for a program that has gone. `remote` is told to programs as
-    the state of the remote control.
+    LowState; no longer than PATIENCE for a program that has gone.
     """
 
     def __init__(
@@ -73,7 +71,6 @@ class Bridge:
         self._low_states, self._sport_states = LowStates(), SportStates()
         self.services = self._make_services()
         self._looks, self._sport_beat, self._low_beat = Beat(), Beat(), Beat()
-        self.remote = _NOBODY
         self._sticks = Watchdog(_REMOTE_SILENCE)
         self._down: frozenset[str] = frozenset()
         self._answers = False  # the program that commands the motors
@@ -190,13 +187,13 @@ class Bridge:
                 raw = self._sport_states.write(self._robot, senses)
                 wire.publish(topics.SPORT_MODE_STATE, raw)
         if wants_sport and wire.is_heard(topics.REMOTE):
-            wire.publish(topics.REMOTE, self.remote.message())
+            wire.publish(topics.REMOTE, self._robot.remote.message())
         if self._lidar is not None:
             self._lidar.step(wire)
 
     def _tell_low_state(self, time: float, senses: Senses) -> None:
         if self._wire.is_heard(topics.LOW_STATE):
-            raw = self._low_states.write(time, senses, self.remote.in_low_state())
+            raw = self._low_states.write(time, senses, self._robot.remote.in_low_state())
             self._wire.publish(topics.LOW_STATE, raw)
 
     def _take_command(self) -> bool:

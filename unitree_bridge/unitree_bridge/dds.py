@@ -25,10 +25,13 @@ from unitree_bridge.loopback import keep_to, open_sockets
 from unitree_bridge.shapes import FLAG, Kind, Many, Several, Shape, TEXT
 from unitree_bridge.topics import Topic
 
-# As the SDK configures a network of its own, but for its log in /tmp.
+# As the SDK configures a network of its own, but for its log in /tmp. Cyclone DDS 0.10, which
+# robots have, takes the loopback for one without multicast and asks at the usual ports: an index
+# of our own makes us listen there, and a peer ask there, too.
 CONFIGURATION = """<CycloneDDS><Domain Id="any"><General><Interfaces>
 <NetworkInterface name="{network}" priority="default" multicast="default"/>
-</Interfaces></General></Domain></CycloneDDS>"""
+</Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex>
+<Peers><Peer Address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
 
 _NUMBERS = {
     **{'u1': types.uint8, 'u2': types.uint16, 'u4': types.uint32, 'u8': types.uint64},

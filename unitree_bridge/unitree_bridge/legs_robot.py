@@ -18,6 +18,7 @@ from wasd_core.errors import SimulationError
 from wasd_core.robot_io import BaseOdometry, JointCommand, JointStates
 from wasd_core.rotations import matrix_from_quaternion, Pose
 
+from unitree_bridge.remote import Remote
 from unitree_bridge.robot import LEGS, MOTORS, Senses, Velocity
 
 # The camera in the head of the Go2: where it is in base axes [m], what it sees.
@@ -90,6 +91,12 @@ class LegsRobot:
         """How fast full sticks drive it [m/s], [m/s], [rad/s]."""
         limits = self._legs.controller.command_filter.limits
         return limits.forward, limits.lateral, limits.yaw
+
+    @property
+    def remote(self) -> Remote:
+        """The sticks that keys move, as those of its remote control."""
+        sticks = self._legs.controller.sticks.values
+        return Remote(sticks.lx, sticks.ly, sticks.rx, sticks.ry)
 
     def senses(self) -> Senses:
         """Return what it measures now."""

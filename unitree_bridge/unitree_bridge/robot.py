@@ -7,6 +7,8 @@ import numpy as np
 from quadruped_sim.keys import StateName
 from wasd_core.robot_io import BaseOdometry, ImuReading, JointCommand, JointStates
 
+from unitree_bridge.remote import Remote
+
 # Who drives when an SDK program does.
 SOURCE = 'unitree'
 # The legs of the controller FL FR RL RR, in Unitree's order FR FL RR RL; it is its own inverse.
@@ -62,6 +64,10 @@ class Robot(Protocol):
     @property
     def full_speed(self) -> Velocity:
         """How fast full sticks drive it [m/s], [m/s], [rad/s]."""
+
+    @property
+    def remote(self) -> Remote:
+        """How the sticks and buttons of its remote control are."""
 
     def senses(self) -> Senses:
         """Return what it measures now."""

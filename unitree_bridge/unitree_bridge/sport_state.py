@@ -18,6 +18,7 @@ MODES = {
     StateName.FREE_STAND: _LEANS,
     StateName.TROTTING: _MOVES,
     StateName.MOVE_BASE: _MOVES,
+    StateName.POLICY: _MOVES,
     StateName.BALANCE_TEST: _BALANCES,
     StateName.SWING_TEST: _BALANCES,
     StateName.STEP_TEST: _BALANCES,
@@ -25,7 +26,7 @@ MODES = {
     StateName.LIE_DOWN: _LIES_DOWN,
     StateName.JUMP: _JUMPS,
 }
-_STEPPING = (StateName.TROTTING, StateName.MOVE_BASE, StateName.STEP_TEST)
+_STEPPING = (StateName.TROTTING, StateName.MOVE_BASE, StateName.POLICY, StateName.STEP_TEST)
 
 
 class SportStates:
