@@ -14,6 +14,7 @@ from mujoco_sim.parameters import NOTHING, Untold
 from mujoco_sim.pictures import take_picture, Viewpoint
 import numpy as np
 from quadruped_sim.keys import STATE_KEYS, StateName
+from quadruped_sim.states.policy import Walker
 from wasd_bringup.robots import GO2, MBOT
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.robot import Velocity
@@ -181,9 +182,9 @@ class Go2(Robot):
 
     `drive` commands a velocity in the state move base. `estimator` is `kalman` (IMU with noise
     and legs) or `truth`; `limits` is `sport`, `guide` or `race`, what full stick means; `gait`
-    is the order in which the feet step. `policy` is the file of a network that walks in the state
-    policy (2, then p), `policy_config` what says how it was trained. The controller is not told
-    of `untold`: friction, payload, and how much the robot differs at random.
+    is the order in which the feet step. `policy` is the file of a network, or any `Walker`, that
+    walks in the state policy (2, then p), `policy_config` what says how it was trained. The
+    controller is not told of `untold`: friction, payload, how much the robot differs at random.
 
     Raises:
         UserError: what is wrong with the description, the world or an option, in one line.
@@ -200,7 +201,7 @@ class Go2(Robot):
         estimator: str = 'kalman',
         limits: str = 'sport',
         gait: str = 'trot',
-        policy: str | os.PathLike[str] | None = None,
+        policy: str | os.PathLike[str] | Walker | None = None,
         policy_config: str | os.PathLike[str] | None = None,
         untold: Untold = NOTHING,
     ) -> None:
@@ -216,7 +217,7 @@ class Go2(Robot):
                 estimator=estimator,
                 limits=limits,
                 gait=gait,
-                policy=None if policy is None else os.fspath(policy),
+                policy=os.fspath(policy) if isinstance(policy, (str, os.PathLike)) else policy,
                 policy_config=None if policy_config is None else os.fspath(policy_config),
                 untold=untold,
                 speed=0.0,

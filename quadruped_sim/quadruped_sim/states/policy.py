@@ -29,13 +29,16 @@ class Walker(Protocol):
     What walks in place of the gait; joints are in its own order.
 
     `default` (n,) is the pose in which it begins [rad]. `ranges` are those of the velocities that
-    it knows, or None. `failure` says why it cannot go on, '' while it can.
+    that it knows, or None. `failure` is '' while all is well.
     """
 
     joints: tuple[str, ...]
     default: np.ndarray
     ranges: tuple[tuple[float, float], ...] | None
-    failure: str
+
+    @property
+    def failure(self) -> str:
+        """Why it cannot go on."""
 
     def reset(self) -> None:
         """Forget the past."""
@@ -73,7 +76,6 @@ class Policy(Trotting):
         self._theirs = np.array([names.index(name) for name in walker.joints])
         self._ours = np.argsort(self._theirs)
         self._sign, self._zero = quadruped.sign, quadruped.zero
-        self._default = self._sign * walker.default[self._ours] + self._zero
         self._low, self._high = -np.full(3, np.inf), np.full(3, np.inf)
         if walker.ranges is not None:
             self._low, self._high = np.array(walker.ranges).T
@@ -89,6 +91,7 @@ class Policy(Trotting):
         self._parts.command_filter.reset()
         self._parts.locomotion.gait.reset()
         self._walker.reset()
+        self._default = self._sign * self._walker.default[self._ours] + self._zero
         self._start = robot.joint_position.copy()
         self._time = 0.0
         self._used_sticks = False

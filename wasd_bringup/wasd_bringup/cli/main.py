@@ -23,6 +23,7 @@ from wasd_core.streams import lost_output, OutputLost, prepare_streams, print_er
 from wasd_bringup.cli.options import add_run_options
 from wasd_bringup.cli.parsers import (
     add_calibrate_options,
+    add_describe_options,
     add_graph_commands,
     add_replay_options,
     called,
@@ -70,6 +71,10 @@ def make_parser() -> argparse.ArgumentParser:
         'calibrate', help="measure mbot's wheels by driving squares", allow_abbrev=False
     )
     add_calibrate_options(calibrate)
+    describe = commands.add_parser(
+        'describe', help='policy FILE: what a network says, and how it walks', allow_abbrev=False
+    )
+    add_describe_options(describe)
     replay = commands.add_parser(
         'replay', help='show a recording, or drive its commands again', allow_abbrev=False
     )
@@ -149,6 +154,10 @@ def _act(arguments: argparse.Namespace, ros_arguments: Sequence[str]) -> int:
     """Do what was asked for: only now is loaded what that needs, so that --help comes at once."""
     if arguments.command == 'keys':
         return print_keys(arguments)
+    if arguments.command == 'describe':
+        from wasd_bringup.tools.describe_policy import describe_policy_command
+
+        return describe_policy_command(arguments)
     check_middleware(os.environ)
     look_before_ros()
     if arguments.command == 'demo':

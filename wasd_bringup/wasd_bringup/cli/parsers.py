@@ -119,6 +119,16 @@ def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--output', metavar='FILE', help='YAML to write, for --controller')
 
 
+def add_describe_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `wasd describe`."""
+    parser.add_argument('kind', choices=('policy',), metavar='policy', help='what FILE is')
+    parser.add_argument('path', metavar='FILE', help='an ONNX or TorchScript file')
+    parser.add_argument(
+        '--policy-config', metavar='FILE', help='how it was trained, where FILE does not say it'
+    )
+    parser.add_argument('--no-trial', action='store_true', help='read it, do not walk with it')
+
+
 def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f'got {text!r}, wanted a whole number >= 1')

@@ -327,6 +327,9 @@ def load_walker(options: RunOptions) -> Walker | None:
         if options.policy_config is not None:
             raise UserError('--policy-config: it tells of a network, give it by --policy FILE')
         return None
+    if not isinstance(options.policy, str):
+        walker: Walker = options.policy
+        return walker
     # Here, because few runs play one.
     from policy_player.player import Player
     from policy_player.policy_file import read_policy

@@ -7,7 +7,7 @@ import functools
 import math
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from mujoco_sim.parameters import Untold
 from teleop_keyboard.key_script import KeyPress
@@ -64,7 +64,7 @@ class RunOptions:
     gait: str | None = None
     mode: str | None = None
     controller: Path | None = None
-    policy: str | None = None  # the file of a network that walks
+    policy: Any = None  # the file of a network that walks, or a `Walker`
     policy_config: str | None = None  # what says how it was trained
     gamepad: str | None = None  # None: no pad; '': the first that comes
     foxglove: int | None = None  # the port
