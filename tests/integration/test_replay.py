@@ -62,6 +62,39 @@ def test_a_reset_in_the_midst_is_repeated(run: Any) -> None:
     assert (done.returncode, done.stdout) == (0, '100 of 100 recorded poses are identical\n')
 
 
+@pytest.mark.usefixtures('ros')
+@pytest.mark.parametrize('is_latched', [False, True])
+def test_an_e_stop_in_motion_is_repeated_limp_at_once(run: Any, is_latched: bool) -> None:
+    """By its key alone it would squat first, and end elsewhere."""
+    runner, path = run[0], run[0].folder / 'e_stop.mcap'
+    keys = tuple(parse_key_script('0.1 2\n2.5 4\n2.8 w*10', 'keys'))
+    options = RunOptions(
+        robot='go2',
+        description='go2',
+        preset='unitree',
+        keys=keys,
+        speed=0.0,
+        latched=is_latched,
+        seed=3,
+    )
+    recorder = BagRecorder(path, describe_run(options))
+    session = make_ros_run(options, recorder=recorder)
+    session.simulation.advance(3800)
+    assert np.linalg.norm(session.world.base().linear_velocity[:2]) > 0.3
+    session.e_stop('page')
+    assert session.robot.state == 'passive'
+    session.simulation.advance(1200)
+    if is_latched:
+        session.end_e_stop()
+    session.press('2', 'page')
+    session.simulation.advance(2000)
+    assert session.robot.state != 'passive'
+    session.close()
+    recorder.close()
+    done = runner('replay', path.name, '--drive')
+    assert (done.returncode, done.stdout) == (0, '350 of 350 recorded poses are identical\n')
+
+
 def test_ros_arguments_are_repeated_but_for_other_names_of_topics(run: Any) -> None:
     runner = run[0]
     words = ('mbot', '--duration', '2', '--record', 'ros.mcap')

@@ -153,6 +153,7 @@ class RosFaces(Face):
             bag = self._bag
             bag.now = self._now
             run.simulation.on_reset.append(lambda: bag.event('reset'))
+            run.listeners.of_e_stop.append(lambda: bag.event('e-stop'))
 
     def _let_drive(self) -> None:
         run = self._run

@@ -282,7 +282,8 @@ class Go2(Robot):
     def _keys_are_velocities(self) -> bool:
         return self.options.preset != UNITREE_PRESET
 
-    def _let_go(self) -> None:
+    def let_go(self) -> None:
+        """Be limp at once, as no key is: on a key it squats first."""
         self.legs.e_stop()
 
     def _press(self, key: str, is_pressed: bool) -> None:

@@ -50,13 +50,14 @@ class Command(NamedTuple):
     """
     What a recording says came at `time` [s] to the robot with a namespace: a key or a velocity.
 
-    One without either is a reset of the run.
+    Or an `event` of the whole run: 'reset', or 'e-stop', whose keys come after it.
     """
 
     time: float
     namespace: str
     key: str | None = None
     velocity: tuple[float, float, float] | None = None
+    event: str = ''
 
 
 # Where to drive in the map: x, y [m] and yaw [rad], NaN for that of the way there.

@@ -245,7 +245,10 @@ class Robot(ABC):
         self.drivers.stop(by)
         if self._script is not None:
             self._script.end()
-        self._let_go()
+        self.let_go()
+
+    def let_go(self) -> None:  # noqa: B027  # keys are enough for most
+        """Do what keys cannot do as fast, at an e-stop."""
 
     def end_e_stop(self) -> None:
         """End a stop that holds: who wants to drive presses again."""
@@ -350,9 +353,6 @@ class Robot(ABC):
     @property
     def _keys_are_velocities(self) -> bool:
         return True
-
-    def _let_go(self) -> None:  # noqa: B027  # keys are enough for most
-        """Do what keys cannot do as fast, at an e-stop."""
 
     def _press(self, key: str, is_pressed: bool) -> None:
         """Take a key; one that nobody has pressed, as of a page that is lost, is not answered."""

@@ -48,7 +48,8 @@ if TYPE_CHECKING:
 @dataclass
 class Listeners:
     """
-    Who hears of keys, of looks at the viewer, of a stop of all that is held, of the end.
+    Who hears of keys, of looks at the viewer, of a stop of all that is held, of an e-stop before
+    its keys, of the end.
 
     A look comes with the wall time, and with the time between two frames of the viewer [s].
     """
@@ -56,6 +57,7 @@ class Listeners:
     of_keys: list[Callable[[str], None]] = field(default_factory=list)
     of_looks: list[Callable[[float, float], None]] = field(default_factory=list)
     of_disarm: list[Callable[[], None]] = field(default_factory=list)
+    of_e_stop: list[Callable[[], None]] = field(default_factory=list)
     of_end: list[Callable[[], None]] = field(default_factory=list)
 
 
@@ -231,6 +233,8 @@ class Run:
     def e_stop(self, by: str) -> None:
         """Stop every robot for good, for a source; with `--latched` until it is released."""
         self.disarm()
+        for tell in self.listeners.of_e_stop:
+            tell()
         for number, robot in enumerate(self.robots):
             robot.e_stop(by)
             self.press_for(number, robot.stop_keys, E_STOP)
@@ -330,8 +334,11 @@ class Run:
 
     def _repeat(self, command: Command) -> None:
         """Do what a recording says was done."""
-        if command.key is None and command.velocity is None:
+        if command.event == 'reset':
             self.simulation.reset()
+        elif command.event == 'e-stop':
+            for robot in self.robots:
+                robot.let_go()
         for robot in self.robots:
             if robot.options.namespace != command.namespace:
                 continue

@@ -282,5 +282,5 @@ def read_commands(bag: BagReader) -> tuple[Command, ...]:
             if message.topic in keys:
                 commands.append(Command(time, keys[message.topic], key=text))
             else:
-                commands.append(Command(time, ''))
+                commands.append(Command(time, '', event=text))
     return tuple(commands)
