@@ -46,7 +46,8 @@ def page(result: dict[str, Any]) -> str:
         date=result['date'],
         machine=result['machine'],
         minutes=result['seconds'] / 60.0,
-        alone=''.join(_say_alone(name, found) for name, found in result.get('alone', {}).items()),
+        alone=''.join(_say_alone(name, found) for name, found in result.get('alone', {}).items())
+        + _say_again(result.get('again', {})),
     )
     table = format_table([_as_row(row) for row in result['rows']])
     # Without the blanks that align it: a figure that changes changes one line.
@@ -67,6 +68,28 @@ def _say_alone(name: str, found: dict[str, Any]) -> str:
     )
 
 
+def _say_again(again: dict[str, dict[str, Any]]) -> str:
+    """Say who measured which rows anew: facts by the row's name."""
+    names: dict[str, list[str]] = {}
+    for what, facts in again.items():
+        where = f'version {facts["version"]}, {facts["date"]}, {facts["machine"]}'
+        names.setdefault(f'`./{facts["command"]}` ({where})', []).append(what)
+    return ''.join(f'\nOf {by} are: {"; ".join(found)}.' for by, found in names.items())
+
+
+def with_rows(result: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return the result on disk with some rows of one part measured, again or at last."""
+    last = last_result()
+    facts = {key: result[key] for key in ('version', 'date', 'machine')}
+    facts['command'] = f'{command(result, name)} --only ...'
+    measured = {row['what']: row for row in result['rows']}
+    again = {**last.get('again', {}), **dict.fromkeys(measured, facts)}
+    rows = [measured.pop(row['what'], row) if row['part'] == name else row for row in last['rows']]
+    ends = [index + 1 for index, row in enumerate(rows) if row['part'] == name]
+    at = max(ends, default=len(rows))
+    return {**last, 'again': again, 'rows': rows[:at] + [*measured.values()] + rows[at:]}
+
+
 def with_part(result: dict[str, Any], name: str) -> dict[str, Any]:
     """Return the result on disk with the rows of one part measured again, in their place."""
     last = last_result()
@@ -74,8 +97,11 @@ def with_part(result: dict[str, Any], name: str) -> dict[str, Any]:
     parts = [row['part'] for row in last['rows']]
     at = parts.index(name) if name in parts else len(parts)
     after = [row for row in last['rows'][at:] if row['part'] != name]
+    others = {row['what'] for row in last['rows'] if row['part'] != name}
+    again = {what: facts for what, facts in last.get('again', {}).items() if what in others}
     return {
         **last,
+        'again': again,
         'alone': {**last.get('alone', {}), name: facts},
         'rows': last['rows'][:at] + result['rows'] + after,
     }

@@ -123,8 +123,8 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--write',
         action='store_true',
-        help='write docs/numbers.md, and docs/numbers.json; of one part its rows alone; with the '
-        'legs, but --quick, also the picture of when the Go2 falls',
+        help='write docs/numbers.md, and docs/numbers.json; of one part, or --only, its rows '
+        'alone; with all legs, but --quick, also the picture of when the Go2 falls',
     )
     parser.add_argument(
         '--description',
@@ -162,8 +162,8 @@ def main() -> int:
         return draw(parser, arguments)
     if arguments.write and arguments.description:
         parser.error('--write is of our robots: leave out --description')
-    if arguments.only and (arguments.part != 'legs' or arguments.write):
-        parser.error('--only is of legs, and to look at: leave out --write')
+    if arguments.only and arguments.part != 'legs':
+        parser.error('--only is of legs')
     for text in arguments.only:
         if not legs.experiments(arguments.quick, text):
             parser.error(f'--only {text!r}: no row of legs has that in its name')
@@ -191,9 +191,10 @@ def main() -> int:
     print(result['machine'], format_table(rows), sep='\n\n')
     Path(arguments.json).write_text(json.dumps(result, indent=1) + '\n')
     if arguments.write:
-        kept = result if arguments.part is None else page.with_part(result, arguments.part)
+        keep = page.with_rows if arguments.only else page.with_part
+        kept = result if arguments.part is None else keep(result, arguments.part)
         page.write(kept)  # what took so long, before what may be interrupted
-        if 'legs' in names and not arguments.quick:
+        if 'legs' in names and not arguments.quick and not arguments.only:
             print(draw_legs(page.DOCS / page.SUCCESS, arguments))
             page.write(kept)  # with the picture, if it is the first
     return 0 if all(row.passed for row in rows) else 1

@@ -112,8 +112,7 @@ def test_without_the_extra_a_cluster_is_refused_in_a_line(
     ('words', 'said'),
     [
         (['legs', '--only', 'flying'], "--only 'flying': no row of legs has that in its name\n"),
-        (['mbot', '--only', 'stairs'], '--only is of legs, and to look at: leave out --write\n'),
-        (['legs', '--only', 'stairs', '--write'], 'leave out --write\n'),
+        (['mbot', '--only', 'stairs'], '--only is of legs\n'),
     ],
 )
 def test_rows_that_cannot_be_chosen_are_refused_in_a_line(
@@ -229,3 +228,38 @@ def test_what_was_measured_is_kept_when_the_picture_after_it_is_interrupted(
         run.main()
     assert [row['what'] for row in page.last_result()['rows']] == ['new']
     assert '| new |' in page.PAGE.read_text()
+
+
+def test_rows_measured_again_are_written_in_their_place_with_who_measured_them(
+    bench: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    run, page = bench('run'), bench('page')
+
+    def rows(**measured: str) -> list[Any]:
+        row = bench('table').Row
+        return [
+            row(what=f'legs: {a}', measured=b, must='', passed=True) for a, b in measured.items()
+        ]
+
+    def write(found: list[Any], *words: str) -> dict[str, str]:
+        monkeypatch.setattr(run, 'measure', lambda *_: found)
+        monkeypatch.setattr(
+            'sys.argv', ['bench', *words, '--write', f'--json={tmp_path}/all.json']
+        )
+        assert run.main() == 0
+        return {row['what'][6:]: row['measured'] for row in page.last_result()['rows']}
+
+    monkeypatch.setattr(page, 'RESULT', tmp_path / 'numbers.json')
+    monkeypatch.setattr(page, 'PAGE', tmp_path / 'numbers.md')
+    monkeypatch.setattr(run, 'PARTS', {'legs': None})
+    monkeypatch.setattr(run, 'describe_machine', lambda: 'a PC')
+    monkeypatch.setattr(run, 'draw_legs', lambda *_: 'drawn')
+    assert write(rows(a='1', b='2')) == {'a': '1', 'b': '2'}
+    some = ('legs', '--only', 'random keys')
+    assert list(write(rows(b='3', c='4'), *some).items()) == [('a', '1'), ('b', '3'), ('c', '4')]
+    said = 'Of `./wasd bench legs --only ...` ('
+    assert said in page.PAGE.read_text()
+    assert 'a PC) are: legs: b; legs: c.' in page.PAGE.read_text()
+    # All of them measured again: none is of another run.
+    assert write(rows(a='5', c='6'), 'legs') == {'a': '5', 'c': '6'}
+    assert said not in page.PAGE.read_text()
