@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """All that is found of the feet in one compiled call is what the stages find one by one."""
 
+import math
+
 import leg_stages
 import numpy as np
 import pytest
@@ -99,3 +101,20 @@ def test_a_foot_that_has_found_ground_stands_to_the_end_of_its_stance(model, sta
         legs._step_feet(robot, COMMAND, DT)
         assert legs.is_stance[foot]
         legs.schedule = legs.gait.step(DT, 0.5, wants_steps=True)
+
+
+@pytest.mark.parametrize(('rough', 'share'), [(0.0, 0.6), (0.5, 0.7), (1.0, 0.8)])
+@pytest.mark.parametrize('phase', [0.1, 0.4, 0.6, 0.75])
+def test_the_rougher_the_ground_the_later_a_foot_is_believed(model, standing, rough, share, phase):
+    """With the fourth power of what is over of the share of its stance in which it settles."""
+    controller = in_the_air(model, standing, 150)
+    legs, robot = controller.locomotion, controller.robot
+    robot.normal_forces[:] = 100.0
+    legs.step_height.flat[0] = rough / math.exp(-DT / PARAMETERS.gait.terrain_time)
+    still = np.ones(4, dtype=bool)
+    legs._feet.has_touched[:], robot.is_contact[:] = True, True
+    legs._feet.points[:, 2] = legs.ground.height
+    legs.schedule = legs.schedule._replace(is_stance=still, phase=np.full(4, phase), pace=0.0)
+    legs._step_feet(robot, COMMAND, DT)
+    assert legs.step_height.roughness == pytest.approx(rough)
+    assert legs.trust == pytest.approx(min(phase / share, 1.0) ** 4)

@@ -34,7 +34,9 @@ _SETTLED = 0.15
 _PATIENCE = 0.03
 # Share of a stance in which a foot that has landed settles: it sinks into the ground and rises
 # again, up and down at 0.1 m/s, and is believed with the fourth power of the share that is over.
-_SETTLING = 0.6
+# On rough ground it comes down harder and settles for longer: of 1.6 mm that a foot still rises
+# once it is believed, odometry would sink by 7 mm/m.
+_SETTLING, _ROUGH_SETTLING = 0.6, 0.8
 
 
 class StepRule(NamedTuple):
@@ -254,7 +256,8 @@ def step_feet(
     find_landing(rules.foothold, robot, own.plane, (steps, wanted, firmness), legs.landing)
     paths = FootPaths(aims.lift_off, legs.landing, rise, firmness, aims.hips, aims.room)
     lead(robot, paths, steps, (rules.gains, legs.sought), aims.targets)
-    _find_trust(robot, feet, (schedule.phase, schedule.pace), stance, is_stepping)
+    settling = _SETTLING + own.roughness[0] * (_ROUGH_SETTLING - _SETTLING)
+    _find_trust(robot, feet, (schedule.phase, schedule.pace, settling), stance, is_stepping)
     return is_new
 
 
@@ -299,14 +302,18 @@ def _feel_stance(
 def _find_trust(
     robot: np.ndarray,
     feet: np.ndarray,
-    steps: tuple[np.ndarray, float],
+    steps: tuple[np.ndarray, float, float],
     rule: StanceRule,
     is_stepping: bool,
 ) -> None:
-    """Write how surely each foot stands: by schedule, phase and felt force."""
-    legs, (phase, pace) = feet[0], steps
+    """
+    Write how surely each foot stands: by schedule, phase and felt force.
+
+    `steps` are the phases (4,), the pace, and the share of a slow stance in which a foot settles.
+    """
+    legs, (phase, pace, slowest) = feet[0], steps
     slow = 1.0 - pace
-    settling = slow * _SETTLING + pace * rule.window
+    settling = slow * slowest + pace * rule.window
     for i in range(4):
         felt = (robot[0].normal_forces[i] - rule.off) / (rule.on - rule.off)
         legs.trust[i] = min(max(felt, 0.0), 1.0) if legs.is_stance[i] else 0.0
