@@ -296,7 +296,11 @@ def test_the_lidar_s_cloud_has_the_walls_where_they_are():
     assert (said['header']['frame_id'], said['point_step']) == ('utlidar_lidar', 32)
     points = np.frombuffer(said['data'], '<f4').reshape(said['width'], 8)[:, :3]
     assert said['width'] > 300
-    assert (np.linalg.norm(points, axis=1) < 12.0).all()
+    names = [field['name'] for field in said['fields']]
+    assert ' '.join(names) == 'x y z intensity ring time'
+    distances = np.linalg.norm(points, axis=1)
+    assert (distances < 12.0).all()
+    assert (distances > 1.5).sum() > 50
     assert rig.wire.last(topics.ROBOT_POSE)['header']['frame_id'] == 'odom'
     assert len(rig.wire.told['rt/utlidar/imu']) == 125
     rig.wire.come['rt/utlidar/switch'].append(encode(STRING, {'data': 'OFF'}))

@@ -12,7 +12,7 @@ from unitree_rig import low_cmd, positions, request, STANDING, TableWire
 from wasd_bringup.run.drivers import SILENCE
 from wasd_bringup.run.options import RunOptions
 from wasd_bringup.run.run import Run
-from wasd_bringup.run.unitree import UnitreeDriver
+from wasd_bringup.run.unitree import idle_guard, UnitreeDriver
 from wasd_core.errors import UserError
 
 pytestmark = pytest.mark.slow
@@ -22,12 +22,14 @@ STAND_UP, MOVE = 1004, 1008
 class Commanded:
     """A run whose Go2 programs command over a wire that is two tables."""
 
-    def __init__(self, **options):
+    def __init__(self, guards=False, **options):
         asked = RunOptions(robot='go2', description='go2', preset='unitree', speed=0.0, **options)
         self.session = Run(asked)
         self.robot = self.session.robot
         self.wire = TableWire()
-        self.driver = UnitreeDriver(self.robot, self.wire)
+        self.driver = UnitreeDriver(
+            self.robot, self.wire, idle_guard(self.robot) if guards else None
+        )
         self.session.join(self.driver)
 
     def run(self, seconds):
@@ -66,6 +68,10 @@ class Commanded:
     @property
     def height(self):
         return float(self.robot.world.base().position[2])
+
+    @property
+    def ahead(self):
+        return float(self.robot.world.base().position[0])
 
     @property
     def speed(self):
@@ -158,6 +164,32 @@ def test_keys_move_the_sticks_that_programs_see(run):
     run.run(0.1)
     remote = run.wire.last(REMOTE)
     assert (remote['ly'], remote['rx'], remote['lx']) == pytest.approx((0.1, 0.05, 0.0))
+
+
+def test_programs_switch_the_guard_that_stops_before_a_wall():
+    def walk(is_guarded):
+        run = Commanded(world='room', guards=True)
+        assert run.call(1001, 'obstacles_avoid', enable=is_guarded) == 0
+        run.call(STAND_UP)
+        run.run(3.0)
+        touched = set()
+        for _ in range(80):
+            run.call(MOVE, x=0.5, y=0.0, z=0.0)
+            run.run(0.098)
+            touched |= run.robot.world.touched()
+        return run, touched - {'floor'}
+
+    guarded, nothing = walk(True)
+    assert not nothing
+    assert guarded.ahead > 2.0
+    assert guarded.speed < 0.05
+    _, wall = walk(False)
+    assert wall
+
+
+def test_without_a_lidar_no_guard_is_switched(run):
+    assert run.call(1001, 'obstacles_avoid', enable=True) == 3203
+    assert run.call(1001, 'obstacles_avoid', enable=False) == 0
 
 
 def test_back_at_the_start_our_controller_has_the_motors(run):

@@ -19,10 +19,9 @@ from unitree_bridge import topics
 from unitree_bridge.bridge import Bridge, INTO, OUT
 from unitree_bridge.legs_robot import Commands, LegsRobot
 from unitree_bridge.robot import Velocity
-from unitree_bridge.utlidar import LidarTopics
+from unitree_bridge.utlidar import serve_lidar
 from unitree_bridge.wire import Wire
 
-SCAN = 'scan'
 ALL_OUT = (*OUT, *topics.LIDAR_OUT)
 ALL_INTO = (*INTO, topics.LIDAR_SWITCH)
 
@@ -67,7 +66,7 @@ class SimulatedGo2:
         self.simulation = Simulation(self.world, speed)
         self.robot = LegsRobot(self.legs, self.world, Commands(self._press, self._drive))
         self._sensors = Sensors(loaded, self.world, SimulatorParameters())
-        lidar = self._make_lidar()
+        lidar = serve_lidar(self.robot, self._sensors)
         self.bridge = Bridge(self.robot, wire, say, is_synced=is_synced, lidar=lidar)
         schedule = self.simulation.schedule
         schedule.every(1.0 / LEG_RATE, self._control)
@@ -85,14 +84,6 @@ class SimulatedGo2:
         self.bridge.close()
         self._sensors.close()
         self.robot.close()
-
-    def _make_lidar(self) -> LidarTopics | None:
-        topics_of_scans = [topic for topic in self._sensors.topics if topic.name == SCAN]
-        if not topics_of_scans:
-            return None
-        lidar = LidarTopics(self.robot)
-        topics_of_scans[0].listen(lidar.take_scan, lambda: lidar.wants_scans)
-        return lidar
 
     def _press(self, key: str) -> bool:
         self.legs.press(key)

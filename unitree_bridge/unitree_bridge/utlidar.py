@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The lidar's topics of the Go2, from the planar lidar that the simulated one carries."""
+"""The lidar's topics of the Go2, from the one that its description has."""
 
 from typing import Any
 
+from mujoco_sim.sensors.cloud import POINT
+from mujoco_sim.sensors.measuring import Sensors
+from mujoco_sim.sensors.mount import Fields
 import numpy as np
 from wasd_core.errors import InvalidMessage
 from wasd_core.timing import Beat
@@ -21,21 +24,13 @@ CLOUD_FRAME, ODOM_FRAME, BASE_FRAME, IMU_FRAME = (
 )
 # The rates of what is told beside the cloud, which comes as the lidar measures [Hz].
 _RATES = ((topics.LIDAR_IMU, 250.0), (topics.ROBOT_POSE, 50.0), (topics.ROBOT_ODOM, 50.0))
-_POINT = np.dtype(
-    {
-        'names': ['x', 'y', 'z', 'intensity', 'ring', 'time'],
-        'formats': ['<f4', '<f4', '<f4', '<f4', '<u2', '<f4'],
-        'offsets': [0, 4, 8, 16, 20, 24],
-        'itemsize': 32,
-    }
-)
 # The numbers of sensor_msgs/PointField.
 _DATATYPES = {'<f4': 7, '<u2': 4}
 
 
 class LidarTopics:
     """
-    Tells clouds of the planar lidar, and pose, odometry and IMU, while somebody listens.
+    Tells clouds of a lidar, and pose, odometry and IMU, while somebody listens.
 
     `rt/utlidar/switch` with OFF ends all of it, with ON it goes on.
     """
@@ -47,14 +42,15 @@ class LidarTopics:
         self._beats = {topic.name: Beat() for topic, _ in _RATES}
 
     @property
-    def wants_scans(self) -> bool:
-        """Whether a scan would be told."""
+    def wants_clouds(self) -> bool:
+        """Whether a cloud would be told."""
         return self.is_on and self._wire is not None and self._wire.is_heard(topics.CLOUD)
 
-    def take_scan(self, time: float, scan: dict[str, Any]) -> None:
-        """Tell a scan of a simulated time [s] as a cloud; `scan` is as in LaserScan."""
-        if self._wire is not None and self.wants_scans:
-            self._wire.publish(topics.CLOUD, encode(POINT_CLOUD, cloud(time, scan)))
+    def take(self, time: float, seen: Fields) -> None:
+        """Tell what a lidar has seen at a simulated time [s], points or a scan, as a cloud."""
+        if self._wire is not None and self.wants_clouds:
+            points = seen['points'] if 'points' in seen else points_of(seen)
+            self._wire.publish(topics.CLOUD, encode(POINT_CLOUD, cloud(time, points)))
 
     def step(self, wire: Wire) -> None:
         """Take the switch, and tell what is due."""
@@ -126,6 +122,17 @@ class LidarTopics:
         )
 
 
+def serve_lidar(robot: Robot, sensors: Sensors) -> LidarTopics | None:
+    """Return the topics of a robot's lidar: that of points, or else a planar one; None without."""
+    kinds = {topic.kind: topic for topic in reversed(sensors.topics)}
+    topic = kinds.get('PointCloud2') or kinds.get('LaserScan')
+    if topic is None:
+        return None
+    lidar = LidarTopics(robot)
+    topic.listen(lidar.take, lambda: lidar.wants_clouds)
+    return lidar
+
+
 def header(time: float, frame: str) -> dict[str, Any]:
     """Return a header with the stamp of a simulated time [s]."""
     nanoseconds = round(1e9 * time)
@@ -133,25 +140,32 @@ def header(time: float, frame: str) -> dict[str, Any]:
     return {'stamp': {'sec': sec, 'nanosec': nanosec}, 'frame_id': frame}
 
 
-def cloud(time: float, scan: dict[str, Any]) -> dict[str, Any]:
-    """Return the fields of a PointCloud2 of those of a LaserScan; what is not seen is left out."""
+def points_of(scan: Fields) -> np.ndarray:
+    """Return what a planar lidar has seen as an array of POINT; `scan` is as in LaserScan."""
     ranges = np.asarray(scan['ranges'])
     seen = np.flatnonzero(np.isfinite(ranges))
     angles, ranges = scan['angle_min'] + scan['angle_increment'] * seen, ranges[seen]
-    points = np.zeros(len(seen), _POINT)
+    points = np.zeros(len(seen), POINT)
     points['x'], points['y'] = ranges * np.cos(angles), ranges * np.sin(angles)
-    assert _POINT.fields is not None
+    points['time'] = scan['time_increment'] * seen
+    return points
+
+
+def cloud(time: float, points: np.ndarray) -> dict[str, Any]:
+    """Return the fields of a PointCloud2 of an array of POINT at a simulated time [s]."""
+    described = points.dtype.fields
+    assert described is not None
     fields = [
         {'name': name, 'offset': at, 'datatype': _DATATYPES[kind.str], 'count': 1}
-        for name, (kind, at) in ((name, part[:2]) for name, part in _POINT.fields.items())
+        for name, (kind, at, *_) in described.items()
     ]
     return {
         'header': header(time, CLOUD_FRAME),
         'height': 1,
         'width': len(points),
         'fields': fields,
-        'point_step': _POINT.itemsize,
-        'row_step': _POINT.itemsize * len(points),
+        'point_step': points.dtype.itemsize,
+        'row_step': points.dtype.itemsize * len(points),
         'data': points.tobytes(),
         'is_dense': True,
     }

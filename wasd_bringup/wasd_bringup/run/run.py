@@ -156,9 +156,13 @@ class Run:
             return []
         # Here, because who does not ask for it does without.
         from wasd_bringup.run.go2 import Go2
-        from wasd_bringup.run.unitree import UnitreeDriver
+        from wasd_bringup.run.unitree import idle_guard, UnitreeDriver
 
-        made = [UnitreeDriver(robot) for robot in self.robots if isinstance(robot, Go2)]
+        made = []
+        for number, robot in enumerate(self.robots):
+            if isinstance(robot, Go2):
+                guard = self.guards[number] if self.guards else idle_guard(robot)
+                made.append(UnitreeDriver(robot, guard=guard))
         self._gates += [driver.may_advance for driver in made]
         return made
 

@@ -9,16 +9,28 @@ from unitree_bridge.connection import open_wire
 from unitree_bridge.legs_robot import Commands, LegsRobot
 from unitree_bridge.robot import SOURCE
 from unitree_bridge.topics import LIDAR_OUT, LIDAR_SWITCH
-from unitree_bridge.utlidar import LidarTopics
+from unitree_bridge.utlidar import serve_lidar
 from unitree_bridge.wire import Wire
+from wasd_core.errors import UserError
 from wasd_core.robot_io import JointCommand
+from wasd_navigation.guard_parameters import GuardParameters
 
 from wasd_bringup.run.drivers import Take
 from wasd_bringup.run.go2 import Go2
+from wasd_bringup.run.guarding import RobotGuard
 
 # What a program presses that commands the motors themselves: no key of a keyboard.
 MOTORS = 'LowCmd'
-SCAN = 'scan'
+
+
+def idle_guard(robot: Go2) -> RobotGuard | None:
+    """Return a guard that does nothing until it is switched on; None where there is no lidar."""
+    try:
+        guard = RobotGuard(robot)
+    except UserError:
+        return None
+    guard.unit.tune(GuardParameters(enabled=False))
+    return guard
 
 
 class UnitreeDriver:
@@ -30,14 +42,19 @@ class UnitreeDriver:
     E-STOP. It is stepped by the robot, before our controller.
     """
 
-    def __init__(self, robot: Go2, wire: Wire | None = None) -> None:
+    def __init__(
+        self, robot: Go2, wire: Wire | None = None, guard: RobotGuard | None = None
+    ) -> None:
         """
         Join the domain of the robot's options, unless there is a wire already.
+
+        `guard` is what programs switch; who has asked for one with --guard keeps it.
 
         Raises:
             UserError: it cannot be joined.
         """
         self.robot, options = robot, robot.options
+        self._guard = guard
         self._where = f'domain {options.domain} on {options.network}'
         self._wire = wire or open_wire(
             options.domain, options.network, (*OUT, *LIDAR_OUT), (*INTO, LIDAR_SWITCH)
@@ -47,6 +64,7 @@ class UnitreeDriver:
             drive=partial(robot.drive, by=SOURCE),
             release=lambda: robot.release(SOURCE),
             take_motors=self._take_motors,
+            guard=self._switch_guard,
         )
         self._legs = LegsRobot(robot.legs, robot.world, commands)
         self.bridge = Bridge(
@@ -54,7 +72,7 @@ class UnitreeDriver:
             self._wire,
             self._say,
             is_synced=options.sync,
-            lidar=self._make_lidar(),
+            lidar=serve_lidar(self._legs, robot.sensors),
         )
         self.may_advance = self.bridge.may_advance
         robot.outside = self
@@ -94,6 +112,11 @@ class UnitreeDriver:
         self.bridge.close()
         self._legs.close()
 
+    def _switch_guard(self, is_on: bool) -> bool:
+        if self._guard is not None and not self.robot.options.guard:
+            self._guard.unit.tune(GuardParameters(enabled=is_on))
+        return self._guard is not None
+
     def _take_motors(self) -> bool:
         return self.robot.drivers.take(SOURCE, key=MOTORS, what='an SDK program (LowCmd)')
 
@@ -104,11 +127,3 @@ class UnitreeDriver:
     def _say(self, text: str) -> None:
         self.robot.say(text)
         self.robot.log.info('unitree: %s', text)
-
-    def _make_lidar(self) -> LidarTopics | None:
-        scans = [topic for topic in self.robot.sensors.topics if topic.name == SCAN]
-        if not scans:
-            return None
-        lidar = LidarTopics(self._legs)
-        scans[0].listen(lidar.take_scan, lambda: lidar.wants_scans)
-        return lidar
