@@ -48,6 +48,7 @@ ROSDEP_KEYS = {
     'collada': 'python3-collada',
     'daqp': None,
     'fast_simplification': None,
+    'gymnasium': None,
     'mcap': None,
     'mujoco': 'python3-mujoco-pip',
     'numba': 'python3-numba',

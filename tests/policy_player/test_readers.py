@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Policies of each framework: observation and target equal an independent reference's."""
 
+from dataclasses import replace
+
 import numpy as np
 from policy_files import (
     constant,
@@ -18,9 +20,11 @@ from policy_files import (
     torchscript,
     write,
 )
+from policy_player.observations import Observer
+from policy_player.onnx_writer import write_layers
 from policy_player.player import Player
 from policy_player.policy_file import read_policy
-from policy_player.spec import MOTOR_ORDER, PolicyError
+from policy_player.spec import MOTOR_ORDER, PolicyError, PolicySpec, Term
 import pytest
 from wasd_core.robot_io import Senses
 
@@ -328,3 +332,49 @@ def test_a_policy_of_two_lengths_cannot_be_stacked_by_time(tmp_path):
     path.write_bytes(torchscript(exporter(*constant(45, np.zeros(12)))))
     with pytest.raises(PolicyError, match='stacked by time'):
         read_policy(path, write(tmp_path, 'deploy.yaml', said))
+
+
+@pytest.mark.slow
+def test_what_is_written_is_read_again(tmp_path, rng):
+    terms = ('angular_velocity', 'gravity', 'command', 'joint_position', 'joint_velocity')
+    spec = PolicySpec(
+        source='ours',
+        joints=MOTORS,
+        stiffness=(30.0,) * 12,
+        damping=(1.0,) * 12,
+        default_position=(0.0, 0.8, -1.6) * 4,
+        action_scale=(0.3,) * 12,
+        action_offset=(0.0, 0.8, -1.6) * 4,
+        terms=(*(Term(name=name, scale=(0.5,)) for name in terms), Term(name='phase')),
+        phase_period=0.4,
+        ranges=((-0.6, 1.3), (-0.4, 0.4), (-1.0, 1.0)),
+    )
+    weights, biases = layers(rng, spec.width, 16, 12)
+    write_layers(tmp_path / 'a.onnx', spec, list(zip(weights, biases, strict=True)))
+    policy = read_policy(tmp_path / 'a.onnx')
+    changes = {'source': spec.source, 'assumed': spec.assumed}
+    assert replace(policy.spec, **changes) == spec
+    shown = rng.normal(size=spec.width).astype(np.float32)
+    np.testing.assert_allclose(policy.network(shown), run(weights, biases, shown), atol=1e-5)
+
+
+def test_the_clock_of_the_phase_begins_with_the_policy():
+    default = (0.0,) * 12
+    spec = PolicySpec(
+        source='here',
+        joints=MOTORS,
+        stiffness=(30.0,) * 12,
+        damping=(1.0,) * 12,
+        default_position=default,
+        action_scale=(0.3,) * 12,
+        action_offset=default,
+        terms=(Term(name='phase'),),
+        phase_period=0.4,
+    )
+    observer = Observer(spec)
+    senses = Senses(np.array((1.0, 0, 0, 0)), *np.zeros((2, 3)), *np.zeros((2, 12)))
+    for _ in range(2):
+        seen = [observer.step(senses, np.zeros(3), np.zeros(12)) for _ in range(21)]
+        angles = 2 * np.pi * 0.02 / 0.4 * np.arange(21)
+        np.testing.assert_allclose(seen, np.c_[np.sin(angles), np.cos(angles)], atol=1e-6)
+        observer.reset()

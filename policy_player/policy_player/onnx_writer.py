@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes layers as an ONNX file with what a policy was trained with, as mjlab does."""
+
+from collections.abc import Sequence
+import math
+from pathlib import Path
+
+import numpy as np
+
+from policy_player.spec import PolicySpec
+
+# What is written of our names of terms.
+_CALLED = {
+    'linear_velocity': 'base_lin_vel',
+    'angular_velocity': 'base_ang_vel',
+    'gravity': 'projected_gravity',
+    'command': 'command',
+    'joint_position': 'joint_pos',
+    'joint_velocity': 'joint_vel',
+    'last_action': 'actions',
+    'phase': 'phase',
+}
+# Versions of the format and of its operators.
+_VERSION, _OPERATORS = 8, 17
+
+
+def write_layers(
+    path: Path, spec: PolicySpec, layers: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> None:
+    """Write linear layers, weight (out, in) and bias (out,), with ELU between them."""
+    graph, name = b'', 'obs'
+    for index, (weight, bias) in enumerate(layers):
+        is_last = index == len(layers) - 1
+        out = 'actions' if is_last else f'y{index}'
+        graph += _field(5, _tensor(f'w{index}', weight)) + _field(5, _tensor(f'b{index}', bias))
+        graph += _field(1, _node('Gemm', (name, f'w{index}', f'b{index}'), out, 'transB'))
+        name = out
+        if not is_last:
+            graph += _field(1, _node('Elu', (name,), f'x{index}'))
+            name = f'x{index}'
+    graph += _field(2, b'policy') + _field(11, _end('obs', layers[0][0].shape[1]))
+    graph += _field(12, _end('actions', layers[-1][0].shape[0]))
+    model = _number(1, _VERSION) + _field(2, b'wasd') + _field(7, graph)
+    model += _field(8, _field(1, b'') + _number(2, _OPERATORS))
+    for key, value in metadata_of(spec).items():
+        model += _field(14, _field(1, key.encode()) + _field(2, value.encode()))
+    path.write_bytes(model)
+
+
+def metadata_of(spec: PolicySpec) -> dict[str, str]:
+    """Return what `from_metadata` reads; actions and targets without clips."""
+
+    def listed(values: Sequence[object]) -> str:
+        return ','.join(map(str, values))
+
+    ranges = spec.ranges or ((-math.inf, math.inf),) * 3
+    return {
+        'joint_names': listed(spec.joints),
+        'joint_stiffness': listed(spec.stiffness),
+        'joint_damping': listed(spec.damping),
+        'default_joint_pos': listed(spec.default_position),
+        'action_scale': listed(spec.action_scale),
+        'command_names': 'twist',
+        'observation_names': listed([_CALLED[term.name] for term in spec.terms]),
+        'observation_terms_scale': listed([term.scale[0] for term in spec.terms]),
+        'observation_terms_clip': listed([f'{a};{b}' for a, b in (t.clip for t in spec.terms)]),
+        'observation_terms_history_length': listed([len(term.ages) for term in spec.terms]),
+        'phase_period': str(spec.phase_period),
+        'command_ranges': listed([f'{low};{high}' for low, high in ranges]),
+    }
+
+
+def _varint(value: int) -> bytes:
+    out = b''
+    while value > 127:
+        out += bytes([value & 127 | 128])
+        value >>= 7
+    return out + bytes([value])
+
+
+def _field(number: int, data: bytes) -> bytes:
+    return _varint(number << 3 | 2) + _varint(len(data)) + data
+
+
+def _number(number: int, value: int) -> bytes:
+    return _varint(number << 3) + _varint(value)
+
+
+def _tensor(name: str, array: np.ndarray) -> bytes:
+    sizes = b''.join(_number(1, size) for size in array.shape)
+    data = array.astype('<f4').tobytes()
+    return sizes + _number(2, 1) + _field(8, name.encode()) + _field(9, data)
+
+
+def _node(kind: str, inputs: Sequence[str], output: str, flag: str = '') -> bytes:
+    out = b''.join(_field(1, name.encode()) for name in inputs)
+    out += _field(2, output.encode()) + _field(4, kind.encode())
+    if flag:
+        out += _field(5, _field(1, flag.encode()) + _number(3, 1) + _number(20, 2))
+    return out
+
+
+def _end(name: str, width: int) -> bytes:
+    sizes = b''.join(_field(1, _number(1, size)) for size in (1, width))
+    kind = _field(1, _number(1, 1) + _field(2, sizes))
+    return _field(1, name.encode()) + _field(2, kind)

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Gymnasium environment: the API's own check, equal bits, what it shows and rewards."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip('gymnasium')
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+from wasd.environment import NAME, SPEC  # noqa: E402
+from wasd_core.errors import UserError  # noqa: E402
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope='module')
+def env():
+    env = gymnasium.make(NAME)
+    yield env
+    env.close()
+
+
+def play(env, seed: int, steps: int = 60) -> list:
+    """Return all that an environment says to the same actions."""
+    rng = np.random.default_rng(7)
+    observation, _ = env.reset(seed=seed)
+    said = [observation]
+    for _ in range(steps):
+        observation, reward, terminated, truncated, info = env.step(rng.uniform(-1, 1, 12))
+        said += [observation, reward, terminated, truncated, *info['truth']]
+    return said
+
+
+def test_gymnasiums_own_check_finds_nothing(env):
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        check_env(gymnasium.make(NAME, disable_env_checker=True).unwrapped)
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_does_not(env):
+    first, second, other = play(env, 3), play(env, 3), play(env, 4)
+    fresh = play(gymnasium.make(NAME), 3)
+    for one, two, three in zip(first, second, fresh, strict=True):
+        np.testing.assert_array_equal(one, two)
+        np.testing.assert_array_equal(one, three)
+    assert any(not np.array_equal(one, two) for one, two in zip(first, other, strict=True))
+
+
+def test_who_does_nothing_stands_and_is_not_rewarded_for_what_is_asked(env):
+    rewards = {}
+    for speed in (0.0, 1.0):
+        env.reset(seed=1, options={'command': (speed, 0.0, 0.0)})
+        for _ in range(100):
+            observation, reward, terminated, truncated, info = env.step(np.zeros(12))
+            assert not (terminated or truncated)
+        rewards[speed] = reward
+        assert info['truth'].tilt < 0.25
+        np.testing.assert_allclose(observation[6:9], (speed, 0.0, 0.0))
+    assert rewards[0.0] > 0.8
+    assert rewards[1.0] < 0.2
+
+
+def test_a_fall_ends_an_episode_and_twenty_seconds_do(env):
+    env.reset(seed=1)
+    folded = np.tile((0.0, 1.0, -1.0), 4)
+    for _ in range(200):
+        _, _, terminated, _, info = env.step(folded)
+        if terminated:
+            break
+    assert terminated
+    assert env.spec.max_episode_steps * SPEC.period == 20.0
+
+
+def test_robots_differ_by_episode_as_much_as_is_asked():
+    env = gymnasium.make(NAME, randomise=1.0)
+    masses = []
+    for seed in (1, 2, 1):
+        env.reset(seed=seed)
+        masses.append(float(env.unwrapped._world.model.body_mass.sum()))
+    assert masses[0] == masses[2] != masses[1]
+
+
+def test_a_wrong_argument_is_said_in_a_line():
+    with pytest.raises(UserError, match='render_mode'):
+        gymnasium.make(NAME, render_mode='ansi', disable_env_checker=True)

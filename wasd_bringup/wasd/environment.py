@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The Go2 as a Gymnasium environment, for those who train; needs the extra `gym`.
+
+    import gymnasium
+    import wasd.environment
+
+    env = gymnasium.make('wasd/Go2-v0', world='rough:0.05', randomise=0.5)
+    observation, info = env.reset(seed=1)
+    observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import gymnasium
+import mujoco
+from mujoco_sim.parameters import Untold
+from mujoco_sim.robot_setup import randomise as draw
+from mujoco_sim.robot_setup import RobotSetup, usual_setup
+from mujoco_sim.world import build_world, FALL_TILT, World
+import numpy as np
+from policy_player.observations import Observer
+from policy_player.spec import PolicySpec, Term
+from robot_description.description import Description, load_robot
+from wasd_core.errors import UserError
+from wasd_core.robot_io import BaseState, JointCommand, Senses
+
+NAME = 'wasd/Go2-v0'
+LEGS = ('FL', 'FR', 'RL', 'RR')
+DEFAULT = (0.0, 0.8, -1.6) * 4
+# What a network that is trained here is played with: 45 numbers, 50 Hz.
+SPEC = PolicySpec(
+    source=NAME,
+    joints=tuple(f'{leg}_{part}_joint' for leg in LEGS for part in ('hip', 'thigh', 'calf')),
+    stiffness=(40.0,) * 12,
+    damping=(1.0,) * 12,
+    default_position=DEFAULT,
+    action_scale=(0.5,) * 12,
+    action_offset=DEFAULT,
+    terms=(
+        Term(name='angular_velocity', scale=(0.25,)),
+        Term(name='gravity'),
+        Term(name='command'),
+        Term(name='joint_position'),
+        Term(name='joint_velocity', scale=(0.05,)),
+        Term(name='last_action'),
+    ),
+    observation_clip=100.0,
+    ranges=((-0.5, 1.0), (-0.3, 0.3), (-1.0, 1.0)),
+)
+# The base above the floor as it begins, and so low it has fallen [m].
+START_HEIGHT, LOW = 0.29, 0.14
+# Episodes end after so many steps: 20 s.
+LONGEST = 1000
+# How sharply the reward falls with an error of velocity [m^2/s^2], and its other weights.
+SHARPNESS, EFFORT, JERK, TILT = 0.25, 2e-5, 0.02, 0.5
+
+
+class Go2Environment(gymnasium.Env[np.ndarray, np.ndarray]):
+    """
+    A Go2 that is to follow a velocity command; one step is 20 ms.
+
+    The observation is that of `SPEC`, from sensors with noise and drift; actions are offsets of
+    the joints from the default pose, in [-1, 1] of half a radian, and motors have the robot's
+    limits and delay. The reward is 1 for what is asked, less with the error of velocity, effort,
+    jerk and tilt. An episode ends with a fall. `info['truth']` is the base as physics knows it.
+
+    `world` is as in `wasd.Go2`. `randomise` from 0 to 1 is how much each episode's robot differs
+    at random. `noise` False makes sensors tell the truth. `command` (3,) holds in every episode;
+    without one it is drawn.
+
+    Raises:
+        UserError: what is wrong with an argument, in one line.
+    """
+
+    metadata: dict[str, Any] = {'render_modes': ['rgb_array'], 'render_fps': 50}
+
+    def __init__(
+        self,
+        world: str = 'flat',
+        *,
+        randomise: float = 0.0,
+        noise: bool = True,
+        command: tuple[float, float, float] | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode not in (None, 'rgb_array'):
+            raise UserError(f'render_mode: got {render_mode!r}, wanted rgb_array or None')
+        self.render_mode = render_mode
+        self._world_name, self._noise, self._level = world, noise, randomise
+        self._given = None if command is None else np.array(command, float)
+        self._loaded: Description = load_robot('go2')
+        self._observer = Observer(SPEC)
+        self._low, self._high = np.array(SPEC.ranges).T
+        most = SPEC.observation_clip
+        self.observation_space = gymnasium.spaces.Box(-most, most, (SPEC.width,), np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (12,), np.float32)
+        self._build(0)
+        self._picture: mujoco.Renderer | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode; `options` may have a `command`, (3,)."""
+        super().reset(seed=seed)
+        drawn = int(self.np_random.integers(2**31))
+        if self._level > 0.0:
+            self._build(drawn)
+        self._world.seed = drawn
+        self._world.reset()
+        self._observer.reset()
+        given = (options or {}).get('command', self._given)
+        command = self.np_random.uniform(self._low, self._high) if given is None else given
+        self._command = np.array(command, float)
+        self._action = np.zeros(12)
+        return self._observe(), {'truth': self._world.base(), 'command': self._command.copy()}
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Hold joint targets for 20 ms."""
+        before = self._action
+        self._action = np.clip(np.asarray(action, float), -1.0, 1.0)
+        target = np.array(DEFAULT) + np.array(SPEC.action_scale) * self._action
+        parts = (target, self._zeros, self._zeros, self._kp, self._kd)
+        self._world.apply(JointCommand(*(part[self._motors] for part in parts)))
+        self._world.step(self._steps)
+        truth = self._world.base()
+        has_fallen = truth.tilt > FALL_TILT or self._height(truth) < LOW
+        reward = self._reward(truth, self._action - before)
+        info = {'truth': truth, 'command': self._command.copy()}
+        return self._observe(), reward, bool(has_fallen), False, info
+
+    def render(self) -> np.ndarray | None:
+        """Return a picture (480, 640, 3) of the robot, with `render_mode` rgb_array."""
+        if self.render_mode is None:
+            return None
+        if self._picture is None:
+            self._picture = mujoco.Renderer(self._world.model, 480, 640)
+            self._camera = mujoco.MjvCamera()
+            self._camera.distance, self._camera.azimuth, self._camera.elevation = 1.8, 130, -20
+        self._camera.lookat[:] = self._world.base().position
+        self._picture.update_scene(self._world.data, self._camera)
+        return np.asarray(self._picture.render())
+
+    def close(self) -> None:
+        """Let the pictures' renderer go."""
+        if self._picture is not None:
+            self._picture.close()
+            self._picture = None
+
+    def _build(self, seed: int) -> None:
+        """Make the robot of an episode."""
+        untold = Untold(randomise=self._level)
+        setup = draw(usual_setup(self._loaded, self._noise, untold), seed, self._loaded)
+        visuals = self.render_mode is not None
+        self._world = build_world(self._loaded, self._world_name, 0, _standing(setup), visuals)
+        self._take(self._world)
+
+    def _take(self, world: World) -> None:
+        joints = list(SPEC.joints)
+        self._joints = np.array([world.joint_names.index(name) for name in joints])
+        self._motors = np.array([joints.index(name) for name in world.motor_names])
+        self._steps = round(SPEC.period / world.time_step)
+        self._zeros = np.zeros(12)
+        self._kp, self._kd = np.array(SPEC.stiffness), np.array(SPEC.damping)
+
+    def _observe(self) -> np.ndarray:
+        joints, imu = self._world.read()
+        assert imu is not None  # a Go2 has one
+        position, velocity = (part[self._joints] for part in joints[:2])
+        senses = Senses(imu.orientation, imu.angular_velocity, self._zeros[:3], position, velocity)
+        return self._observer.step(senses, self._command, self._action)
+
+    def _height(self, truth: BaseState) -> float:
+        """Return the height of the base over the lowest foot [m], about."""
+        data, model = self._world.data, self._world.model
+        own = model.body_rootid == self._world.root
+        return float(truth.position[2] - data.xpos[own, 2].min())
+
+    def _reward(self, truth: BaseState, change: np.ndarray) -> float:
+        off = truth.planar_velocity - self._command
+        follows = np.exp(-float(off @ off) / SHARPNESS)
+        effort = self._world.joints().effort
+        return float(
+            follows - EFFORT * (effort @ effort) - JERK * (change @ change) - TILT * truth.tilt**2
+        )
+
+
+def _standing(setup: RobotSetup) -> RobotSetup:
+    """Return the setup of a robot that stands in the default pose."""
+    return replace(
+        setup,
+        joint_positions=dict(zip(SPEC.joints, DEFAULT, strict=True)),
+        height=START_HEIGHT,
+    )
+
+
+if NAME not in gymnasium.registry:
+    gymnasium.register(
+        id=NAME, entry_point='wasd.environment:Go2Environment', max_episode_steps=LONGEST
+    )
