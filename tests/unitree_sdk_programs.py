@@ -2,6 +2,7 @@
 """Programs of Unitree's SDK, as users write them: DOMAIN PROGRAM; each prints what it saw."""
 
 import json
+import os
 from pathlib import Path
 import runpy
 import sys
@@ -203,7 +204,7 @@ PROGRAMS = (stand_by_motors, sport, calls, in_sync, round_trip, example)
 def main():
     domain, name, *words = sys.argv[1:]
     # The first that initialises the SDK's factory does; later calls find that done.
-    ChannelFactoryInitialize(int(domain), 'lo')
+    ChannelFactoryInitialize(int(domain), os.environ.get('SDK_NETWORK', 'lo'))
     (program,) = (program for program in PROGRAMS if program.__name__ == name)
     print(json.dumps(program(*words)), flush=True)
 

@@ -6,6 +6,7 @@ import json
 import os
 from pathlib import Path
 import shutil
+import socket
 import subprocess
 import sys
 
@@ -181,9 +182,82 @@ wire.close()
     assert {device for _, device in lines} == {'lo'}
 
 
+# Counts for so long [s] what goes out by an interface, other than questions for neighbours.
+SNIFF = """
+import socket, sys, time
+sniffer = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(3))
+sniffer.bind(('wire0', 0))
+sniffer.settimeout(0.2)
+end, out, heard = time.monotonic() + float(sys.argv[1]), 0, 0
+while time.monotonic() < end:
+    try:
+        packet, (_, _, kind, *_) = sniffer.recvfrom(4096)
+    except TimeoutError:
+        continue
+    is_udp = packet[12:14] == bytes((8, 0)) and packet[23] == 17
+    out += is_udp and kind == socket.PACKET_OUTGOING
+    heard += is_udp and kind != socket.PACKET_OUTGOING
+print(out, heard)
+"""
+
+
+@pytest.fixture
+def hosts():
+    """Return two machines, by a process of each, that one wire joins: wire0 and wire1."""
+    made = [
+        subprocess.Popen(
+            ['unshare', '--net', 'sh', '-c', 'ip link set lo up && echo up && exec sleep 300'],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        for _ in range(2)
+    ]
+    try:
+        if any(host.stdout.readline() != 'up\n' for host in made):
+            pytest.skip('no network namespaces here')
+        pair = f'ip link add wire0 type veth peer name wire1 netns {made[1].pid}'
+        on(made[0], *pair.split()).wait()
+        for number, host in enumerate(made):
+            on(host, *f'ip addr add 198.18.77.{number + 1}/30 dev wire{number}'.split()).wait()
+            on(host, *f'ip link set wire{number} up'.split()).wait()
+            on(host, *f'ip route add 224.0.0.0/4 dev wire{number}'.split()).wait()
+        yield made
+    finally:
+        for host in made:
+            host.kill()
+            host.wait()
+            host.stdout.close()
+
+
+def on(host, *words, **options):
+    """Start a program on a machine."""
+    return subprocess.Popen(['nsenter', '--target', str(host.pid), '--net', *words], **options)
+
+
+def test_nothing_leaves_the_loopback_and_nothing_is_heard_from_outside(hosts):
+    here, there = hosts
+    pipe = {'stdout': subprocess.PIPE, 'text': True}
+    command = [sys.executable, '-m', 'unitree_bridge.bridge_command', '--duration', '30']
+    with on(here, *command, **pipe) as robot:
+        while 'Unitree interface' not in robot.stdout.readline():
+            assert robot.poll() is None
+        with on(here, sys.executable, '-c', SNIFF, '8', **pipe) as sniffer:
+            stranger = [sys.executable, PROGRAMS, '0', 'round_trip', '5']
+            outside = on(there, *stranger, env={**os.environ, 'SDK_NETWORK': 'wire1'}, **pipe)
+            own = on(here, *stranger, **pipe)
+            heard = [json.loads(each.communicate()[0].splitlines()[-1]) for each in (outside, own)]
+            out, came = map(int, sniffer.communicate()[0].split())
+        robot.terminate()
+    assert (out, heard[0]['heard']) == (0, 0)
+    # The stranger did ask, and a program of this machine is served meanwhile.
+    assert came > 0
+    assert heard[1]['heard'] > 100
+
+
 def test_another_network_than_the_loopback_is_refused():
     command = [sys.executable, '-m', 'unitree_bridge.bridge_command', '--network']
-    other = next((name for name in os.listdir('/sys/class/net') if name != 'lo'), 'eth0')
+    other = next((name for _, name in socket.if_nameindex() if name != 'lo'), 'eth0')
     done = subprocess.run([*command, other], capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     assert done.stderr.startswith('error: network: ')

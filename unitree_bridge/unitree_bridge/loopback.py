@@ -9,15 +9,17 @@ does not hand over (socket(7), SO_BINDTODEVICE, since Linux 5.7 without privileg
 
 from collections.abc import Iterable
 import contextlib
+import fcntl
 import os
 from pathlib import Path
 import socket
 import stat
+import struct
 
 from wasd_core.errors import UserError
 
-INTERFACES = Path('/sys/class/net')
-_LOOPBACK = 0x8  # IFF_LOOPBACK of netdevice(7)
+# netdevice(7): the request for an interface's flags, a name and room for them, and one of them.
+_ASK_FLAGS, _REQUEST, _LOOPBACK = 0x8913, struct.Struct('16sH14x'), 0x8
 _DESCRIPTORS = Path('/proc/self/fd')
 
 
@@ -28,12 +30,14 @@ def check_loopback(network: str) -> None:
     Raises:
         UserError: there is no such interface, or it is no loopback.
     """
-    there = sorted(path.name for path in INTERFACES.iterdir()) if INTERFACES.is_dir() else []
+    there = sorted(name for _, name in socket.if_nameindex())
     if network not in there:
         raise UserError(
             f'network: got {network!r}, wanted the loopback (there: {", ".join(there)})'
         )
-    if not int((INTERFACES / network / 'flags').read_text(), 16) & _LOOPBACK:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asker:
+        said = fcntl.ioctl(asker, _ASK_FLAGS, _REQUEST.pack(network.encode(), 0))
+    if not _REQUEST.unpack(said)[1] & _LOOPBACK:
         raise UserError(f'network: {network!r} leads off this machine, wanted the loopback, lo')
 
 
