@@ -32,6 +32,7 @@ import mbot
 from mbot_accuracy import simulate, SQUARE
 from mbot_picture import draw_square
 import page
+import policies
 import quadrupeds
 import slam
 import soak
@@ -57,6 +58,7 @@ PARTS = {
     'cycles': cycles.measure,
     'goals': goals.measure,
     'guard': guard.measure,
+    'policy': policies.measure,
 }
 
 
@@ -87,6 +89,7 @@ def _measure_here(name: str, arguments: argparse.Namespace) -> list[Row]:
     quadrupeds.more += arguments.description
     legs.only += arguments.only
     cores.cluster = arguments.dask
+    policies.chosen = arguments.file or policies.chosen
     return PARTS[name](arguments.quick, note)
 
 
@@ -116,6 +119,9 @@ def make_parser() -> argparse.ArgumentParser:
     """Return what reads the command line."""
     parser = argparse.ArgumentParser(prog='wasd bench', description=__doc__)
     parser.add_argument('part', nargs='?', choices=list(PARTS), help='default: all')
+    parser.add_argument(
+        'file', nargs='*', metavar='FILE', help='of policy: the network [and its configuration]'
+    )
     parser.add_argument('--json', default='wasd_bench.json', metavar='FILE', help='what to write')
     parser.add_argument(
         '--quick', action='store_true', help=f'fewer seeds{page.duration_of_last_result()}'
@@ -162,6 +168,10 @@ def main() -> int:
         return draw(parser, arguments)
     if arguments.write and arguments.description:
         parser.error('--write is of our robots: leave out --description')
+    if arguments.file and (arguments.part != 'policy' or len(arguments.file) > 2):
+        parser.error('FILE [CONFIG] is of policy')
+    if arguments.file and arguments.write:
+        parser.error('--write is of our policy: leave out FILE')
     if arguments.only and arguments.part != 'legs':
         parser.error('--only is of legs')
     for text in arguments.only:

@@ -27,6 +27,8 @@ CURE = (
 )
 
 
+# Policies that come along, by name: `ours` is a clone of the model-based walker.
+OWN = {'ours': Path(__file__).parent / 'networks/ours.onnx'}
 # So often a network is run to find out how long it takes.
 RUNS = 10
 
@@ -41,7 +43,7 @@ class Policy(NamedTuple):
 
 def read_policy(path: str | Path, config: str | Path | None = None) -> Policy:
     """
-    Return a policy of an ONNX or TorchScript file.
+    Return a policy of an ONNX or TorchScript file, or of the name of one that comes along.
 
     `config` is a file that says how it was trained, or a preset; without one the network's own
     metadata, or a file beside it, does.
@@ -49,7 +51,7 @@ def read_policy(path: str | Path, config: str | Path | None = None) -> Policy:
     Raises:
         PolicyError: what is wrong, in one line that begins with the file.
     """
-    path = Path(path)
+    path = OWN.get(str(path), Path(path))
     try:
         data = read_file(path, LARGEST_NETWORK)
     except DescriptionError as error:

@@ -482,7 +482,7 @@ OPTIONS = (
     ),
     Option(
         word='--policy',
-        help='a network walks in the state policy (2, then p): an ONNX or TorchScript file',
+        help='a network that walks (2, then p): an ONNX or TorchScript file, or ours',
         of=LEGS_ALONE,
         how={'metavar': 'FILE'},
     ),

@@ -122,7 +122,7 @@ def add_calibrate_options(parser: argparse.ArgumentParser) -> None:
 def add_describe_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `wasd describe`."""
     parser.add_argument('kind', choices=('policy',), metavar='policy', help='what FILE is')
-    parser.add_argument('path', metavar='FILE', help='an ONNX or TorchScript file')
+    parser.add_argument('path', metavar='FILE', help='an ONNX or TorchScript file, or ours')
     parser.add_argument(
         '--policy-config', metavar='FILE', help='how it was trained, where FILE does not say it'
     )

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The policy that comes along: it walks, turns, takes a push, and is left and entered again."""
+
+import numpy as np
+from policy_player.policy_file import OWN, read_policy
+from policy_player.usual import oddities
+import pytest
+import wasd
+
+
+def test_it_is_small_and_says_all_of_itself():
+    assert OWN['ours'].stat().st_size < 1_000_000
+    policy = read_policy('ours')
+    assert policy.config == ''
+    assert policy.spec.width == 38
+    # It knows the estimate that it walks with here.
+    assert all('estimate of the legs' in told for told in oddities(policy.spec))
+
+
+@pytest.mark.slow
+def test_it_walks_turns_takes_a_push_and_gives_way_to_the_legs_while_it_moves():
+    dog = wasd.Go2(seed=31, policy='ours')
+    dog.press('2')
+    dog.run(2.5)
+    dog.press('p')
+    dog.run(1.5)
+    found = {}
+    for velocity in ((1.0, 0.0, 0.0), (0.0, 0.0, 0.5)):
+        dog.drive(*velocity)
+        dog.run(3.0)
+        start, seen = dog.time, []
+        while dog.time - start < 2.0:
+            dog.run(0.05)
+            seen.append(dog.truth.planar_velocity)
+        found[velocity] = np.mean(seen, axis=0)
+    for velocity, mean in found.items():
+        np.testing.assert_allclose(mean, velocity, atol=0.15)
+    dog.drive(0.5)
+    dog.run(1.0)
+    dog.push((0.0, 150.0, 0.0), 0.1)
+    dog.run(2.0)
+    assert dog.state == 'policy'
+    dog.press('2')  # at 0.5 m/s
+    dog.run(5.0)
+    assert dog.state == 'fixed stand'
+    assert dog.truth.tilt < 0.1
+    dog.press('p')
+    dog.run(2.0)
+    dog.drive(0.8)
+    dog.run(2.0)
+    dog.press('1')
+    dog.run(1.5)
+    assert dog.state == 'passive'
+    assert dog.truth.tilt < 0.5
