@@ -3,6 +3,8 @@
 
 import configparser
 from pathlib import Path
+import re
+import tomllib
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
@@ -35,16 +37,33 @@ class PackageFiles(BuildHookInterface[Any]):
             build_data['shared_data'] |= files | {f'{name}/resource/{name}': f'{INDEX}/{name}'}
 
 
-class Executables(MetadataHookInterface):
-    """Gathers the executables: each package's setup.cfg has its own."""
+class Facts(MetadataHookInterface):
+    """Gathers the executables, of each package's setup.cfg, and what a package index shows."""
 
     def update(self, metadata: dict[str, Any]) -> None:
-        """Set the wheel's scripts."""
+        """Set scripts, addresses, and a README whose links lead somewhere from anywhere."""
+        root = Path(self.root)
+        settings = tomllib.loads((root / 'pyproject.toml').read_text())
+        home = settings['tool']['wasd']['repository']
+        metadata['urls'] = {
+            'Repository': home,
+            'Documentation': f'{home}/blob/main/docs/README.md',
+            'Changelog': f'{home}/blob/main/CHANGELOG.md',
+            'Issues': f'{home}/issues',
+        }
+        text = absolute((root / 'README.md').read_text(), home)
+        metadata['readme'] = {'content-type': 'text/markdown', 'text': text}
         metadata['scripts'] = found = scripts(Path(self.root))
         # What `uvx wasd-robots` and `pipx run wasd-robots` start; not in ROS, where each
         # package's executables are its own.
         if COMMAND in found:
             found[metadata['name']] = found[COMMAND]
+
+
+def absolute(text: str, home: str) -> str:
+    """Return Markdown whose relative links and pictures have addresses in a repository."""
+    text = re.sub(r'(!\[[^]]*\]\()(?!\w+:|#)', rf'\1{home}/raw/main/', text)
+    return re.sub(r'(?<!!)(\[[^]]*\]\()(?!\w+:|#)', rf'\1{home}/blob/main/', text)
 
 
 def scripts(root: Path) -> dict[str, str]:

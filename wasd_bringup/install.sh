@@ -76,7 +76,7 @@ make_environment() {
     return
   fi
   find "$venv" -mindepth 1 -maxdepth 1 ! -name "$MARKER" -exec rm -rf {} +
-  size='1.7 GB'
+  size='1.5 GB'
   case $without in *pin*) size='0.9 GB' ;; esac  # a sourced ROS has what is large
   say "making '$venv' with $("$python" -I --version), once: one to three minutes, $size"
   inherit=

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import contextlib
 import subprocess
 import sys
+import time
 from typing import TypeVar
 
 import numpy as np
@@ -72,14 +73,20 @@ def _compile_elsewhere(is_stopped: Callable[[], bool]) -> None:
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
+    began = time.monotonic()
+    shows = sys.stderr.isatty()
     try:
         while True:
             if is_stopped():
                 raise Stopped
+            if shows:
+                print(f'\r{time.monotonic() - began:.0f} s ', end='', file=sys.stderr, flush=True)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(PERIOD)
                 return
     finally:
+        if shows:
+            print('\r\033[K', end='', file=sys.stderr, flush=True)
         process.kill()
         process.wait()
 

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the `wasd` command says of itself before anything runs."""
 
+import json
+from pathlib import Path
 import re
 
 import pytest
 from wasd_bringup.cli import main
+from wasd_bringup.cli.main import DEMO
 from wasd_bringup.cli.parsers import examples_of
 from wasd_bringup.robots import BOTH, ROBOTS
 from wasd_core.errors import UserError
@@ -22,9 +25,28 @@ def said(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return captured.out
 
 
-def test_alone_it_prints_its_help_with_three_examples(capsys: pytest.CaptureFixture[str]) -> None:
-    text = said([], capsys)
-    assert text == said(['--help'], capsys)
+def test_alone_it_says_three_lines_whose_commands_are_understood(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main([]) == 0
+    text = capsys.readouterr().out
+    assert text.count('\n') == 3
+    assert max(map(len, text.splitlines())) <= 88
+    for words in ('demo go2', 'go2', '--help'):
+        assert f'wasd {words}' in text
+
+
+def test_the_go2_of_the_demo_stands_jumps_walks_and_lies_down(tmp_path: Path) -> None:
+    report = tmp_path / 'report.json'
+    words = ['go2', '--play', str(DEMO), '--speed', '0', '--no-ros', '--report', str(report)]
+    assert main(words) == 0
+    told = json.loads(report.read_text())
+    assert told['falls'] == 0 or told['falls'] == [0]
+    assert told['sim_time'] >= 45.0
+
+
+def test_its_help_has_three_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    text = said(['--help'], capsys)
     assert len(re.findall(r'^  wasd \w+', text.partition('examples:')[2], re.MULTILINE)) == 3
 
 

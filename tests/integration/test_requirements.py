@@ -6,6 +6,9 @@ import re
 from packaging.requirements import Requirement
 import pytest
 from source_trees import PROJECT, ROOT
+import yaml
+
+from robot_description import build_interfaces
 
 RUN, TEST = (ROOT / f'requirements/{name}.txt' for name in ('run', 'test'))
 PROJECT_TABLE = PROJECT['project']
@@ -56,3 +59,19 @@ def test_ros_comes_as_wheels_where_there_are_some_and_is_not_asked_for_elsewhere
         there = {r.name for r in asked if r.marker is None or r.marker.evaluate(here)}
         assert ('ros-jazzy-rclpy' in there) == has_ros
         assert {'mujoco', 'pin', 'numba'} <= there
+
+
+def test_wheels_are_built_for_the_pythons_that_were_tried_and_are_named():
+    tried = RUN.read_text().splitlines()[0].partition('CPython ')[2].partition(' on')[0]
+    named = [word.rpartition(' ')[2] for word in PROJECT_TABLE['classifiers'] if '3.' in word]
+    for name in ('ci', 'release'):
+        jobs = yaml.safe_load((ROOT / f'.github/workflows/{name}.yml').read_text())['jobs']
+        built = jobs['wheels']['strategy']['matrix']['python']
+        assert built == named == tried.split(', ')
+
+
+def test_the_ranges_hold_the_interfaces_that_are_built():
+    (asked,) = (
+        Requirement(word) for word in PROJECT_TABLE['dependencies'] if 'wasd-interfaces' in word
+    )
+    assert asked.specifier.contains(build_interfaces.VERSION)

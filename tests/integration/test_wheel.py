@@ -98,3 +98,13 @@ def test_a_controller_of_another_kind_is_its_package_and_a_name_in_one_list(tmp_
     assert wheel.read('wasd_robots-1.0.dist-info/entry_points.txt') == (
         b'[console_scripts]\nspin = spin_sim.go:main\n'
     )
+
+
+def test_what_an_index_shows_has_no_relative_link(wheel):
+    (name,) = (name for name in wheel.namelist() if name.endswith('dist-info/METADATA'))
+    _, _, readme = wheel.read(name).decode().partition('\n\n')
+    links = re.findall(r'\]\(([^)]*)\)', readme)
+    assert len(links) > 10
+    assert [link for link in links if not link.startswith('https://')] == []
+    pictures = re.findall(r'!\[[^]]*\]\(([^)]*)\)', readme)
+    assert [picture for picture in pictures if '/raw/' not in picture] == []

@@ -59,7 +59,12 @@ def make_parser() -> argparse.ArgumentParser:
     both = 'drive both in one world; TAB goes from one to the other'
     add_run_options(_add_run(commands, BOTH, both), BOTH)
     demo = commands.add_parser(
-        'demo', help='a scripted tour; writes pictures and a table', allow_abbrev=False
+        'demo',
+        help='watch the Go2 by itself on the page, or take a tour that writes pictures',
+        allow_abbrev=False,
+    )
+    demo.add_argument(
+        'watched', nargs='?', choices=('go2',), help='on the page, 45 s (default: the tour)'
     )
     demo.add_argument(
         '--output', default='wasd_demo', metavar='DIR', help='where to (default: wasd_demo)'
@@ -109,6 +114,16 @@ def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
     return list(words[:start]), list(words[start:])
 
 
+def first_words() -> list[str]:
+    """Return what `wasd` says when nothing is typed."""
+    name = called()
+    return [
+        'wasd drives simulated robots from the keyboard, here and on a page in your browser.',
+        f'  {name} demo go2    a Go2 shows what it can; {name} go2: you drive, ? shows keys',
+        f'  {name} --help      every command',
+    ]
+
+
 def print_keys(arguments: argparse.Namespace) -> int:
     """Print the presets, or one keymap; return the exit status."""
     if arguments.preset is None:
@@ -133,8 +148,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         if words and words[0] in CLONE_COMMANDS:
             return CLONE_COMMANDS[words[0]](words[1:])
         words, ros_arguments = split_ros_arguments(words)
-        # Nothing asked for is nothing wrong: as cargo does it, the help and status 0.
-        arguments = make_parser().parse_args(words or ['--help'])
+        if not words:
+            print('\n'.join(first_words()))
+            return 0
+        if tuple(words) == ('demo', 'go2'):
+            words = ['go2', '--play', str(DEMO), '--viewer', 'web']
+        arguments = make_parser().parse_args(words)
         arguments.words = (*words, *ros_arguments)
         # The commands whose nodes can be renamed, remapped and set: `-r __ns:=/robot`.
         if ros_arguments and arguments.command not in ROBOTS:
@@ -254,6 +273,8 @@ def _clone(folder: str) -> Path:
     return root
 
 
+# What the Go2 does by itself in `wasd demo go2`.
+DEMO = Path(__file__).with_name('demo_go2.keys')
 CLONE_COMMANDS = {'test': run_tests, 'lint': run_linters, 'bench': run_benchmark}
 
 
