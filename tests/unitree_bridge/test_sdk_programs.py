@@ -41,13 +41,14 @@ def simulate(domain):
             process.stdout.close()
         started.clear()
 
-    def start(*options):
+    def start(*options, module='unitree_bridge.bridge_command'):
         end()
-        command = [sys.executable, '-m', 'unitree_bridge.bridge_command', '--domain', domain]
+        command = [sys.executable, '-m', module]
+        options = (*options, '--domain', domain)
         process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True)
         started.append(process)
         for line in process.stdout:
-            if line.startswith('Unitree interface'):
+            if line.startswith('Unitree '):
                 return process
         raise AssertionError('it ended')
 
@@ -99,6 +100,14 @@ def test_a_program_stands_and_moves_it_by_the_sport_service(simulate, program):
     assert seen['height'] > 0.3
     assert 0.3 < seen['moved'] < 1.2
     assert max(map(abs, seen['velocity'])) < 0.1
+
+
+@pytest.mark.parametrize('ros', [(), ('--no-ros',)])
+def test_it_is_the_same_of_a_run_of_wasd(ros, simulate, program):
+    words = ('go2', '--interface', 'unitree', '--viewer', 'none', '--duration', '600', *ros)
+    simulate(*words, module='wasd_bringup.cli')
+    assert program('sport')['height'] > 0.3
+    assert program('stand_by_motors')['height'] > 0.3
 
 
 def test_every_call_of_the_sport_client_is_answered(simulate, program):
