@@ -23,6 +23,7 @@ import cores
 import cycles
 import describe
 from experiment import FIRST_SEED
+import explore
 from family import end_with_parent
 import go2
 import goals
@@ -56,6 +57,7 @@ PARTS = {
     'soak': soak.measure,
     'stops': stops.measure,
     'cycles': cycles.measure,
+    'explore': explore.measure,
     'goals': goals.measure,
     'guard': guard.measure,
     'policy': policies.measure,

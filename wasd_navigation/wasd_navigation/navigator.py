@@ -90,6 +90,11 @@ class Navigator:
         return self._missing or self.pilot.reason
 
     @property
+    def grid(self) -> Grid:
+        """The map that is planned on, which is at most LOOK_PERIOD old while it drives."""
+        return self._look()
+
+    @property
     def notice(self) -> str:
         """What a localiser has to say, '' where all is well."""
         return getattr(self.locator, 'notice', None) or ''

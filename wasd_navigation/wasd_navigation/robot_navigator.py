@@ -9,6 +9,7 @@ import numpy as np
 from wasd_core.errors import UserError
 from wasd_core.robot_io import BaseOdometry
 
+from wasd_navigation.exploring import Explorer
 from wasd_navigation.mapping import save_map
 from wasd_navigation.navigator import Navigator, Outcome
 from wasd_navigation.odometry import Odometry
@@ -16,6 +17,9 @@ from wasd_navigation.parameters import NavigatorParameters
 from wasd_navigation.parts import make_parts, make_pilot, Parts
 from wasd_navigation.records import Ranges, Scan
 from wasd_navigation.senses import Senses
+
+# While it explores it looks so often whether it has seen enough on its way to a frontier [s].
+EXPLORE_PERIOD = 0.5
 
 
 class RobotNavigator:
@@ -55,6 +59,9 @@ class RobotNavigator:
         self.senses.on_scan = self._see
         self.senses.warn = lambda words: self.warn(words)
         self._notice = ''
+        self._explorer: Explorer | None = None
+        self._home = np.zeros(3)  # where it began to explore
+        self._explored = 0.0  # since it has looked for another frontier [s]
         self._stepped_at: float | None = None
         self._inform = inform
         self._begin(settings or NavigatorParameters(), parts)
@@ -122,6 +129,8 @@ class RobotNavigator:
             return None
         if self.navigator.goal is not None and (why := self.refusal()):
             self.stop(why)
+        if self._explorer is not None:
+            self._explore(self._explorer, dt)
         velocity = self.navigator.step(dt)
         if velocity is not None:
             self.send(velocity)
@@ -140,8 +149,46 @@ class RobotNavigator:
         else:
             self.navigator.set_goal(goal)
 
+    @property
+    def is_exploring(self) -> bool:
+        """Whether it looks for goals itself."""
+        return self._explorer is not None
+
+    def explore(self) -> None:
+        """Drive to where something is unknown, until nothing is that can be reached; then back."""
+        self.stop('it explores from now on')
+        self._explorer = Explorer(self.settings.footprint, self.settings.planning)
+        self._is_homeward = self._has_begun = False
+        self.say('explores')
+
+    def _explore(self, explorer: Explorer, dt: float) -> None:
+        """Set the next goal where the last one is done with, or seen from afar."""
+        navigator, pose = self.navigator, self.navigator.pose
+        if pose is None or not navigator.is_placed or self.locks or self.refusal():
+            return
+        if not self._has_begun:
+            self._home, self._has_begun = pose.copy(), True
+        self._explored += dt
+        is_driving = navigator.goal is not None
+        if is_driving and (self._is_homeward or self._explored < EXPLORE_PERIOD):
+            return
+        self._explored = 0.0
+        is_seen = explorer.is_seen(navigator.grid)
+        if is_driving and not is_seen:
+            return
+        if self._is_homeward:
+            self._explorer = None
+            self.say('explored: nothing is unknown that it could look at')
+            return
+        if not is_seen:
+            explorer.give_up()  # it has been there, or no way leads there
+        goal = explorer.choose(navigator.grid, pose)
+        self._is_homeward = goal is None
+        navigator.set_goal(self._home if goal is None else goal)
+
     def stop(self, why: str) -> bool:
         """Cancel the goal and command standstill; return whether there was a goal."""
+        self._explorer = None
         was_driving = self.navigator.cancel(why)
         if was_driving:
             self.stand()
@@ -183,4 +230,6 @@ class RobotNavigator:
         return f'map in {text} and {picture.name}'
 
     def _on_end(self, outcome: Outcome) -> None:
+        if self.is_exploring and outcome.state == 'cancelled':
+            return  # it has seen enough from afar
         self.say(': '.join(filter(None, (f'goal {outcome.state}', outcome.reason))))

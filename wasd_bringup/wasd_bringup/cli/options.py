@@ -340,6 +340,11 @@ OPTIONS = (
         how={'nargs': '?', 'const': '', 'metavar': 'FILE.yaml'},
     ),
     Option(
+        word='--explore',
+        help='map by itself all that it can reach, as soon as it can drive, and come back',
+        how=FLAG,
+    ),
+    Option(
         word='--save-map',
         help='write the map in the end: NAME.yaml and NAME.pgm',
         read=lambda name, word: name.removesuffix('.yaml'),
@@ -539,7 +544,7 @@ def read_options(arguments: argparse.Namespace) -> RunOptions:
             part, _, name = option.name.rpartition('.')
             (untold if part else fields)[name] = option.read(given, option.word)
     options = RunOptions(robot=robot, untold=_untold(lambda: Untold(**untold)), **fields)
-    if options.map is None and (options.save_map is not None or options.goals):
+    if options.map is None and (options.save_map is not None or options.goals or options.explore):
         fields['map'] = ''
     if 'duration' not in fields and options.scripted:
         times = [press.time for press in options.keys or ()]
@@ -560,6 +565,8 @@ def _untold(make: Callable[[], Any]) -> Any:
 
 
 def _check_navigation(options: RunOptions) -> None:
+    if options.explore and options.map:
+        raise UserError('--explore makes a map: leave out the file of --map')
     if options.robot == BOTH and (options.map or options.save_map or options.goals):
         raise UserError(
             '--map FILE, --save-map and --goal are for one robot: wasd go2, or wasd mbot '

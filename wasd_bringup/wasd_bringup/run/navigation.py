@@ -43,6 +43,7 @@ class NavigationDriver:
         self.robot = robot
         self._options = robot.options
         self._goals = deque(self._options.goals)
+        self._explores = self._options.explore  # once the robot follows velocities
         self._has_begun = False  # with those; keys before make a robot ready for them
         self._is_of_page = False  # the goal that is driven to
         self._ended: list[dict[str, Any]] = []
@@ -105,6 +106,10 @@ class NavigationDriver:
         """Navigate for one period; called at TWIST_RATE of simulated time."""
         self._tell_odometry()
         is_free = self.navigator.goal is None and not self.robot.refusal
+        if self._explores and is_free and self.navigator.is_placed:
+            self._explores = False
+            self.unit.explore()
+        is_free = is_free and not self.unit.is_exploring
         if self._goals and is_free and self.navigator.is_placed:
             self._has_begun = True
             self.go(self._goals.popleft())
@@ -119,6 +124,7 @@ class NavigationDriver:
     def disarm(self) -> None:
         """Drive no more."""
         self._goals.clear()  # also before the first
+        self._explores = False
         self.unit.stop('stopped by hand')
 
     def save(self) -> None:

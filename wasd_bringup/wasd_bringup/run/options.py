@@ -76,6 +76,7 @@ class RunOptions:
     map: str | None = None
     save_map: str | None = None  # without .yaml
     goals: tuple[Goal, ...] = ()
+    explore: bool = False  # whether the robot maps by itself, before its goals
     latched: bool = False  # whether an e-stop holds until it is released
     guard: bool = False  # whether no source drives into what the lidar sees
     interactive: bool = False

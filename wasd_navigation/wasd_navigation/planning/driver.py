@@ -8,7 +8,7 @@ import numpy as np
 
 from wasd_navigation.parameters import DriveLimits, Footprint, PlanningParameters
 from wasd_navigation.planning.docking import Docking
-from wasd_navigation.planning.motion import base_of, clearance, PoseFilter
+from wasd_navigation.planning.motion import base_of, clearance, IN_GAP, PoseFilter
 from wasd_navigation.planning.route import AT_ONCE, is_shut_off, no_way, refusal, Route, SLICE
 from wasd_navigation.planning.sampling import is_safe, Sampler, Scene
 from wasd_navigation.planning.surroundings import Surroundings
@@ -27,7 +27,7 @@ _HOLD = 0.15
 _IN_ALL = 3
 _SHARES = (1.0, 0.5, 0.25)
 # Of the margin, what all motions keep; and where there is hardly more [m].
-_KEPT, _KEPT_IN_GAP, _NOISE = 0.5, 0.25, 0.005
+_KEPT, _NOISE = 0.5, 0.005
 # How the reason ends for which it stands.
 _WAITING = ': waiting'
 # So long it goes on to the goal before while the way to the next one is drawn [s].
@@ -228,7 +228,7 @@ class Driver:
         margin, circles = self._parameters.margin, self._footprint.circles
         room = clearance(self._around.distances, circles, self._pose, margin)
         # In a gap, noise may show less room than there was when it drove in.
-        share = _KEPT if room > _KEPT * margin + _NOISE else _KEPT_IN_GAP
+        share = _KEPT if room > _KEPT * margin + _NOISE else IN_GAP
         keep = (share * margin, self._parameters.comfort)
         return Scene(
             self._around.distances,

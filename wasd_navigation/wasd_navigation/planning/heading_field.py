@@ -14,7 +14,7 @@ from wasd_core.jit import jit
 
 from wasd_navigation.planning.distances import Field
 from wasd_navigation.planning.goal_field import Heap, make_heap, pop, push
-from wasd_navigation.planning.motion import Base, HARD
+from wasd_navigation.planning.motion import Base
 from wasd_navigation.planning.surroundings import Surroundings
 
 HEADINGS = 16  # a power of 2
@@ -271,7 +271,11 @@ def _room_near(
 
 
 class HeadingField:
-    """What is left to a goal (x, y, yaw) for a robot that is long; drawn in slices."""
+    """
+    What is left to a goal (x, y, yaw) for a robot that is long; drawn in slices.
+
+    `margins` are what every pose must have, and from which on room is dear [m].
+    """
 
     def __init__(
         self,
@@ -279,7 +283,7 @@ class HeadingField:
         around: Surroundings,
         circles: np.ndarray,
         base: Base,
-        margin: float,
+        margins: tuple[float, float],
         taste: Taste = EASY,
         border: np.ndarray | None = None,
     ) -> None:
@@ -288,7 +292,7 @@ class HeadingField:
         self._distances = around.distances.values[0]
         self._is_unseen = around.is_unseen[::COARSE, ::COARSE]
         comfort, lack, unseen = around.prices
-        self._prices = Prices(HARD * margin, margin, taste.comfort * comfort, lack, unseen)
+        self._prices = Prices(*margins, taste.comfort * comfort, lack, unseen)
         self._covers = cover(circles, around.distances.resolution)
         shape = (HEADINGS, *self._is_unseen.shape)
         values, price = np.empty(shape, np.float32), np.empty(shape, np.float32)

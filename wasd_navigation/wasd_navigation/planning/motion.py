@@ -15,6 +15,8 @@ from wasd_navigation.se2 import compose, wrap
 _TIME, _JUMP = 0.3, 0.15
 # Of the margin, what a way and a motion must have everywhere; with less than all they are dear.
 HARD = 0.75
+# And where there is no other way, as in a gap that it has come through.
+IN_GAP = 0.25
 
 
 class Base(NamedTuple):

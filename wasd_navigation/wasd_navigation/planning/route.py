@@ -10,7 +10,7 @@ from wasd_navigation.parameters import Footprint, PlanningParameters
 from wasd_navigation.planning.distances import Field
 from wasd_navigation.planning.goal_field import DiscField, flood, reaches, shortest
 from wasd_navigation.planning.heading_field import EASY, HeadingField, SHORT
-from wasd_navigation.planning.motion import Base, clearance, HARD, least_clearance
+from wasd_navigation.planning.motion import Base, clearance, HARD, IN_GAP, least_clearance
 from wasd_navigation.planning.overview import Overview, Rooms
 from wasd_navigation.planning.sampling import value_at
 from wasd_navigation.planning.surroundings import Surroundings
@@ -57,6 +57,7 @@ class Route:
         self._rooms = Rooms()
         self._overview: Overview | None = None
         self._is_cut_off = False  # within what is looked at of a large map
+        self._kept = HARD  # of the margin, everywhere on the way
         self._taste = EASY
         self._around: Surroundings | None = None  # what was drawn last
         self._easy: Drawing | None = None  # while there may be one that is short
@@ -79,7 +80,7 @@ class Route:
         self._drawn, self._since_drawn = around.revision, 0.0
         self._next, self._around = None, around
         if self._needs_overview(around):
-            reach = self._footprint.inscribed + HARD * self._parameters.margin
+            reach = self._footprint.inscribed + self._kept * self._parameters.margin
             self._overview = Overview(self.goal, around, self._rooms, reach)
         else:
             self._overview = None
@@ -93,7 +94,7 @@ class Route:
         footprint, parameters = self._footprint, self._parameters
         border = None if self._overview is None else border_of(around, self._overview)
         if footprint.is_circle:
-            reach = footprint.inscribed + HARD * parameters.margin
+            reach = footprint.inscribed + self._kept * parameters.margin
             self._next = DiscField(self.goal, around, reach, border)
         else:
             self._next = HeadingField(
@@ -101,7 +102,7 @@ class Route:
                 around,
                 footprint.circles,
                 self._base,
-                parameters.margin,
+                (self._kept * parameters.margin, parameters.margin),
                 self._taste,
                 border,
             )
@@ -120,13 +121,17 @@ class Route:
             self._now.work(pose, budget)
 
     def _look_beyond(self, pose: np.ndarray) -> None:
-        """Where no way leads within what is looked at, draw once more: one may lead around."""
+        """Where no way leads, draw once more: one may lead around, or through a narrow gap."""
         around = self._around
-        if around is None or not around.is_windowed or self._overview is not None:
+        if around is None or self.left(pose) < math.inf:
             return
-        self._is_cut_off = self.left(pose) == math.inf
-        if self._is_cut_off:
-            self.draw(around)
+        if around.is_windowed and self._overview is None:
+            self._is_cut_off = True
+        elif self._kept > IN_GAP:
+            self._kept = IN_GAP
+        else:
+            return
+        self.draw(around)
 
     def _way_from(self, drawing: Drawing, pose: np.ndarray) -> np.ndarray:
         """Return a way from a pose by a drawing; beyond what is looked at, by the overview."""
@@ -337,7 +342,7 @@ def no_way(
     parameters: PlanningParameters,
 ) -> str:
     """Return in words that no way leads to a goal, and how wide the widest one is [m]."""
-    needed = footprint.inscribed + HARD * parameters.margin
+    needed = footprint.inscribed + IN_GAP * parameters.margin
     begins = f'no way leads to ({goal[0]:.2f}, {goal[1]:.2f})'
     grid, distances = around.map_, around.distances.values[0]
     if not grid.has(goal[:2]) or not grid.has(pose[:2]):

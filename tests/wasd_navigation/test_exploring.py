@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Exploring: which frontier is next, and when there is none."""
+
+import math
+
+import numpy as np
+import pytest
+from wasd_navigation.exploring import Explorer, frontiers
+from wasd_navigation.parameters import Footprint, PlanningParameters
+from wasd_navigation.planning.distances import measure_distances
+from wasd_navigation.records import Grid
+
+HERE = np.array((1.0, 2.0, 0.0))
+
+
+def room(*unknown: tuple[float, float, float, float], walls=()) -> Grid:
+    """Return a free room of 8 x 4 m with walls around, and unknown and occupied parts in it."""
+    cells = np.zeros((80, 160), np.int8)
+    for value, parts in ((-1, unknown), (100, walls)):
+        for x, y, to_x, to_y in parts:
+            rows, columns = (
+                slice(round(a / 0.05), round(b / 0.05)) for a, b in ((y, to_y), (x, to_x))
+            )
+            cells[rows, columns] = value
+    cells[:1] = cells[-1:] = cells[:, :1] = cells[:, -1:] = 100
+    return Grid(cells, 0.05, (0.0, 0.0))
+
+
+def explorer() -> Explorer:
+    return Explorer(Footprint(radius=0.2), PlanningParameters())
+
+
+def test_a_room_that_is_known_has_no_frontier() -> None:
+    assert explorer().choose(room(), HERE) is None
+
+
+def test_it_drives_to_where_the_unknown_begins() -> None:
+    goal = explorer().choose(room((5.0, 0.0, 8.0, 4.0)), HERE)
+    assert goal[0] == pytest.approx(5.0, abs=0.15)
+    assert math.isnan(goal[2])
+
+
+def test_of_two_it_takes_the_nearer() -> None:
+    grid = room((6.0, 0.0, 8.0, 4.0), (0.0, 0.0, 0.6, 4.0))
+    # Nearer, but behind it: half a turn costs less than four metres.
+    assert explorer().choose(grid, HERE)[0] < 1.0
+
+
+def test_cracks_and_what_is_too_narrow_to_drive_into_are_no_frontiers() -> None:
+    crack = room((4.0, 1.0, 4.05, 1.05))
+    assert explorer().choose(crack, HERE) is None
+    niche = room((4.0, 0.05, 4.3, 0.5), walls=((3.9, 0.0, 4.0, 0.5), (4.3, 0.0, 4.4, 0.5)))
+    assert explorer().choose(niche, HERE) is None
+
+
+def test_what_is_behind_a_wall_without_a_door_is_left_alone() -> None:
+    wall = ((4.0, 0.0, 4.1, 4.0),)
+    assert explorer().choose(room((6.0, 0.0, 8.0, 4.0), walls=wall), HERE) is None
+
+
+def test_a_frontier_that_was_driven_to_in_vain_is_not_chosen_again() -> None:
+    grid, chosen = room((5.0, 0.0, 8.0, 4.0)), explorer()
+    assert chosen.choose(grid, HERE) is not None
+    assert not chosen.is_seen(grid)
+    chosen.give_up()
+    assert chosen.choose(grid, HERE) is None
+
+
+def test_a_frontier_is_seen_when_what_was_behind_it_is_known() -> None:
+    chosen = explorer()
+    chosen.choose(room((5.0, 0.0, 8.0, 4.0)), HERE)
+    assert not chosen.is_seen(room((5.1, 0.0, 8.0, 4.0)))
+    assert chosen.is_seen(room((7.0, 0.0, 8.0, 4.0)))
+
+
+def test_frontiers_are_apart_where_a_wall_parts_them() -> None:
+    grid = room((5.0, 0.0, 8.0, 4.0), walls=((4.0, 1.9, 8.0, 2.1),))
+    distances = measure_distances(grid.cells == 100, 0.05)
+    found = frontiers(grid.cells, distances, 0.23, 3)
+    assert len(found) == 2
+    assert all((part[:, 1] == 99).all() for part in found)
