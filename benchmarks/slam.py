@@ -18,6 +18,7 @@ from PIL import Image
 from slam_anchor import map_by_karto, WHY_NOT
 from slam_logs import error_of, GO2_LIDAR, Log, make_logs, surface_distance
 from slam_physics import drive_mbot
+from slam_places import measure_places
 from slam_speed import measure_speed
 from table import format_count, Row
 from wasd_navigation.mapping import save_map
@@ -79,7 +80,7 @@ def map_once(log: Log, flat: Flat, seed: int) -> tuple[dict[str, Any], Grid]:
     costs, within = np.zeros(len(log.scans)), []
     for row in range(len(log.scans)):
         costs[row] = take_in(mapper, log, row)
-        place = len(mapper.places) - 1  # a closure moves it, and what lies in it
+        place = mapper.reference  # a closure moves it, and what lies in it
         within.append((place, compose(inverse(mapper.places[place]), mapper.pose)))
     right, wrong = judge_grid(mapper.grid, flat)
     poses = np.array([compose(mapper.places[place], pose) for place, pose in within])
@@ -319,6 +320,7 @@ def measure(quick: bool, note: Callable[[str], None]) -> list[Row]:
     rows.append(error_row('slam: Go2-like, a lidar of 12 m', errors['own'], BOUNDS['go2']))
     rows += map_rows([trial for name in errors for trial in errors[name]])
     rows += localise_rows(located)
+    rows += measure_places(map_once, list(seeds), note)
     note('slam: mbot in physics')
     rows.append(map_real_mbot(FIRST_SEED))
     rows.append(measure_speed(f'flat:{FIRST_SEED}', 1 if quick else 5, note))

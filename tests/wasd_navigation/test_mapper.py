@@ -147,3 +147,32 @@ def test_a_robot_whose_wheels_spin_says_that_it_is_stuck_and_stays_where_it_is()
             assert mapper.notice == ''
         assert np.hypot(*(mapper.pose - pose)[:2]) < 0.05
     assert said.index(True) <= 16
+
+
+def test_who_left_is_unlearnt_by_a_robot_that_stands() -> None:
+    """Somebody stood before the box's wall for a while; the robot has not moved since."""
+    mapper, random = Mapper(), np.random.default_rng(9)
+    pose = np.zeros(3)
+    for index in range(60):
+        scan = look(pose, random, with_box=index < 30)
+        mapper.step(scan, pose, index * 1e-6 * np.eye(3))
+        if index == 29:
+            inside = mapper.grid.to_cells(np.array(((BOX[0] + 0.02, 1.3),)))[0]
+            assert mapper.grid.cells[tuple(inside)] == 100
+    assert mapper.grid.cells[tuple(inside)] == 0
+
+
+def test_places_do_not_become_more_where_it_has_been_often() -> None:
+    """Ten rounds of the same circle; what is drawn, and remembered, is that of the first few."""
+    mapper, random = Mapper(), np.random.default_rng(10)
+    poses, counts = circle(80)[:40], []
+    odometry, covariance, before = poses[0], np.zeros((3, 3)), poses[0]
+    for _ in range(10):
+        for pose in poses:
+            odometry = compose(odometry, compose(inverse(before), pose) * 1.02)
+            covariance = covariance + 1e-5 * np.eye(3)
+            mapper.step(look(pose, random), odometry, covariance)
+            before = pose
+        counts.append(len(mapper.places))
+        assert np.hypot(*(mapper.pose - before)[:2]) < 0.02
+    assert counts[9] - counts[5] <= 2

@@ -13,7 +13,7 @@ from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.planning.driver import Driver
 from wasd_navigation.records import Grid, Scan
-from wasd_navigation.se2 import compose, inverse, transform
+from wasd_navigation.se2 import compose, inverse
 
 # Odometry, or a lidar, that is silent for so long is gone [s].
 SILENCE = 0.5
@@ -239,8 +239,7 @@ class Navigator:
             return None
         (scan, at), self._seen = self._seen, None
         moved = compose(inverse(self._odometry.pose), at)
-        origin = transform(moved, scan.origin[None])[0]
-        return Scan(origin, transform(moved, scan.ends), scan.hits, transform(moved, scan.begins))
+        return scan.seen_from(moved)
 
     def _with_yaw(self, goal: np.ndarray) -> np.ndarray:
         """Return a goal with the yaw of the line to it where it has none."""

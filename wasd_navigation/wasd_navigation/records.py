@@ -10,6 +10,8 @@ import numpy as np
 from wasd_core.errors import InvalidMessage
 from wasd_core.rotations import Pose, yaw_matrix
 
+from wasd_navigation.se2 import transform
+
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 # Fewer rows or columns are no map: between the middles of two cells values are looked up.
 FEWEST = 3
@@ -84,6 +86,15 @@ class Scan:
         if self.begins is None:
             begins = np.repeat(self.origin[None], len(self.ends), axis=0)
             object.__setattr__(self, 'begins', begins)
+
+    def seen_from(self, pose: np.ndarray) -> 'Scan':
+        """Return the same as seen from another frame, in which this one has a pose, shape (3,)."""
+        return Scan(
+            transform(pose, self.origin[None])[0],
+            transform(pose, self.ends),
+            self.hits,
+            transform(pose, self.begins),
+        )
 
     @property
     def points(self) -> np.ndarray:

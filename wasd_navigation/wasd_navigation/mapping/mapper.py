@@ -26,6 +26,15 @@ LEAST_SHARE = 0.55
 # nothing.
 SLIP, SLIP_TURN, PATIENCE, FEWEST = 1.0, 0.8, 10, 40
 LEAST_LOOP_SHARE = 0.55
+# At the same place is who is no farther from it than this share of what makes a new one, and
+# turned less [rad], where this share of a scan fits what was seen there, no farther off than this
+# [m], [rad].
+SAME_SHARE, SAME_TURN, SAME_FIT, SAME_ERROR = 0.8, 0.6, 0.8, np.array((0.03, 0.03, 0.015))
+SLIGHT = np.diag((1.0, 1.0, 1.0))  # information: a metre, a radian
+# So many that are the same are enough, as much as they tell of one another.
+ENOUGH = 3
+# What is seen of a place is drawn again after so many scans.
+LOOK_AGAIN = 5
 # What is not known of the way on which somebody has carried it [m^2], [rad^2].
 CARRIED = np.diag((1e2, 1e2, 1e1))
 STUCK = 'stuck: the wheels turn, the robot does not move'
@@ -68,6 +77,8 @@ class Mapper:
         self._share = 1.0  # of the last scan that has fitted
         self._search: Search | None = None
         self._recent: list[int] = []  # places that scans are matched against
+        self._reference = 0  # the place that the robot is at, or has come from
+        self._scans = 0  # since that was seen last
 
     @property
     def is_found(self) -> bool:
@@ -110,6 +121,11 @@ class Mapper:
         return self._drawing.revision
 
     @property
+    def reference(self) -> int:
+        """Number of the place that the robot is at, with which its pose moves."""
+        return self._reference
+
+    @property
     def places(self) -> np.ndarray:
         """Poses of all places as they are believed now, shape (n, 3)."""
         return self._places.poses
@@ -131,8 +147,12 @@ class Mapper:
             self._keep(scan, surface)
         else:
             self._follow(scan, surface, move)
-            if self._is_new():
-                self._keep(scan, surface)
+            self._scans += 1
+            if self._is_elsewhere():
+                if not self._is_back(surface):
+                    self._keep(scan, surface)
+            elif self._scans > LOOK_AGAIN and not self._misfits:
+                self._look_again(scan, surface)
             elif self._wants_loop:
                 self._wants_loop = False
                 self._close_loop()
@@ -200,10 +220,62 @@ class Mapper:
         near = np.argsort(away, kind='stable')[: self._parameters.scan_buffer_size]
         return np.sort(near)
 
-    def _is_new(self) -> bool:
+    def _is_back(self, surface: Surface) -> bool:
+        """
+        See whether the robot is at a place of long ago, in a map that fits: that is its place now.
+
+        So cost and memory grow with what there is to see, not with the way.
+        """
+        self._take_solved()
+        places, pose = self._places, self.pose
+        count = len(places) - self._parameters.scan_buffer_size
+        if count < 1:
+            return False
+        away = np.hypot(*(places.poses[:count, :2] - pose[:2]).T)
+        turned = np.abs((places.poses[:count, 2] - pose[2] + np.pi) % (2.0 * np.pi) - np.pi)
+        away[turned > SAME_TURN] = np.inf
+        away[self._reference : self._reference + 1] = np.inf
+        nearest = int(np.argmin(away))
+        same = away < SAME_SHARE * self._parameters.minimum_travel_distance
+        if np.count_nonzero(same) < ENOUGH:
+            return False
+        near = self._nearest(pose)
+        places.show(self._old, pose[:2], near)
+        noise = self._parameters.range_noise
+        fit = Fit(*fit_scan(self._old, surface.points, pose, LOOP_PRIOR, noise, ROUNDS))
+        off = np.abs(compose(inverse(pose), fit.pose))
+        if fit.share < SAME_FIT or (off > SAME_ERROR).any():
+            return False
+        last, told = places.poses[self._reference], TRUST * fit.information
+        here = compose(inverse(places.poses[nearest]), fit.pose)
+        way = compose(compose(inverse(last), pose), inverse(here))
+        known = turn_axes(invert(self._since + invert(told + SLIGHT)), -last[2])
+        places.link((self._reference, nearest), way, known, sure=False)
+        self.closures += 1
+        self._unsolved += 1
+        if (off > LOOP_ERROR).any() or self._unsolved >= MOST_UNSOLVED:
+            self._unsolved = 0
+            self._solver.ask()
+        self._reference, self._recent = nearest, near.tolist()
+        self._tracker.told, self._tracker.pose = told, fit.pose
+        self._since = invert(told + SLIGHT)
+        self._wants_loop = False
+        self._scans = LOOK_AGAIN
+        self._show()
+        return True
+
+    def _look_again(self, scan: Scan, surface: Surface) -> None:
+        """Draw what is seen now where the robot has been before: things come and go."""
+        self._scans = 0
+        pose = compose(inverse(self._places.poses[self._reference]), self.pose)
+        self._places.scans[self._reference] = scan.seen_from(pose)
+        self._places.surfaces[self._reference] = surface.seen_from(pose)
+        self._drawing.add(scan, surface, self.pose)
+
+    def _is_elsewhere(self) -> bool:
         if self._misfits:
             return False
-        last = self._places.poses[-1]
+        last = self._places.poses[self._reference]
         away = math.hypot(self.pose[0] - last[0], self.pose[1] - last[1])
         return (
             away > self._parameters.minimum_travel_distance
@@ -215,12 +287,13 @@ class Mapper:
         places = self._places
         self._take_solved()
         places.add(scan, surface, self.pose)
-        number = len(places) - 1
+        number, last = len(places) - 1, self._reference
         if number:
             known = self._tracker.told + invert(self._since)
-            before = places.poses[number - 1]
+            before = places.poses[last]
             pose = compose(inverse(before), self.pose)
-            places.link((number - 1, number), pose, turn_axes(known, -before[2]), sure=True)
+            places.link((last, number), pose, turn_axes(known, -before[2]), sure=True)
+        self._reference, self._scans = number, 0
         self._since = np.zeros((3, 3))
         self._recent.append(number)
         self._show()
@@ -279,7 +352,8 @@ class Mapper:
         if poses is None:
             return
         count = len(poses)
-        change = compose(poses[-1], inverse(places.poses[count - 1]))
+        same = min(self._reference, count - 1)
+        change = compose(poses[same], inverse(places.poses[same]))
         for number in range(count, len(places)):
             places.poses[number] = compose(change, places.poses[number])
         places.poses[:count] = poses

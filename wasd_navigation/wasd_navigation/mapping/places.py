@@ -122,6 +122,11 @@ class Drawing:
         self._where = self._draw(self._canvas, self._where, places, len(places))
         self.revision += 1
 
+    def add(self, scan: Scan, surface: Surface, pose: np.ndarray) -> None:
+        """Draw what is seen from a pose now."""
+        self._canvas.draw(scan, surface, pose)
+        self.revision += 1
+
     def see_moves(self, places: Places) -> None:
         """Begin to draw again if places have moved since they were drawn."""
         moved = np.abs(places.poses[: len(self._where)] - self._where)

@@ -9,6 +9,7 @@ from wasd_core.jit import jit
 
 from wasd_navigation.mapping.local_map import add_surfaces, CELL, LocalMap, make_local_map
 from wasd_navigation.records import FREE, Grid, OCCUPIED, Scan
+from wasd_navigation.se2 import transform
 
 # Neighbours of a point lie on the same surface within this distance [m] ...
 REACH = 0.16
@@ -102,6 +103,14 @@ class Surface(NamedTuple):
     slants: np.ndarray
     ends: np.ndarray
     deviations: np.ndarray
+
+    def seen_from(self, pose: np.ndarray) -> 'Surface':
+        """Return the same as seen from another frame, in which this one has a pose, shape (3,)."""
+        points = self.points.copy()
+        points[:, :2] = transform(pose, np.ascontiguousarray(self.points[:, :2]))
+        turn = np.array((0.0, 0.0, pose[2]))
+        points[:, 2:4] = transform(turn, np.ascontiguousarray(self.points[:, 2:4]))
+        return self._replace(points=points, ends=transform(pose, self.ends))
 
 
 def find_surface(scan: Scan, noise: Noise) -> Surface:
