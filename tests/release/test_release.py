@@ -74,9 +74,8 @@ def test_another_user_with_a_read_only_home_walks_and_hears_where_nothing_is_kep
     for folder in (temporary, work):
         os.chown(folder, NOBODY, NOBODY)
     home.chmod(0o555)
-    for folder in [*tmp_path.parents][:3]:
-        folder.chmod(folder.stat().st_mode | 0o011)
-    for folder in [*installation.parents][:3]:
+    # pytest's folders are closed to others.
+    for folder in (tmp_path, *tmp_path.parents[:3], *installation.parents[:3]):
         folder.chmod(folder.stat().st_mode | 0o011)
     shutil.copy(ROOT / 'docs/examples/walk.keys', work)
     before = time.time()
