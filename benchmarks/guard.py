@@ -17,6 +17,7 @@ from kinematic import KinematicRobot, RATE, ROBOTS
 import mujoco
 import numpy as np
 from table import format_count, Row
+from wasd_bringup.run.guarding import SWAY
 from wasd_core.rotations import Pose
 from wasd_navigation.guard import Guard
 from wasd_navigation.guard_parameters import GuardParameters
@@ -27,6 +28,8 @@ FIRST_SEED = 4000
 # Full speed (vx, vy, wz), what each robot brakes with, and how large rooms are for it.
 FULL = {'mbot': (1.0, 0.0, 4.0), 'go2': (2.0, 0.8, 2.0)}
 BRAKING = {'mbot': (1.0, 1.0, 5.0), 'go2': (1.6, 1.0, 3.0)}
+# Who walks sways: --guard keeps more around it.
+PARAMETERS = {'mbot': GuardParameters(), 'go2': GuardParameters(footprint_padding=SWAY)}
 SPACE = {'mbot': 1.0, 'go2': 1.7}
 # A try takes so long, and each key is held so long [s].
 LONGEST, HELD = 8.0, (0.5, 2.5)
@@ -72,7 +75,7 @@ class Guarded(PhysicalRobot):
         self.touches, self.limited = 0, 0
         if guards:
             braking = np.array(BRAKING[name])
-            self._guard = Guard(self.robot.footprint, braking, GuardParameters())
+            self._guard = Guard(self.robot.footprint, braking, PARAMETERS[name])
 
     def follow(self, asked: np.ndarray) -> None:
         """Ask for a velocity for one period."""
@@ -147,7 +150,7 @@ class GuardedCourse(Course):
 class _GuardedMotion(KinematicRobot):
     def __init__(self, name: str, seed: int) -> None:
         super().__init__(ROBOTS[name], np.zeros(3), seed)
-        self._guard = Guard(self.robot.footprint, np.array(BRAKING[name]))
+        self._guard = Guard(self.robot.footprint, np.array(BRAKING[name]), PARAMETERS[name])
 
     def scan(self, boxes: np.ndarray) -> Scan | None:
         scan = super().scan(boxes)

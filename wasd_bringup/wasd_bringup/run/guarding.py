@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from wasd_navigation.guard import Guard, warm_up
+from wasd_navigation.guard_parameters import GuardParameters
 from wasd_navigation.odometry import Odometry
 from wasd_navigation.parameters import footprint_of
 from wasd_navigation.records import Scan
@@ -15,6 +16,8 @@ from wasd_bringup.run.sensing import lidar_of, listen_to_lidar, size_of
 
 # A command that stays the same is looked at again after so long [s].
 PERIOD = 0.02
+# Room that is kept around who walks [m]: the trunk sways, and feet are put beside their places.
+SWAY = 0.06
 # What it did longer ago says nothing of now [s].
 FRESH = 0.2
 
@@ -33,7 +36,9 @@ class RobotGuard:
         footprint = footprint_of(*(size | size_of(robot)).values())
         warm_up(footprint)
         self._robot = robot
-        self.unit = Guard(footprint, np.array(robot.braking))
+        padding = SWAY if len(robot.feet) else GuardParameters().footprint_padding
+        parameters = GuardParameters(footprint_padding=padding)
+        self.unit = Guard(footprint, np.array(robot.braking), parameters)
         self._senses = Senses()
         self._senses.on_scan = self._see
         self._odometry: Odometry | None = None
