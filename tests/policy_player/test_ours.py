@@ -7,6 +7,8 @@ from policy_player.usual import oddities
 import pytest
 import wasd
 
+pytest.importorskip('onnxruntime')
+
 
 def test_it_is_small_and_says_all_of_itself():
     assert OWN['ours'].stat().st_size < 1_000_000
