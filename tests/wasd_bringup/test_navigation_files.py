@@ -169,3 +169,23 @@ def test_amcl_begins_where_a_simulated_robot_starts_in_a_map_that_it_made(robot)
     found = parameters(*ROBOTS[robot])
     assert found['amcl.set_initial_pose'] is True
     assert {found[f'amcl.initial_pose.{name}'] for name in ('x', 'y', 'z', 'yaw')} == {0.0}
+
+
+def own_footprint(robot):
+    """Return the footprint of our navigator's file."""
+    found = flattened(yaml.safe_load((CONFIG / f'navigator_{robot}.yaml').read_text()))
+    settings = NavigatorParameters().changed(
+        {name.partition('.')[2]: value for name, value in found.items()}
+    )
+    return settings.footprint
+
+
+def test_nav2_has_the_footprints_of_our_navigator():
+    said = parameters('nav2.yaml', 'nav2_go2.yaml')
+    costmaps = [f'{where}_costmap.{where}_costmap' for where in ('local', 'global')]
+    for costmap in costmaps:
+        assert said[f'{costmap}.robot_radius'] == own_footprint('mbot').radius
+        corners = ast.literal_eval(said[f'{costmap}.footprint'])
+        half = own_footprint('go2')
+        assert {abs(x) for x, _ in corners} == {half.half_length}
+        assert {abs(y) for _, y in corners} == {half.half_width}
