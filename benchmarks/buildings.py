@@ -5,12 +5,13 @@ import math
 import time
 from typing import Any
 
-from kinematic import draw_grid, KinematicRobot, RATE, ROBOTS
+from kinematic import KinematicRobot, RATE, RESOLUTION, ROBOTS
 import numpy as np
 from table import Row
 from wasd_navigation.mapping.mapper import Mapper
 from wasd_navigation.parts import warm_up
 from wasd_navigation.planning.driver import Driver
+from wasd_navigation.records import FREE, Grid, OCCUPIED
 
 FIRST_SEED = 6000
 ROOM, DOOR, WALL = 5.0, 1.0, 0.1  # [m]
@@ -44,12 +45,23 @@ def building(size: float, seed: int) -> np.ndarray:
     return np.array(boxes)
 
 
+def draw(boxes: np.ndarray, size: float) -> Grid:
+    """Return the map of a building: its walls, which lie along the axes, are obstacles."""
+    half = 0.5 * size + 2.0 * WALL
+    count = round(2.0 * half / RESOLUTION)
+    grid = Grid(np.full((count, count), FREE, np.int8), RESOLUTION, (-half, -half))
+    for box in boxes:
+        corners = np.array((box[:2] - box[2:4], box[:2] + box[2:4]))
+        (row, column), (to_row, to_column) = grid.to_cells(corners + (1e-6, -1e-6))
+        grid.cells[row : to_row + 1, column : to_column + 1] = OCCUPIED
+    return grid
+
+
 def cross(name: str, size: float, seed: int) -> dict[str, Any]:
     """Send a robot across a building; return how long its steps took [ms], when it began [s]."""
     boxes = building(size, seed)
     robot = ROBOTS[name]
-    corner = np.full(2, -0.5 * size - WALL)
-    grid = draw_grid(boxes, corner, np.full(2, size + 2.0 * WALL))
+    grid = draw(boxes, size)
     start = np.array((-0.5 * size + 0.5 * ROOM, -0.5 * size + 0.5 * ROOM, 0.0))
     moving = KinematicRobot(robot, start, seed)
     driver = Driver(robot.limits, robot.footprint, robot.parameters)
