@@ -123,6 +123,11 @@ class VelocityInput:
         if isinstance(message, self._type):
             self._subscription.expect(message)
 
+    def put(self, message: Any) -> None:
+        """Hand over a message that this process publishes, too."""
+        self.expect(message)
+        self._handlers[type(message)](message)
+
     def _is_admitted(self, message: Any) -> bool:
         return self.admit(message if isinstance(message, Twist) else message.twist)
 

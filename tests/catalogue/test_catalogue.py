@@ -32,7 +32,7 @@ from robot_description.info import print_info
 from robot_description.lint import lint
 from robot_description.packages import description_path, share_directory
 import wasd
-import wasd.robots
+from wasd_bringup.run import worlds
 from wasd_core.rotations import matrix_from_quaternion, rpy_from_matrix
 import yaml
 
@@ -268,7 +268,7 @@ def test_a_quadruped_of_example_robot_data_walks(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Reading what is drawn of it takes longer than its walk.
-    monkeypatch.setattr(wasd.robots, 'build_world', lambda *args, visuals: build_world(*args))
+    monkeypatch.setattr(worlds, 'build_world', lambda *args: build_world(*args[:4]))
     robots = share_directory('example-robot-data') / 'robots'
     walk(wasd.Go2(description=str(robots / f'{name}.urdf')))
 

@@ -17,7 +17,8 @@ PACKAGES = sorted(set(EXECUTABLES.values()))
 # Where the node is not called like its executable.
 NODES = {'teleop': 'keys_to_twist', 'wasd': 'simulator'}
 ARGUMENTS = {'wasd': ('mbot', '--viewer', 'none')}
-COMMANDS = {'describe': ('info', 'mbot')}  # no node: it ends by itself
+# No nodes: they end by themselves.
+COMMANDS = {'describe': ('info', 'mbot'), 'unitree_bridge': ('--help',)}
 # Where the checkout has not compiled it, the leg controller takes a minute of a core.
 PATIENCE = 180.0
 

@@ -3,7 +3,7 @@
 
 from wasd_core import load_lazily, quiet_start
 
-quiet_start(__name__, 'navigator')
+quiet_start(__name__, 'navigator', 'guard')
 
 # Where each name is defined; loaded when it is asked for, as numba takes a while.
 _HOMES = {

@@ -45,6 +45,7 @@ class Mbot(Robot):
     ) -> None:
         super().__init__(options, loaded, world, simulation)
         self.drive_unit = DiffDrive(loaded.robot, drive_settings(options, self.given))
+        self.drive_unit.say = self.log.warning
         is_usual = options.preset == MBOT.preset
         self._other_presets = WASD_ADVICE if is_usual and not options.namespace else ''
         self._hints = KeyHints(self.logic, HELP_KEY, advice=self._other_presets, axes=('x', 'yaw'))
