@@ -71,7 +71,7 @@ GAITS = {
     # front pair and rear pair
     'bound': GaitRow(
         (0.0, 0.0, 0.5, 0.5),
-        VelocityLimits(1.4, 0.6, 0.3, 1.0),
+        VelocityLimits(1.15, 0.6, 0.3, 1.0),
         able=(1.95, 0.42, 1.4),
         period=0.65,
         longer=0.03,

@@ -198,7 +198,7 @@ def test_it_goes_through_all_states_and_lies_down_without_a_fall(
 ) -> None:
     play = '0.1 2\n2.4 3\n2.6 i*5\n3.4 2\n3.8 0\n4 j*10\n4.8 2\n5.2 9\n5.4 w*5\n6.2 2\n'
     play += '6.6 8\n8 2\n8.4 5\n9 2\n9.4 4\n10 2\n10.4 1'
-    toured = run('--duration', '11.5', play=play)
+    toured = run('--duration', '12.5', play=play)
     states = toured.report['samples']['state']
     order = [state for index, state in enumerate(states) if states[index - 1 : index] != [state]]
     stand = 'fixed stand'
@@ -207,8 +207,8 @@ def test_it_goes_through_all_states_and_lies_down_without_a_fall(
         'step test', stand, 'move base', stand, 'trotting', stand, 'passive',
     ]  # fmt: skip
     assert toured.report['falls'] == 0
-    assert toured.at('position', 11.4)[2] < 0.20  # it sinks on damped legs
-    assert math.hypot(*toured.at('position', 11.4)[:2]) < 0.3
+    assert toured.at('position', 12.4)[2] < 0.20  # it sinks on damped legs
+    assert math.hypot(*toured.at('position', 12.4)[:2]) < 0.3
 
 
 def test_a_robot_that_is_tipped_over_goes_passive_and_reports_it(
